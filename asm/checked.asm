@@ -1,0 +1,223 @@
+; checked.asm - calls a kernel and finds out whether it kept the calling convention; and kernels that do not, on purpose.
+
+%include "include/isa.inc"
+%include "include/layout.inc"          ; for Vec4_size
+
+; The bits of the result, in the order of `Fault` in src/kernels/checked.rs.
+%assign FAULT_RBX        0
+%assign FAULT_RBP        1
+%assign FAULT_R12        2
+%assign FAULT_R13        3
+%assign FAULT_R14        4
+%assign FAULT_R15        5
+%assign FAULT_RSP        6
+%assign FAULT_STACK      7              ; wrote into its caller's frame
+%assign FAULT_DIRECTION  8              ; left the direction flag set
+%assign FAULT_MXCSR      9              ; changed the rounding mode, the masks, FTZ or DAZ
+%assign FAULT_UPPER     10              ; left something in the upper parts of ymm or zmm: vzeroupper is missing
+
+%assign CANARIES        32              ; quadwords of the caller's frame that are watched
+%assign MXCSR_CONTROL   0xffc0          ; all but the sticky exception flags
+%assign DIRECTION_FLAG  1 << 10
+
+section .rodata align=64
+junk:       dq 0x1b0b1e5_0badf00d, 0x2b0b1e5_0badf00d, 0x3b0b1e5_0badf00d   ; rbx, rbp, r12
+            dq 0x4b0b1e5_0badf00d, 0x5b0b1e5_0badf00d, 0x6b0b1e5_0badf00d   ; r13, r14, r15
+canary:     dq 0xcafe_0dd_ca7_5eed
+
+section .bss align=64
+upper:      resb 16 * 64                ; zmm0 to zmm15 as the kernel left them
+home:       resq 1                      ; rsp at the call: nothing else can be trusted after it
+vectors:    resq 1
+mxcsr:      resd 1
+mxcsr_after: resd 1
+
+; FAULT_IF - sets a bit of r10 where the flags say so.
+%macro FAULT_IF 2
+%define %%condition %1  ; [in]  a condition code
+%define %%bit %2        ; [in]  FAULT_*
+    j%+%%condition %%fault
+    jmp     %%fine
+%%fault:
+    bts     r10, %%bit
+%%fine:
+%endmacro
+
+; unsafe extern "sysv64" fn(kernel: *const (), args: *const [u64; 6], vectors: u64) -> u64
+;
+;   Calls `kernel` with `args` in rdi, rsi, rdx, rcx, r8 and r9, and junk in every register that it must preserve.
+;   `vectors` says how wide the vectors of this CPU are in bytes: 16, 32 or 64. Gives the rules broken, one bit each.
+;   Not reentrant: one call at a time.
+FUNC checked_call
+    push    rbx
+    push    rbp
+    push    r12
+    push    r13
+    push    r14
+    push    r15
+    sub     rsp, 8 * CANARIES + 8       ; aligned to 16 at the call
+    mov     [home], rsp
+    mov     [vectors], rdx
+    stmxcsr [mxcsr]
+
+    mov     rax, [canary]
+%assign i 0
+%rep CANARIES
+    mov     [rsp + 8 * i], rax
+%assign i i + 1
+%endrep
+    cmp     rdx, 16
+    je      .call
+    vzeroupper
+.call:
+    mov     rax, rdi
+    mov     r10, rsi
+    mov     rdi, [r10]
+    mov     rsi, [r10 + 8]
+    mov     rdx, [r10 + 16]
+    mov     rcx, [r10 + 24]
+    mov     r8, [r10 + 32]
+    mov     r9, [r10 + 40]
+    mov     rbx, [junk]
+    mov     rbp, [junk + 8]
+    mov     r12, [junk + 16]
+    mov     r13, [junk + 24]
+    mov     r14, [junk + 32]
+    mov     r15, [junk + 40]
+    call    rax
+
+    xor     r10d, r10d                  ; the faults
+    cmp     rsp, [home]
+    FAULT_IF ne, FAULT_RSP
+    mov     rsp, [home]
+    cmp     rbx, [junk]
+    FAULT_IF ne, FAULT_RBX
+    cmp     rbp, [junk + 8]
+    FAULT_IF ne, FAULT_RBP
+    cmp     r12, [junk + 16]
+    FAULT_IF ne, FAULT_R12
+    cmp     r13, [junk + 24]
+    FAULT_IF ne, FAULT_R13
+    cmp     r14, [junk + 32]
+    FAULT_IF ne, FAULT_R14
+    cmp     r15, [junk + 40]
+    FAULT_IF ne, FAULT_R15
+
+    pushfq
+    pop     rdx
+    cld
+    test    edx, DIRECTION_FLAG
+    FAULT_IF nz, FAULT_DIRECTION
+
+    stmxcsr [mxcsr_after]
+    mov     edx, [mxcsr_after]
+    xor     edx, [mxcsr]
+    test    edx, MXCSR_CONTROL
+    FAULT_IF nz, FAULT_MXCSR
+    ldmxcsr [mxcsr]
+
+    mov     rdx, [canary]
+    xor     ecx, ecx
+%assign i 0
+%rep CANARIES
+    mov     rsi, [rsp + 8 * i]
+    xor     rsi, rdx
+    or      rcx, rsi
+%assign i i + 1
+%endrep
+    test    rcx, rcx
+    FAULT_IF nz, FAULT_STACK
+
+    lea     rsi, [upper]
+    cmp     qword [vectors], 32
+    jb      .report
+    je      .ymm
+%assign i 0
+%rep 16
+    vmovdqu64 [rsi + 64 * i], zmm %+ i
+%assign i i + 1
+%endrep
+    jmp     .search
+.ymm:
+%assign i 0
+%rep 16
+    vmovdqu [rsi + 64 * i], ymm %+ i
+%assign i i + 1
+%endrep
+.search:
+    xor     ecx, ecx
+    mov     edi, 16
+.register:
+%assign i 2                             ; past the lower 128 bits; what ymm has not stays 0
+%rep 6
+    or      rcx, [rsi + 8 * i]
+%assign i i + 1
+%endrep
+    add     rsi, 64
+    dec     edi
+    jnz     .register
+    vzeroupper
+    test    rcx, rcx
+    FAULT_IF nz, FAULT_UPPER
+
+.report:
+    mov     rax, r10
+    add     rsp, 8 * CANARIES + 8
+    pop     r15
+    pop     r14
+    pop     r13
+    pop     r12
+    pop     rbp
+    pop     rbx
+ENDFUNC
+
+; The broken kernels: each breaks one rule and no other, so that every check is seen to fail.
+
+; BROKEN_REGISTER - a kernel that does not give back a register.
+%macro BROKEN_REGISTER 1
+FUNC broken_ %+ %1      ; [in]  the register
+    not     %1
+ENDFUNC
+%endmacro
+BROKEN_REGISTER rbx
+BROKEN_REGISTER rbp
+BROKEN_REGISTER r12
+BROKEN_REGISTER r13
+BROKEN_REGISTER r14
+BROKEN_REGISTER r15
+
+FUNC broken_rsp
+    pop     rax                         ; returns with one quadword too many taken from the stack
+    add     rsp, 8
+    jmp     rax
+ENDFUNC
+
+FUNC broken_stack
+    not     qword [rsp + 16]
+ENDFUNC
+
+FUNC broken_direction
+    std
+ENDFUNC
+
+FUNC broken_mxcsr
+    stmxcsr [rsp - 8]
+    or      dword [rsp - 8], 1 << 15    ; flush to zero
+    ldmxcsr [rsp - 8]
+ENDFUNC
+
+FUNC broken_upper
+    vpcmpeqd ymm15, ymm15, ymm15
+ENDFUNC
+
+; unsafe extern "sysv64" fn(out: *mut Vec4, a: *const Vec4, b: *const Vec4): reads one vector too many.
+FUNC broken_read
+    movaps  xmm0, [rsi + Vec4_size]
+    movaps  [rdi], xmm0
+ENDFUNC
+
+; The same signature: writes one vector too many.
+FUNC broken_write
+    movaps  xmm0, [rsi]
+    movaps  [rdi + Vec4_size], xmm0
+ENDFUNC

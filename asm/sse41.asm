@@ -1,0 +1,19 @@
+; sse41.asm - the unit of everything that runs on SSE4.1: the paper's engine, in its own forms and in the best ones.
+
+%include "include/isa.inc"
+%include "include/layout.inc"
+%include "include/vec3_aos.inc"
+%include "include/sphere_aos.inc"
+%include "include/triangle_aos.inc"
+%include "include/lambert_aos.inc"
+%include "include/constants.inc"
+
+%assign AOS_BEST 0                      ; the paper's forms: rayo_paper_*
+%define AOS_NAME(name) paper_ %+ name
+%include "ops/aos.asm"
+%include "tracers/paper.asm"
+
+%assign AOS_BEST 1                      ; the best forms: rayo_aos_*
+%define AOS_NAME(name) aos_ %+ name
+%include "ops/aos.asm"
+%include "tracers/paper.asm"

@@ -1,0 +1,168 @@
+//! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
+
+use std::env;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-check-cfg=cfg(rayo_asm)");
+    println!("cargo::rustc-env=RAYO_RUSTC={}", first_line(env::var("RUSTC").unwrap(), "--version"));
+    #[cfg(feature = "asm")]
+    if env::var("CARGO_CFG_TARGET_ARCH").as_deref() == Ok("x86_64") {
+        native::build();
+    }
+}
+
+/// The first line of what `program flag` prints; empty where it cannot be run.
+fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
+    let output = Command::new(program).arg(flag).output();
+    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default();
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+#[cfg(feature = "asm")]
+mod native {
+    use super::*;
+
+    /// One translation unit per ISA, and the harness of checked calls.
+    const UNITS: [&str; 2] = ["sse41", "checked"];
+    const C_SOURCES: [&str; 2] = ["trace", "ops"];
+    const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
+        `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
+        or name another one in the variable NASM; \
+        or build the engines in Rust alone with --no-default-features";
+    const CC_MISSING: &str = "a C compiler is needed for the paper's C. Install the package `gcc`: `apt install gcc libc6-dev`, \
+        `dnf install gcc`, `pacman -S gcc`, `zypper install gcc` or `xcode-select --install`; \
+        or name another one in the variable CC; \
+        or build the engines in Rust alone with --no-default-features";
+
+    pub fn build() {
+        let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
+        println!("cargo::rerun-if-changed=asm");
+        println!("cargo::rerun-if-changed=src/kernels/c");
+        println!("cargo::rerun-if-env-changed=NASM");
+        println!("cargo::rustc-cfg=rayo_asm");
+
+        let layout = layout::parse(&fs::read_to_string("asm/include/layout.inc").unwrap());
+        fs::write(out.join("layout.rs"), layout::to_rust(&layout)).unwrap();
+        fs::write(out.join("layout.h"), layout::to_c(&layout)).unwrap();
+
+        let assembled = assemble();
+        let compiled = compile(&out);
+        let objects = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
+        fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
+
+        cc::Build::new().objects(assembled.iter().chain(&compiled)).compile("rayo_kernels");
+        if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
+            // Local labels would cut a kernel in pieces for objdump and perf.
+            println!("cargo::rustc-link-arg=-Wl,--discard-locals");
+        }
+    }
+
+    fn assemble() -> Vec<PathBuf> {
+        let mut nasm = nasm_rs::Build::new();
+        nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
+        nasm.files(UNITS.map(|unit| format!("asm/{unit}.asm")));
+        let objects = nasm.compile_objects().unwrap_or_else(|error| {
+            fail(if error.contains("asm/") { "NASM refused a kernel, see above" } else { NASM_MISSING }, &error)
+        });
+        // nasm-rs names objects after their sources alone and can lose one without an error.
+        assert_eq!(objects.len(), UNITS.len(), "NASM did not make every object: {objects:?}");
+        let program = env::var("NASM").unwrap_or("nasm".into());
+        println!("cargo::rustc-env=RAYO_NASM={}", first_line(program, "-v"));
+        objects
+    }
+
+    fn compile(out: &Path) -> Vec<PathBuf> {
+        let mut c = cc::Build::new();
+        c.opt_level(3).debug(false).std("c11").include(out).warnings(true).extra_warnings(true);
+        c.files(C_SOURCES.map(|source| format!("src/kernels/c/{source}.c")));
+        let compiler = c.try_get_compiler().unwrap_or_else(|error| fail(CC_MISSING, &error.to_string()));
+        let objects = c.try_compile_intermediates().unwrap_or_else(|error| {
+            fail(
+                if compiler.path().exists() { "the C compiler refused the paper's C" } else { CC_MISSING },
+                &error.to_string(),
+            )
+        });
+        println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
+        // The flags that matter to a figure; paths do not, and are this machine's own.
+        let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
+        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && !flag.contains('/')).collect();
+        println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
+        objects
+    }
+
+    fn objects_to_rust<'a>(objects: impl Iterator<Item = (&'a &'a str, &'a PathBuf)>) -> String {
+        let mut text = String::from("&[\n");
+        for (name, path) in objects {
+            writeln!(text, "    ({name:?}, include_bytes!({path:?})),").unwrap();
+        }
+        text + "]\n"
+    }
+
+    fn fail(what: &str, detail: &str) -> ! {
+        println!("cargo::error={what}");
+        for line in detail.lines().filter(|line| !line.trim().is_empty()) {
+            println!("cargo::error=({line})");
+        }
+        std::process::exit(1);
+    }
+
+    /// Reads the `struc` blocks of layout.inc and writes their offsets for Rust and C.
+    mod layout {
+        use super::*;
+
+        pub struct Struc {
+            name: String,
+            /// Name and offset.
+            fields: Vec<(String, usize)>,
+            size: usize,
+        }
+
+        pub fn parse(text: &str) -> Vec<Struc> {
+            let mut strucs: Vec<Struc> = Vec::new();
+            for (number, line) in text.lines().enumerate() {
+                let line = line.split(';').next().unwrap_or_default();
+                match *line.split_whitespace().collect::<Vec<_>>() {
+                    [] | ["endstruc"] => {}
+                    ["struc", name] => strucs.push(Struc { name: name.into(), fields: Vec::new(), size: 0 }),
+                    [field, unit @ ("resd" | "resq"), count] => {
+                        let struc = strucs.last_mut().expect("a field outside a struc");
+                        let name = field.trim_start_matches('.').trim_end_matches(':').to_owned();
+                        struc.fields.push((name, struc.size));
+                        let unit = if unit == "resd" { 4 } else { 8 };
+                        struc.size += unit * count.parse::<usize>().expect("a number of units");
+                    }
+                    _ => panic!("asm/include/layout.inc:{}: not a struc, a field or its end: {line}", number + 1),
+                }
+            }
+            strucs
+        }
+
+        /// A list of checks for `layout_checks!` in src/kernels/types.rs.
+        pub fn to_rust(strucs: &[Struc]) -> String {
+            let mut text = String::from("layout_checks! {\n");
+            for Struc { name, fields, size } in strucs {
+                let fields: String = fields.iter().map(|(field, offset)| format!("{field}: {offset}, ")).collect();
+                writeln!(text, "    {name}, {size}, {{ {fields}}};").unwrap();
+            }
+            text + "}\n"
+        }
+
+        /// A macro that applies one check to every field and one to every size.
+        pub fn to_c(strucs: &[Struc]) -> String {
+            let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
+            for Struc { name, fields, size } in strucs {
+                let name = name.to_lowercase();
+                for (field, offset) in fields {
+                    write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();
+                }
+                write!(text, " \\\n    SIZE({name}, {size});").unwrap();
+            }
+            text + "\n"
+        }
+    }
+}

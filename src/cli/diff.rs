@@ -1,0 +1,201 @@
+//! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
+
+use super::Failure;
+use crate::measure::compare::{self, AMPLIFICATION, CompareError, Comparison, Unit};
+use crate::measure::picture::{Picture, Pixels};
+use crate::render::{Format, ImageError, ImageWriter, read};
+use clap::Args;
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use thiserror::Error;
+
+/// Compare two images pixel by pixel: exit 0 if they agree within the tolerance, 1 if not, 2 if they cannot be compared
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    /// One image (PNG, PPM or PFM, told by its content)
+    pub a: PathBuf,
+    /// The other, of the same size and kind
+    pub b: PathBuf,
+    /// The largest difference of any channel that passes: in levels for 8-bit images, in linear value for floats
+    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = tolerance)]
+    pub tolerance: f64,
+    /// Write a picture of the differences, 64 times as bright as they are
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Why there is no verdict about two images, or why it could not be delivered.
+#[derive(Debug, Error)]
+pub enum DiffError {
+    /// An image could not be read.
+    #[error(transparent)]
+    Read(ImageError),
+    /// The images have nothing to compare.
+    #[error("cannot compare {} with {}: {error}", .a.display(), .b.display())]
+    Compare {
+        /// The first image's path.
+        a: PathBuf,
+        /// The second image's path.
+        b: PathBuf,
+        /// What keeps them apart.
+        error: CompareError,
+    },
+    /// `-o` names no format for a picture of differences.
+    #[error("{}: the picture of differences has 8 bits; name it .png or .ppm", .0.display())]
+    FloatOutput(PathBuf),
+    /// `-o` has no known extension.
+    #[error(transparent)]
+    Output(ImageError),
+    /// The picture of the differences could not be written.
+    #[error(transparent)]
+    Write(ImageError),
+    /// The result could not be printed.
+    #[error("cannot write the result: {0}")]
+    Print(io::Error),
+}
+
+/// Compares the images, prints the result to standard output, and returns the verdict as exit code 0 or 1.
+///
+/// # Errors
+/// If there is no verdict.
+pub(super) fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
+    let agree = diff(args, &mut io::stdout().lock()).map_err(|error| match error {
+        DiffError::Write(_) | DiffError::Print(_) => Failure::output(error),
+        _ => Failure::input(error),
+    })?;
+    Ok(if agree { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Does what [`run`] does, printing to `out`: whether the largest difference is within the tolerance.
+///
+/// # Errors
+/// If there is no verdict.
+pub fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
+    // Before any work: a name that no picture can be written to.
+    let output = args.output.as_deref().map(|path| Ok((path, output_format(path)?))).transpose()?;
+    let a = read(&args.a).map_err(DiffError::Read)?;
+    let b = read(&args.b).map_err(DiffError::Read)?;
+    let incomparable = |error| DiffError::Compare { a: args.a.clone(), b: args.b.clone(), error };
+    let comparison = compare::compare(&a, &b).map_err(incomparable)?;
+    if let Some((path, format)) = output {
+        let difference = compare::difference_image(&a, &b).map_err(incomparable)?;
+        write_picture(path, format, &difference).map_err(DiffError::Write)?;
+    }
+
+    let within_tolerance = comparison.largest <= args.tolerance;
+    if args.json {
+        let document = Document {
+            schema: 1,
+            a: args.a.to_string_lossy(),
+            b: args.b.to_string_lossy(),
+            tolerance: args.tolerance,
+            within_tolerance,
+            comparison,
+        };
+        serde_json::to_writer_pretty(&mut *out, &document).map_err(io::Error::from).and_then(|()| writeln!(out))
+    } else {
+        print(&comparison, &a, &b, out).and_then(|()| match output {
+            Some((path, _)) => writeln!(out, "{}: the differences, {AMPLIFICATION} times as bright", path.display()),
+            None => Ok(()),
+        })
+    }
+    .and_then(|()| out.flush())
+    .map_err(DiffError::Print)?;
+    Ok(within_tolerance)
+}
+
+/// What `--json` prints; the fields of the comparison are not nested.
+#[derive(Serialize)]
+struct Document<'a> {
+    schema: u32,
+    a: std::borrow::Cow<'a, str>,
+    b: std::borrow::Cow<'a, str>,
+    tolerance: f64,
+    within_tolerance: bool,
+    #[serde(flatten)]
+    comparison: Comparison,
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|tolerance: &f64| *tolerance >= 0.0).ok_or("expected a number that is not negative".into())
+}
+
+fn output_format(path: &Path) -> Result<Format, DiffError> {
+    let format = Format::from_path(path).map_err(DiffError::Output)?;
+    if format.is_8bit() { Ok(format) } else { Err(DiffError::FloatOutput(path.into())) }
+}
+
+fn write_picture(path: &Path, format: Format, picture: &Picture) -> Result<(), ImageError> {
+    let Pixels::Rgb8(pixels) = &picture.pixels else { unreachable!("differences are shown in 8 bits") };
+    let mut writer = ImageWriter::create(path, format, picture.width, picture.height)?;
+    let mut rgba = Vec::new();
+    for row in pixels.chunks_exact(picture.width as usize) {
+        rgba.clear();
+        rgba.extend(row.iter().map(|&[r, g, b]| [r, g, b, 255]));
+        writer.write_rgba8(&rgba)?;
+    }
+    writer.finish()
+}
+
+/// The result in words: one line, or three if something differs.
+fn print(comparison: &Comparison, a: &Picture, b: &Picture, out: &mut impl Write) -> io::Result<()> {
+    let &Comparison { width, height, unit, differing, off_by_1, off_by_2, infinite, largest, .. } = comparison;
+    let Some((x, y)) = comparison.largest_at else {
+        return writeln!(out, "identical: {width}x{height} pixels");
+    };
+    let pixels = u64::from(width) * u64::from(height);
+    let share = 100.0 * differing as f64 / pixels as f64;
+    write!(out, "{differing} of {pixels} pixels differ ({share:.3} %)")?;
+    let (name, level) = match unit {
+        Unit::Levels => (" levels", " levels"),
+        Unit::Linear => {
+            write!(out, ", {off_by_1} by 1/255 or more")?;
+            ("", "/255")
+        }
+    };
+    write!(out, ", {off_by_2} by 2{level} or more")?;
+    if infinite > 0 {
+        write!(out, ", {infinite} where one is not a number or infinite")?;
+    }
+    writeln!(out)?;
+    let index = y as usize * width as usize + x as usize;
+    writeln!(
+        out,
+        "largest difference {largest}{name} at ({x}, {y}): {} against {}",
+        describe(a, index),
+        describe(b, index)
+    )?;
+    let (mean, rms) = (short(comparison.mean), short(comparison.rms));
+    writeln!(out, "mean {mean}{name}, RMS {rms}{name}, PSNR {:.2} dB", comparison.psnr)
+}
+
+/// Some three digits that mean something.
+fn short(value: f64) -> String {
+    if (0.1..1e4).contains(&value) { format!("{value:.3}") } else { format!("{value:.2e}") }
+}
+
+/// The channels of a pixel.
+fn describe(picture: &Picture, index: usize) -> String {
+    match &picture.pixels {
+        Pixels::Rgb8(pixels) => pixels[index].map(|level| level.to_string()).join(" "),
+        Pixels::Rgb32F(pixels) => pixels[index].map(|value| value.to_string()).join(" "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_help_names_the_real_amplification() {
+        use clap::Args as _;
+        let command = DiffArgs::augment_args(clap::Command::new("diff"));
+        let output = command.get_arguments().find(|argument| argument.get_id() == "output").unwrap();
+        assert!(output.get_help().unwrap().to_string().contains(&format!("{AMPLIFICATION} times")));
+    }
+}

@@ -1,0 +1,124 @@
+//! `rayo info`: the CPU, the engines of this build, and what they were built with.
+
+use std::process::ExitCode;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::{Failure, print, print_json};
+use crate::kernels::Isa;
+use crate::measure::tsc_hz;
+use crate::render::Engine;
+
+/// Show the CPU, the engines that it runs, and the versions that they were built with
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// What there is to tell; the names are those of the JSON document.
+#[derive(Serialize)]
+struct Info {
+    schema: u32,
+    version: &'static str,
+    cpu: Option<String>,
+    tsc_hz: Option<f64>,
+    tsc_invariant: Option<bool>,
+    isa: Vec<IsaInfo>,
+    /// Those that this machine runs.
+    engines: Vec<&'static str>,
+    auto: &'static str,
+    nasm: Option<&'static str>,
+    cc: Option<&'static str>,
+    cflags: Option<&'static str>,
+    rustc: &'static str,
+}
+
+#[derive(Serialize)]
+struct IsaInfo {
+    name: &'static str,
+    built: bool,
+    usable: bool,
+}
+
+impl Info {
+    fn new() -> Self {
+        let isa = Isa::ALL.iter().map(|isa| IsaInfo { name: isa.name(), built: isa.built(), usable: isa.usable() });
+        let engines = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name());
+        Info {
+            schema: 1,
+            version: env!("CARGO_PKG_VERSION"),
+            cpu: cpu_name(),
+            tsc_hz: tsc_hz().map(f64::round),
+            tsc_invariant: tsc_invariant(),
+            isa: isa.collect(),
+            engines: engines.collect(),
+            auto: Engine::fastest().name(),
+            nasm: option_env!("RAYO_NASM"),
+            cc: option_env!("RAYO_CC"),
+            cflags: option_env!("RAYO_CFLAGS"),
+            rustc: env!("RAYO_RUSTC"),
+        }
+    }
+
+    fn text(&self) -> String {
+        let or_none = |text: Option<&str>| text.unwrap_or("none (built without assembly)").to_owned();
+        let clock = match (self.tsc_hz, self.tsc_invariant) {
+            (Some(hz), Some(true)) => format!("{:.3} GHz, invariant", hz / 1e9),
+            (Some(hz), _) => format!("{:.3} GHz, not known to be invariant", hz / 1e9),
+            (None, _) => "none".into(),
+        };
+        let isa = self.isa.iter().map(|isa| match (isa.built, isa.usable) {
+            (true, true) => isa.name.to_owned(),
+            (true, false) => format!("{} (not on this CPU)", isa.name),
+            (false, _) => format!("{} (not in this build)", isa.name),
+        });
+        let lines = [
+            ("version", self.version.to_owned()),
+            ("CPU", self.cpu.clone().unwrap_or_else(|| "unknown".into())),
+            ("time stamps", clock),
+            ("ISA", isa.collect::<Vec<_>>().join(", ")),
+            ("engines", self.engines.join(", ")),
+            ("auto", self.auto.to_owned()),
+            ("NASM", or_none(self.nasm)),
+            ("C compiler", or_none(self.cc)),
+            ("C flags", or_none(self.cflags)),
+            ("Rust", self.rustc.to_owned()),
+        ];
+        lines.map(|(name, value)| format!("{name:<12} {value}\n")).concat()
+    }
+}
+
+/// Prints what there is to tell.
+pub fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
+    let info = Info::new();
+    if args.json {
+        print_json(&info)?
+    } else {
+        print(&info.text())?
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn cpu_name() -> Option<String> {
+    let brand = raw_cpuid::CpuId::new().get_processor_brand_string()?;
+    Some(brand.as_str().trim().to_owned())
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn cpu_name() -> Option<String> {
+    None
+}
+
+#[cfg(target_arch = "x86_64")]
+fn tsc_invariant() -> Option<bool> {
+    raw_cpuid::CpuId::new().get_advanced_power_mgmt_info().map(|info| info.has_invariant_tsc())
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn tsc_invariant() -> Option<bool> {
+    None
+}

@@ -1,0 +1,88 @@
+//! The command line: arguments in, text and files out, one file per subcommand.
+
+mod diff;
+mod info;
+mod render;
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use diff::{DiffArgs, DiffError, diff};
+
+/// Trace spheres and triangles with hand-written SIMD kernels, and measure them
+///
+/// Results go to standard output, progress and warnings to standard error. Exit status: 0 done, 1 writing failed or a
+/// check did not hold, 2 bad usage or bad input.
+#[derive(Debug, Parser)]
+#[command(name = "rayo", version, max_term_width = 120)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Render(render::RenderArgs),
+    Diff(DiffArgs),
+    Info(info::InfoArgs),
+}
+
+/// What ends a command early: what to say, and the exit status that says whose fault it is.
+struct Failure {
+    message: String,
+    status: u8,
+}
+
+impl Failure {
+    /// Bad usage or bad input.
+    fn input(error: impl ToString) -> Self {
+        Failure { message: error.to_string(), status: 2 }
+    }
+
+    /// Writing failed, or a check did not hold.
+    fn output(error: impl ToString) -> Self {
+        Failure { message: error.to_string(), status: 1 }
+    }
+}
+
+/// Runs the program with the arguments of this process.
+pub fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Render(args) => render::run(&args),
+        Command::Diff(args) => diff::run(&args),
+        Command::Info(args) => info::run(&args),
+    };
+    result.unwrap_or_else(|failure| {
+        // Nothing is left to tell if standard error is closed.
+        let _ = writeln!(io::stderr(), "{}", with_prefix(&failure.message));
+        ExitCode::from(failure.status)
+    })
+}
+
+/// Diagnostics with a look of their own begin with "error" already.
+fn with_prefix(message: &str) -> String {
+    if message.starts_with("error") || message.starts_with('\u{1b}') {
+        message.into()
+    } else {
+        format!("error: {message}")
+    }
+}
+
+/// Prints one JSON document to standard output.
+fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    serde_json::to_writer_pretty(&mut out, document)
+        .map_err(io::Error::from)
+        .and_then(|()| writeln!(out))
+        .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
+}
+
+/// Prints text to standard output.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
+}

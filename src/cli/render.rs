@@ -1,0 +1,261 @@
+//! `rayo render`: a scene file in, a picture out.
+
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use super::{Failure, print, print_json};
+use crate::render::{Engine, Format, Frame, ImageWriter, Precision, RenderError, Settings, Stats, reference, render};
+use crate::scene::{self, Camera, Scene};
+
+/// A picture that takes longer than this shows its progress.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// No machine has more cores than this.
+const MAX_THREADS: u64 = 4096;
+
+/// Render a scene file to a picture
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// The scene, in the paper's format (.in)
+    scene: PathBuf,
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it) or .pfm (linear floats).
+    /// Replaces what is there. Default: the name in the scene, in this directory
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Who computes it: reference, rust, c, paper, or auto for the fastest that this CPU runs
+    #[arg(long, value_name = "ENGINE", default_value = "auto")]
+    engine: String,
+    /// In what numbers: single or double. Default: what the engine computes in
+    #[arg(long)]
+    precision: Option<String>,
+    /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
+    #[arg(long, value_name = "DIAGONAL")]
+    film: Option<f32>,
+    /// The focal distance, in place of the scene's
+    #[arg(long, value_name = "DISTANCE")]
+    focal: Option<f32>,
+    /// The size in pixels, in place of the scene's
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Threads that trace. Default: one for each core
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_THREADS))]
+    threads: Option<u64>,
+    /// Print where the time went
+    #[arg(long)]
+    stats: bool,
+    /// Print it as one JSON document
+    #[arg(long)]
+    json: bool,
+    /// Let the name in the scene replace a file that exists
+    #[arg(long)]
+    force: bool,
+    /// No progress and no summary; warnings and errors remain
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Width and height, as in 1632x1224.
+#[derive(Clone, Copy, Debug)]
+struct Size {
+    width: u32,
+    height: u32,
+}
+
+impl FromStr for Size {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+        let (width, height) = sides.ok_or("expected width and height in pixels, as in 1632x1224")?;
+        Ok(Size { width, height })
+    }
+}
+
+/// What `--stats` prints; the names are those of the JSON document.
+#[derive(Serialize)]
+struct Report {
+    schema: u32,
+    engine: &'static str,
+    precision: &'static str,
+    width: u32,
+    height: u32,
+    threads: usize,
+    rays: u64,
+    hits: u64,
+    parse_ns: u64,
+    setup_ns: u64,
+    trace_ns: u64,
+    trace_cycles: Option<u64>,
+    encode_ns: u64,
+    write_ns: u64,
+}
+
+/// Renders the scene.
+pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
+    let clock = Instant::now();
+    let scene = scene::read(&args.scene).map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let parse = clock.elapsed();
+
+    let clock = Instant::now();
+    let camera = camera(args, &scene)?;
+    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
+    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+    let tracer = engine.prepare(precision, &scene, &camera).map_err(Failure::input)?;
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.map_or_else(cores, |threads| threads as usize);
+    let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
+    let setup = clock.elapsed();
+
+    let (path, mut image) = open_output(args, &scene, &camera)?;
+    let progress = Progress::new(camera.height(), args.quiet);
+    let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;
+    let clock = Instant::now();
+    image.finish().map_err(Failure::output)?;
+    stats.write += clock.elapsed();
+    drop(progress);
+
+    if args.stats || args.json {
+        let report = report(engine, &scene, &camera, threads, (parse, setup), &stats);
+        if args.json { print_json(&report)? } else { print(&report.text())? }
+    } else if !args.quiet {
+        let (width, height) = (camera.width(), camera.height());
+        say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", path.display(), stats.trace));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn camera(args: &RenderArgs, scene: &Scene) -> Result<Camera, Failure> {
+    let of_scene = &scene.camera;
+    let size = args.size.unwrap_or(Size { width: of_scene.width(), height: of_scene.height() });
+    let focal = args.focal.unwrap_or(of_scene.focal());
+    let film = args.film.unwrap_or(of_scene.film());
+    Camera::new(size.width, size.height, focal, film).map_err(Failure::input)
+}
+
+/// Opens the picture that `-o` names, or else the one that the scene names, in this directory.
+fn open_output(args: &RenderArgs, scene: &Scene, camera: &Camera) -> Result<(PathBuf, ImageWriter), Failure> {
+    let path = match &args.output {
+        Some(path) => path.clone(),
+        None => bare_name(&scene.name)?,
+    };
+    let format = Format::from_path(&path).map_err(Failure::input)?;
+    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
+    let image = create(&path, format, camera.width(), camera.height()).map_err(Failure::output)?;
+    Ok((path, image))
+}
+
+/// What is left of a scene's image name without its directories: scenes come from anywhere and must not choose one.
+fn bare_name(name: &str) -> Result<PathBuf, Failure> {
+    let bare = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    if bare.is_empty() || bare == "." || bare == ".." {
+        return Err(Failure::input(format!("the scene's image name `{name}` names no file: name one with -o")));
+    }
+    if bare != name {
+        say(&format!("warning: of the scene's image name `{name}` only `{bare}` is used, in this directory"));
+    }
+    Ok(Path::new(bare).to_path_buf())
+}
+
+fn report(
+    engine: Engine,
+    scene: &Scene,
+    camera: &Camera,
+    threads: usize,
+    (parse, setup): (Duration, Duration),
+    stats: &Stats,
+) -> Report {
+    let ns = |time: Duration| time.as_nanos() as u64;
+    Report {
+        schema: 1,
+        engine: engine.name(),
+        precision: engine.precision().name(),
+        width: camera.width(),
+        height: camera.height(),
+        threads,
+        rays: camera.pixels(),
+        hits: reference::count_hits(scene, camera),
+        parse_ns: ns(parse),
+        setup_ns: ns(setup),
+        trace_ns: ns(stats.trace),
+        trace_cycles: stats.trace_cycles,
+        encode_ns: ns(stats.encode),
+        write_ns: ns(stats.write),
+    }
+}
+
+impl Report {
+    fn text(&self) -> String {
+        let share = 100.0 * self.hits as f64 / self.rays as f64;
+        let cycles =
+            self.trace_cycles.map(|cycles| format!(", {:.2} cycles per ray", cycles as f64 / self.rays as f64));
+        let threads = if self.threads == 1 { "1 thread".into() } else { format!("{} threads", self.threads) };
+        let time = |ns: u64| format!("{:>10.3} ms", ns as f64 / 1e6);
+        let lines = [
+            ("engine", format!("{}, {}, {threads}", self.engine, self.precision)),
+            (
+                "rays",
+                format!("{} ({}x{}), {} of them hit ({share:.1} %)", self.rays, self.width, self.height, self.hits),
+            ),
+            ("parse", time(self.parse_ns)),
+            ("set-up", time(self.setup_ns)),
+            ("trace", time(self.trace_ns) + &cycles.unwrap_or_default()),
+            ("encode", time(self.encode_ns)),
+            ("write", time(self.write_ns)),
+        ];
+        lines.map(|(name, value)| format!("{name:<8} {value}\n")).concat()
+    }
+}
+
+/// Disk full and the like are the output's fault; what cannot be set up is not.
+fn failure(error: RenderError) -> Failure {
+    match error {
+        RenderError::Image(_) => Failure::output(error),
+        RenderError::Memory { .. } | RenderError::Threads { .. } => Failure::input(error),
+    }
+}
+
+fn colour_on_stderr() -> bool {
+    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+fn say(text: &str) {
+    // Nothing is lost if nobody listens.
+    let _ = writeln!(io::stderr(), "{text}");
+}
+
+/// A bar on standard error, if that is a terminal and the picture takes its time.
+struct Progress {
+    start: Instant,
+    bar: ProgressBar,
+    shown: OnceLock<()>,
+    quiet: bool,
+}
+
+impl Progress {
+    fn new(rows: u32, quiet: bool) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(rows.into()), ProgressDrawTarget::hidden());
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} rows, {eta} left");
+        bar.set_style(style.expect("the template is well formed"));
+        Progress { start: Instant::now(), bar, shown: OnceLock::new(), quiet }
+    }
+
+    fn advance(&self, rows: u32) {
+        self.bar.inc(rows.into());
+        if !self.quiet && self.start.elapsed() > PATIENCE {
+            self.shown.get_or_init(|| self.bar.set_draw_target(ProgressDrawTarget::stderr()));
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

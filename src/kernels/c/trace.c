@@ -1,0 +1,47 @@
+/* trace.c - Algorithm 1 of the paper: every candidate nearer than the last one is shaded at once. */
+#include "paper.h"
+
+static vec4 shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided) {
+    vec4 sum = {0, 0, 0, 0};
+    for (uint64_t i = 0; i < s->light_count; i++)
+        sum = vec_add(sum, reflection(&s->lights[i], p, n, colour, two_sided));
+    return sum;
+}
+
+/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel. */
+__attribute__((sysv_abi)) void rayo_c_trace(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+    for (; row < end; row++) {
+        for (uint64_t col = 0; col < f->width; col++) {
+            ray r = {
+                .origin = {0, 0, 0, 0},
+                .direction = {f->step * ((float)col + 0.5f) - f->half_width,
+                              -f->step * ((float)row + 0.5f) + f->half_height, f->focal, 0},
+            };
+            float nearest = INFINITY, t;
+            vec4 pixel = {0, 0, 0, 0};
+            for (uint64_t i = 0; i < s->sphere_count; i++) {
+                const sphere *o = &s->spheres[i];
+                if (sphere_hit(r, o, &t)) {
+                    vec4 p = point_on(r, t);
+                    float distance = vec_norm(vec_sub(p, r.origin));
+                    if (distance < nearest) {
+                        nearest = distance;
+                        pixel = shade(s, p, vec_normalise(vec_sub(p, o->centre)), o->colour, false);
+                    }
+                }
+            }
+            for (uint64_t i = 0; i < s->triangle_count; i++) {
+                const triangle *o = &s->triangles[i];
+                if (triangle_hit(r, o, &t)) {
+                    vec4 p = point_on(r, t);
+                    float distance = vec_norm(vec_sub(p, r.origin));
+                    if (distance < nearest) {
+                        nearest = distance;
+                        pixel = shade(s, p, vec_normalise(plane_normal(o)), o->colour, true);
+                    }
+                }
+            }
+            *out++ = pixel;
+        }
+    }
+}

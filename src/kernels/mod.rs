@@ -1,0 +1,22 @@
+//! Kernels in assembly and C behind safe functions, and the system calls that measuring needs: the only `unsafe`.
+
+#![allow(unsafe_code)]
+
+#[cfg(rayo_asm)]
+mod checked;
+#[cfg(rayo_asm)]
+mod ffi;
+mod isa;
+pub mod sys;
+mod types;
+
+#[cfg(rayo_asm)]
+pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
+#[cfg(rayo_asm)]
+pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
+pub use isa::Isa;
+pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+
+/// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
+#[cfg(rayo_asm)]
+pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));

@@ -1,0 +1,168 @@
+//! What measuring and testing ask of the CPU and the operating system: the time-stamp counter, pinning, guard pages.
+
+use std::io;
+
+/// The time-stamp counter before what is to be timed: everything earlier is done, nothing later has begun.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn tsc_start() -> u64 {
+    use std::arch::x86_64::{_mm_lfence, _rdtsc};
+    // SAFETY: every x86-64 CPU has SSE2 and the counter; where an operating system forbade it, this would be a fault,
+    // not undefined behaviour.
+    unsafe {
+        _mm_lfence();
+        let now = _rdtsc();
+        _mm_lfence();
+        now
+    }
+}
+
+/// The time-stamp counter after what is to be timed.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub fn tsc_stop() -> u64 {
+    use std::arch::x86_64::{__rdtscp, _mm_lfence};
+    let mut core = 0;
+    // SAFETY: as in tsc_start; `core` is ours to write.
+    unsafe {
+        let now = __rdtscp(&mut core);
+        _mm_lfence();
+        now
+    }
+}
+
+/// Keeps the calling thread on the core it is on, and says which that is.
+#[cfg(target_os = "linux")]
+pub fn pin_to_this_core() -> io::Result<usize> {
+    // SAFETY: takes nothing, gives a number.
+    let core = unsafe { libc::sched_getcpu() };
+    let core = usize::try_from(core).map_err(|_| io::Error::last_os_error())?;
+    // SAFETY: a set of bits, for which all 0 is a value.
+    let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
+    if core >= 8 * size_of_val(&set) {
+        return Err(io::Error::other("this core's number is beyond what a set of cores holds"));
+    }
+    // SAFETY: the core is within the set, as just checked.
+    unsafe { libc::CPU_SET(core, &mut set) };
+    // SAFETY: 0 is the calling thread, the set is ours and its size is given.
+    match unsafe { libc::sched_setaffinity(0, size_of_val(&set), &set) } {
+        0 => Ok(core),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+/// Pinning is not known here.
+#[cfg(not(target_os = "linux"))]
+pub fn pin_to_this_core() -> io::Result<usize> {
+    Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
+}
+
+#[cfg(unix)]
+pub use guarded::{Guarded, Side, survives};
+
+#[cfg(unix)]
+mod guarded {
+    use std::io;
+    use std::ops::{Deref, DerefMut};
+    use std::panic::{self, AssertUnwindSafe};
+    use std::ptr::NonNull;
+
+    use crate::kernels::Plain;
+
+    /// Where the inaccessible page lies.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Side {
+        /// Right before the first element.
+        Before,
+        /// Right after the last element.
+        After,
+    }
+
+    /// A slice that begins or ends at a page that must not be touched: reading or writing outside faults at once.
+    pub struct Guarded<T: Plain> {
+        mapping: NonNull<libc::c_void>,
+        bytes: usize,
+        first: NonNull<T>,
+        len: usize,
+    }
+
+    impl<T: Plain> Guarded<T> {
+        /// A copy of `values` with an inaccessible page on each side, flush with the one on `side`.
+        pub fn new(values: &[T], side: Side) -> io::Result<Self> {
+            // SAFETY: a question without arguments that matter to memory.
+            let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
+            let inside = size_of_val(values).next_multiple_of(page).max(page);
+            let bytes = inside + 2 * page;
+            let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
+            // SAFETY: a new mapping at no given address takes nothing from anybody.
+            let mapping = unsafe { libc::mmap(std::ptr::null_mut(), bytes, libc::PROT_NONE, flags, -1, 0) };
+            if mapping == libc::MAP_FAILED {
+                return Err(io::Error::last_os_error());
+            }
+            let mapping = NonNull::new(mapping).ok_or_else(io::Error::last_os_error)?;
+            // SAFETY: one page into a mapping of `inside` + 2 pages.
+            let middle = unsafe { mapping.byte_add(page) };
+            let skipped = match side {
+                Side::Before => 0,
+                Side::After => inside - size_of_val(values),
+            };
+            // SAFETY: `skipped` is at most `inside`. Sizes of T are multiples of its alignment and divide into a page,
+            // so the first element is aligned whichever side it is flush with.
+            let first = unsafe { middle.byte_add(skipped) }.cast::<T>();
+            let guarded = Guarded { mapping, bytes, first, len: values.len() };
+            // SAFETY: the pages between the two guards are ours.
+            if unsafe { libc::mprotect(middle.as_ptr(), inside, libc::PROT_READ | libc::PROT_WRITE) } != 0 {
+                return Err(io::Error::last_os_error());
+            }
+            assert!(first.is_aligned(), "the size of an element must be a multiple of its alignment");
+            // SAFETY: both have room for `len` elements, and new memory overlaps with none.
+            unsafe { first.copy_from_nonoverlapping(NonNull::from(values).cast(), values.len()) };
+            Ok(guarded)
+        }
+    }
+
+    impl<T: Plain> Deref for Guarded<T> {
+        type Target = [T];
+        fn deref(&self) -> &[T] {
+            // SAFETY: new() made room for `len` aligned elements and wrote them; they live as long as self.
+            unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
+        }
+    }
+
+    impl<T: Plain> DerefMut for Guarded<T> {
+        fn deref_mut(&mut self) -> &mut [T] {
+            // SAFETY: as in deref, and self is borrowed alone.
+            unsafe { std::slice::from_raw_parts_mut(self.first.as_ptr(), self.len) }
+        }
+    }
+
+    impl<T: Plain> Drop for Guarded<T> {
+        fn drop(&mut self) {
+            // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
+            unsafe { libc::munmap(self.mapping.as_ptr(), self.bytes) };
+        }
+    }
+
+    /// Whether a copy of this process comes back from `action`; false where a fault ends it.
+    ///
+    /// `action` must only compute: in the copy no other thread runs, so that a lock may never be released.
+    pub fn survives(action: impl FnOnce()) -> io::Result<bool> {
+        // SAFETY: the child does nothing but `action`, which by this function's contract computes only, and _exit.
+        match unsafe { libc::fork() } {
+            -1 => Err(io::Error::last_os_error()),
+            0 => {
+                let fine = panic::catch_unwind(AssertUnwindSafe(action)).is_ok();
+                // SAFETY: ends the child at once, with nothing of the parent's run twice.
+                unsafe { libc::_exit(if fine { 0 } else { 1 }) }
+            }
+            child => {
+                let mut status = 0;
+                // SAFETY: our own child, and a status that is ours to write.
+                if unsafe { libc::waitpid(child, &mut status, 0) } != child {
+                    return Err(io::Error::last_os_error());
+                }
+                Ok(libc::WIFEXITED(status) && libc::WEXITSTATUS(status) == 0)
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! The packed types that Rust, C and NASM share; layout.inc has their offsets, asserted here at compile time.
+
+use std::marker::PhantomData;
+
+/// Types made of numbers alone: every bit pattern is a value, and there is no padding.
+///
+/// # Safety
+/// Both must hold, so that kernels may write any bits and safe code may read them.
+pub unsafe trait Plain: Copy + 'static {
+    /// All bits 0.
+    const ZERO: Self;
+}
+
+/// A vector of three in one 128-bit register: x, y, z and a `w` that is 0 wherever the paper's macros expect a vector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub struct Vec4 {
+    /// First lane.
+    pub x: f32,
+    /// Second lane.
+    pub y: f32,
+    /// Third lane.
+    pub z: f32,
+    /// Fourth lane.
+    pub w: f32,
+}
+
+/// The rays of an image in f32: lines 1 to 4 of Algorithm 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Frame {
+    /// Side of a pixel on the film.
+    pub step: f32,
+    /// Half of the film's width.
+    pub half_width: f32,
+    /// Half of the film's height.
+    pub half_height: f32,
+    /// Focal distance.
+    pub focal: f32,
+    /// Pixels in a row.
+    pub width: u64,
+}
+
+/// A point light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(16))]
+pub struct Light {
+    /// Where it stands.
+    pub position: Vec4,
+    /// I_L = intensity x colour, finite.
+    pub radiance: Vec4,
+}
+
+/// A sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(16))]
+pub struct Sphere {
+    /// Its centre.
+    pub centre: Vec4,
+    /// Its colour.
+    pub colour: Vec4,
+    /// Its radius.
+    pub radius: f32,
+    /// Unused; makes the size a multiple of 16.
+    pub padding: [f32; 3],
+}
+
+/// A triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(16))]
+pub struct Triangle {
+    /// First vertex.
+    pub v1: Vec4,
+    /// Second vertex.
+    pub v2: Vec4,
+    /// Third vertex.
+    pub v3: Vec4,
+    /// Its colour.
+    pub colour: Vec4,
+}
+
+/// What the Lambert term needs to know of a hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(16))]
+pub struct Surface {
+    /// P, the point hit.
+    pub point: Vec4,
+    /// N, of length 1.
+    pub normal: Vec4,
+    /// C, the colour.
+    pub colour: Vec4,
+}
+
+/// The lights and objects of a scene, in its order.
+#[derive(Clone, Copy, Debug)]
+pub struct Objects<'a> {
+    /// All lights.
+    pub lights: &'a [Light],
+    /// All spheres; they come before the triangles.
+    pub spheres: &'a [Sphere],
+    /// All triangles.
+    pub triangles: &'a [Triangle],
+}
+
+/// [`Objects`] as kernels see them: addresses and lengths.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Lists<'a> {
+    lights: *const Light,
+    light_count: u64,
+    spheres: *const Sphere,
+    sphere_count: u64,
+    triangles: *const Triangle,
+    triangle_count: u64,
+    borrowed: PhantomData<Objects<'a>>,
+}
+
+impl<'a> From<Objects<'a>> for Lists<'a> {
+    fn from(objects: Objects<'a>) -> Self {
+        Lists {
+            lights: objects.lights.as_ptr(),
+            light_count: objects.lights.len() as u64,
+            spheres: objects.spheres.as_ptr(),
+            sphere_count: objects.spheres.len() as u64,
+            triangles: objects.triangles.as_ptr(),
+            triangle_count: objects.triangles.len() as u64,
+            borrowed: PhantomData,
+        }
+    }
+}
+
+impl Vec4 {
+    /// A vector of three.
+    pub fn new(x: f32, y: f32, z: f32) -> Self {
+        Vec4 { x, y, z, w: 0.0 }
+    }
+
+    /// Its four lanes.
+    pub fn lanes(self) -> [f32; 4] {
+        [self.x, self.y, self.z, self.w]
+    }
+}
+
+impl From<[f32; 4]> for Vec4 {
+    fn from([x, y, z, w]: [f32; 4]) -> Self {
+        Vec4 { x, y, z, w }
+    }
+}
+
+impl From<glam::Vec3> for Vec4 {
+    fn from(v: glam::Vec3) -> Self {
+        Vec4::new(v.x, v.y, v.z)
+    }
+}
+
+macro_rules! plain {
+    ($($type:ty = $zero:expr),* $(,)?) => {
+        $(
+            // SAFETY: made of f32 and u64 fields that fill its size, as the offsets asserted below show.
+            unsafe impl Plain for $type {
+                const ZERO: Self = $zero;
+            }
+        )*
+    };
+}
+
+const ORIGIN: Vec4 = Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
+
+plain! {
+    f32 = 0.0,
+    Vec4 = ORIGIN,
+    Light = Light { position: ORIGIN, radiance: ORIGIN },
+    Sphere = Sphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
+    Triangle = Triangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },
+    Surface = Surface { point: ORIGIN, normal: ORIGIN, colour: ORIGIN },
+}
+
+#[cfg(rayo_asm)]
+macro_rules! layout_checks {
+    ($($type:ident, $size:literal, { $($field:ident: $offset:literal,)* };)*) => {
+        $(
+            $(const _: () = assert!(std::mem::offset_of!($type, $field) == $offset);)*
+            const _: () = assert!(size_of::<$type>() == $size);
+        )*
+    };
+}
+#[cfg(rayo_asm)]
+include!(concat!(env!("OUT_DIR"), "/layout.rs"));

@@ -1,0 +1,7 @@
+//! The program `rayo`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    rayo::cli::main()
+}

@@ -1,0 +1,130 @@
+//! Ray against sphere, ray against triangle, and the Lambert term, in f64 and readable: the truth.
+//!
+//! A ray is its direction `d`, of any length but 0: it starts at the origin, and its points are `t d` for t > 0.
+
+use glam::DVec3;
+
+/// The smallest t > 0 at which the ray is on the sphere, eq. 5.
+///
+/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers.
+pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
+    let a = d.dot(d);
+    let h = d.dot(centre);
+    let k = centre.dot(centre) - radius * radius;
+    let disc = h * h - a * k;
+    if disc.is_nan() || disc < 0.0 {
+        return None;
+    }
+    let q = h + disc.sqrt().copysign(h);
+    let hits = [k / q, q / a].into_iter().filter(|t| *t > 0.0);
+    hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
+}
+
+/// The unit normal of a sphere at its point `p`, outward.
+pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
+    (p - centre).normalize()
+}
+
+/// The t > 0 at which the ray meets the triangle, its edges and vertices included: eq. 9 and eq. 10.
+///
+/// Eq. 10 asks on which side of each edge P = t d lies. With the ray from the origin that is the sign of d . (v x w) for
+/// the edge from v to w, against the sign of the triangle's own volume v1 . n, where n is that of eq. 6. In f64 v x w is
+/// exactly -(w x v), so two triangles that share an edge never both miss a ray.
+pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
+    let n = triangle_plane([v1, v2, v3]);
+    let volume = v1.dot(n);
+    // What is 0 but for the rounding is 0: the plane passes through the camera.
+    if volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
+        return None;
+    }
+    let inside = [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0);
+    let t = volume / d.dot(n);
+    (inside && t > 0.0 && t.is_finite()).then_some(t)
+}
+
+/// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.
+pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
+    (v1 - v2).cross(v1 - v3)
+}
+
+/// L . N of eq. 11 for the side that the unit normal `n` points to: from 0 to 1, and 0 for a light on the surface.
+pub fn lambert(light: DVec3, p: DVec3, n: DVec3) -> f64 {
+    (light - p).try_normalize().map_or(0.0, |l| l.dot(n).max(0.0))
+}
+
+/// L . N of eq. 11 for a surface with two sides.
+pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
+    (light - p).try_normalize().map_or(0.0, |l| l.dot(n).abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const Z: DVec3 = DVec3::Z;
+
+    #[test]
+    fn a_sphere_ahead_is_hit_at_its_near_wall() {
+        assert_eq!(sphere(Z, 10.0 * Z, 3.0), Some(7.0));
+    }
+
+    #[test]
+    fn a_camera_inside_a_sphere_sees_its_far_wall() {
+        assert_eq!(sphere(Z, DVec3::ZERO, 3.0), Some(3.0));
+        assert_eq!(sphere(Z, Z, 3.0), Some(4.0));
+        assert_eq!(sphere(Z, -Z, 3.0), Some(2.0));
+    }
+
+    #[test]
+    fn a_sphere_behind_or_beside_the_camera_is_not_hit() {
+        assert_eq!(sphere(Z, -10.0 * Z, 3.0), None);
+        assert_eq!(sphere(Z, DVec3::new(4.0, 0.0, 10.0), 3.0), None);
+    }
+
+    #[test]
+    fn a_sphere_that_the_ray_touches_is_hit() {
+        assert_eq!(sphere(Z, DVec3::new(3.0, 0.0, 10.0), 3.0), Some(10.0));
+    }
+
+    #[test]
+    fn a_camera_on_a_sphere_sees_the_far_wall_or_nothing() {
+        assert_eq!(sphere(Z, 3.0 * Z, 3.0), Some(6.0));
+        assert_eq!(sphere(Z, -3.0 * Z, 3.0), None);
+    }
+
+    fn corner(x: f64, y: f64, z: f64) -> DVec3 {
+        DVec3::new(x, y, z)
+    }
+
+    #[test]
+    fn edges_and_vertices_belong_to_a_triangle_in_either_order() {
+        let [a, b, c] = [corner(0.0, 0.0, 4.0), corner(4.0, 0.0, 4.0), corner(0.0, 4.0, 4.0)];
+        for v in [[a, b, c], [c, b, a], [b, c, a]] {
+            for (x, y, hit) in
+                [(1.0, 1.0, true), (0.0, 0.0, true), (2.0, 2.0, true), (0.0, 3.0, true), (2.1, 2.0, false)]
+            {
+                assert_eq!(triangle(corner(x, y, 4.0), v), hit.then_some(1.0), "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_triangle_of_no_area_behind_the_camera_or_seen_from_its_edge_is_not_hit() {
+        let flat = [corner(-1.0, 0.0, 4.0), corner(0.0, 0.0, 4.0), corner(1.0, 0.0, 4.0)];
+        assert_eq!(triangle(Z, flat), None);
+        let behind = [corner(-1.0, -1.0, -4.0), corner(1.0, -1.0, -4.0), corner(0.0, 1.0, -4.0)];
+        assert_eq!(triangle(Z, behind), None);
+        let edge_on = [corner(0.1, -1.0, 3.0), corner(0.2, 2.0, 6.0), corner(0.1, 1.0, 3.0)];
+        let through_camera = [edge_on[0], edge_on[1], -edge_on[0]];
+        assert_eq!(triangle(edge_on[1], through_camera), None);
+    }
+
+    #[test]
+    fn a_light_on_the_surface_gives_nothing() {
+        assert_eq!(lambert(Z, Z, Z), 0.0);
+        assert_eq!(lambert_two_sided(Z, Z, Z), 0.0);
+        assert_eq!(lambert(2.0 * Z, Z, Z), 1.0);
+        assert_eq!(lambert(Z, 2.0 * Z, Z), 0.0);
+        assert_eq!(lambert_two_sided(Z, 2.0 * Z, Z), 1.0);
+    }
+}

@@ -1,0 +1,158 @@
+//! The frame: drives an engine over all rows of a picture, band by band, with any number of threads.
+
+use std::collections::TryReserveError;
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{Film, FilmMut, ImageError, ImageWriter, PixelFormat, Tracer, level};
+use crate::kernels::Vec4;
+use crate::measure::Cycles;
+use crate::scene::Camera;
+
+/// A band is as many whole rows as fit in this, and at least one.
+const BAND_BYTES: usize = 64 << 20;
+/// A thread takes as many whole rows at a time as have this many pixels, and at least one.
+const TASK_PIXELS: usize = 1 << 14;
+
+/// How to render.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Threads that trace, at least 1.
+    pub threads: usize,
+}
+
+/// Where the time of a picture went.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stats {
+    /// Tracing alone, into memory that was touched before.
+    pub trace: Duration,
+    /// Tracing alone, in cycles of the time-stamp counter, where there is one.
+    pub trace_cycles: Option<u64>,
+    /// Making 8-bit levels of floats, where the engine does not, and encoding the file.
+    pub encode: Duration,
+    /// Handing bytes to the operating system.
+    pub write: Duration,
+}
+
+/// Why a picture was not made.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// Not even one band fits into memory.
+    #[error("there is no memory for {bytes} bytes of pixels: {source}")]
+    Memory {
+        /// How much was asked for.
+        bytes: usize,
+        /// What the allocator says.
+        source: TryReserveError,
+    },
+    /// The threads could not be started.
+    #[error("cannot start {threads} threads: {source}")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the operating system says.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// The image file.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
+
+/// An engine, the camera it is ready for, and the threads that run it.
+pub struct Frame<'a> {
+    tracer: &'a dyn Tracer,
+    camera: Camera,
+    /// None: this thread alone.
+    pool: Option<rayon::ThreadPool>,
+}
+
+impl<'a> Frame<'a> {
+    /// Starts the threads.
+    pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
+        let threads = settings.threads.max(1);
+        let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
+        let pool = pool.transpose().map_err(|source| RenderError::Threads { threads, source })?;
+        Ok(Frame { tracer, camera, pool })
+    }
+
+    /// A film for `rows` rows, in memory that has been touched.
+    pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
+        let pixels = self.camera.width() as usize * rows as usize;
+        let bytes = pixels * format.bytes();
+        Film::new(format, pixels).map_err(|source| RenderError::Memory { bytes, source })
+    }
+
+    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished.
+    ///
+    /// # Panics
+    /// As [`Tracer::rows`].
+    pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
+        match film {
+            FilmMut::F32x4(film) => self.trace_tasks(rows, film, FilmMut::F32x4, done),
+            FilmMut::Rgba8(film) => self.trace_tasks(rows, film, FilmMut::Rgba8, done),
+        }
+    }
+
+    fn trace_tasks<'b, T: Send>(
+        &self,
+        rows: Range<u32>,
+        film: &'b mut [T],
+        wrap: impl Fn(&'b mut [T]) -> FilmMut<'b> + Sync,
+        done: &(dyn Fn(u32) + Sync),
+    ) {
+        let width = self.camera.width() as usize;
+        assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
+        let task_rows = (TASK_PIXELS / width).max(1);
+        let task = |(index, part): (usize, &'b mut [T])| {
+            let start = rows.start + (index * task_rows) as u32;
+            let count = (part.len() / width) as u32;
+            self.tracer.rows(start..start + count, wrap(part));
+            done(count);
+        };
+        match &self.pool {
+            None => film.chunks_mut(task_rows * width).enumerate().for_each(task),
+            Some(pool) => pool.install(|| film.par_chunks_mut(task_rows * width).enumerate().for_each(task)),
+        }
+    }
+}
+
+/// Renders the whole picture into an image file, band by band; `done` hears of every few rows that are traced.
+pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
+    let camera = frame.camera;
+    let bytes = image.format().is_8bit();
+    let format = if bytes && frame.tracer.writes(PixelFormat::Rgba8) { PixelFormat::Rgba8 } else { PixelFormat::F32x4 };
+    let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).clamp(1, camera.height() as usize) as u32;
+    let mut film = frame.film(format, band_rows)?;
+    let mut levels = Vec::new();
+    let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
+    for start in (0..camera.height()).step_by(band_rows as usize) {
+        let rows = start..camera.height().min(start + band_rows);
+        let pixels = camera.width() as usize * rows.len();
+
+        let clock = (Instant::now(), Cycles::start());
+        frame.trace(rows, film.as_mut().take(pixels), done);
+        stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
+        stats.trace += clock.0.elapsed();
+
+        let clock = (Instant::now(), image.writing());
+        match &film {
+            Film::F32x4(film) if bytes => {
+                levels.clear();
+                levels.extend(film[..pixels].iter().map(levels_of));
+                image.write_rgba8(&levels)?;
+            }
+            Film::F32x4(film) => image.write_f32x4(&film[..pixels])?,
+            Film::Rgba8(film) => image.write_rgba8(&film[..pixels])?,
+        }
+        let write = image.writing() - clock.1;
+        stats.write += write;
+        stats.encode += clock.0.elapsed().saturating_sub(write);
+    }
+    Ok(stats)
+}
+
+fn levels_of(v: &Vec4) -> [u8; 4] {
+    [level(v.x.into()), level(v.y.into()), level(v.z.into()), 255]
+}

@@ -1,0 +1,288 @@
+//! Image files: written band by band, so that no image needs to be in memory whole, and read back.
+
+mod destination;
+mod encode;
+mod read;
+
+use destination::{Destination, Existing};
+use encode::Encode;
+pub use read::read;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use thiserror::Error;
+
+use crate::kernels::Vec4;
+
+/// A format that images are written in.
+///
+/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], and its encoder in `encode.rs`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// PNG: 8 bits per channel, compressed without loss.
+    Png,
+    /// Binary PPM (P6): 8 bits per channel.
+    Ppm,
+    /// PPM as text (P3): 8 bits per channel, one pixel per line.
+    PpmText,
+    /// PFM: linear floats as they are, little endian.
+    Pfm,
+}
+
+impl Format {
+    /// What a file name ends in, in lower case, and the format that is written under that name.
+    pub const EXTENSIONS: &[(&str, Format)] = &[
+        ("png", Format::Png),
+        ("ppm", Format::Ppm),
+        // By its name a grey image; but scenes from the paper's time name their P3 colour images so.
+        ("pgm", Format::PpmText),
+        ("pfm", Format::Pfm),
+    ];
+
+    /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none.
+    ///
+    /// # Errors
+    /// If the name has an unknown extension; the message lists those that there are.
+    pub fn from_path(path: &Path) -> Result<Format, ImageError> {
+        let Some(extension) = path.extension() else { return Ok(Format::Png) };
+        let known = Format::EXTENSIONS.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
+        known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
+    }
+
+    /// Whether its pixels are 8-bit levels ([`ImageWriter::write_rgba8`]) and not floats
+    /// ([`ImageWriter::write_f32x4`]).
+    pub fn is_8bit(self) -> bool {
+        match self {
+            Format::Png | Format::Ppm | Format::PpmText => true,
+            Format::Pfm => false,
+        }
+    }
+}
+
+/// Why an image file could not be written or read. Every message names the file (`path`) and says what to do.
+#[derive(Debug, Error)]
+#[expect(missing_docs, reason = "path, width and height are what they are called in every variant")]
+pub enum ImageError {
+    /// The name ends in an extension that stands for no format.
+    #[error("{path}: the name of an image must end in {}", extensions(), path = path.display())]
+    UnknownFormat { path: PathBuf },
+    /// One side is zero.
+    #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
+        path = path.display())]
+    NoPixels { path: PathBuf, width: u32, height: u32 },
+    /// There is something of that name, and it must not be replaced.
+    #[error("{path} already exists: add --force to replace it, or name another file", path = path.display())]
+    Exists { path: PathBuf },
+    /// The file to replace is write-protected.
+    #[error("{path} is write-protected: make it writable, or name another file", path = path.display())]
+    ReadOnly { path: PathBuf },
+    /// The directory of the file does not exist.
+    #[error("cannot write {path}: there is no directory {directory}; create it first",
+        path = path.display(), directory = directory.display())]
+    NoDirectory {
+        path: PathBuf,
+        /// The one that is missing.
+        directory: PathBuf,
+    },
+    /// The directory of the file takes no new files.
+    #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
+        name one that you may write to", path = path.display(), directory = directory.display())]
+    Directory {
+        path: PathBuf,
+        /// The one that refuses.
+        directory: PathBuf,
+        /// What the system says.
+        error: io::ErrorKind,
+    },
+    /// Creating, writing, renaming or closing failed.
+    #[error("cannot write {path}: {error}{}", advice(.error), path = path.display())]
+    Write {
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// [`ImageWriter::finish`] was called before all rows had come.
+    #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = path.display())]
+    RowsMissing {
+        path: PathBuf,
+        /// Rows that came.
+        rows: u32,
+        /// Rows that the image has.
+        height: u32,
+    },
+    /// Opening or reading failed.
+    #[error("cannot read {path}: {error}", path = path.display())]
+    Read {
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The content begins like no format that can be read.
+    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5) and PFM are",
+        path = path.display())]
+    NotAnImage { path: PathBuf },
+    /// It begins like an image, but is cut off, damaged or absurd.
+    #[error("{path} is damaged or incomplete: {what}", path = path.display())]
+    Malformed {
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A sound image of a kind that could not be held without loss.
+    #[error("{path} has {what}, which would be lost here: convert it to 8-bit RGB or to PFM first",
+        path = path.display())]
+    Unsupported {
+        path: PathBuf,
+        /// What it has.
+        what: &'static str,
+    },
+    /// More pixels than are read into memory.
+    #[error("{path} has {width}x{height} pixels, more than the {limit} MiB of memory allowed for one picture: \
+        compare a part of it", path = path.display(), limit = read::MAX_BYTES >> 20)]
+    TooLarge { path: PathBuf, width: u32, height: u32 },
+}
+
+/// ".png, .ppm, ... or .pfm".
+fn extensions() -> String {
+    let names: Vec<_> = Format::EXTENSIONS.iter().map(|(extension, _)| format!(".{extension}")).collect();
+    match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// What to do about a failed write, where there is something to say.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
+        io::ErrorKind::BrokenPipe => "; whatever was reading it has stopped",
+        io::ErrorKind::IsADirectory => "; name a file in it",
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "; name a file that you may write to",
+        _ => "",
+    }
+}
+
+/// An image file in the making: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
+///
+/// Until then it is a hidden file beside the target, and dropping the writer removes that. Three kinds of target differ:
+/// a symbolic link stays and the file that it points to is replaced; what is no regular file (`/dev/null`, a FIFO) is
+/// written to directly; and so is the program's own standard output under the name `/dev/stdout`.
+pub struct ImageWriter {
+    path: PathBuf,
+    format: Format,
+    width: u32,
+    height: u32,
+    rows: u32,
+    /// Declared before `destination`, so that a dropped encoder's last words still find the file open.
+    encoder: Box<dyn Encode>,
+    destination: Destination,
+}
+
+impl ImageWriter {
+    /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
+    ///
+    /// # Errors
+    /// If a side is zero, or if nothing can be written there.
+    pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
+        Self::new(path, format, width, height, Existing::Replace)
+    }
+
+    /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
+    ///
+    /// What appears there while the image is being rendered is not replaced either: then [`finish`](Self::finish) fails.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create), and [`ImageError::Exists`].
+    pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
+        Self::new(path, format, width, height, Existing::Keep)
+    }
+
+    fn new(path: &Path, format: Format, width: u32, height: u32, existing: Existing) -> Result<Self, ImageError> {
+        if width == 0 || height == 0 {
+            return Err(ImageError::NoPixels { path: path.into(), width, height });
+        }
+        let (destination, sink) = destination::open(path, existing, encode::needs_seeking(format))?;
+        let encoder = encode::encoder(format, sink, width, height)
+            .map_err(|error| ImageError::Write { path: path.into(), error: destination.failure().unwrap_or(error) })?;
+        Ok(ImageWriter { path: path.into(), format, width, height, rows: 0, encoder, destination })
+    }
+
+    /// The format it is written in.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// How long the system has taken so far to take what was written: what is not encoding.
+    pub fn writing(&self) -> Duration {
+        self.destination.writing()
+    }
+
+    /// Appends whole rows of 8-bit R, G, B, A; alpha is dropped. Any number of rows per call, in order from the top.
+    ///
+    /// After an error the image cannot be completed.
+    ///
+    /// # Errors
+    /// If writing fails.
+    ///
+    /// # Panics
+    /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than the image has:
+    /// bugs of the caller.
+    pub fn write_rgba8(&mut self, rows: &[[u8; 4]]) -> Result<(), ImageError> {
+        assert!(self.format.is_8bit(), "{:?} takes floats: quantising is not done here, nor undone", self.format);
+        self.append(rows.len(), |encoder| encoder.rgba8(rows))
+    }
+
+    /// Appends whole rows of linear R, G, B and an ignored fourth value, unclamped. Any number of rows per call, in
+    /// order from the top.
+    ///
+    /// After an error the image cannot be completed.
+    ///
+    /// # Errors
+    /// If writing fails.
+    ///
+    /// # Panics
+    /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the image has: bugs of
+    /// the caller.
+    pub fn write_f32x4(&mut self, rows: &[Vec4]) -> Result<(), ImageError> {
+        assert!(!self.format.is_8bit(), "{:?} takes 8 bits: quantising is not done here", self.format);
+        self.append(rows.len(), |encoder| encoder.f32x4(rows))
+    }
+
+    /// Checks the shape of `pixels` more pixels, and counts their rows once they are written.
+    fn append(
+        &mut self,
+        pixels: usize,
+        write: impl FnOnce(&mut dyn Encode) -> io::Result<()>,
+    ) -> Result<(), ImageError> {
+        let width = self.width as usize;
+        assert!(pixels.is_multiple_of(width), "{pixels} pixels are no whole rows of {width}");
+        let left = self.height - self.rows;
+        assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
+        write(self.encoder.as_mut()).map_err(|error| {
+            let error = self.destination.failure().unwrap_or(error);
+            ImageError::Write { path: self.path.clone(), error }
+        })?;
+        self.rows += (pixels / width) as u32;
+        Ok(())
+    }
+
+    /// Completes the image and gives it its name.
+    ///
+    /// # Errors
+    /// If rows are missing, or if writing or renaming fails; then the target is as it was before (but what is written
+    /// to directly has received what was written).
+    pub fn finish(self) -> Result<(), ImageError> {
+        let ImageWriter { path, height, rows, encoder, destination, .. } = self;
+        if rows < height {
+            return Err(ImageError::RowsMissing { path, rows, height });
+        }
+        if let Err(error) = encoder.finish() {
+            let error = destination.failure().unwrap_or(error);
+            return Err(ImageError::Write { path, error });
+        }
+        destination.finish().map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => ImageError::Exists { path },
+            _ => ImageError::Write { path, error },
+        })
+    }
+}

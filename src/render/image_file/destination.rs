@@ -1,0 +1,225 @@
+//! Where an image's bytes go: a hidden file beside the target, or the target itself where it cannot be renamed over.
+
+use super::ImageError;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tempfile::TempPath;
+
+/// What becomes of a file that is there already.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Existing {
+    Replace,
+    Keep,
+}
+
+/// The file that is being written, and what makes it the target in the end.
+pub(super) struct Destination {
+    sink: Sink,
+    end: End,
+}
+
+enum End {
+    /// A file beside the target, which takes its name.
+    Rename { temporary: TempPath, target: PathBuf, existing: Existing },
+    /// The target itself, which is no file to rename over.
+    Nothing,
+    /// An anonymous file, which is copied to a target that cannot be written out of order.
+    CopyTo(File),
+}
+
+/// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order.
+pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), ImageError> {
+    let failed = |error| ImageError::Write { path: path.into(), error };
+    if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
+        return Err(ImageError::Exists { path: path.into() });
+    }
+    let (file, end) = match direct(path).map_err(failed)? {
+        Some(target) if seeking => (tempfile::tempfile().map_err(failed)?, End::CopyTo(target)),
+        Some(target) => (target, End::Nothing),
+        None => beside(path, existing)?,
+    };
+    let sink = Sink::new(file);
+    Ok((Destination { sink: sink.clone(), end }, sink))
+}
+
+/// The open target, if it is something to write to directly: no regular file, or one reached through a descriptor.
+fn direct(path: &Path) -> io::Result<Option<File>> {
+    #[cfg(unix)]
+    if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|stdout| path == Path::new(stdout)) {
+        // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
+        use std::os::fd::AsFd;
+        return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
+    }
+    let descriptor = ["/dev/fd", "/dev/stderr", "/proc"].iter().any(|place| path.starts_with(place));
+    match fs::metadata(path) {
+        // For a directory, opening it says best what is wrong.
+        Ok(metadata) if descriptor || !metadata.is_file() => {
+            OpenOptions::new().write(true).truncate(true).open(path).map(Some)
+        }
+        Ok(_) => Ok(None),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// A new file in the target's directory.
+fn beside(path: &Path, existing: Existing) -> Result<(File, End), ImageError> {
+    let target = behind_links(path).map_err(|error| ImageError::Write { path: path.into(), error })?;
+    // A rename would not ask whether the old file may be written to.
+    if fs::metadata(&target).is_ok_and(|metadata| metadata.permissions().readonly()) {
+        return Err(ImageError::ReadOnly { path: path.into() });
+    }
+    let directory = match target.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".rayo-").suffix(".part");
+    #[cfg(unix)]
+    {
+        // tempfile's own default is for secrets (0600); the umask takes its part from this as from any new file.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    let temporary = builder.tempfile_in(directory).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => ImageError::NoDirectory { path: path.into(), directory: directory.into() },
+        error => ImageError::Directory { path: path.into(), directory: directory.into(), error },
+    })?;
+    let (file, temporary) = temporary.into_parts();
+    Ok((file, End::Rename { temporary, target, existing }))
+}
+
+/// Follows symbolic links from `path` to what they end at, which need not exist.
+fn behind_links(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    // As many as Linux follows; a loop of links has been an error before, when the metadata was asked for.
+    for _ in 0..40 {
+        match fs::symlink_metadata(&path) {
+            Ok(metadata) if metadata.is_symlink() => {
+                let link = fs::read_link(&path)?;
+                path = path.parent().unwrap_or(Path::new("")).join(link);
+            }
+            _ => return Ok(path),
+        }
+    }
+    Err(io::Error::other("too many symbolic links"))
+}
+
+impl Destination {
+    /// What failed first if anything did: an encoder's own error may have lost the kind of this one on its way.
+    pub(super) fn failure(&self) -> Option<io::Error> {
+        self.sink.attempt(|_| Ok(())).err()
+    }
+
+    /// How long the system has taken so far to take what was written.
+    pub(super) fn writing(&self) -> Duration {
+        self.sink.lock().out.get_ref().writing
+    }
+
+    /// Hands everything to the system and makes it the target.
+    pub(super) fn finish(self) -> io::Result<()> {
+        let Destination { sink, end } = self;
+        sink.attempt(|out| out.flush())?;
+        match end {
+            End::Nothing => Ok(()),
+            End::CopyTo(mut target) => sink.attempt(|out| {
+                out.rewind()?;
+                io::copy(&mut out.get_mut().file, &mut target).map(drop)
+            }),
+            End::Rename { temporary, target, existing } => match existing {
+                Existing::Replace => temporary.persist(&target),
+                Existing::Keep => temporary.persist_noclobber(&target),
+            }
+            .map_err(|failed| failed.error),
+        }
+    }
+}
+
+/// A buffered file that remembers its first failure, shared between an encoder and the [`Destination`].
+///
+/// The PNG encoder writes its last bytes from destructors, which cannot report an error: asking here is the only way to
+/// know of it.
+#[derive(Clone)]
+pub(super) struct Sink(Arc<Mutex<Inner>>);
+
+struct Inner {
+    out: BufWriter<Timed>,
+    failure: Option<io::Error>,
+}
+
+/// A file that knows how long the system took to take what was written.
+struct Timed {
+    file: File,
+    writing: Duration,
+}
+
+impl Write for Timed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let clock = Instant::now();
+        let result = self.file.write(bytes);
+        self.writing += clock.elapsed();
+        result
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Timed {
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        self.file.seek(position)
+    }
+}
+
+impl Sink {
+    fn new(file: File) -> Self {
+        let out = BufWriter::with_capacity(1 << 16, Timed { file, writing: Duration::ZERO });
+        Sink(Arc::new(Mutex::new(Inner { out, failure: None })))
+    }
+
+    /// Continues to write at `position`, in bytes from the start.
+    pub(super) fn seek_to(&mut self, position: u64) -> io::Result<()> {
+        self.attempt(|out| out.seek(SeekFrom::Start(position)).map(drop))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does something with the file, unless something has failed before: then that is the error.
+    fn attempt<T>(&self, action: impl FnOnce(&mut BufWriter<Timed>) -> io::Result<T>) -> io::Result<T> {
+        let mut inner = self.lock();
+        if let Some(failure) = &inner.failure {
+            return Err(copy(failure));
+        }
+        let result = action(&mut inner.out);
+        if let Err(error) = &result
+            && error.kind() != io::ErrorKind::Interrupted
+        {
+            inner.failure = Some(copy(error));
+        }
+        result
+    }
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(|out| out.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt(|out| out.flush())
+    }
+}
+
+/// The same error again; `io::Error` cannot be cloned.
+fn copy(error: &io::Error) -> io::Error {
+    match error.raw_os_error() {
+        Some(code) => io::Error::from_raw_os_error(code),
+        None => io::Error::new(error.kind(), error.to_string()),
+    }
+}

@@ -1,0 +1,30 @@
+//! From a scene to rows of pixels: the engines, the frame that drives them, and image files.
+
+#[cfg(rayo_asm)]
+mod aos;
+mod engine;
+mod film;
+mod frame;
+mod image_file;
+pub mod reference;
+mod rust;
+
+pub use engine::{Engine, EngineError, Precision};
+pub use film::{Film, FilmMut, PixelFormat, level};
+pub use frame::{Frame, RenderError, Settings, Stats, render};
+pub use image_file::{Format, ImageError, ImageWriter, read};
+
+use std::ops::Range;
+
+/// An engine that is ready for one scene: writes any rows of the picture, in any order, from any thread.
+pub trait Tracer: Sync {
+    /// The format it computes in; it writes [`PixelFormat::F32x4`] in any case.
+    fn writes(&self, format: PixelFormat) -> bool;
+
+    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth;
+    /// bytes are [`level`] of them, and 255 in the fourth.
+    ///
+    /// # Panics
+    /// Where `out` is not as long as the rows, or of a format that it does not write.
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
+}

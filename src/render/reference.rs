@@ -1,0 +1,141 @@
+//! The engine `reference`: Algorithm 1 in f64, and what each ray hits.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::{FilmMut, PixelFormat, Tracer, level};
+use crate::reference::geometry;
+use crate::scene::{Camera, Grid, Scene};
+
+/// An object of a scene by its place in its list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Object {
+    /// A sphere.
+    Sphere(usize),
+    /// A triangle.
+    Triangle(usize),
+}
+
+/// What a ray hits first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// The object.
+    pub object: Object,
+    /// Where: the point t r_d.
+    pub t: f64,
+}
+
+struct Light {
+    position: DVec3,
+    radiance: DVec3,
+}
+
+struct Sphere {
+    centre: DVec3,
+    radius: f64,
+    colour: DVec3,
+}
+
+struct Triangle {
+    vertices: [DVec3; 3],
+    /// Of length 1, or NaN where the triangle has no area; it is not hit then.
+    normal: DVec3,
+    colour: DVec3,
+}
+
+/// A scene in f64.
+pub struct ReferenceTracer {
+    width: u32,
+    grid: Grid<f64>,
+    lights: Vec<Light>,
+    spheres: Vec<Sphere>,
+    triangles: Vec<Triangle>,
+}
+
+impl ReferenceTracer {
+    /// Takes over `scene` as `camera` sees it; its f32 numbers are exact in f64.
+    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+        let lights = scene.lights.iter().map(|light| Light {
+            position: light.position.as_dvec3(),
+            radiance: f64::from(light.intensity) * light.colour.as_dvec3(),
+        });
+        let spheres = scene.spheres.iter().map(|sphere| Sphere {
+            centre: sphere.centre.as_dvec3(),
+            radius: sphere.radius.into(),
+            colour: sphere.colour.as_dvec3(),
+        });
+        let triangles = scene.triangles.iter().map(|triangle| {
+            let vertices = triangle.vertices.map(|v| v.as_dvec3());
+            Triangle {
+                vertices,
+                normal: geometry::triangle_plane(vertices).normalize(),
+                colour: triangle.colour.as_dvec3(),
+            }
+        });
+        ReferenceTracer {
+            width: camera.width(),
+            grid: camera.grid(),
+            lights: lights.collect(),
+            spheres: spheres.collect(),
+            triangles: triangles.collect(),
+        }
+    }
+
+    fn ray(&self, row: u32, col: u32) -> DVec3 {
+        self.grid.ray(row, col).into()
+    }
+
+    /// The nearest hit of the ray through a pixel; the first of those that are equally near.
+    pub fn hit(&self, row: u32, col: u32) -> Option<Hit> {
+        let d = self.ray(row, col);
+        let spheres = self.spheres.iter().enumerate();
+        let spheres = spheres.map(|(i, s)| (Object::Sphere(i), geometry::sphere(d, s.centre, s.radius)));
+        let triangles = self.triangles.iter().enumerate();
+        let triangles = triangles.map(|(i, s)| (Object::Triangle(i), geometry::triangle(d, s.vertices)));
+        let hits = spheres.chain(triangles).filter_map(|(object, t)| Some(Hit { object, t: t? }));
+        hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest })
+    }
+
+    /// The linear colour of a pixel, not clamped.
+    pub fn colour(&self, row: u32, col: u32) -> DVec3 {
+        let Some(Hit { object, t }) = self.hit(row, col) else { return DVec3::ZERO };
+        let p = t * self.ray(row, col);
+        let (colour, cosine): (DVec3, Box<dyn Fn(DVec3) -> f64>) = match object {
+            Object::Sphere(i) => {
+                let n = geometry::sphere_normal(p, self.spheres[i].centre);
+                (self.spheres[i].colour, Box::new(move |light| geometry::lambert(light, p, n)))
+            }
+            Object::Triangle(i) => {
+                let n = self.triangles[i].normal;
+                (self.triangles[i].colour, Box::new(move |light| geometry::lambert_two_sided(light, p, n)))
+            }
+        };
+        self.lights.iter().map(|light| cosine(light.position) * light.radiance * colour).sum()
+    }
+}
+
+impl Tracer for ReferenceTracer {
+    fn writes(&self, _: PixelFormat) -> bool {
+        true
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
+        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour(row, col)));
+        match out {
+            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| *out = v.as_vec3().into()),
+            FilmMut::Rgba8(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
+                *out = [level(v.x), level(v.y), level(v.z), 255];
+            }),
+        }
+    }
+}
+
+/// How many rays of the whole picture hit something.
+pub fn count_hits(scene: &Scene, camera: &Camera) -> u64 {
+    use rayon::prelude::*;
+    let tracer = ReferenceTracer::new(scene, camera);
+    let in_row = |row| (0..camera.width()).filter(|col| tracer.hit(row, *col).is_some()).count() as u64;
+    (0..camera.height()).into_par_iter().map(in_row).sum()
+}

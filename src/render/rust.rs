@@ -1,0 +1,128 @@
+//! The engine `rust`: Algorithm 1 in f32 with glam's `Vec3A`, as one writes it in plain Rust.
+//!
+//! What the paper repeats for every ray and does not depend on it is computed once, and only the nearest hit is shaded.
+
+use std::ops::Range;
+
+use glam::{Vec3A, Vec4 as GlamVec4};
+
+use super::{FilmMut, PixelFormat, Tracer};
+use crate::scene::{Camera, Grid, Scene};
+
+struct Light {
+    position: Vec3A,
+    radiance: Vec3A,
+}
+
+struct Sphere {
+    centre: Vec3A,
+    /// |c|^2 - r^2, the constant of eq. 5 for rays from the origin.
+    constant: f32,
+    colour: Vec3A,
+}
+
+struct Triangle {
+    /// n of eq. 6.
+    normal: Vec3A,
+    /// v1 . n of eq. 9.
+    offset: f32,
+    /// For each edge from v to w the normal of the plane through it and the camera, v x w, on the side of the inside.
+    edges: [Vec3A; 3],
+    colour: Vec3A,
+}
+
+/// A scene with its constants.
+pub struct RustTracer {
+    width: u32,
+    grid: Grid<f32>,
+    lights: Vec<Light>,
+    spheres: Vec<Sphere>,
+    triangles: Vec<Triangle>,
+}
+
+impl RustTracer {
+    /// Computes what does not depend on the ray.
+    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+        let lights = scene
+            .lights
+            .iter()
+            .map(|light| Light { position: light.position.into(), radiance: light.radiance().into() });
+        let spheres = scene.spheres.iter().map(|sphere| {
+            let centre = Vec3A::from(sphere.centre);
+            let constant = centre.length_squared() - sphere.radius * sphere.radius;
+            Sphere { centre, constant, colour: sphere.colour.into() }
+        });
+        let triangles = scene.triangles.iter().map(|triangle| {
+            let [v1, v2, v3] = triangle.vertices.map(Vec3A::from);
+            let normal = (v1 - v2).cross(v1 - v3);
+            let offset = v1.dot(normal);
+            let edges = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|edge| edge * offset.signum());
+            Triangle { normal, offset, edges, colour: triangle.colour.into() }
+        });
+        RustTracer {
+            width: camera.width(),
+            grid: camera.grid(),
+            lights: lights.collect(),
+            spheres: spheres.collect(),
+            triangles: triangles.collect(),
+        }
+    }
+
+    fn pixel(&self, d: Vec3A) -> Vec3A {
+        let mut nearest = f32::INFINITY;
+        let mut sphere = None;
+        let mut triangle = None;
+        let a = d.length_squared();
+        for s in &self.spheres {
+            let h = d.dot(s.centre);
+            let disc = h * h - a * s.constant;
+            if disc >= 0.0 {
+                let root = disc.sqrt();
+                let near = (h - root) / a;
+                let t = if near > 0.0 { near } else { (h + root) / a };
+                if t > 0.0 && t < nearest {
+                    nearest = t;
+                    sphere = Some(s);
+                }
+            }
+        }
+        for s in &self.triangles {
+            let t = s.offset / d.dot(s.normal);
+            if t > 0.0 && t < nearest && s.edges.iter().all(|edge| d.dot(*edge) >= 0.0) {
+                nearest = t;
+                triangle = Some(s);
+            }
+        }
+        let p = nearest * d;
+        if let Some(s) = triangle {
+            let n = s.normal.normalize();
+            self.shade(p, s.colour, |l| l.dot(n).abs())
+        } else if let Some(s) = sphere {
+            let n = (p - s.centre).normalize();
+            self.shade(p, s.colour, |l| l.dot(n).max(0.0))
+        } else {
+            Vec3A::ZERO
+        }
+    }
+
+    fn shade(&self, p: Vec3A, colour: Vec3A, cosine: impl Fn(Vec3A) -> f32) -> Vec3A {
+        let reflected = |light: &Light| cosine((light.position - p).normalize_or_zero()) * light.radiance * colour;
+        self.lights.iter().map(reflected).sum()
+    }
+}
+
+impl Tracer for RustTracer {
+    fn writes(&self, format: PixelFormat) -> bool {
+        format == PixelFormat::F32x4
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        let FilmMut::F32x4(out) = out else { panic!("the engine `rust` writes floats") };
+        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
+        for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
+            for (col, out) in (0..self.width).zip(out) {
+                *out = GlamVec4::from((self.pixel(self.grid.ray(row, col).into()), 0.0)).to_array().into();
+            }
+        }
+    }
+}

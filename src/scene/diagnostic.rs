@@ -1,0 +1,227 @@
+//! What can be wrong with a scene file, and how it is told: [`Diagnostic`], [`SceneError`], and their rendering.
+
+use std::fmt;
+use std::io::{self, ErrorKind};
+use std::ops::Range;
+use std::path::PathBuf;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+
+use super::parse::is_line_end;
+
+/// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small
+/// however long the line is.
+const SHOWN_BEFORE: usize = 60;
+const SHOWN_TOKEN: usize = 40;
+const SHOWN_AFTER: usize = 30;
+/// Stands for what was cut away.
+const CUT: &str = "...";
+
+/// One thing that is wrong at one place of a scene file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Diagnostic {
+    /// What is wrong with what, e.g. "sphere 3's radius is negative".
+    pub message: String,
+    /// The line, from 1.
+    pub line: usize,
+    /// The column, from 1, in characters (a byte order mark is none).
+    pub column: usize,
+    /// The token as it stands there, cut if it is long; empty where the file ends too early.
+    pub token: String,
+    /// What would have been right, e.g. "a number greater than 0".
+    pub expected: String,
+    /// What to do about it, where that is not obvious.
+    pub help: Option<String>,
+    /// The whole token, in bytes of the file.
+    pub span: Range<usize>,
+    /// The part of the line that is shown.
+    excerpt: Excerpt,
+}
+
+/// A window of a source line and the token's place in it, in bytes of `text`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Excerpt {
+    text: String,
+    mark: Range<usize>,
+    /// Whether the line's start is shown.
+    whole_start: bool,
+}
+
+/// Why there is no scene.
+///
+/// `Display` is [`SceneError::render`] without colour: whole paragraphs that begin with `error: `.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// The file could not be read.
+    #[error("{}", self.render(false))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        cause: io::Error,
+    },
+    /// The file was read and is no scene.
+    #[error("{}", self.render(false))]
+    Invalid {
+        /// The file's name as [`parse`](super::parse()) was given it.
+        name: String,
+        /// What is wrong, in the file's order; never empty.
+        diagnostics: Vec<Diagnostic>,
+        /// How many more there were beyond those that are kept.
+        more: usize,
+    },
+}
+
+impl Diagnostic {
+    /// `line_start` is where the token's line begins, in bytes of `source`.
+    pub(super) fn new(
+        source: &[u8],
+        span: Range<usize>,
+        (line, line_start, column): (usize, usize, usize),
+        message: fmt::Arguments<'_>,
+        expected: &str,
+    ) -> Self {
+        Diagnostic {
+            message: message.to_string(),
+            line,
+            column,
+            token: shown_token(source, &span),
+            expected: expected.to_owned(),
+            help: None,
+            excerpt: Excerpt::new(source, line_start, &span),
+            span,
+        }
+    }
+
+    /// All of it in one line: `file:line:column: message: found ..., expected ...`.
+    pub fn one_line(&self, file: &str) -> String {
+        let found = if self.token.is_empty() { "the end of the file" } else { &format!("`{}`", self.token) };
+        let Diagnostic { line, column, message, expected, .. } = self;
+        format!("{}:{line}:{column}: {message}: found {found}, expected {expected}", printable(file))
+    }
+
+    fn groups<'a>(&'a self, file: &'a str) -> Vec<Group<'a>> {
+        let title = Level::ERROR.primary_title(self.message.as_str());
+        let mark = AnnotationKind::Primary.span(self.excerpt.mark.clone()).label(format!("expected {}", self.expected));
+        let snippet = Snippet::source(self.excerpt.text.as_str()).line_start(self.line).annotation(mark);
+        let help = self.help.as_deref().map(|help| Level::HELP.message(help));
+        if self.excerpt.whole_start {
+            vec![title.element(snippet.path(file)).elements(help)]
+        } else {
+            // The renderer would count columns from the start of the window.
+            let place = Origin::path(file).line(self.line).char_column(self.column);
+            vec![title.element(place), Group::with_level(Level::ERROR).element(snippet).elements(help)]
+        }
+    }
+}
+
+impl SceneError {
+    /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
+    pub fn diagnostics(&self) -> &[Diagnostic] {
+        match self {
+            SceneError::Read { .. } => &[],
+            SceneError::Invalid { diagnostics, .. } => diagnostics,
+        }
+    }
+
+    /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts what was left out.
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
+            SceneError::Invalid { name, diagnostics, more } => {
+                let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
+                if *more > 0 {
+                    lines.push(format!("{}: and {more} more", printable(name)));
+                }
+                lines
+            }
+        }
+    }
+
+    /// Each error with the line that it is about, for a person at a terminal: with ANSI colours or plain, without a
+    /// newline at the end.
+    pub fn render(&self, colour: bool) -> String {
+        let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
+        let mut parts = Vec::new();
+        match self {
+            SceneError::Read { path, cause } => {
+                let message = unreadable(&path.to_string_lossy(), cause);
+                parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+            }
+            SceneError::Invalid { name, diagnostics, more } => {
+                let name = printable(name);
+                parts.extend(diagnostics.iter().map(|diagnostic| renderer.render(&diagnostic.groups(&name))));
+                if *more > 0 {
+                    let errors = if *more == 1 { "error" } else { "errors" };
+                    let message = format!("and {more} more {errors} in `{name}`");
+                    parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+                }
+            }
+        }
+        parts.join("\n\n")
+    }
+}
+
+impl Excerpt {
+    fn new(source: &[u8], line_start: usize, span: &Range<usize>) -> Self {
+        let from = boundary(source, span.start.saturating_sub(SHOWN_BEFORE).max(line_start));
+        let token_end = shown_end(source, span);
+        // A token that is cut fills the window; what comes after it would look like a part of it.
+        let limit = if token_end < span.end { token_end } else { source.len().min(token_end + SHOWN_AFTER) };
+        let rest = &source[token_end..limit];
+        let line_end = rest.iter().position(|&byte| is_line_end(byte)).map_or(limit, |length| token_end + length);
+        let to = if line_end == limit { boundary(source, limit) } else { line_end };
+        let more = source.get(to).is_some_and(|&byte| !is_line_end(byte));
+
+        let mut text = String::from(if from > line_start { CUT } else { "" });
+        text.push_str(&String::from_utf8_lossy(&source[from..span.start]));
+        let start = text.len();
+        text.push_str(&String::from_utf8_lossy(&source[span.start..token_end]));
+        let mark = start..text.len();
+        text.push_str(&String::from_utf8_lossy(&source[token_end..to]));
+        text.push_str(if more { CUT } else { "" });
+        Excerpt { text, mark, whole_start: from == line_start }
+    }
+}
+
+/// The first place at or after `at` where a character can begin.
+fn boundary(source: &[u8], at: usize) -> usize {
+    let inside = source[at..].iter().take_while(|&&byte| byte & 0xc0 == 0x80).count();
+    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it is as good.
+    at + inside.min(3)
+}
+
+/// Where the shown part of a token ends.
+fn shown_end(source: &[u8], span: &Range<usize>) -> usize {
+    if span.len() <= SHOWN_TOKEN { span.end } else { boundary(source, span.start + SHOWN_TOKEN) }
+}
+
+fn shown_token(source: &[u8], span: &Range<usize>) -> String {
+    let end = shown_end(source, span);
+    let bytes = &source[span.start..end];
+    let mut token = match std::str::from_utf8(bytes) {
+        Ok(text) => printable(text),
+        Err(_) => bytes.escape_ascii().to_string(),
+    };
+    token.push_str(if end < span.end { CUT } else { "" });
+    token
+}
+
+/// `text` with its control characters spelled out, so that a file cannot steer the terminal.
+fn printable(text: &str) -> String {
+    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(spell).collect()
+}
+
+fn unreadable(path: &str, cause: &io::Error) -> String {
+    let path = printable(path);
+    match cause.kind() {
+        ErrorKind::NotFound => format!("there is no scene file `{path}`"),
+        ErrorKind::IsADirectory => format!("`{path}` is a directory, and a scene is a file"),
+        ErrorKind::PermissionDenied => format!("the scene file `{path}` may not be read: check its permissions"),
+        _ => format!("the scene file `{path}` cannot be read: {cause}"),
+    }
+}

@@ -1,0 +1,71 @@
+//! What is to be seen: [`Scene`], its lights and objects, and the ways to get one.
+
+mod camera;
+mod diagnostic;
+mod parse;
+mod random;
+mod write;
+
+pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
+pub use diagnostic::{Diagnostic, SceneError};
+pub use parse::{parse, read};
+pub use random::{Rng, many};
+
+use glam::Vec3;
+
+/// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Factor on the colour, at least 0.
+    pub intensity: f32,
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// Where it stands, in the camera's frame (pinhole at the origin, looking along +z).
+    pub position: Vec3,
+}
+
+impl Light {
+    /// The largest I_L that an engine is given: half of what f32 holds, so that I_L (L . N) stays finite even where the
+    /// cosine of two rounded unit vectors comes out a little above 1. Brighter lights are taken for this bright.
+    pub const BRIGHTEST: f32 = f32::MAX / 2.0;
+
+    /// I_L of eq. 11: intensity x colour, at most [`Light::BRIGHTEST`].
+    pub fn radiance(&self) -> Vec3 {
+        (self.intensity * self.colour).min(Vec3::splat(Self::BRIGHTEST))
+    }
+}
+
+/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Greater than 0.
+    pub radius: f32,
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The centre, in the camera's frame.
+    pub centre: Vec3,
+}
+
+/// A flat triangle, seen from both sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The three corners, in the camera's frame and in the file's order.
+    pub vertices: [Vec3; 3],
+}
+
+/// A scene file's content: every number rounded once to f32, in the file's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// The image name that the file gives, as it stands there.
+    pub name: String,
+    /// Image size, focal distance and film.
+    pub camera: Camera,
+    /// Lights, in file order.
+    pub lights: Vec<Light>,
+    /// Spheres, in file order; they come before all triangles where two objects tie.
+    pub spheres: Vec<Sphere>,
+    /// Triangles, in file order.
+    pub triangles: Vec<Triangle>,
+}

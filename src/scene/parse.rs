@@ -1,0 +1,443 @@
+//! The paper's scene format: a byte lexer, and the parser that checks each number where it stands.
+
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read};
+use std::ops::Range;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::{Camera, Diagnostic, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+
+/// The most errors that are kept of one file; the rest is counted.
+const MAX_ERRORS: usize = 20;
+/// The longest scene file, in bytes.
+const MAX_FILE: u64 = 4 << 30;
+/// The most that is read of what has no length of its own: a pipe, a device.
+const MAX_STREAM: u64 = 64 << 20;
+/// The film diagonal of Algorithm 1; the format has no place for another.
+const FILM: f32 = 1.0;
+const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// Reads a scene file in the paper's format.
+///
+/// # Errors
+/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
+/// for a pipe or a device); otherwise what [`parse`] returns.
+pub fn read(path: &Path) -> Result<Scene, SceneError> {
+    let source = contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause })?;
+    parse(&source, &path.to_string_lossy())
+}
+
+fn contents(path: &Path) -> io::Result<Vec<u8>> {
+    let metadata = fs::metadata(path)?;
+    if metadata.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    let limit = if metadata.is_file() { MAX_FILE } else { MAX_STREAM };
+    let too_large = || {
+        let size = limit >> 20;
+        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, too many for a scene"))
+    };
+    if metadata.len() > limit {
+        return Err(too_large());
+    }
+    // The length is only what the file system says: what is read is held to the limit, too.
+    let mut source = Vec::new();
+    File::open(path)?.take(limit + 1).read_to_end(&mut source)?;
+    if source.len() as u64 > limit { Err(too_large()) } else { Ok(source) }
+}
+
+/// Reads a scene in the paper's format; `name` is what diagnostics call the file.
+///
+/// Tokens are separated by white space; `#` and `//` start a comment anywhere, in mid-token too, that runs to the end
+/// of the line (LF, CR LF or CR). A UTF-8 byte order mark is skipped. The camera's film diagonal is 1. A negative
+/// zero in an intensity or a colour becomes 0.
+///
+/// # Errors
+/// [`SceneError::Invalid`] with up to 20 diagnostics: a value that cannot be is noted and reading goes on; a count
+/// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
+/// `source`, whatever the counts say, and time is linear.
+pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
+    let mut log = Log { source, place: Place::START, diagnostics: Vec::new(), more: 0 };
+    let scene = match std::str::from_utf8(source) {
+        Ok(text) => Parser::new(text, &mut log).scene(),
+        Err(error) => Err(log.not_utf8(error)),
+    };
+    match scene {
+        Ok(scene) if log.diagnostics.is_empty() => Ok(scene),
+        _ => Err(SceneError::Invalid { name: name.to_owned(), diagnostics: log.diagnostics, more: log.more }),
+    }
+}
+
+/// Whether `byte` separates tokens.
+pub(super) fn is_space(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | 0x0b | 0x0c) || is_line_end(byte)
+}
+
+pub(super) fn is_line_end(byte: u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
+}
+
+/// Nothing more can be read; why has been noted.
+struct Stop;
+
+/// What a number must be.
+#[derive(Clone, Copy)]
+enum Rule {
+    Any,
+    NotNegative,
+    Positive,
+}
+
+/// Why a token is not the number that it should be.
+struct Problem {
+    what: &'static str,
+    help: Option<&'static str>,
+}
+
+/// A number's name in a diagnostic: "the width", "sphere 3's radius".
+#[derive(Clone, Copy)]
+struct Field {
+    owner: Option<(&'static str, u64)>,
+    part: &'static str,
+}
+
+/// The three lists of a scene.
+struct Kind {
+    one: &'static str,
+    many: &'static str,
+    count: &'static str,
+    /// Tokens of an item.
+    tokens: usize,
+}
+
+const LIGHTS: Kind = Kind { one: "light", many: "lights", count: "the light count", tokens: 7 };
+const SPHERES: Kind = Kind { one: "sphere", many: "spheres", count: "the sphere count", tokens: 7 };
+const TRIANGLES: Kind = Kind { one: "triangle", many: "triangles", count: "the triangle count", tokens: 12 };
+const COLOUR: [&str; 3] = ["red", "green", "blue"];
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const VERTICES: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
+
+struct Parser<'a, 'b> {
+    text: &'a str,
+    /// The next byte to be read.
+    at: usize,
+    /// The last token, in bytes of the text.
+    last: Range<usize>,
+    /// The list that was begun last.
+    announced: Option<Announced>,
+    log: &'b mut Log<'a>,
+}
+
+/// What the count of a list says, and in which line.
+struct Announced {
+    line: usize,
+    count: u64,
+    kind: &'static Kind,
+}
+
+/// The errors so far, in the file's order.
+struct Log<'a> {
+    source: &'a [u8],
+    place: Place,
+    diagnostics: Vec<Diagnostic>,
+    more: usize,
+}
+
+/// A place in the file. It only ever moves forward, so that all places together cost one pass.
+#[derive(Clone, Copy)]
+struct Place {
+    offset: usize,
+    line: usize,
+    line_start: usize,
+    column: usize,
+}
+
+impl<'a, 'b> Parser<'a, 'b> {
+    fn new(text: &'a str, log: &'b mut Log<'a>) -> Self {
+        let start = if text.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        log.place = Place { offset: start, line_start: start, ..Place::START };
+        Parser { text, at: start, last: start..start, announced: None, log }
+    }
+
+    fn scene(mut self) -> Result<Scene, Stop> {
+        let Some(name) = self.token() else {
+            let message = if self.at == self.last.end { "the file is empty" } else { "the file holds no scene" };
+            let expected = "an image name, then the image's width and height";
+            self.log.note(self.last.clone(), format_args!("{message}"), expected, None);
+            return Err(Stop);
+        };
+        let name = &self.text[name];
+        let scene = self.after_name(name);
+        if let Some(first) = self.log.diagnostics.first_mut()
+            && name.parse::<f64>().is_ok()
+        {
+            // A forgotten name shifts all that follows, and the error shows far from its cause.
+            let help = "the file's first token is the image name, and here it is a number: is the name missing?";
+            first.help = Some(help.to_owned());
+        }
+        scene
+    }
+
+    fn after_name(&mut self, name: &str) -> Result<Scene, Stop> {
+        let width = self.side("the width")?;
+        let height = self.side("the height")?;
+        if u64::from(width) * u64::from(height) > MAX_PIXELS {
+            let message = format_args!("an image of {width} x {height} has more than {MAX_PIXELS} pixels");
+            let expected = format!("a height of at most {} for that width", MAX_PIXELS / u64::from(width));
+            self.log.note(self.last.clone(), message, &expected, None);
+        }
+        let focal = self.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
+        let lights = self.list(&LIGHTS, |parser, light| {
+            let intensity = parser.number(light("intensity"), Rule::NotNegative)?;
+            let colour = parser.vector(COLOUR.map(light), Rule::NotNegative)?;
+            Ok(Light { intensity, colour, position: parser.vector(POSITION.map(light), Rule::Any)? })
+        })?;
+        let spheres = self.list(&SPHERES, |parser, sphere| {
+            let radius = parser.number(sphere("radius"), Rule::Positive)?;
+            let colour = parser.vector(COLOUR.map(sphere), Rule::NotNegative)?;
+            Ok(Sphere { radius, colour, centre: parser.vector(POSITION.map(sphere), Rule::Any)? })
+        })?;
+        let triangles = self.list(&TRIANGLES, |parser, triangle| {
+            let colour = parser.vector(COLOUR.map(triangle), Rule::NotNegative)?;
+            let mut vertex = |names: [&'static str; 3]| parser.vector(names.map(triangle), Rule::Any);
+            let [a, b, c] = VERTICES;
+            Ok(Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] })
+        })?;
+        self.end_of_file();
+        // What a camera cannot be has been noted above.
+        let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
+        Ok(Scene { name: name.to_owned(), camera, lights, spheres, triangles })
+    }
+
+    /// The next token's place in the text, or `None` at the end of the file.
+    fn token(&mut self) -> Option<Range<usize>> {
+        let bytes = self.text.as_bytes();
+        let comment = |at: usize| bytes[at] == b'#' || bytes[at..].starts_with(b"//");
+        loop {
+            if self.at == bytes.len() {
+                return None;
+            } else if is_space(bytes[self.at]) {
+                self.at += 1;
+            } else if comment(self.at) {
+                while self.at < bytes.len() && !is_line_end(bytes[self.at]) {
+                    self.at += 1;
+                }
+            } else {
+                break;
+            }
+        }
+        let start = self.at;
+        while self.at < bytes.len() && !is_space(bytes[self.at]) && !comment(self.at) {
+            self.at += 1;
+        }
+        self.last = start..self.at;
+        Some(self.last.clone())
+    }
+
+    /// The next token, which must be there.
+    fn wanted(&mut self, field: Field, expected: &str) -> Result<&'a str, Stop> {
+        if let Some(token) = self.token() {
+            return Ok(&self.text[token]);
+        }
+        let list = self.announced.as_ref().filter(|_| field.owner.is_some());
+        let help = list.map(|list| format!("{list}: add what is missing or correct the count"));
+        // The place just after the last token says more than the file's last line, which may be far below it.
+        self.log.note(self.last.end..self.last.end, format_args!("{field} is missing"), expected, help);
+        Err(Stop)
+    }
+
+    /// A side of the image; 1 stands in for what cannot be.
+    fn side(&mut self, part: &'static str) -> Result<u32, Stop> {
+        let expected = format!("a whole number from 1 to {MAX_SIDE}");
+        let problem = match whole(self.wanted(Field { owner: None, part }, &expected)?) {
+            Ok(0) => "is 0",
+            Ok(side) if side > u64::from(MAX_SIDE) => "is too large",
+            Ok(side) => return Ok(side as u32),
+            Err(problem) => problem,
+        };
+        self.log.note(self.last.clone(), format_args!("{part} {problem}"), &expected, None);
+        Ok(1)
+    }
+
+    /// A number rounded to f32; 1 stands in for what cannot be.
+    fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
+        let token = self.wanted(field, rule.expected())?;
+        rule.check(token).or_else(|Problem { what, help }| {
+            let help = help.map(str::to_owned);
+            self.log.note(self.last.clone(), format_args!("{field} {what}"), rule.expected(), help);
+            Ok(1.0)
+        })
+    }
+
+    fn vector(&mut self, [x, y, z]: [Field; 3], rule: Rule) -> Result<Vec3, Stop> {
+        Ok(Vec3::new(self.number(x, rule)?, self.number(y, rule)?, self.number(z, rule)?))
+    }
+
+    /// A count and as many items; `item` is given what names a part of it.
+    fn list<T>(
+        &mut self,
+        kind: &'static Kind,
+        item: impl Fn(&mut Self, &dyn Fn(&'static str) -> Field) -> Result<T, Stop>,
+    ) -> Result<Vec<T>, Stop> {
+        let count = self.count(kind)?;
+        // Grown item by item: memory follows what is there, not what the count says.
+        let mut items = Vec::new();
+        for number in 1..=count {
+            items.push(item(self, &|part| Field { owner: Some((kind.one, number)), part })?);
+        }
+        Ok(items)
+    }
+
+    fn count(&mut self, kind: &'static Kind) -> Result<u64, Stop> {
+        let expected = format!("a whole number: how many {} follow (0 for none)", kind.many);
+        let count = whole(self.wanted(Field { owner: None, part: kind.count }, &expected)?);
+        let place = self.last.clone();
+        let (what, expected) = match count {
+            // A token and the white space before it take two bytes or more.
+            Ok(count) if count <= ((self.text.len() - self.at) / 2 / kind.tokens) as u64 => {
+                let line = self.log.place.advance(self.log.source, place.start).line;
+                self.announced = Some(Announced { line, count, kind });
+                return Ok(count);
+            }
+            Ok(_) => {
+                let tokens = self.remaining();
+                let Kind { one, tokens: each, .. } = kind;
+                let most = tokens / each;
+                let numbers = if tokens == 1 { "1 number follows" } else { &format!("{tokens} numbers follow") };
+                ("is larger than what follows", format!("at most {most}: {numbers}, and a {one} takes {each}"))
+            }
+            Err(problem) => (problem, expected),
+        };
+        self.log.note(place, format_args!("{} {what}", kind.count), &expected, None);
+        Err(Stop)
+    }
+
+    /// Notes what stands after the last triangle.
+    fn end_of_file(&mut self) {
+        let Some(token) = self.token() else { return };
+        let extra = 1 + self.remaining();
+        let these = if extra == 1 { "this token" } else { &format!("the {extra} tokens from here on") };
+        let help = self.announced.as_ref().map(|list| format!("{list}: correct the count or remove {these}"));
+        self.log.note(token, format_args!("the scene is complete here, and more follows"), "the end of the file", help);
+    }
+
+    /// How many tokens are left.
+    fn remaining(&mut self) -> usize {
+        std::iter::from_fn(|| self.token()).count()
+    }
+}
+
+impl Log<'_> {
+    fn note(&mut self, token: Range<usize>, message: fmt::Arguments<'_>, expected: &str, help: Option<String>) {
+        if self.diagnostics.len() == MAX_ERRORS {
+            self.more += 1;
+            return;
+        }
+        let Place { line, line_start, column, .. } = *self.place.advance(self.source, token.start);
+        let mut diagnostic = Diagnostic::new(self.source, token, (line, line_start, column), message, expected);
+        diagnostic.help = help;
+        self.diagnostics.push(diagnostic);
+    }
+
+    fn not_utf8(&mut self, error: std::str::Utf8Error) -> Stop {
+        let start = error.valid_up_to();
+        let end = error.error_len().map_or(self.source.len(), |length| start + length);
+        let utf16 = self.source.starts_with(b"\xff\xfe") || self.source.starts_with(b"\xfe\xff");
+        let help = if utf16 { "this looks like UTF-16: save the file as UTF-8" } else { "save the file as UTF-8" };
+        let message = format_args!("byte {start} of the file, {:#04x}, is not UTF-8", self.source[start]);
+        self.note(start..end, message, "UTF-8 text", Some(help.to_owned()));
+        Stop
+    }
+}
+
+impl Place {
+    const START: Place = Place { offset: 0, line: 1, line_start: 0, column: 1 };
+
+    fn advance(&mut self, source: &[u8], to: usize) -> &Self {
+        while self.offset < to {
+            let byte = source[self.offset];
+            self.offset += 1;
+            if is_line_end(byte) && !source[self.offset - 1..].starts_with(b"\r\n") {
+                *self = Place { line: self.line + 1, line_start: self.offset, column: 1, ..*self };
+            } else if byte & 0xc0 != 0x80 {
+                self.column += 1;
+            }
+        }
+        self
+    }
+}
+
+impl Rule {
+    fn expected(self) -> &'static str {
+        match self {
+            Rule::Any => "a number",
+            Rule::NotNegative => "a number of at least 0",
+            Rule::Positive => "a number greater than 0",
+        }
+    }
+
+    fn check(self, token: &str) -> Result<f32, Problem> {
+        let problem = |what, help| Err(Problem { what, help });
+        let Ok(number) = token.parse::<f32>() else {
+            let comma = token.contains(',');
+            let help = "the decimal mark is a point, and white space alone separates numbers";
+            return problem("is not a number", comma.then_some(help));
+        };
+        // `parse` takes the words nan, inf and infinity, and makes infinity of what is too large.
+        let word = !token.bytes().any(|byte| byte.is_ascii_digit());
+        let zero = number == 0.0;
+        match self {
+            _ if number.is_nan() => problem("is not a number", None),
+            _ if number.is_infinite() && word => problem("is infinite", None),
+            _ if number.is_infinite() => {
+                problem("is out of range", Some("numbers are held as f32: from -3.4028235e38 to 3.4028235e38"))
+            }
+            Rule::NotNegative if number < 0.0 => problem("is negative", None),
+            Rule::Positive if number < 0.0 || zero && token.starts_with('-') => problem("is negative", None),
+            Rule::Positive if zero && vanished(token) => {
+                problem("rounds to 0", Some("numbers are held as f32: the smallest above 0 is 1e-45"))
+            }
+            Rule::Positive if zero => problem("is 0", None),
+            // -0 becomes +0.
+            Rule::NotNegative => Ok(number + 0.0),
+            Rule::Any | Rule::Positive => Ok(number),
+        }
+    }
+}
+
+/// Whether a token that was read as 0 says something else: it has a digit other than 0 before the exponent.
+fn vanished(token: &str) -> bool {
+    token.bytes().take_while(|byte| !byte.eq_ignore_ascii_case(&b'e')).any(|byte| matches!(byte, b'1'..=b'9'))
+}
+
+/// A whole number of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with it.
+fn whole(token: &str) -> Result<u64, &'static str> {
+    let digits = token.strip_prefix(['+', '-']).unwrap_or(token);
+    if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err("is not a whole number");
+    }
+    // All that can go wrong with digits is that they are too many.
+    match digits.parse().unwrap_or(u64::MAX) {
+        number if number > 0 && token.starts_with('-') => Err("is negative"),
+        number => Ok(number),
+    }
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.owner {
+            Some((owner, number)) => write!(f, "{owner} {number}'s {}", self.part),
+            None => f.write_str(self.part),
+        }
+    }
+}
+
+impl fmt::Display for Announced {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Announced { line, count, kind } = self;
+        write!(f, "line {line} announces {count} {}", if *count == 1 { kind.one } else { kind.many })
+    }
+}
