@@ -167,7 +167,10 @@ impl SceneError {
 
 impl Excerpt {
     fn new(source: &[u8], line_start: usize, span: &Range<usize>) -> Self {
-        let from = boundary(source, span.start.saturating_sub(SHOWN_BEFORE).max(line_start));
+        let whole_start = span.start - line_start <= SHOWN_BEFORE;
+        // A lone continuation byte, which is what is wrong then, does not push the window past itself.
+        let cut = || boundary(source, span.start - SHOWN_BEFORE).min(span.start);
+        let from = if whole_start { line_start } else { cut() };
         let token_end = shown_end(source, span);
         // A token that is cut fills the window; what comes after it would look like a part of it.
         let limit = if token_end < span.end { token_end } else { source.len().min(token_end + SHOWN_AFTER) };
@@ -176,14 +179,14 @@ impl Excerpt {
         let to = if line_end == limit { boundary(source, limit) } else { line_end };
         let more = source.get(to).is_some_and(|&byte| !is_line_end(byte));
 
-        let mut text = String::from(if from > line_start { CUT } else { "" });
+        let mut text = String::from(if whole_start { "" } else { CUT });
         text.push_str(&String::from_utf8_lossy(&source[from..span.start]));
         let start = text.len();
         text.push_str(&String::from_utf8_lossy(&source[span.start..token_end]));
         let mark = start..text.len();
         text.push_str(&String::from_utf8_lossy(&source[token_end..to]));
         text.push_str(if more { CUT } else { "" });
-        Excerpt { text, mark, whole_start: from == line_start }
+        Excerpt { text, mark, whole_start }
     }
 }
 

@@ -60,9 +60,11 @@ fn contents(path: &Path) -> io::Result<Vec<u8>> {
 /// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
 /// `source`, whatever the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    let mut log = Log { source, place: Place::START, diagnostics: Vec::new(), more: 0 };
+    let start = if source.starts_with(BYTE_ORDER_MARK.as_bytes()) { BYTE_ORDER_MARK.len() } else { 0 };
+    let place = Place { offset: start, line: 1, line_start: start, column: 1 };
+    let mut log = Log { source, place, diagnostics: Vec::new(), more: 0 };
     let scene = match std::str::from_utf8(source) {
-        Ok(text) => Parser::new(text, &mut log).scene(),
+        Ok(text) => Parser { text, at: start, last: start..start, announced: None, log: &mut log }.scene(),
         Err(error) => Err(log.not_utf8(error)),
     };
     match scene {
@@ -155,13 +157,7 @@ struct Place {
     column: usize,
 }
 
-impl<'a, 'b> Parser<'a, 'b> {
-    fn new(text: &'a str, log: &'b mut Log<'a>) -> Self {
-        let start = if text.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-        log.place = Place { offset: start, line_start: start, ..Place::START };
-        Parser { text, at: start, last: start..start, announced: None, log }
-    }
-
+impl<'a> Parser<'a, '_> {
     fn scene(mut self) -> Result<Scene, Stop> {
         let Some(name) = self.token() else {
             let message = if self.at == self.last.end { "the file is empty" } else { "the file holds no scene" };
@@ -354,8 +350,6 @@ impl Log<'_> {
 }
 
 impl Place {
-    const START: Place = Place { offset: 0, line: 1, line_start: 0, column: 1 };
-
     fn advance(&mut self, source: &[u8], to: usize) -> &Self {
         while self.offset < to {
             let byte = source[self.offset];
