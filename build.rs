@@ -90,7 +90,7 @@ mod native {
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
         // The flags that matter to a figure; paths do not, and are this machine's own.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
-        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && !flag.contains('/')).collect();
+        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && flag != "-I" && !flag.contains('/')).collect();
         println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
         objects
     }
