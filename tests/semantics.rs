@@ -589,7 +589,7 @@ fn no_scene_however_degenerate_gives_a_nan() {
     for case in 0..20_000 {
         let rng = &mut rng;
         // One scale for a whole scene in some cases: tiny and huge ones, all of it.
-        let scale = if rng.next_u64() % 2 == 0 { 1.0 } else { 10f32.powf(rng.between(-40.0, 30.0)) };
+        let scale = if rng.next_u64().is_multiple_of(2) { 1.0 } else { 10f32.powf(rng.between(-40.0, 30.0)) };
         let mut coordinate = || {
             let number = if scale == 1.0 { number(rng) } else { rng.between(-3.0, 6.0) * scale };
             number.clamp(f32::MIN, f32::MAX)
@@ -599,7 +599,7 @@ fn no_scene_however_degenerate_gives_a_nan() {
         let positive = |rng: &mut Rng| (number(rng).abs() * scale).clamp(1e-45, f32::MAX);
         let colour = |rng: &mut Rng| vec3(number(rng).abs(), 0.0, 1.0);
         let mut scene = empty(camera(7, 5, positive(rng), positive(rng)));
-        if rng.next_u64() % 2 == 0 {
+        if rng.next_u64().is_multiple_of(2) {
             scene.camera = camera(7, 5, 1.0, 1.0);
         }
         scene.lights = points[..3]
