@@ -13,7 +13,7 @@ use tempfile::TempDir;
 const SCENE: &str = "picture.png 16 12 1  1 1 1 1 1 5 5 0  1 1 1 0.5 0 0 0 5  1 0 0 1 -9 -9 9 9 -9 9 0 9 9\n";
 
 /// A directory to work in, and what it takes to run the program there.
-struct Workplace {
+struct Place {
     directory: TempDir,
     variables: Vec<(&'static str, &'static str)>,
 }
@@ -25,10 +25,10 @@ struct Run {
     stderr: String,
 }
 
-impl Workplace {
+impl Place {
     /// With a scene in the file scene.in.
     fn new() -> Self {
-        let place = Workplace { directory: tempfile::tempdir().unwrap(), variables: Vec::new() };
+        let place = Place { directory: tempfile::tempdir().unwrap(), variables: Vec::new() };
         place.write("scene.in", SCENE);
         place
     }
@@ -119,7 +119,7 @@ fn engines() -> String {
 
 #[test]
 fn help_lists_the_commands_and_each_has_its_own() {
-    let place = Workplace::new();
+    let place = Place::new();
     let help = place.run("--help");
     assert_eq!((help.status, help.stderr.as_str()), (0, ""));
     assert!(help.stdout.contains("Usage: rayo <COMMAND>"), "{}", help.stdout);
@@ -147,21 +147,21 @@ fn help_lists_the_commands_and_each_has_its_own() {
 fn the_version_is_that_of_the_package() {
     let version = concat!("rayo ", env!("CARGO_PKG_VERSION"), "\n");
     for flag in ["--version", "-V"] {
-        let run = Workplace::new().run(flag);
+        let run = Place::new().run(flag);
         assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, version, ""));
     }
 }
 
 #[test]
 fn without_arguments_the_help_is_shown_and_that_is_bad_usage() {
-    let run = Workplace::new().run("");
+    let run = Place::new().run("");
     assert_eq!((run.status, run.stdout.as_str()), (2, ""));
     assert!(run.stderr.contains("Usage: rayo <COMMAND>") && run.stderr.contains("render"), "{}", run.stderr);
 }
 
 #[test]
 fn what_is_mistyped_is_met_with_a_suggestion() {
-    let place = Workplace::new();
+    let place = Place::new();
     for (arguments, suggestion) in [
         ("rendr scene.in", "tip: a similar subcommand exists: 'render'"),
         ("render scene.in --engin c", "tip: a similar argument exists: '--engine'"),
@@ -178,7 +178,7 @@ fn what_is_mistyped_is_met_with_a_suggestion() {
 
 #[test]
 fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
-    let place = Workplace::new();
+    let place = Place::new();
     let size = "expected width and height in pixels, as in 1632x1224";
     let threads = "expected a whole number from 1 to 4096";
     let film = "error: the film diagonal must be a finite number greater than 0, not";
@@ -219,7 +219,7 @@ fn invalid(value: &str, option: &str, expected: &str) -> String {
 
 #[test]
 fn an_unknown_engine_or_precision_is_refused_with_a_list() {
-    let place = Workplace::new();
+    let place = Place::new();
     let all = engines();
     for (arguments, message) in [
         ("--engine nope", format!("error: there is no engine `nope`; this build has: {all}")),
@@ -247,14 +247,14 @@ fn an_unknown_engine_or_precision_is_refused_with_a_list() {
 fn the_paper_has_no_doubles() {
     for engine in ["c", "paper"] {
         let message = format!("error: the engine `{engine}` does not compute in double; it has: single");
-        Workplace::new().refuses(&format!("render scene.in --engine {engine} --precision double"), 2, &message);
+        Place::new().refuses(&format!("render scene.in --engine {engine} --precision double"), 2, &message);
     }
 }
 
 #[cfg(not(rayo_asm))]
 #[test]
 fn an_engine_of_another_build_is_refused_as_such() {
-    let place = Workplace::new();
+    let place = Place::new();
     for engine in ["c", "paper"] {
         let list = engines();
         assert_eq!(list, "reference, rust, auto");
@@ -267,7 +267,7 @@ fn an_engine_of_another_build_is_refused_as_such() {
 
 #[test]
 fn every_engine_renders_from_the_command_line() {
-    let place = Workplace::new();
+    let place = Place::new();
     let usable: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).collect();
     for engine in &usable {
         let run = place.run(&format!("render scene.in --engine {engine} -o {engine}.png"));
@@ -285,7 +285,7 @@ fn every_engine_renders_from_the_command_line() {
 
 #[test]
 fn a_bad_scene_is_refused_at_its_place_and_nothing_is_written() {
-    let place = Workplace::new();
+    let place = Place::new();
     place.write("bad.in", "out.png 16 12\n 1\n 1\n 1 1 1 blue 0 0 0\n 0 0\n");
     place.refuses(
         "render bad.in",
@@ -302,7 +302,7 @@ fn a_bad_scene_is_refused_at_its_place_and_nothing_is_written() {
 
 #[test]
 fn what_is_no_scene_file_is_named() {
-    let place = Workplace::new();
+    let place = Place::new();
     place.refuses("render none.in", 2, "error: there is no scene file `none.in`");
     place.refuses("render .", 2, "error: `.` is a directory, and a scene is a file");
     place.write("empty.in", "");
@@ -316,7 +316,7 @@ fn what_is_no_scene_file_is_named() {
 
 #[test]
 fn the_name_in_the_scene_is_used_in_the_working_directory() {
-    let place = Workplace::new();
+    let place = Place::new();
     let run = place.run("render scene.in");
     assert!(run.summary().starts_with("picture.png: 16x12 by "), "{}", run.summary());
     assert_eq!(place.files(), ["picture.png", "scene.in"]);
@@ -326,7 +326,7 @@ fn the_name_in_the_scene_is_used_in_the_working_directory() {
 #[test]
 fn directories_in_the_scenes_name_are_dropped_with_a_warning() {
     for name in ["../up.png", "/up.png", "a/b/up.png", "..\\up.png", "C:\\x\\up.png", "./up.png"] {
-        let place = Workplace::new();
+        let place = Place::new();
         place.write("scene.in", &SCENE.replace("picture.png", name));
         let run = place.run("render scene.in");
         let warning = format!("warning: of the scene's image name `{name}` only `up.png` is used, in this directory");
@@ -340,7 +340,7 @@ fn directories_in_the_scenes_name_are_dropped_with_a_warning() {
 #[test]
 fn a_name_in_the_scene_that_is_no_file_is_refused() {
     for name in ["..", ".", "a/", "/"] {
-        let place = Workplace::new();
+        let place = Place::new();
         place.write("scene.in", &SCENE.replace("picture.png", name));
         let message = format!("error: the scene's image name `{name}` names no file: name one with -o");
         place.refuses("render scene.in", 2, &message);
@@ -350,7 +350,7 @@ fn a_name_in_the_scene_that_is_no_file_is_refused() {
 
 #[test]
 fn a_name_without_extension_is_png() {
-    let place = Workplace::new();
+    let place = Place::new();
     place.write("scene.in", &SCENE.replace("picture.png", "picture"));
     assert_eq!(place.run("render scene.in").status, 0);
     assert_eq!(place.files(), ["picture", "scene.in"]);
@@ -359,7 +359,7 @@ fn a_name_without_extension_is_png() {
 
 #[test]
 fn the_name_in_the_scene_replaces_nothing_without_force() {
-    let place = Workplace::new();
+    let place = Place::new();
     place.write("picture.png", "precious");
     let message = "error: picture.png already exists: add --force to replace it, or name another file";
     place.refuses("render scene.in", 1, message);
@@ -371,7 +371,7 @@ fn the_name_in_the_scene_replaces_nothing_without_force() {
 
 #[test]
 fn the_option_replaces_what_is_there() {
-    let place = Workplace::new();
+    let place = Place::new();
     place.write("out.png", "old");
     assert_eq!(place.run("render scene.in -o out.png").status, 0);
     assert!(is_png(&place.path("out.png")));
@@ -380,7 +380,7 @@ fn the_option_replaces_what_is_there() {
 
 #[test]
 fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
-    let place = Workplace::new();
+    let place = Place::new();
     for (name, start) in [("a.png", &b"\x89PNG"[..]), ("a.PPM", b"P6"), ("a.pgm", b"P3"), ("a.pfm", b"PF")] {
         assert_eq!(place.run(&format!("render scene.in -o {name}")).status, 0);
         assert!(fs::read(place.path(name)).unwrap().starts_with(start), "{name}");
@@ -400,7 +400,7 @@ fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
 
 #[test]
 fn where_nothing_can_be_written_the_status_is_1() {
-    let place = Workplace::new();
+    let place = Place::new();
     let message = "error: cannot write none/a.png: there is no directory none; create it first";
     place.refuses("render scene.in -o none/a.png", 1, message);
     fs::create_dir(place.path("directory.png")).unwrap();
@@ -414,7 +414,7 @@ fn where_nothing_can_be_written_the_status_is_1() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told_and_leaves_nothing() {
-    let place = Workplace::new();
+    let place = Place::new();
     let message = "error: cannot write /dev/full: No space left on device (os error 28); \
                    free some space, or write to another disk";
     place.refuses("render scene.in -o /dev/full", 1, message);
@@ -423,7 +423,7 @@ fn a_full_disk_is_told_and_leaves_nothing() {
 }
 
 /// Runs the program with standard output going to `stdout`: its status and what it says.
-fn run_into(stdout: impl Into<std::process::Stdio>, place: &Workplace, arguments: &str) -> (Option<i32>, String) {
+fn run_into(stdout: impl Into<std::process::Stdio>, place: &Place, arguments: &str) -> (Option<i32>, String) {
     let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("rayo"));
     command.args(arguments.split(' ')).current_dir(&place.directory).stdout(stdout);
     let output = command.stderr(std::process::Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
@@ -433,7 +433,7 @@ fn run_into(stdout: impl Into<std::process::Stdio>, place: &Workplace, arguments
 #[cfg(target_os = "linux")]
 #[test]
 fn a_result_that_cannot_be_printed_is_told() {
-    let place = Workplace::new();
+    let place = Place::new();
     assert_eq!(place.run("render scene.in --quiet").status, 0);
     for arguments in ["info", "info --json", "render scene.in --force --stats", "render scene.in --force --json"] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
@@ -455,7 +455,7 @@ fn a_result_that_cannot_be_printed_is_told() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_picture_can_go_to_standard_output() {
-    let place = Workplace::new();
+    let place = Place::new();
     let output = place.command().args(["render", "scene.in", "-o", "/dev/stdout"]).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     assert!(output.stdout.starts_with(b"\x89PNG\r\n\x1a\n"));
@@ -468,7 +468,7 @@ fn a_picture_can_go_to_standard_output() {
 
 #[test]
 fn size_film_and_focal_distance_take_the_place_of_the_scenes() {
-    let place = Workplace::new();
+    let place = Place::new();
     for arguments in
         ["-o plain.pfm", "-o scaled.pfm --film 32 --focal 32", "-o wide.pfm --focal 0.5", "-o small.pfm --size 7x3"]
     {
@@ -483,7 +483,7 @@ fn size_film_and_focal_distance_take_the_place_of_the_scenes() {
 
 #[test]
 fn the_narrowest_and_widest_pictures_are_rendered() {
-    let place = Workplace::new();
+    let place = Place::new();
     for (width, height) in [(1, 1), (1_000_000, 1), (1, 100_000), (67, 1)] {
         let run = place.run(&format!("render scene.in --size {width}x{height} -o out.ppm"));
         assert!(run.summary().starts_with(&format!("out.ppm: {width}x{height} by ")), "{}", run.summary());
@@ -493,7 +493,7 @@ fn the_narrowest_and_widest_pictures_are_rendered() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_file() {
-    let place = Workplace::new();
+    let place = Place::new();
     let bytes = |threads| {
         let run = place.run(&format!("render scene.in --size 613x457 --threads {threads} -o out.png --quiet"));
         assert_eq!((run.status, run.stderr.as_str()), (0, ""));
@@ -507,7 +507,7 @@ fn any_number_of_threads_gives_the_same_file() {
 
 #[test]
 fn quiet_is_silent() {
-    let place = Workplace::new();
+    let place = Place::new();
     let run = place.run("render scene.in --quiet");
     assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, "", ""));
     assert_eq!(place.files(), ["picture.png", "scene.in"]);
@@ -515,7 +515,7 @@ fn quiet_is_silent() {
 
 #[test]
 fn a_long_picture_shows_no_progress_where_nobody_watches() {
-    let place = Workplace::new();
+    let place = Place::new();
     // Some three seconds' work for the slowest engine: a bar would have come after one.
     place.write("many.in", &rayo::scene::many(300, 300, 1).to_text());
     let run = place.run("render many.in --engine reference --threads 1");
@@ -527,7 +527,7 @@ fn a_long_picture_shows_no_progress_where_nobody_watches() {
 
 #[test]
 fn stats_tell_where_the_time_went() {
-    let place = Workplace::new();
+    let place = Place::new();
     let run = place.run("render scene.in --stats --engine rust --threads 1");
     assert_eq!((run.status, run.stderr.as_str()), (0, ""));
     let names: Vec<_> = run.stdout.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
@@ -537,7 +537,7 @@ fn stats_tell_where_the_time_went() {
 
 #[test]
 fn stats_in_json_have_these_fields() {
-    let place = Workplace::new();
+    let place = Place::new();
     for arguments in ["--stats --json", "--json", "--json --quiet"] {
         let run = place.run(&format!("render scene.in --engine rust --size 40x30 --force {arguments}"));
         assert_eq!(run.status, 0);
@@ -563,7 +563,7 @@ fn stats_in_json_have_these_fields() {
 
 #[test]
 fn stats_count_the_rays_that_hit() {
-    let place = Workplace::new();
+    let place = Place::new();
     // Over everything, over nothing.
     for (triangle, hits) in [("-99 -99 9  99 -99 9  0 99 9", 192), ("-99 -99 -9  99 -99 -9  0 99 -9", 0)] {
         place.write("scene.in", &format!("x.png 16 12 1  0  0  1  1 1 1 {triangle}"));
@@ -573,7 +573,7 @@ fn stats_count_the_rays_that_hit() {
 
 #[test]
 fn info_tells_what_this_build_and_cpu_have() {
-    let place = Workplace::new();
+    let place = Place::new();
     let json = place.run("info --json").json();
     assert_eq!(json["schema"], 1);
     assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
@@ -602,7 +602,7 @@ fn info_tells_what_this_build_and_cpu_have() {
 
 #[test]
 fn nothing_is_coloured_but_at_a_terminal() {
-    let mut place = Workplace::new();
+    let mut place = Place::new();
     place.write("bad.in", "x.png 0 5");
     for variables in [vec![], vec![("NO_COLOR", "1")], vec![("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")]] {
         place.variables = variables;
@@ -616,8 +616,8 @@ fn nothing_is_coloured_but_at_a_terminal() {
 // Two images
 
 /// Two P3 files that differ by 3 levels in one pixel, and one of another size.
-fn images() -> Workplace {
-    let place = Workplace::new();
+fn images() -> Place {
+    let place = Place::new();
     place.write("a.ppm", "P3 2 1 255  10 20 30  1 2 3");
     place.write("b.ppm", "P3 2 1 255  10 20 30  1 5 3");
     place.write("c.ppm", "P3 1 1 255  10 20 30");

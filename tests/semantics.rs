@@ -277,8 +277,8 @@ fn of_two_triangles_in_one_plane_the_first_is_seen() {
 
 #[test]
 fn where_a_sphere_touches_a_triangle_the_sphere_is_seen() {
-    // The ray of row 1, col 1 of 3 x 4 pixels of side 1 with f = 2 is (0, 0.5, 2); scaled to (0, 1.5, 2) by the row 0 it has
-    // length 2.5, and the sphere about 10 times that ray with radius 5 is hit at its pole (0, 12, 16), t = 8, exactly.
+    // 3 x 4 pixels of side 1: the ray of row 0, col 1 is (0, 1.5, 2), of length 2.5. The sphere about 10 times that ray
+    // with radius 5 is hit at its pole (0, 12, 16), t = 8, in whole numbers all the way.
     let mut scene = empty(camera(3, 4, 2.0, 5.0));
     scene.lights = vec![light(Vec3::ZERO)];
     scene.spheres = vec![sphere(5.0, RED, vec3(0.0, 15.0, 20.0))];
