@@ -1,9 +1,6 @@
 //! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
 
 use std::env;
-use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn main() {
@@ -25,6 +22,10 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 
 #[cfg(feature = "asm")]
 mod native {
+    use std::fmt::Write as _;
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
     use super::*;
 
     /// One translation unit per ISA, and the harness of checked calls.
