@@ -154,8 +154,7 @@ advise() {
     nasm_found=$(nasm -v 2>/dev/null | sed -n '1s/ compiled.*//p') || true
     case " $* " in
         *" nasm "*)
-            say "  nasm: NASM 2.15 or newer${nasm_found:+ (on PATH: $nasm_found)}; its source is at nasm.us, and"
-            say "        the variable NASM can name it"
+            say "  nasm: NASM 2.15 or newer${nasm_found:+ (on PATH: $nasm_found)}; nasm.us has its source, NASM=... can name it"
             ;;
     esac
     case " $* " in
@@ -167,7 +166,8 @@ advise() {
         command=$(install_command "$name" "$@")
         [ -z "$command" ] || say "  $command"
     done
-    say "Or build the engines in Rust alone, which need no NASM: cargo build --release --no-default-features"
+    # rustc needs cc to link.
+    [ "$*" != nasm ] || say "Or build the engines in Rust alone: cargo build --release --no-default-features"
     exit 1
 }
 
