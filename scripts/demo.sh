@@ -1,21 +1,24 @@
 #!/bin/sh
-# demo.sh - renders two scenes on three engines, checks that the pictures agree, and measures C against SIMD; for make demo.
+# demo.sh - renders two scenes on several engines, checks that the pictures agree, and measures C against SIMD; for make demo.
 set -eu
 cd "$(dirname "$0")/.."
 
 : "${rayo:=target/release/rayo}"
 out=out/demo
 
-# On another architecture than x86-64 the paper's two are not there, and the Rust engine stands in for them.
-engines=$("$rayo" info | sed -n 's/^engines *//p')
-case ", $engines," in
-    *", c, paper"*) first=c second=paper ;;
-    *) first=rust second= ;;
+# What `rayo info` tells under a name.
+info() { "$rayo" info | sed -n "s/^$1 *//p"; }
+
+# The paper's two, where this architecture has them, and the fastest engine.
+fastest=$(info auto)
+case ", $(info engines)," in
+    *", c, paper,"*) pair='c paper' ;;
+    *) pair= ;;
 esac
 
 mkdir -p "$out"
 for scene in sphere tetrahedron; do
-    for engine in reference $first $second; do
+    for engine in reference $pair "$fastest"; do
         "$rayo" render "scenes/$scene.in" --engine "$engine" --quiet -o "$out/$scene-$engine.png"
     done
 done
@@ -27,16 +30,16 @@ agree() {
         printf '%s: %s and %s do not agree:\n%s\n' "$1" "$2" "$3" "$verdict" >&2
         exit 1
     }
-    printf '  %-12s %-20s %s\n' "$1" "$2 and $3" "$(printf '%s\n' "$verdict" | head -n 1)"
+    printf '  %-12s %-21s %s\n' "$1" "$2 and $3" "$(printf '%s\n' "$verdict" | head -n 1)"
 }
 
 printf '\nThe engines agree, to one level of 255:\n'
 for scene in sphere tetrahedron; do
-    [ -z "$second" ] || agree "$scene" "$first" "$second"
-    for engine in $first $second; do agree "$scene" reference "$engine"; done
+    [ -z "$pair" ] || agree "$scene" c paper
+    for engine in $pair "$fastest"; do agree "$scene" reference "$engine"; done
 done
 
-if [ -n "$second" ]; then
+if [ -n "$pair" ]; then
     printf '\nThe C against the SIMD, on a small image:\n'
     "$rayo" experiment --engines c,paper --quick --out "$out/experiment"
 fi
