@@ -22,11 +22,12 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 
 #[cfg(feature = "asm")]
 mod native {
+    use std::env;
     use std::fmt::Write as _;
     use std::fs;
     use std::path::{Path, PathBuf};
 
-    use super::*;
+    use super::first_line;
 
     /// One translation unit per ISA, and the harness of checked calls.
     const UNITS: [&str; 4] = ["sse41", "avx2", "avx512", "checked"];
@@ -114,7 +115,7 @@ mod native {
 
     /// Reads the `struc` blocks of layout.inc and writes their offsets for Rust and C.
     mod layout {
-        use super::*;
+        use std::fmt::Write as _;
 
         pub struct Struc {
             name: String,

@@ -40,7 +40,7 @@ for scene in sphere tetrahedron; do
 done
 
 if [ -n "$pair" ]; then
-    printf '\nThe C against the SIMD, on a small image:\n'
+    printf "\nThe C against the SIMD, at some of the paper's sizes:\n"
     "$rayo" experiment --engines c,paper --quick --out "$out/experiment"
 fi
 

@@ -212,31 +212,6 @@ fn every_folder_of_sources_is_in_the_map() {
 }
 
 #[test]
-fn every_source_file_begins_with_what_lives_there() {
-    fn check(folder: &Path) {
-        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
-            let path = entry.path();
-            if entry.file_type().unwrap().is_dir() {
-                check(&path);
-                continue;
-            }
-            let name = path.file_name().unwrap().to_str().unwrap();
-            let begin = match path.extension().and_then(|extension| extension.to_str()) {
-                Some("rs") => "//! ".to_owned(),
-                Some("asm" | "inc") => format!("; {name} - "),
-                Some("c" | "h") => format!("/* {name} - "),
-                _ => continue,
-            };
-            let text = fs::read_to_string(&path).unwrap();
-            assert!(text.starts_with(&begin), "{} must begin with `{begin}` and a sentence", path.display());
-        }
-    }
-    for folder in ["asm", "src", "tests"] {
-        check(&root().join(folder));
-    }
-}
-
-#[test]
 fn every_make_target_that_a_document_names_exists() {
     let makefile = text("Makefile");
     let mut named = BTreeSet::new();

@@ -71,7 +71,7 @@ pub(super) fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     Ok(if agree { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Does what `rayo diff` does, printing to `out`: whether the largest difference is within the tolerance.
+/// Does what [`run`] does, printing to `out`: whether the largest difference is within the tolerance.
 ///
 /// # Errors
 /// If there is no verdict.
