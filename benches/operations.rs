@@ -2,7 +2,8 @@
 //!
 //! The rows are C, both forms of the macros, the scalar twin, and glam where it has the operation.
 //!
-//! A row goes through 64 inputs, so that nothing is computed beforehand and branches are not learnt by heart. The
+//! A row goes through 64 inputs, so that nothing is computed beforehand, and writes 64 results: on some CPUs one place
+//! on the stack, written by a kernel and read by its caller each time, costs more than the operation. The kernels'
 //! functions are called, not inlined: `rayo ops` has what the operations take within a kernel. criterion runs the rows
 //! one after the other; ratios to rely on come from `rayo experiment`, which interleaves its contestants.
 
@@ -68,21 +69,29 @@ impl Inputs {
     }
 }
 
-/// A row: `op` of each pair of inputs.
-fn row<A, B, O>(group: &mut BenchmarkGroup<WallTime>, name: &str, a: &[A], b: &[B], op: impl Fn(&A, &B) -> O) {
+/// A row: `op` of each pair of inputs, into memory of its own.
+fn row<A, B, O: Default>(
+    group: &mut BenchmarkGroup<WallTime>,
+    name: &str,
+    a: &[A],
+    b: &[B],
+    op: impl Fn(&mut O, &A, &B),
+) {
+    let mut results: Vec<_> = a.iter().map(|_| O::default()).collect();
     group.throughput(Throughput::Elements(a.len() as u64));
     group.bench_function(name, |bencher| {
         bencher.iter(|| {
-            for (a, b) in black_box(a).iter().zip(black_box(b)) {
-                black_box(op(a, b));
+            for ((a, b), out) in black_box(a).iter().zip(black_box(b)).zip(black_box(&mut results)) {
+                op(out, a, b);
             }
+            black_box(&results);
         });
     });
 }
 
 /// A group with a row for each table of kernels that this CPU runs.
 #[cfg(rayo_asm)]
-fn kernel_rows<A: Plain, B: Plain, O: Plain>(
+fn kernel_rows<A: Plain, B: Plain, O: Plain + Default>(
     group: &mut BenchmarkGroup<WallTime>,
     op: impl Fn(&AosKernels) -> Op<A, B, O>,
     a: &[A],
@@ -90,7 +99,7 @@ fn kernel_rows<A: Plain, B: Plain, O: Plain>(
 ) {
     for (name, kernels) in [("c", Some(kernels::c())), ("paper", kernels::paper()), ("aos", kernels::aos())] {
         if let Some(op) = kernels.map(&op) {
-            row(group, name, a, b, |a, b| op.call(a, b));
+            row(group, name, a, b, |out, a, b| op.call_into(out, a, b));
         }
     }
 }
@@ -113,26 +122,26 @@ fn operations(c: &mut Criterion) {
             let mut group = c.benchmark_group(stringify!($name));
             #[cfg(rayo_asm)]
             kernel_rows(&mut group, |kernels| kernels.$name, $a, $b);
-            row(&mut group, "twin", $a, $b, $twin);
-            $(row(&mut group, "glam", $glam_a, $glam_b, $glam);)?
+            row(&mut group, "twin", $a, $b, |out, a, b| *out = $twin(a, b));
+            $(row(&mut group, "glam", $glam_a, $glam_b, |out, a, b| *out = $glam(a, b));)?
             group.finish();
         }};
     }
 
     group!(add, vectors, others, twin |a: &Vec4, b: &Vec4| aos::add(a.lanes(), b.lanes()),
-        glam &glams, &glam_others => |a, b| *a + *b);
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| *a + *b);
     group!(sub, vectors, others, twin |a: &Vec4, b: &Vec4| aos::sub(a.lanes(), b.lanes()),
-        glam &glams, &glam_others => |a, b| *a - *b);
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| *a - *b);
     group!(scale, vectors, scalars, twin |a: &Vec4, b: &f32| aos::scale(a.lanes(), *b),
-        glam &glams, scalars => |a, b| *a * *b);
+        glam &glams, scalars => |a: &Vec3A, b: &f32| *a * *b);
     group!(dot, vectors, others, twin |a: &Vec4, b: &Vec4| aos::dot(form, a.lanes(), b.lanes()),
-        glam &glams, &glam_others => |a, b| a.dot(*b));
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| a.dot(*b));
     group!(norm, vectors, others, twin |a: &Vec4, _: &Vec4| aos::norm(form, a.lanes()),
-        glam &glams, &glam_others => |a, _| a.length());
+        glam &glams, &glam_others => |a: &Vec3A, _: &Vec3A| a.length());
     group!(cross, vectors, others, twin |a: &Vec4, b: &Vec4| aos::cross(a.lanes(), b.lanes()),
-        glam &glams, &glam_others => |a, b| a.cross(*b));
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| a.cross(*b));
     group!(normalise, vectors, others, twin |a: &Vec4, _: &Vec4| aos::normalise(form, a.lanes()),
-        glam &glams, &glam_others => |a, _| a.normalize());
+        glam &glams, &glam_others => |a: &Vec3A, _: &Vec3A| a.normalize());
 
     let twin = |b: &Sphere| aos::Sphere { centre: b.centre.lanes(), colour: b.colour.lanes(), radius: b.radius };
     group!(sphere, rays, spheres, twin |a: &Vec4, b: &Sphere| aos::sphere(form, a.lanes(), &twin(b)));
