@@ -100,7 +100,9 @@ mod native {
     fn objects_to_rust<'a>(objects: impl Iterator<Item = (&'a &'a str, &'a PathBuf)>) -> String {
         let mut text = String::from("&[\n");
         for (name, path) in objects {
-            writeln!(text, "    ({name:?}, include_bytes!({path:?})),").unwrap();
+            // By its place in OUT_DIR: a copied build directory has the objects of its own.
+            let file = format!("/{}", path.file_name().unwrap().to_str().unwrap());
+            writeln!(text, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), {file:?}))),").unwrap();
         }
         text + "]\n"
     }

@@ -1,11 +1,11 @@
 //! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
 
-mod common;
+mod contenders;
 
 use std::fs;
 use std::path::Path;
 
-use common::{Truth, contenders, film};
+use contenders::{Truth, contenders, film};
 use rayo::measure::picture::Pixels;
 use rayo::render::{Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
 use rayo::scene::{self, Camera, Scene, many};
@@ -101,7 +101,7 @@ fn c_and_paper_agree_within_a_level_but_for_rays_on_an_outline() {
         let (mut silhouette, mut differing, mut worst) = (0, 0, 0);
         for (i, (&c, &paper)) in c.iter().zip(&paper).enumerate() {
             let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
-            let difference = common::difference(c, paper);
+            let difference = contenders::difference(c, paper);
             if truth.at_silhouette(row, col) {
                 silhouette += 1;
                 differing += usize::from(difference > 1);

@@ -3,9 +3,9 @@
 //! Scenes that need exact arithmetic use the camera of [`grid`], whose rays have coordinates that f32 holds, and objects at
 //! whole numbers.
 
-mod common;
+mod contenders;
 
-use common::{Contender, Truth, contenders, levels};
+use contenders::{Contender, Truth, contenders, levels};
 use glam::{DVec3, Vec3, vec3};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
@@ -536,7 +536,7 @@ fn what_is_too_bright_is_clamped_in_8_bits_and_kept_in_floats() {
                 assert_near(&contender, one(&contender, &scene), intensity * vec3(1.0, 0.5, 0.0));
                 let expected = levels([intensity, 0.5 * intensity, 0.0, 0.0]);
                 let [found] = contender.bytes(&scene)[..] else { panic!("not one pixel") };
-                assert!(common::difference(found, expected) <= 1, "{contender}: {found:?}, not {expected:?}");
+                assert!(contenders::difference(found, expected) <= 1, "{contender}: {found:?}, not {expected:?}");
                 assert!(intensity == 1.0 || found[0] == 255, "{contender}: {found:?}");
             }
         }
