@@ -165,7 +165,7 @@ impl<E: Element> Spans<E> {
 }
 
 fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = light.radiance().as_dvec3() * colour;
+    let weights = weights(light, colour);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -177,6 +177,11 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
         padding: 0.0,
     }
     .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 
 /// The columns whose rays have x from `left` to `right`.
@@ -221,7 +226,7 @@ impl Sphere {
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
                 let loss = f64::max((k0.abs() + products) / gap, (k1.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * light.radiance().as_dvec3() * colour;
+                let weights = 0.5 * weights(light, colour);
                 let fine = gap > 0.25 && loss < SHORT_FORM_LOSS;
                 fine.then_some(ShortForm { light: light_from_centre, k0, k1, weights })
             }
@@ -391,7 +396,8 @@ impl Triangle {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        let size = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
     }
 
