@@ -195,7 +195,7 @@ impl<E: Element> Spans<E> {
 }
 
 fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = light.radiance().as_dvec3() * colour;
+    let weights = weights(light, colour);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -207,6 +207,11 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
         padding: 0.0,
     }
     .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -243,7 +248,7 @@ impl Sphere {
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
                 let loss = f64::max((k0.abs() + products) / gap, (k1.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * light.radiance().as_dvec3() * colour;
+                let weights = 0.5 * weights(light, colour);
                 let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
                 // It does not clamp.
                 let dim = weights.max_element() <= 0.5 * white;
@@ -401,7 +406,8 @@ impl Triangle {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        let size = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
     }
 

@@ -41,6 +41,16 @@ impl Contender {
         film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
     }
 
+    /// The relative error of the light that a surface reflects, in floats or, if it writes some itself, in bytes: some
+    /// roundings; or, in `fast` and in the bytes of `single`, two estimates (of a root and of a reciprocal root) of which
+    /// each may be off by 1.5 x 2^-12, as SSE's rsqrtps is.
+    pub fn shade_error(&self, format: PixelFormat) -> f32 {
+        match (self.precision.name(), format) {
+            ("fast", _) | ("single", PixelFormat::Rgba8) => 2.0 * 1.5 / 4096.0,
+            _ => 1e-5,
+        }
+    }
+
     /// Whether it solves eq. 5 as it stands there, in f32: |c|^2 - r^2 cancels for spheres that are small for their
     /// distance. `c` and `paper` do so because the paper does, `rust` because a plain program does.
     pub fn cancels(&self) -> bool {
