@@ -1,1 +1,4 @@
 //! The experiments: each returns rows.
+
+pub mod document;
+pub mod speedup;

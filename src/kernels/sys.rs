@@ -31,12 +31,23 @@ pub fn tsc_stop() -> u64 {
     }
 }
 
+/// The core that runs the calling thread at this moment, where the operating system says.
+#[cfg(target_os = "linux")]
+pub fn current_core() -> Option<usize> {
+    // SAFETY: takes nothing, gives a number.
+    usize::try_from(unsafe { libc::sched_getcpu() }).ok()
+}
+
+/// The core that runs the calling thread is not known here.
+#[cfg(not(target_os = "linux"))]
+pub fn current_core() -> Option<usize> {
+    None
+}
+
 /// Keeps the calling thread on the core it is on, and says which that is.
 #[cfg(target_os = "linux")]
 pub fn pin_to_this_core() -> io::Result<usize> {
-    // SAFETY: takes nothing, gives a number.
-    let core = unsafe { libc::sched_getcpu() };
-    let core = usize::try_from(core).map_err(|_| io::Error::last_os_error())?;
+    let core = current_core().ok_or_else(io::Error::last_os_error)?;
     // SAFETY: a set of bits, for which all 0 is a value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
     if core >= 8 * size_of_val(&set) {
