@@ -7,6 +7,8 @@ mod checked;
 #[cfg(rayo_asm)]
 mod ffi;
 mod isa;
+#[cfg(rayo_asm)]
+pub mod ladder;
 pub mod sys;
 mod types;
 
