@@ -110,11 +110,14 @@ impl Settings {
                     chosen.push(Engine::from_str(name)?);
                 }
             }
-            None => chosen.extend_from_slice(Engine::ALL),
+            None => chosen.extend(Engine::ALL.iter().filter(|engine| engine.usable())),
         }
         let mut engines = Vec::new();
         for engine in chosen {
-            if engine.usable() && !engines.contains(&engine) {
+            if !engine.usable() {
+                return Err(EngineError::Unusable(engine));
+            }
+            if !engines.contains(&engine) {
                 engines.push(engine);
             }
         }

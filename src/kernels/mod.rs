@@ -9,6 +9,8 @@ mod ffi;
 mod isa;
 #[cfg(rayo_asm)]
 pub mod ladder;
+mod packet;
+mod spans;
 pub mod sys;
 mod types;
 
@@ -17,6 +19,9 @@ pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 #[cfg(rayo_asm)]
 pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
+#[cfg(rayo_asm)]
+pub use packet::{Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packets};
+pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
