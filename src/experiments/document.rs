@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 
+use super::claims::{Claim, Sweep};
+use super::jumps::Jumps;
+use super::ladder::{Explanation, Rung};
 use super::speedup::{ControlRow, Row, Speedup};
 use crate::measure::Machine;
 use crate::measure::statistics::Estimate;
@@ -16,12 +19,8 @@ pub struct Document {
     pub schema: u32,
     /// The machine and the build.
     pub machine: Machine,
-    /// The core that the thread was pinned to; None where it could not be.
-    pub core: Option<usize>,
-    /// Runs of each size.
-    pub runs: usize,
-    /// Whether every size that was asked for is there.
-    pub complete: bool,
+    /// How it was measured.
+    pub conditions: Conditions,
     /// No ratio closer to 1 than this is called a difference.
     pub noise_floor: f64,
     /// C/SIMD over all sizes.
@@ -30,27 +29,54 @@ pub struct Document {
     pub control_overall: Estimate,
     /// The same at each size.
     pub control: Vec<ControlRow>,
-    /// The part of the run time that was spent in what is timed.
-    pub timed_share: Option<f64>,
     /// Every engine at every size.
     pub rows: Vec<Row>,
+    /// One change at a time; empty without `--ladder`.
+    pub ladder: Vec<Rung>,
+    /// The factor taken apart; empty where the rungs for it were not measured.
+    pub explanations: Vec<Explanation>,
+    /// Time by the pixel from small pictures to large ones; None where the run was stopped before.
+    pub jumps: Option<Jumps>,
+    /// Cost in objects and lights; empty where the run was stopped before.
+    pub sweeps: Vec<Sweep>,
+    /// The paper's claims.
+    pub verdicts: Vec<Claim>,
+}
+
+/// How it was measured, and what could have disturbed it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Conditions {
+    /// The core that the thread was pinned to; None where it could not be.
+    pub core: Option<usize>,
+    /// Runs of each size.
+    pub runs: usize,
+    /// Whether everything that was asked for is there.
+    pub complete: bool,
+    /// Seconds from begin to end.
+    pub seconds: f64,
+    /// The part of them that was spent in what is timed.
+    pub timed_share: Option<f64>,
+    /// The part of them in which other programs had the core.
+    pub taken_share: Option<f64>,
 }
 
 impl Document {
-    /// Puts together what belongs together.
-    pub fn new(speedup: Speedup, machine: Machine, core: Option<usize>, runs: usize, seconds: f64) -> Self {
+    /// The document of a table, without what else there may be.
+    pub fn new(speedup: Speedup, machine: Machine, conditions: Conditions) -> Self {
         Document {
             schema: SCHEMA,
-            core,
-            runs,
-            complete: speedup.complete(),
+            machine,
+            conditions,
             noise_floor: speedup.noise_floor,
             c_by_simd: speedup.c_by_simd,
             control_overall: speedup.control_overall,
-            timed_share: machine.tsc_hz.map(|hz| speedup.timed_cycles / hz / seconds),
             control: speedup.control,
             rows: speedup.rows,
-            machine,
+            ladder: Vec::new(),
+            explanations: Vec::new(),
+            jumps: None,
+            sweeps: Vec::new(),
+            verdicts: Vec::new(),
         }
     }
 

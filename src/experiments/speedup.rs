@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, interleave};
-use crate::render::{Engine, EngineError, Film, PixelFormat, Tracer, level};
+use crate::render::reference::ReferenceTracer;
+use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer, level};
 use crate::scene::{self, Camera, Rng, Scene};
 
 /// A row of the paper's table.
@@ -84,6 +85,13 @@ pub(super) fn camera(scene: &Scene, width: u32, height: u32) -> Camera {
     Camera::new(width, height, camera.focal(), camera.film()).expect("the sizes of an experiment are within the limits")
 }
 
+/// Hears how much work has been done since it last heard, in cycles of some machine or other: the shares are what
+/// matters. Where it says no, what is being measured ends, and what is finished is the result.
+pub type Progress<'a> = dyn FnMut(u64) -> bool + 'a;
+
+/// What a round costs by the pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
+const ROUND_WORK: u64 = 300;
+
 /// What to measure.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -125,9 +133,9 @@ impl Settings {
         Ok(Settings { sizes, runs: runs.unwrap_or(if quick { QUICK_RUNS } else { RUNS }), engines })
     }
 
-    /// The work to do, in pixels that each contestant traces.
-    pub fn pixels(&self) -> u64 {
-        self.sizes.iter().map(|size| PAPER[*size].pixels() * self.runs as u64).sum()
+    /// The work to do, in the unit of [`Progress`].
+    pub fn work(&self) -> u64 {
+        self.sizes.iter().map(|size| PAPER[*size].pixels() * self.runs as u64 * ROUND_WORK).sum()
     }
 }
 
@@ -210,8 +218,6 @@ pub struct Speedup {
     pub control_overall: Estimate,
     /// C/SIMD over all sizes: `c` by `paper`, pair by pair.
     pub c_by_simd: Estimate,
-    /// Cycles spent in what is timed.
-    pub timed_cycles: f64,
     /// Sizes that were asked for.
     pub sizes_asked: usize,
 }
@@ -232,12 +238,12 @@ pub enum SpeedupError {
     },
     /// An engine's picture is not that of the reference: its time would mean nothing.
     #[error(
-        "{wrong} of {pixels} pixels that the engine `{engine}` wrote as {output} are not those of `reference`, \
+        "{wrong} of {pixels} pixels that `{who}` wrote as {output} are not those of `reference`, \
          and at most {allowed} may differ: its time is not that of the same picture"
     )]
     Picture {
         /// Whose picture.
-        engine: Engine,
+        who: String,
         /// What it wrote.
         output: &'static str,
         /// Pixels off by more than a level.
@@ -246,6 +252,17 @@ pub enum SpeedupError {
         pixels: usize,
         /// Pixels that rounding may turn at an outline.
         allowed: usize,
+    },
+    /// The threads could not be started.
+    #[error(transparent)]
+    Threads(#[from] RenderError),
+    /// The operating system refused.
+    #[error("cannot {what}: {error}")]
+    System {
+        /// What was asked of it.
+        what: &'static str,
+        /// What it says.
+        error: std::io::Error,
     },
     /// Stopped before the first size was finished.
     #[error("stopped before the first size was finished: there is nothing to show")]
@@ -273,16 +290,16 @@ pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, E
     Ok(entries)
 }
 
-/// Measures. `proceed` hears after each round how many pixels each contestant has traced since it last heard; where it
-/// says no, the sizes that are finished are the result.
-pub fn run(
-    settings: &Settings,
-    clock: &mut dyn Clock,
-    proceed: &mut dyn FnMut(u64) -> bool,
-) -> Result<Speedup, SpeedupError> {
+/// Measures.
+pub fn run(settings: &Settings, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Speedup, SpeedupError> {
     let scene = scene();
     let entries = entries(&settings.engines, &scene)?;
-    check_pictures(&entries, &scene)?;
+    let truth = Truth::new(&scene)?;
+    for entry in &entries {
+        let tracer = entry.engine.prepare(None, &scene, &truth.camera)?;
+        let rows = 0..truth.camera.height();
+        truth.check(entry.engine.name(), entry.output, &mut |film| tracer.rows(rows.clone(), film))?;
+    }
     let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
     let mut rng = Rng::new(SEED);
     let mut random = || rng.next_u64();
@@ -307,7 +324,7 @@ pub fn run(
                 tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels as usize));
             }));
         }
-        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels)) else { break };
+        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels * ROUND_WORK)) else { break };
         let again = runs.remove(first + 1);
         measured.push((camera, runs, again));
     }
@@ -315,6 +332,10 @@ pub fn run(
         return Err(SpeedupError::Nothing);
     }
     Ok(Speedup::new(&entries, &measured, settings.sizes.len(), &mut random))
+}
+
+fn new_film(format: PixelFormat, pixels: usize) -> Result<Film, SpeedupError> {
+    Film::new(format, pixels).map_err(|source| SpeedupError::Memory { pixels, source })
 }
 
 /// One film of each format, touched before, for all contestants: each finds it in the same state.
@@ -325,8 +346,7 @@ pub(super) struct Films {
 
 impl Films {
     pub(super) fn new(pixels: usize) -> Result<Self, SpeedupError> {
-        let new = |format| Film::new(format, pixels).map_err(|source| SpeedupError::Memory { pixels, source });
-        Ok(Films { floats: new(PixelFormat::F32x4)?, bytes: new(PixelFormat::Rgba8)? })
+        Ok(Films { floats: new_film(PixelFormat::F32x4, pixels)?, bytes: new_film(PixelFormat::Rgba8, pixels)? })
     }
 
     pub(super) fn of(&mut self, format: PixelFormat) -> &mut Film {
@@ -337,32 +357,39 @@ impl Films {
     }
 }
 
-/// Engines that trace something else than the reference have no place in a comparison of times.
-fn check_pictures(entries: &[Entry], scene: &Scene) -> Result<(), SpeedupError> {
-    let PaperRow { width, height, .. } = PAPER[0];
-    let camera = camera(scene, width, height);
-    let pixels = camera.pixels() as usize;
-    // Where a ray grazes the sphere, rounding may decide: not for more than a few of the outline's pixels.
-    let allowed = (width + height) as usize / 64;
-    let mut films = Films::new(pixels)?;
-    let truth: Vec<[u8; 3]> = {
-        let tracer = crate::render::reference::ReferenceTracer::new(scene, &camera);
-        tracer.rows(0..height, films.of(PixelFormat::F32x4).as_mut());
-        levels(films.of(PixelFormat::F32x4))
-    };
-    for entry in entries {
-        let tracer = entry.engine.prepare(None, scene, &camera)?;
-        let film = films.of(entry.output);
-        *film = Film::new(entry.output, pixels).map_err(|source| SpeedupError::Memory { pixels, source })?;
-        tracer.rows(0..height, film.as_mut());
-        let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
-        let wrong = levels(film).iter().zip(&truth).filter(|(a, b)| apart(a, b)).count();
-        if wrong > allowed {
-            let output = entry.output.name();
-            return Err(SpeedupError::Picture { engine: entry.engine, output, wrong, pixels, allowed });
-        }
+/// The reference's picture at the first size: who traces something else has no place in a comparison of times.
+pub(super) struct Truth {
+    pub camera: Camera,
+    levels: Vec<[u8; 3]>,
+}
+
+impl Truth {
+    pub(super) fn new(scene: &Scene) -> Result<Self, SpeedupError> {
+        let camera = camera(scene, PAPER[0].width, PAPER[0].height);
+        let mut film = new_film(PixelFormat::F32x4, camera.pixels() as usize)?;
+        ReferenceTracer::new(scene, &camera).rows(0..camera.height(), film.as_mut());
+        Ok(Truth { camera, levels: levels(&film) })
     }
-    Ok(())
+
+    /// Whether `trace` fills a film of `output` with the same picture.
+    pub(super) fn check(
+        &self,
+        who: &str,
+        output: PixelFormat,
+        trace: &mut dyn FnMut(FilmMut<'_>),
+    ) -> Result<(), SpeedupError> {
+        let pixels = self.levels.len();
+        let mut film = new_film(output, pixels)?;
+        trace(film.as_mut());
+        let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
+        let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();
+        // Where a ray grazes the sphere, rounding may decide: not for more than a few of the outline's pixels.
+        let allowed = (self.camera.width() + self.camera.height()) as usize / 64;
+        if wrong > allowed {
+            return Err(SpeedupError::Picture { who: who.into(), output: output.name(), wrong, pixels, allowed });
+        }
+        Ok(())
+    }
 }
 
 fn levels(film: &Film) -> Vec<[u8; 3]> {
@@ -381,7 +408,7 @@ impl Speedup {
     ) -> Self {
         let place = |name| entries.iter().position(|entry| entry.engine.name() == name).expect("it is always entered");
         let (baseline, control) = (place(BASELINE), place(CONTROL));
-        let (mut rows, mut control_rows, mut timed_cycles) = (Vec::new(), Vec::new(), 0.0);
+        let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
         let (mut control_ratios, mut simd_ratios) = (Vec::new(), Vec::new());
         for (camera, runs, again) in measured {
             let (width, height) = (camera.width(), camera.height());
@@ -412,7 +439,6 @@ impl Speedup {
             control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks.clone() });
             control_ratios.push(ratios);
             simd_ratios.push(pairwise_ratios(&runs[baseline].ticks, &runs[control].ticks));
-            timed_cycles += runs.iter().chain([again]).flat_map(|runs| &runs.ticks).sum::<f64>();
         }
         let overall = |ratios: &[Vec<f64>], random: &mut dyn FnMut() -> u64| {
             median_with_interval(&ratios.iter().map(Vec::as_slice).collect::<Vec<_>>(), random)
@@ -423,7 +449,6 @@ impl Speedup {
             control_overall: overall(&control_ratios, random),
             c_by_simd: overall(&simd_ratios, random),
             control: control_rows,
-            timed_cycles,
             sizes_asked,
         }
     }

@@ -39,6 +39,32 @@ impl Clock for TscClock {
     }
 }
 
+/// A clock that adds up all that it takes.
+pub struct Totalled<'a> {
+    clock: &'a mut dyn Clock,
+    /// Ticks of all work so far.
+    pub total: u64,
+}
+
+impl<'a> Totalled<'a> {
+    /// Nothing so far.
+    pub fn new(clock: &'a mut dyn Clock) -> Self {
+        Totalled { clock, total: 0 }
+    }
+}
+
+impl Clock for Totalled<'_> {
+    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
+        let ticks = self.clock.time(work);
+        self.total += ticks;
+        ticks
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        self.clock.core()
+    }
+}
+
 /// Something to time.
 pub type Work<'a> = Box<dyn FnMut() + 'a>;
 

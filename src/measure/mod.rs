@@ -8,5 +8,5 @@ pub mod picture;
 pub mod statistics;
 
 pub use cycles::{Cycles, tsc_hz};
-pub use interleave::{Clock, OFF_BY_MAD, Runs, TscClock, Work, interleave};
-pub use machine::{Machine, cpu_name, tsc_invariant};
+pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, Work, interleave};
+pub use machine::{Cache, Machine, cpu_name, tsc_invariant};

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::experiments::document::Document;
+use crate::experiments::document::{Conditions, Document};
+use crate::experiments::jumps::Jumps;
+use crate::experiments::ladder::{self, Explanation};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
@@ -75,10 +77,12 @@ pub(super) fn preamble(document: &Document) -> String {
     let unknown = || "unknown".to_owned();
     let clock = tsc_hz.map_or_else(unknown, |hz| format!("{:.3} GHz", hz / 1e9));
     let promise = if *tsc_invariant { "invariant" } else { "not known to be invariant" };
-    let core = document.core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
+    let Conditions { core, runs, timed_share, taken_share, .. } = &document.conditions;
+    let core = core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
     let (migrated, off, all) = document.odd_runs();
     let Estimate { value, low, high } = document.control_overall;
-    let share = document.timed_share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
+    let percent = |share: &Option<f64>| share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
+    let (timed, taken) = (percent(timed_share), percent(taken_share));
     let mut text = format!(
         "rayo {version}\n\
         CPU: {cpu}, {cores} cores; {core}; time stamps {clock}, {promise}\n\
@@ -86,17 +90,16 @@ pub(super) fn preamble(document: &Document) -> String {
         NASM: {nasm}; Rust: {rustc}\n\
         Runs: {runs} of each size, interleaved; of {all} runs {migrated} migrated to another core and {off} were off by \
         more than {OFF_BY_MAD} MAD; all are kept\n\
-        Timed: {share} of the run time\n\n\
+        Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
         cpu = cpu.clone().unwrap_or_else(unknown),
         cc = cc.unwrap_or("none"),
         cflags = cflags.unwrap_or("none"),
         nasm = nasm.unwrap_or("none"),
-        runs = document.runs,
         floor = 100.0 * document.noise_floor,
     );
-    if document.runs == 1 {
+    if *runs == 1 {
         text += "One run has no spread: the intervals below are points\n";
     }
     text
@@ -182,22 +185,124 @@ pub(super) fn full_table(document: &Document) -> String {
     table.text()
 }
 
-/// A warning for a run that was stopped.
-pub(super) fn incomplete(document: &Document) -> &'static str {
-    if document.complete { "" } else { "Stopped early: only the sizes that were finished are here\n" }
+/// The ladder, a rung a line.
+fn ladder_table(document: &Document) -> String {
+    let mut table = Table::new([
+        "rung",
+        "what is different",
+        "cycles/pixel",
+        "instructions/pixel",
+        "gain",
+        "95 % interval",
+        "over",
+        "over the first",
+    ]);
+    for rung in &document.ladder {
+        table.row(vec![
+            if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() },
+            rung.change.clone(),
+            format!("{:.2}", rung.cycles_per_pixel),
+            rung.instructions_per_pixel.map_or("n/a".into(), |count| format!("{count:.1}")),
+            format!("{:.2}", rung.gain),
+            format!("[{:.2}, {:.2}]", rung.gain_low, rung.gain_high),
+            rung.over.clone().unwrap_or("-".into()),
+            format!("{:.2}", rung.gain_total),
+        ]);
+    }
+    table.text()
+}
+
+/// Which share of the factor is what.
+fn explanation(document: &Document) -> String {
+    let mut text = String::new();
+    for Explanation { from, to, factor, shares } in &document.explanations {
+        let shares: Vec<_> = shares
+            .iter()
+            .map(|share| format!("{} {:.0} % (times {:.2})", share.cause, 100.0 * share.share, share.factor))
+            .collect();
+        writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", ")).expect("a String takes all");
+    }
+    if !text.is_empty() {
+        text += "Shares are on a logarithmic scale, on which factors add up.\n";
+    }
+    text
+}
+
+/// The sweep behind the two jumps.
+fn jumps_table(jumps: &Jumps) -> String {
+    let mut table = Table::new([
+        "w×h",
+        "engine",
+        "framebuffer",
+        "cycles/pixel",
+        "core clock/TSC",
+        "core cycles/pixel",
+        "page faults",
+        "bytes/cycle",
+    ]);
+    let known = |value: Option<f64>| value.map_or("n/a".into(), |value| format!("{value:.2}"));
+    for row in &jumps.rows {
+        table.row(vec![
+            format!("{}×{}", row.width, row.height),
+            row.engine.into(),
+            if row.touched { "touched" } else { "untouched" }.into(),
+            format!("{:.2}", row.cycles_per_pixel),
+            known(row.clock_per_tick),
+            known(row.core_cycles_per_pixel),
+            format!("{:.0}", row.page_faults),
+            format!("{:.3}", row.bytes_per_cycle),
+        ]);
+    }
+    let mut text = table.text();
+    for level in &jumps.bandwidth {
+        writeln!(text, "{} takes {:.1} bytes a cycle ({} KiB)", level.level, level.bytes_per_cycle, level.bytes >> 10)
+            .expect("a String takes all");
+    }
+    text
+}
+
+fn verdict_table(document: &Document) -> String {
+    let mut table = Table::new(["claim", "verdict", "figure"]);
+    for claim in &document.verdicts {
+        table.row(vec![claim.claim.into(), claim.verdict.to_string(), claim.figure.clone()]);
+    }
+    table.text()
 }
 
 /// All of it, as one text: what is printed, and with `full` what is written.
 pub(super) fn text(document: &Document, full: bool) -> String {
-    let mut text = preamble(document) + incomplete(document);
-    write!(text, "\n{}\n{}", paper_table(document), headline(document)).expect("a String takes all");
-    write!(text, "\nMedian cycles per pixel (times as fast as `c`):\n\n{}", engine_table(document))
-        .expect("a String takes all");
-    if full {
-        write!(text, "\nAll figures, in TSC cycles of a picture:\n\n{}", full_table(document))
-            .expect("a String takes all");
+    let mut parts = vec![preamble(document)];
+    if !document.conditions.complete {
+        parts.push("Stopped early: only what was finished is here\n".into());
     }
-    text
+    parts.push(paper_table(document));
+    parts.push(headline(document));
+    parts.push("Median cycles per pixel (times as fast as `c`):\n".into());
+    parts.push(engine_table(document));
+    if full {
+        parts.push("All figures, in TSC cycles of a picture:\n".into());
+        parts.push(full_table(document));
+    }
+    if !document.ladder.is_empty() {
+        let (width, height) = ladder::SIZE;
+        parts.push(format!("The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"));
+        parts.push(ladder_table(document));
+    }
+    if !document.explanations.is_empty() {
+        parts.push(explanation(document));
+    }
+    if let Some(jumps) = &document.jumps {
+        parts.push("The two jumps:\n".into());
+        if full {
+            parts.push(jumps_table(jumps));
+        }
+        parts.push(jumps.text());
+    }
+    if !document.verdicts.is_empty() {
+        parts.push("The paper's claims:\n".into());
+        parts.push(verdict_table(document));
+    }
+    parts.join("\n")
 }
 
 /// A line per engine and size.
