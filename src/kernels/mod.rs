@@ -20,7 +20,9 @@ pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
 #[cfg(rayo_asm)]
-pub use packet::{Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packets};
+pub use packet::{
+    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
+};
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 
