@@ -401,22 +401,120 @@ const OPERATIONS: [(&str, &str, &str); 11] = [
     ("LAMBERT", "lambert2", "with two sides"),
 ];
 
-/// The other macros, each used once in a function of its own.
-const SNIPPETS: [(&str, &str); 4] = [
-    ("DISTINCT", "DISTINCT xmm0, xmm1"),
-    ("VEC_SUM", "VEC_SUM xmm0, xmm1"),
-    ("PLANE_NORMAL", "PLANE_NORMAL xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
-    ("SAME_SIDE", "SAME_SIDE [rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
+/// The other macros of the paper's engine, each used once in a function of its own.
+const AOS_SNIPPETS: [Snippet; 5] = [
+    ("VEC_SUM", "", "xmm0, xmm1"),
+    ("PLANE_NORMAL", "", "xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
+    ("SAME_SIDE", "", "[rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
+    ("OPERATION", "", ""),
+    ("END_OPERATION", "", ""),
 ];
 
-/// Assembles macro calls, each in a function rayo_<name>, in the form that `best` says and with the includes of sse41.
-fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
-    let unit = fs::read_to_string(asm().join("sse41.asm")).unwrap();
-    let includes = unit.lines().filter(|line| line.starts_with("%include \"include/"));
-    let mut source: String = includes.flat_map(|line| [line, "\n"]).collect();
-    source += &format!("%assign AOS_BEST {}\n", u8::from(best));
-    for (name, call) in calls {
-        source += &format!("FUNC {name}\n.body:\n{call}\n.body_end:\nENDFUNC\n");
+/// A macro, under which circumstances it is used (empty for the usual ones), and with which operands.
+type Snippet = (&'static str, &'static str, &'static str);
+
+/// What is counted of a macro that takes a number of constants: how many more instructions one more makes.
+const EACH: &str = "more for each constant";
+
+/// Circumstances in which ESTIMATE is 1, and that f64 does not have.
+const ESTIMATES: &str = "with estimates";
+
+/// The macros of the packets, each in every circumstance that may change the number of its instructions.
+const PACKET_SNIPPETS: [Snippet; 74] = [
+    ("ELEMENT", "", "ELEM"),
+    ("DISTINCT", "", "v0, v1"),
+    ("CONSTANTS", "", "0"),
+    ("CONSTANTS", EACH, "1"),
+    ("KLOAD", "", "v0, 0"),
+    ("UNCONSTANTS", "", ""),
+    ("VOP", "", "sqrt, v0, v1"),
+    ("VMOV", "", "v0, v1"),
+    ("VMOV", "where they are the same register", "v0, v0"),
+    ("VARITH", "", "add, 1, v0, v0, v1"),
+    ("VARITH", "where d is b", "add, 1, v0, v1, v0"),
+    ("VARITH", "where d is neither a nor b", "add, 1, v0, v1, v2"),
+    ("VADD", "", "v0, v0, v1"),
+    ("VADD", "where d is b", "v0, v1, v0"),
+    ("VADD", "where d is neither a nor b", "v0, v1, v2"),
+    ("VMUL", "", "v0, v0, v1"),
+    ("VMUL", "where d is b", "v0, v1, v0"),
+    ("VMUL", "where d is neither a nor b", "v0, v1, v2"),
+    ("VSUB", "", "v0, v0, v1"),
+    ("VSUB", "where d is not a", "v0, v1, v2"),
+    ("VDIV", "", "v0, v0, v1"),
+    ("VDIV", "where d is not a", "v0, v1, v2"),
+    ("VMIN", "", "v0, v0, v1"),
+    ("VMIN", "where d is not a", "v0, v1, v2"),
+    ("VMAX", "", "v0, v0, v1"),
+    ("VMAX", "where d is not a", "v0, v1, v2"),
+    ("VZERO", "", "v0"),
+    ("VSQRT", "", "v0, v1"),
+    ("VFMA", "", "v0, v1, v2, v3"),
+    ("VFNMA", "", "v0, v1, v2, v3"),
+    ("VFMSUB", "", "v0, K(0), v1"),
+    ("VAFFINE", "", "v0, v1, 0, 1"),
+    ("VRSQRT", "in f32", "v0, v1"),
+    ("VSPREAD_INTEGER", "", "0, rax"),
+    ("MASK_GREATER", "", "v0, v1"),
+    ("MASK_AND_LESS", "", "v0, K(0), v1"),
+    ("MASK_EQUAL", "", "v0, K(0)"),
+    ("VSELECT", "", "v0, v1"),
+    ("VLOAD", "", "v0, [rdi]"),
+    ("VSTORE", "", "[rdi], v0"),
+    ("VSPREAD", "", "v0, [rdi]"),
+    ("VMOV_TO", "", "[rdi], v0"),
+    ("IOP", "", "por, x0, x0, x1"),
+    ("IOP", "where d is not a", "por, x0, x1, x2"),
+    ("IOR", "", "x0, x0, x1"),
+    ("IOR", "where d is not a", "x0, x1, x2"),
+    ("LEVELS", "", "0"),
+    ("PACK_RGBA8", "", "0, 1, 2, 0"),
+    ("PACK_RGBA8", "with the clamp", "0, 1, 2, 1"),
+    ("PACK_GREY", "", "0"),
+    ("TURN_F32X4", "", "0, 1, 2, 3, 7, 8"),
+    ("NARROW", "in f64", "0"),
+    ("STORE_RGBA8", "", "rdi, 0"),
+    ("STORE_F32X4", "", "rdi, 0, movups"),
+    ("STORE_F32X4", "past the cache", "rdi, 0, movntps"),
+    ("STORE_NATURAL_F32X4", "", "rdi, 0"),
+    ("DOT3", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
+    ("ADD3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
+    ("ADD3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("SUB3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
+    ("SUB3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("SCALE3", "", "v0, v1, v2, v0, v1, v2, v3"),
+    ("SCALE3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6"),
+    ("RECIPROCAL", "", "v0, v1"),
+    ("SPHERE_DEN", "", "v0, v1, v2, v3"),
+    ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
+    ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4"),
+    ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5"),
+    ("SPHERE_LIT", "", "v0, v1, v2, v3, v4, v5, v6"),
+    ("SPHERE_LIT", ESTIMATES, "v0, v1, v2, v3, v4, v5, v6"),
+    ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
+    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, 1, v6, v7, v8, v9, v10, v11"),
+];
+
+/// The bytes of the packets' elements, f32 and f64.
+const ELEMENTS: [u32; 2] = [4, 8];
+
+/// Assembles lines, each in a function rayo_<number> in the unit `isa` with elements of so many bytes, AOS_BEST being
+/// `best`. The labels .begin, .body, .body_end and .leave are at the ends of what FUNC, the line and ENDFUNC make.
+fn assemble(isa: &str, element: u32, best: bool, lines: &[String]) -> Result<Vec<u8>, String> {
+    let includes = |file: &str| {
+        let text = fs::read_to_string(asm().join(file)).unwrap();
+        let kept = |line: &&str| line.starts_with("%define ISA ") || line.starts_with("%include \"include/");
+        text.lines().filter(kept).flat_map(|line| [line, "\n"]).collect::<String>()
+    };
+    let constants = "%include \"include/packet_constants.inc\"\n";
+    let packets = includes("include/packets.inc").replace(constants, "");
+    let mut source = includes(&format!("{isa}.asm")).replace("%include \"include/packets.inc\"\n", &packets);
+    source += &format!("    ELEMENT {element}\n{constants}%assign AOS_BEST {}\n", u8::from(best));
+    for (number, line) in lines.iter().enumerate() {
+        source += &format!("FUNC {number}\n.begin:\n    CONSTANTS 1\n.body:\n{line}\n");
+        source += ".body_end:\n    UNCONSTANTS\n.leave:\nENDFUNC\n";
     }
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("snippets.asm"), folder.path().join("snippets.o"));
@@ -431,6 +529,57 @@ fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
         .output()
         .expect("NASM, which the kernels were built with: name it in the variable NASM");
     if done.status.success() { Ok(fs::read(output).unwrap()) } else { Err(String::from_utf8(done.stderr).unwrap()) }
+}
+
+/// How many instructions each snippet takes; first those of FUNC, ENDFUNC and END.
+fn count_snippets(isa: &str, element: u32, best: bool, snippets: &[Snippet]) -> BTreeMap<(String, String), usize> {
+    let line = |(name, of, operands): &Snippet| {
+        format!("%assign ESTIMATE {}\n    {name} {operands}", u8::from(of.contains(ESTIMATES)))
+    };
+    let bytes = assemble(isa, element, best, &snippets.iter().map(line).collect::<Vec<_>>()).unwrap();
+    let code = Code64::new(&bytes);
+    let mut counts = BTreeMap::new();
+    for (number, (name, of, _)) in snippets.iter().enumerate() {
+        let symbol = code.file.symbol_by_name(&format!("rayo_{number}")).unwrap();
+        let (start, end) = (symbol.address(), symbol.address() + symbol.size());
+        let label = |label| code.address(&format!(".Lrayo_{number}.{label}"));
+        let leaving = code.decode(label("leave")..end);
+        let after = leaving.iter().skip_while(|i| i.flow_control() != FlowControl::Return).skip(1);
+        let mut count = |name: &str, of: &str, count| counts.insert((name.to_owned(), of.to_owned()), count);
+        count("FUNC", "", code.decode(start..label("begin")).len());
+        count("ENDFUNC", "", leaving.len());
+        count("END", "", after.count());
+        count(name, of, code.decode(label("body")..label("body_end")).len());
+    }
+    counts
+}
+
+/// The instructions of the macros of the packets in one unit: the usual number, and others where they differ from it.
+fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
+    let [usual, wide] = ELEMENTS.map(|element| {
+        let other = if element == 4 { ["in f64"; 2] } else { ["in f32", ESTIMATES] };
+        let has = |(_, of, _): &&Snippet| !other.contains(of);
+        let snippets: Vec<_> = PACKET_SNIPPETS.iter().filter(has).copied().collect();
+        let mut counts = count_snippets(isa, element, false, &snippets);
+        let none = counts[&("CONSTANTS".to_owned(), String::new())];
+        *counts.get_mut(&("CONSTANTS".to_owned(), EACH.to_owned())).unwrap() -= none;
+        counts
+    });
+    let mut counts: BTreeMap<_, _> = wide.clone().into_iter().filter(|((_, of), _)| of == "in f64").collect();
+    for ((name, of), count) in &usual {
+        let plain = usual.get(&(name.clone(), String::new()));
+        let differs = of.is_empty() || plain != Some(count);
+        if differs {
+            counts.insert((name.clone(), of.clone()), *count);
+        }
+        // What f64 is to differ from is what is said of f32.
+        let Some(in_wide) = wide.get(&(name.clone(), of.clone())) else { continue };
+        let said = if differs { Some(count) } else { wide.get(&(name.clone(), String::new())) };
+        if said != Some(in_wide) {
+            counts.insert((name.clone(), format!("{of} in f64").trim_start().to_owned()), *in_wide);
+        }
+    }
+    counts
 }
 
 /// The instructions of every macro, counted in the code.
@@ -457,15 +606,13 @@ fn counted() -> BTreeMap<Count, usize> {
                 count(name, form, "to the near wall", until(&|target| target == end));
             }
         }
-        let bytes = assemble(form == "best", &SNIPPETS).unwrap();
-        let snippets = Code64::new(&bytes);
-        for (name, _) in SNIPPETS {
-            count(name, form, "", snippets.body(&format!("rayo_{name}")).len());
+        for ((name, of), instructions) in count_snippets("sse41", 4, form == "best", &AOS_SNIPPETS) {
+            count(&name, form, &of, instructions);
         }
-        for function in snippets.functions() {
-            let label = |label| snippets.address(&format!(".L{}.{label}", function.name));
-            count("FUNC", form, "", snippets.decode(function.addresses.start..label("body")).len());
-            count("ENDFUNC", form, "", snippets.decode(label("body_end")..function.addresses.end).len());
+    }
+    for unit in &UNITS {
+        for ((name, of), instructions) in count_packets(unit.name) {
+            count(&name, unit.name, &of, instructions);
         }
     }
     counts
@@ -529,8 +676,40 @@ fn a_macro_refuses_registers_that_must_not_be_the_same() {
         (true, "VEC_NORMALISE xmm1, xmm2, xmm1"),
         (true, "VEC_NORMALISE xmm1, xmm2, xmm2"),
     ] {
-        let Err(message) = assemble(best, &[("refused", call)]) else { panic!("{call} is not refused") };
+        let Err(message) = assemble("sse41", 4, best, &[call.into()]) else { panic!("{call} is not refused") };
         assert!(message.contains("this macro needs two different registers"), "{call}: {message}");
     }
-    assemble(true, &[("fine", "VEC_DOT xmm1, xmm1, xmm2")]).unwrap();
+    assemble("sse41", 4, true, &["VEC_DOT xmm1, xmm1, xmm2".into()]).unwrap();
+}
+
+/// What legacy SSE cannot do, or would need one more copy for, no unit may.
+#[test]
+fn a_macro_of_the_packets_refuses_in_every_unit_what_one_of_them_cannot_do() {
+    let fine = ["VADD v0, v1, v0", "VMUL v0, v1, v0", "VSUB v0, v0, v0", "VSUB v0, v0, v1", "IOP pslld, x0, x0, 8"];
+    let fine: Vec<_> = fine.iter().map(|call| call.to_string()).collect();
+    for (unit, element) in UNITS.iter().flat_map(|unit| ELEMENTS.map(|element| (unit, element))) {
+        for call in [
+            "VSUB v0, v1, v0",
+            "VDIV v0, v1, v0",
+            "VMIN v0, v1, v0",
+            "VMAX v0, v1, v0",
+            "SUB3 v0, v1, v2, v3, v4, v5, v6, v7, v2",
+            "VFMA v0, v1, v2, v0",
+            "VFMA v0, v1, v2, v1",
+            "VFNMA v0, v1, v2, v2",
+            "VFMSUB v0, K(0), v0",
+            "VAFFINE v0, v0, 0, 1",
+            "VSELECT v0, v0",
+            "RECIPROCAL v0, v0",
+            "DOT3 v0, v1, v0, v2, v3, v4, v5, v6",
+            "DOT3 v0, v1, v2, v3, v4, v5, v6, v6",
+            "IOP por, x0, x1, x0",
+        ] {
+            let Err(message) = assemble(unit.name, element, false, &[call.into()]) else {
+                panic!("{}: {call} is not refused", unit.name)
+            };
+            assert!(message.contains("this macro needs two different registers"), "{}: {call}: {message}", unit.name);
+        }
+        assemble(unit.name, element, false, &fine).unwrap();
+    }
 }
