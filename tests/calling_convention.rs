@@ -6,10 +6,14 @@
 
 mod kernel_cases;
 
-use kernel_cases::{Input, Numbers, implementations, seed};
+use std::fmt::Debug;
+use std::ops::Range;
+
+use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
-    BROKEN, Fault, Frame, Light, Objects, Op, OpRef, Plain, Sphere, Triangle, Vec4, broken_read, broken_write,
+    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Light, Lit, Objects, Op, OpRef, Plain, Planes, Rgba8,
+    Row, Shade, SpanKernels, Sphere, Triangle, Vec4, broken_read, broken_write,
 };
 use rayo::scene::Rng;
 
@@ -180,4 +184,253 @@ fn a_guard_page_faults_on_either_side_and_only_beyond_the_values() {
         assert!([0, 1, 2].into_iter().all(read), "{side:?}");
         assert!(!read(beyond), "{side:?}");
     }
+}
+
+/// What the packet kernels write.
+trait Pixel: Plain + Debug {
+    /// What none of them writes.
+    const CANARY: Self;
+    /// What is shown of one in a comparison: every bit.
+    fn bits(self) -> [u32; 4];
+    /// Whether its last part is what every kernel writes there.
+    fn whole(self) -> bool;
+}
+
+impl Pixel for Vec4 {
+    const CANARY: Self = Vec4 { x: 1.5, y: -2.5, z: 3.5, w: -4.5 };
+    fn bits(self) -> [u32; 4] {
+        self.lanes().map(f32::to_bits)
+    }
+    fn whole(self) -> bool {
+        self.w.to_bits() == 0
+    }
+}
+
+impl Pixel for Rgba8 {
+    const CANARY: Self = [1, 2, 3, 4];
+    fn bits(self) -> [u32; 4] {
+        self.map(u32::from)
+    }
+    fn whole(self) -> bool {
+        self[3] == 255
+    }
+}
+
+fn bits<P: Pixel>(pixels: &[P]) -> Vec<[u32; 4]> {
+    pixels.iter().map(|pixel| pixel.bits()).collect()
+}
+
+/// More pixels than two packets of the widest have.
+const COUNTS: Range<usize> = 1..34;
+/// More pixels than a packet has, and so every place that a span can begin at.
+const MISALIGNED: Range<usize> = 0..17;
+/// A row that has room for them.
+const WIDTH: usize = 60;
+
+/// Calls a kernel that writes `out` alone, checked, for every number of pixels at every place; then with `out` between
+/// guard pages.
+fn check_writes<P: Pixel>(
+    symbol: &str,
+    mut checked: impl FnMut(usize, &mut [P]) -> Result<(), Vec<Fault>>,
+    call: impl Fn(usize, &mut [P]),
+) {
+    for pixels in COUNTS {
+        let mut expected = vec![P::CANARY; pixels];
+        call(pixels, &mut expected);
+        assert!(expected.iter().all(|pixel| pixel.whole()), "{symbol}: {pixels} pixels are not all written");
+        for misaligned in MISALIGNED {
+            let mut film = vec![P::CANARY; WIDTH + 20];
+            let span = 16 + misaligned..16 + misaligned + pixels;
+            let what = format!("{symbol}, {pixels} pixels, {misaligned} off");
+            assert_eq!(checked(pixels, &mut film[span.clone()]), Ok(()), "{what}");
+            assert_eq!(bits(&film[span.clone()]), bits(&expected), "{what}");
+            let canaries = [&film[..span.start], &film[span.end..]].concat();
+            assert!(canaries.iter().all(|pixel| pixel.bits() == P::CANARY.bits()), "{what}: writes beside its pixels");
+        }
+    }
+    for side in SIDES {
+        let mut films: Vec<_> = COUNTS.map(|pixels| Guarded::new(&vec![P::CANARY; pixels], side).unwrap()).collect();
+        // One process for all, and where it dies one for each to see which.
+        let whole = |films: &mut [Guarded<P>]| survives(|| films.iter_mut().for_each(|out| call(out.len(), out)));
+        if !whole(&mut films).unwrap() {
+            let fatal = |film: &mut Guarded<P>| !whole(std::slice::from_mut(film)).unwrap();
+            let counts: Vec<_> = films.iter_mut().filter_map(|film| fatal(film).then_some(film.len())).collect();
+            panic!("{symbol} touches the guard page {side:?} of this many pixels: {counts:?}");
+        }
+    }
+}
+
+fn check_shade<S: Plain, E: Element, P: Pixel>(kernel: &Shade<S, E, P>, span: impl Fn(usize) -> S, lits: &[Lit<E>]) {
+    let spans: Vec<_> = COUNTS.map(|pixels| span(pixels)).collect();
+    let span = |pixels: usize| &spans[pixels - COUNTS.start];
+    for lits in [&lits[..0], &lits[..1], lits] {
+        for streaming in [false, true] {
+            check_writes(
+                kernel.symbol(),
+                |pixels, out| kernel.call_checked(span(pixels), lits, out, streaming),
+                |pixels, out| kernel.call(span(pixels), lits, out, streaming),
+            );
+        }
+    }
+    // The record and the lights are read to their ends and no further.
+    for side in SIDES {
+        let span = Guarded::new(&[*span(COUNTS.start)], side).unwrap();
+        let lits = Guarded::new(lits, side).unwrap();
+        let mut out = vec![P::CANARY; 1];
+        let alive = survives(|| kernel.call(&span[0], &lits, &mut out, false)).unwrap();
+        assert!(alive, "{} touches the guard page {side:?} of its record or lights", kernel.symbol());
+    }
+}
+
+/// The five planes of a row.
+fn planes<E: Element>(row: &Row<E>) -> [Vec<u64>; 5] {
+    [0, 1, 2, 3, 4].map(|plane| row.plane(plane).iter().map(|x| x.to_f64().to_bits()).collect())
+}
+
+/// A row in which the object 1 is, seen and shaded, in some places.
+fn row<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], first: &S) -> Row<E> {
+    let mut row = Row::new(WIDTH);
+    bodies.depth.call(first, &mut row, 0..WIDTH);
+    bodies.planes.call(first, lits, &mut row, 0..WIDTH);
+    row
+}
+
+/// How many pixels become the second object's.
+fn check_depth<S: Plain, E: Element>(kernel: &Depth<S, E>, row: &Row<E>, span: &S, x: Range<usize>) -> usize {
+    let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
+    let what = format!("{} at {x:?}", kernel.symbol());
+    assert_eq!(kernel.call_checked(span, &mut after, x.clone()), Ok(()), "{what}");
+    kernel.call(span, &mut unchecked, x.clone());
+    assert_eq!(planes(&after), planes(&unchecked), "{what}");
+    let changed = planes(&after);
+    assert_eq!(changed[1..4], before[1..4], "{what} writes a colour");
+    let mut won = 0;
+    for i in 0..before[0].len() {
+        let same = changed[0][i] == before[0][i] && changed[4][i] == before[4][i];
+        let nearer = f64::from_bits(changed[4][i]) > f64::from_bits(before[4][i]);
+        let wins = x.contains(&i) && nearer && changed[0][i] == 2f64.to_bits();
+        assert!(same || wins, "{what}: pixel {i}");
+        won += usize::from(wins);
+    }
+    won
+}
+
+/// How many pixels take another colour.
+fn check_planes<S: Plain, E: Element>(
+    kernel: &Planes<S, E>,
+    lits: &[Lit<E>],
+    row: &Row<E>,
+    span: &S,
+    x: Range<usize>,
+) -> usize {
+    let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
+    let what = format!("{} at {x:?}", kernel.symbol());
+    assert_eq!(kernel.call_checked(span, lits, &mut after, x.clone()), Ok(()), "{what}");
+    kernel.call(span, lits, &mut unchecked, x.clone());
+    let changed = planes(&after);
+    assert_eq!(changed, planes(&unchecked), "{what}");
+    assert_eq!((&changed[0], &changed[4]), (&before[0], &before[4]), "{what} changes who is where");
+    let differs = |i: &usize| (1..4).any(|plane| changed[plane][*i] != before[plane][*i]);
+    let recoloured: Vec<_> = (0..before[0].len()).filter(differs).collect();
+    let own = |i: &usize| x.contains(i) && before[0][*i] == 2f64.to_bits();
+    assert!(recoloured.iter().all(own), "{what} writes pixels that are not its own");
+    recoloured.len()
+}
+
+/// All kernels of an object but those of the short form.
+fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mut span: impl FnMut(f64, usize) -> S) {
+    let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
+    check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
+    check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
+    let (mut won, mut recoloured, mut tried) = (0, 0, 0);
+    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
+        let x = start..start + pixels;
+        let mut row = row(bodies, lits, &span(1.0, WIDTH));
+        won += check_depth(&bodies.depth, &row, &spans[pixels], x.clone());
+        tried += pixels;
+        bodies.depth.call(&spans[pixels], &mut row, x.clone());
+        recoloured += check_planes(&bodies.planes, lits, &row, &spans[pixels], x.clone());
+        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x);
+    }
+    let symbol = bodies.depth.symbol();
+    assert!((tried / 50..tried).contains(&won), "{symbol}: {won} of {tried} pixels are won");
+    assert!(recoloured > won / 10, "{symbol}: {recoloured} colours of {won} pixels");
+}
+
+fn check_emit<E: Element, P: Pixel>(kernel: &Emit<E, P>, row: &Row<E>, expected: impl Fn([f64; 3]) -> P) {
+    for start in MISALIGNED {
+        let (mut checked, mut unchecked) = (row.clone(), row.clone());
+        let what = format!("{} from {start}", kernel.symbol());
+        // The row is read, never written; Emit takes it as one that may be.
+        check_writes(
+            &what,
+            |_, out| kernel.call_checked(&mut checked, start, out),
+            |_, out| kernel.call(&mut row.clone(), start, out),
+        );
+        assert_eq!(planes(&checked), planes(row), "{what} writes the row");
+        let mut out = vec![P::CANARY; COUNTS.end];
+        kernel.call(&mut unchecked, start, &mut out);
+        for (i, pixel) in out.iter().enumerate() {
+            let colour = [1, 2, 3].map(|plane| row.plane(plane)[start + i].to_f64());
+            assert_eq!(pixel.bits(), expected(colour).bits(), "{what}: pixel {i} of {colour:?}");
+        }
+    }
+}
+
+fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
+    let numbers = Numbers::Ordinary;
+    let lits: Vec<_> = (0..3).map(|_| kernel_cases::lit(numbers, rng)).collect();
+    let spans: Vec<_> = (0..COUNTS.end).map(|pixels| kernel_cases::lit_span(numbers, 2.0, pixels, rng)).collect();
+    check_shade(&kernels.lit_f32x4, |pixels| spans[pixels], &lits);
+    check_shade(&kernels.lit_f32x4_fast, |pixels| spans[pixels], &lits);
+    check_shade(&kernels.lit_rgba8, |pixels| spans[pixels], &lits);
+    check_shade(&kernels.grey_rgba8, |pixels| spans[pixels], &lits);
+    check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.inside, &lits, |id, pixels| kernel_cases::inside_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.triangle, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
+    // A light of weights from 0 to 300, so that levels are clamped.
+    let [red, green, blue] = [300.0, 200.0, 100.0].map(E::from_f64);
+    let light = Lit { red, green, blue, ..lits[0] };
+    let row = (0..20).map(|_| {
+        let mut span = kernel_cases::outside_span(numbers, 1.0, WIDTH, rng);
+        span.near = E::from_f64(1.0);
+        row(&kernels.outside, &[light], &span)
+    });
+    let coloured = |row: &Row<E>| row.plane(1).iter().filter(|x| x.to_f64() > 1.0).count();
+    let row = row.max_by_key(coloured).unwrap();
+    assert!(coloured(&row) > WIDTH / 10, "a row that has colours");
+    check_emit(&kernels.emit_f32x4, &row, |c| {
+        let [r, g, b] = c.map(|x| x as f32);
+        Vec4::new(r, g, b)
+    });
+    check_emit(&kernels.emit_rgba8, &row, |c| {
+        let [r, g, b] = c.map(|x| x.min(255.0) as u8);
+        [r, g, b, 255]
+    });
+}
+
+#[test]
+fn every_packet_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alone() {
+    let seed = seed();
+    for (_, kernels) in packet_kernels() {
+        check_span_kernels(&kernels.single, &mut Rng::new(seed));
+        check_span_kernels(&kernels.double, &mut Rng::new(seed));
+        check_fill(&kernels.fill);
+    }
+}
+
+fn check_fill(fill: &Fill) {
+    for streaming in [false, true] {
+        check_writes(
+            fill.symbol(),
+            |_, out| fill.f32x4_checked(out, streaming).inspect(|()| assert!(out.iter().all(|p| p.bits() == [0; 4]))),
+            |_, out: &mut [Vec4]| fill.f32x4(out, streaming),
+        );
+    }
+    check_writes(
+        fill.symbol(),
+        |_, out| fill.rgba8_checked(out).inspect(|()| assert!(out.iter().all(|p| *p == [0, 0, 0, 255]))),
+        |_, out: &mut [Rgba8]| fill.rgba8(out),
+    );
 }

@@ -159,6 +159,11 @@ impl<S, E, P> Shade<S, E, P> {
 }
 
 impl<S, E: Element> Planes<S, E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
     /// Shades the pixels `span_x` of the row that carry the span's id.
     pub fn call(&self, span: &S, lits: &[Lit<E>], row: &mut Row<E>, span_x: Range<usize>) {
         if !span_x.is_empty() {
@@ -187,6 +192,11 @@ impl<S, E: Element> Planes<S, E> {
 }
 
 impl<S, E: Element> Depth<S, E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
     /// Makes those of the pixels `span_x` of the row the span's own that have nothing as near.
     pub fn call(&self, span: &S, row: &mut Row<E>, span_x: Range<usize>) {
         if !span_x.is_empty() {
@@ -207,6 +217,11 @@ impl<S, E: Element> Depth<S, E> {
 }
 
 impl<E: Element, P> Emit<E, P> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
     /// Writes the pixels of the row from `start` on to `out`, as many as there are.
     pub fn call(&self, row: &mut Row<E>, start: usize, out: &mut [P]) {
         if !out.is_empty() {
@@ -227,6 +242,11 @@ impl<E: Element, P> Emit<E, P> {
 }
 
 impl Fill {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
     /// Black floats. `streaming`: past the cache.
     pub fn f32x4(&self, out: &mut [Vec4], streaming: bool) {
         // SAFETY: as many 32-bit numbers as `out` has, aligned to more than 4; any bits are floats. The CPU as in Shade.
@@ -244,6 +264,14 @@ impl Fill {
     pub fn f32x4_checked(&self, out: &mut [Vec4], streaming: bool) -> Result<(), Vec<Fault>> {
         let args = [out.as_mut_ptr() as u64, 4 * out.len() as u64, 0, streaming.into(), 0, 0];
         // SAFETY: as in f32x4.
+        unsafe { checked::call(self.code as *const (), args) }
+    }
+
+    /// As [`Fill::rgba8`], with a look at whether the kernel keeps the calling convention.
+    pub fn rgba8_checked(&self, out: &mut [Rgba8]) -> Result<(), Vec<Fault>> {
+        let pattern = u32::from_le_bytes([0, 0, 0, 255]);
+        let args = [out.as_mut_ptr() as u64, out.len() as u64, pattern.into(), 0, 0, 0];
+        // SAFETY: as in rgba8.
         unsafe { checked::call(self.code as *const (), args) }
     }
 }

@@ -156,7 +156,7 @@ impl From<glam::Vec3> for Vec4 {
 macro_rules! plain {
     ($($type:ty = $zero:expr),* $(,)?) => {
         $(
-            // SAFETY: made of f32 and u64 fields that fill its size, as the offsets asserted below show.
+            // SAFETY: made of numbers that fill its size, as the offsets asserted below show.
             unsafe impl Plain for $type {
                 const ZERO: Self = $zero;
             }
@@ -169,6 +169,7 @@ const ORIGIN: Vec4 = Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
 plain! {
     f32 = 0.0,
     f64 = 0.0,
+    [u8; 4] = [0; 4],
     Vec4 = ORIGIN,
     Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
     Light = Light { position: ORIGIN, radiance: ORIGIN },

@@ -1,6 +1,9 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
-use rayo::kernels::{self, AosKernels, Fault, Light, OpRef, Sphere, Surface, Triangle, Vec4};
+use rayo::kernels::{
+    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitSpan, OpRef, OutsideSpan, PacketKernels, Sphere,
+    Surface, Triangle, TriangleSpan, Vec4,
+};
 use rayo::scene::Rng;
 
 /// Every table of kernels that this CPU runs, by the name in its symbols.
@@ -11,6 +14,48 @@ pub fn implementations() -> Vec<(&'static str, &'static AosKernels)> {
         println!("not tested, since this CPU does not run them: the kernels of `{name}`");
     }
     usable.into_iter().map(|(name, kernels)| (name, kernels.unwrap())).collect()
+}
+
+/// The packet kernels of every ISA that this CPU runs.
+pub fn packet_kernels() -> Vec<(Isa, &'static PacketKernels)> {
+    let (usable, rest): (Vec<_>, Vec<_>) = Isa::ALL.into_iter().partition(|isa| isa.usable());
+    for isa in rest {
+        println!("not tested, since this CPU does not run them: the packet kernels of {isa}");
+    }
+    usable.into_iter().map(|isa| (isa, kernels::packets(isa).unwrap())).collect()
+}
+
+/// Records of the packet kernels with a random number in every field but those of the span.
+macro_rules! random_records {
+    ($($function:ident: $record:ident { $($field:ident)* })*) => {
+        $(
+            /// Of a span of so many pixels, j being 0 in its middle.
+            pub fn $function<E: Element>(numbers: Numbers, id: f64, pixels: usize, rng: &mut Rng) -> $record<E> {
+                let j = -((pixels / 2) as f64);
+                $record {
+                    j,
+                    end: j + pixels as f64,
+                    id,
+                    near: numbers.next(rng).into(),
+                    $($field: numbers.next(rng).into()),*
+                }
+                .round()
+            }
+        )*
+    };
+}
+
+random_records! {
+    lit_span: LitSpan { left right h1 h0 q1 q0 kn ke red green blue }
+    outside_span: OutsideSpan { a1 a0 b1 b0 h1 h0 x1 x0 y1 y0 z1 z0 cx cy cz }
+    inside_span: InsideSpan { x1 x0 y z g h1 h0 k cx cy cz }
+    triangle_span: TriangleSpan { w1 w0 x1 x0 y1 y0 z1 z0 }
+}
+
+/// A light on an object, with a random number in every field.
+pub fn lit<E: Element>(numbers: Numbers, rng: &mut Rng) -> Lit<E> {
+    let [x, y, z, cosine, red, green, blue] = [0; 7].map(|_| numbers.next(rng).into());
+    Lit { x, y, z, cosine, red, green, blue, padding: 0.0 }.round()
 }
 
 /// The seed of this run: RAYO_SEED, or a fixed one. It is printed, and so shown where a test fails.
