@@ -1,7 +1,8 @@
-//! Every operation and tracer of one vector per register against its scalar twin, to the last bit.
+//! Every operation and tracer of one vector per register, and every packet kernel, against its scalar twin, to the last
+//! bit.
 //!
 //! All of them use + - x / and roots alone, correctly rounded, in an order that the twin follows, so that there is one
-//! right answer. The payload of a NaN is left open: any NaN equals any NaN.
+//! right answer; only where packets take estimates there is none. The payload of a NaN is left open: any NaN equals any NaN.
 
 #![cfg(rayo_asm)]
 
@@ -9,11 +10,15 @@ mod kernel_cases;
 
 use std::ops::Range;
 
-use kernel_cases::{Input, Numbers, choose, implementations, seed};
-use rayo::kernels::{Frame, Light, Objects, OpRef, Sphere, Trace, Triangle, Vec4};
+use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
+use rayo::kernels::{
+    Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, Objects, OpRef, OutsideSpan, Rgba8, Row, Shade,
+    SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+};
 use rayo::plan::Packed;
 use rayo::reference::aos::{self, Form, Lanes};
-use rayo::reference::paper_c;
+use rayo::reference::packet::{self, Linear, Rounding};
+use rayo::reference::{Real, paper_c};
 use rayo::scene::{Camera, Rng, many};
 
 /// What an implementation must equal.
@@ -411,5 +416,227 @@ fn rows_give_the_same_bytes_however_they_are_split() {
             let bits = |pixels: &[Lanes<f32>]| pixels.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&whole), bits(&parts), "{implementation} at {width}x{height}");
         }
+    }
+}
+
+/// Cases of each source of numbers and kernel.
+const PACKET_CASES: usize = 1_000;
+/// More than two packets of the widest.
+const MOST_PIXELS: usize = 40;
+
+fn linear<E>(slope: E, offset: E) -> Linear<E> {
+    Linear { slope, offset }
+}
+
+fn twin_of_lits<E: Element>(lits: &[Lit<E>]) -> Vec<packet::Light<E>> {
+    let light =
+        |l: &Lit<E>| packet::Light { position: [l.x, l.y, l.z], cosine: l.cosine, weights: [l.red, l.green, l.blue] };
+    lits.iter().map(light).collect()
+}
+
+/// A span record, its twin, and what the twin makes of it.
+trait Record<E>: Copy + std::fmt::Debug {
+    fn first(&self) -> E;
+    fn near(&self) -> E;
+    fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3];
+    fn den(&self, rounding: Rounding, j: E) -> E;
+}
+
+/// Gives a record its twin: the value that is made of `$s`, and the functions that take it.
+macro_rules! record {
+    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident) => {
+        impl<E: Element + Real> Record<E> for $name<E> {
+            fn first(&self) -> E {
+                self.j
+            }
+            fn near(&self) -> E {
+                self.near
+            }
+            fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3] {
+                let $s = self;
+                rounding.$colour(&$twin, lights, j)
+            }
+            fn den(&self, rounding: Rounding, j: E) -> E {
+                let $s = self;
+                rounding.$den(&$twin, j)
+            }
+        }
+    };
+}
+
+record!(OutsideSpan, s => packet::Outside {
+    a: linear(s.a1, s.a0),
+    b: linear(s.b1, s.b0),
+    h: linear(s.h1, s.h0),
+    xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
+    c: [s.cx, s.cy, s.cz],
+}, outside, outside_den);
+record!(InsideSpan, s => packet::Inside {
+    x: linear(s.x1, s.x0),
+    y: s.y,
+    z: s.z,
+    g: s.g,
+    h: linear(s.h1, s.h0),
+    k: s.k,
+    c: [s.cx, s.cy, s.cz],
+}, inside, inside_den);
+record!(TriangleSpan, s => packet::Triangle {
+    w: linear(s.w1, s.w0),
+    xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
+}, triangle, triangle_den);
+
+fn twin_of_lit_span<E: Element>(s: &LitSpan<E>) -> packet::LitSphere<E> {
+    packet::LitSphere {
+        left: s.left,
+        right: s.right,
+        h: linear(s.h1, s.h0),
+        q: linear(s.q1, s.q0),
+        kn: s.kn,
+        ke: s.ke,
+        weights: [s.red, s.green, s.blue],
+    }
+}
+
+/// The pixel of a colour in floats: f64 is rounded once more.
+fn float_pixel<E: Element>(colour: [E; 3]) -> Lanes<f32> {
+    let [r, g, b] = colour.map(|x| x.to_f64() as f32);
+    [r, g, b, 0.0]
+}
+
+/// The 8-bit levels of a colour; None where they are left open: below 0, and where it is not clamped from 256 on.
+fn levels<E: Element>(colour: [E; 3], clamp: bool) -> Option<Rgba8> {
+    let [r, g, b] = colour.map(|x| {
+        let x = x.to_f64();
+        // VMIN makes a NaN white.
+        let x = if clamp && (x >= 255.0 || x.is_nan()) { 255.0 } else { x };
+        (0.0..256.0).contains(&x).then_some(x as u8)
+    });
+    Some([r?, g?, b?, 255])
+}
+
+/// How often kernel and twin were compared, and how many results were neither 0, white, infinite nor NaN.
+#[derive(Default)]
+struct Compared {
+    all: usize,
+    ordinary: usize,
+}
+
+impl Compared {
+    fn floats(&mut self, found: Lanes<f32>, expected: Lanes<f32>, what: &dyn Fn() -> String) {
+        assert!(same(found, expected), "{found:?} instead of {expected:?}: {}", what());
+        self.all += 1;
+        self.ordinary += usize::from(expected[0].is_normal());
+    }
+
+    fn levels(&mut self, found: Rgba8, expected: Option<Rgba8>, what: &dyn Fn() -> String) {
+        let Some(expected) = expected else { return };
+        assert_eq!(found, expected, "{}", what());
+        self.all += 1;
+        self.ordinary += usize::from(expected[0] % 255 != 0);
+    }
+}
+
+fn shaded<S, E, P: Copy>(kernel: &Shade<S, E, P>, span: &S, lits: &[Lit<E>], pixels: usize, canary: P) -> Vec<P> {
+    let mut out = vec![canary; pixels];
+    kernel.call(span, lits, &mut out, false);
+    out
+}
+
+/// Compares the exact kernels of one kind of object with their twin, over random records.
+fn check_bodies<S: Record<E>, E: Element + Real>(
+    bodies: &Bodies<S, E>,
+    rounding: Rounding,
+    random: impl Fn(Numbers, usize, &mut Rng) -> S,
+    rng: &mut Rng,
+) -> Compared {
+    let mut compared = Compared::default();
+    for case in 0..PACKET_CASES * Numbers::ALL.len() {
+        let numbers = Numbers::ALL[case % Numbers::ALL.len()];
+        let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
+        let span = random(numbers, pixels, rng);
+        let lits: Vec<Lit<E>> = (0..rng.next_u64() % 4).map(|_| kernel_cases::lit(numbers, rng)).collect();
+        let lights = twin_of_lits(&lits);
+        let j = |i: usize| E::from_u32(i as u32) + span.first();
+        let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i))).collect();
+
+        let f32x4 = shaded(&bodies.f32x4, &span, &lits, pixels, Vec4::default());
+        // In f32 the bytes come from estimates.
+        let exact = size_of::<E>() == 8;
+        let rgba8 = shaded(&bodies.rgba8, &span, &lits, pixels, [0; 4]);
+        let mut row = Row::new(pixels);
+        bodies.depth.call(&span, &mut row, 0..pixels);
+        bodies.planes.call(&span, &lits, &mut row, 0..pixels);
+        for (i, colour) in colours.into_iter().enumerate() {
+            let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {lits:?}, {span:?}");
+            compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
+            if exact {
+                compared.levels(rgba8[i], levels(colour, true), &what);
+            }
+            let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
+            let den = span.den(rounding, j(i)) * span.near();
+            // Nobody is as near as 0, and NaN is no place.
+            let zero = E::from_f32(0.0);
+            let [r, g, b] = colour;
+            let expected = if den > zero { [E::from_f32(2.0), r, g, b, den] } else { [zero; 5] };
+            let bits = |x: E| x.to_f64().to_bits();
+            let equal = |(a, b): (E, E)| bits(a) == bits(b) || a != a && b != b;
+            let all = in_row.into_iter().zip(expected).all(equal);
+            assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
+        }
+    }
+    compared
+}
+
+fn check_lit<E: Element + Real>(kernels: &SpanKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
+    let mut compared = Compared::default();
+    for case in 0..PACKET_CASES * Numbers::ALL.len() {
+        let numbers = Numbers::ALL[case % Numbers::ALL.len()];
+        let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
+        let span: LitSpan<E> = kernel_cases::lit_span(numbers, 1.0, pixels, rng);
+        let grey = LitSpan { green: span.red, blue: span.red, ..span };
+        let f32x4 = shaded(&kernels.lit_f32x4, &span, &[], pixels, Vec4::default());
+        let rgba8 = shaded(&kernels.lit_rgba8, &span, &[], pixels, [0; 4]);
+        let greys = shaded(&kernels.grey_rgba8, &grey, &[], pixels, [0; 4]);
+        for i in 0..pixels {
+            let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {span:?}");
+            let j = E::from_u32(i as u32) + span.j;
+            let colour = rounding.lit(&twin_of_lit_span(&span), j);
+            compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
+            if size_of::<E>() == 8 {
+                compared.levels(rgba8[i], levels(colour, false), &what);
+                compared.levels(greys[i], levels(rounding.lit(&twin_of_lit_span(&grey), j), false), &what);
+            }
+        }
+    }
+    compared
+}
+
+fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u64) {
+    let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
+    let rng = &mut Rng::new(seed);
+    for (name, compared) in [
+        ("lit", check_lit(kernels, rounding, rng)),
+        (
+            "outside",
+            check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
+        ),
+        ("inside", check_bodies(&kernels.inside, rounding, |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng), rng)),
+        (
+            "triangle",
+            check_bodies(&kernels.triangle, rounding, |n, p, rng| kernel_cases::triangle_span(n, 2.0, p, rng), rng),
+        ),
+    ] {
+        let Compared { all, ordinary } = compared;
+        println!("{isa}, {} bytes, {name}: {all} compared, {ordinary} ordinary numbers", size_of::<E>());
+        assert!(ordinary > all / 100, "{isa} {name}: {ordinary} of {all} are ordinary numbers");
+    }
+}
+
+#[test]
+fn every_packet_kernel_without_estimates_equals_its_twin_to_the_last_bit() {
+    let seed = seed();
+    for (isa, kernels) in packet_kernels() {
+        check_packets(isa, &kernels.single, seed);
+        check_packets(isa, &kernels.double, seed);
     }
 }

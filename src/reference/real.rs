@@ -25,6 +25,8 @@ pub trait Real:
 
     /// Exact.
     fn from_f32(x: f32) -> Self;
+    /// Rounded to nearest.
+    fn from_f64(x: f64) -> Self;
     /// Rounded to nearest, exact up to 2^24.
     fn from_u32(x: u32) -> Self;
     /// The square root, NaN below 0.
@@ -45,6 +47,9 @@ macro_rules! real {
 
             fn from_f32(x: f32) -> $t {
                 x.into()
+            }
+            fn from_f64(x: f64) -> $t {
+                x as $t
             }
             fn from_u32(x: u32) -> $t {
                 x as $t

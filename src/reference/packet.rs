@@ -1,0 +1,180 @@
+//! The twin of the packet macros: one lane of `asm/include/{sphere,triangle,lambert}.inc`, the same operations in the
+//! same order, where they take no estimates.
+//!
+//! Everything is a function of j, the pixel of the span. The names are those of `asm/include/layout.inc`, which says what
+//! each number is.
+
+use super::Real;
+
+/// What a product that is added to something is rounded to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rounding {
+    /// Together with the sum, once: `HAS_FMA` of the assembly.
+    Fused,
+    /// By itself, and then the sum.
+    Unfused,
+}
+
+/// The linear function `slope j + offset`: fields `name1` and `name0` of a record.
+#[derive(Clone, Copy, Debug)]
+pub struct Linear<T> {
+    /// From one pixel to the next.
+    pub slope: T,
+    /// At j = 0.
+    pub offset: T,
+}
+
+/// A sphere, seen from outside, lit by one light.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of LitSpan is")]
+pub struct LitSphere<T> {
+    pub left: T,
+    pub right: T,
+    pub h: Linear<T>,
+    pub q: Linear<T>,
+    pub kn: T,
+    pub ke: T,
+    pub weights: [T; 3],
+}
+
+/// A sphere, seen from outside.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of OutsideSpan is")]
+pub struct Outside<T> {
+    pub a: Linear<T>,
+    pub b: Linear<T>,
+    pub h: Linear<T>,
+    pub xyz: [Linear<T>; 3],
+    pub c: [T; 3],
+}
+
+/// A sphere, seen from inside.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of InsideSpan is")]
+pub struct Inside<T> {
+    pub x: Linear<T>,
+    pub y: T,
+    pub z: T,
+    pub g: T,
+    pub h: Linear<T>,
+    pub k: T,
+    pub c: [T; 3],
+}
+
+/// A triangle.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of TriangleSpan is")]
+pub struct Triangle<T> {
+    pub w: Linear<T>,
+    pub xyz: [Linear<T>; 3],
+}
+
+/// One light on one object.
+#[derive(Clone, Copy, Debug)]
+pub struct Light<T> {
+    /// From the object's centre (a triangle's first vertex) to the light.
+    pub position: [T; 3],
+    /// For triangles: |N . (light - v)|.
+    pub cosine: T,
+    /// Of red, green and blue: I_L C.
+    pub weights: [T; 3],
+}
+
+/// VMAX: b where either is NaN.
+fn max<T: Real>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
+/// VMIN: b where either is NaN.
+fn min<T: Real>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+impl Rounding {
+    /// VFMA: a * b + c.
+    fn fma<T: Real>(self, a: T, b: T, c: T) -> T {
+        match self {
+            Rounding::Fused => a.mul_add(b, c),
+            Rounding::Unfused => c + a * b,
+        }
+    }
+
+    /// VAFFINE.
+    fn affine<T: Real>(self, f: Linear<T>, j: T) -> T {
+        self.fma(f.slope, j, f.offset)
+    }
+
+    /// DOT3.
+    fn dot<T: Real>(self, a: [T; 3], b: [T; 3]) -> T {
+        self.fma(a[2], b[2], self.fma(a[1], b[1], a[0] * b[0]))
+    }
+
+    /// SPHERE_LIT and the weights: the colour at pixel j.
+    pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T) -> [T; 3] {
+        let p = (j - sphere.left) * (sphere.right - j);
+        let den = self.affine(sphere.h, j) + max(p, T::from_f64(1e-30)).sqrt();
+        let q = self.affine(sphere.q, j);
+        let e = self.fma(den, sphere.ke, -q) * den;
+        let cosine = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
+        sphere.weights.map(|weight| cosine * weight)
+    }
+
+    /// SPHERE_DEN: 1/t at pixel j, and sqrt D.
+    fn outside_den_and_root<T: Real>(self, sphere: &Outside<T>, j: T) -> (T, T) {
+        let root = max(self.affine(sphere.a, j) * self.affine(sphere.b, j), T::ZERO).sqrt();
+        (self.affine(sphere.h, j) + root, root)
+    }
+
+    /// SPHERE_DEN: 1/t at pixel j.
+    pub fn outside_den<T: Real>(self, sphere: &Outside<T>, j: T) -> T {
+        self.outside_den_and_root(sphere, j).0
+    }
+
+    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
+    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        let (den, root) = self.outside_den_and_root(sphere, j);
+        let t = T::ONE / den;
+        let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
+        self.lights(lights, [0, 1, 2].map(along), false)
+    }
+
+    /// SPHERE_FAR_WALL: t at pixel j, and d.x.
+    fn far_wall<T: Real>(self, sphere: &Inside<T>, j: T) -> (T, T) {
+        let (x, h) = (self.affine(sphere.x, j), self.affine(sphere.h, j));
+        let a = x * x + sphere.g;
+        (((a * sphere.k + h * h).sqrt() + h) / a, x)
+    }
+
+    /// 1/t at pixel j.
+    pub fn inside_den<T: Real>(self, sphere: &Inside<T>, j: T) -> T {
+        T::ONE / self.far_wall(sphere, j).0
+    }
+
+    /// SPHERE_INSIDE and its lights: the colour at pixel j.
+    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        let (t, x) = self.far_wall(sphere, j);
+        let [cx, cy, cz] = sphere.c;
+        self.lights(lights, [x * t - cx, t * sphere.y - cy, t * sphere.z - cz], false)
+    }
+
+    /// 1/t at pixel j.
+    pub fn triangle_den<T: Real>(self, triangle: &Triangle<T>, j: T) -> T {
+        self.affine(triangle.w, j)
+    }
+
+    /// TRIANGLE_PLANE and its lights: the colour at pixel j.
+    pub fn triangle<T: Real>(self, triangle: &Triangle<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        let t = T::ONE / self.triangle_den(triangle, j);
+        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), true)
+    }
+
+    /// LAMBERT3 of every light, on black: the colour of the point o, of a triangle where `flat`.
+    fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], flat: bool) -> [T; 3] {
+        lights.iter().fold([T::ZERO; 3], |colour, light| {
+            let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
+            let numerator = if flat { light.cosine } else { self.dot(o, l) };
+            let cosine = min(max(numerator / self.dot(l, l).sqrt(), T::ZERO), T::ONE);
+            [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
+        })
+    }
+}
