@@ -1,9 +1,6 @@
 //! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
 
 use std::env;
-use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn main() {
@@ -25,10 +22,15 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 
 #[cfg(feature = "asm")]
 mod native {
-    use super::*;
+    use std::env;
+    use std::fmt::Write as _;
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    use super::first_line;
 
     /// One translation unit per ISA, and the harness of checked calls.
-    const UNITS: [&str; 2] = ["sse41", "checked"];
+    const UNITS: [&str; 4] = ["sse41", "avx2", "avx512", "checked"];
     const C_SOURCES: [&str; 2] = ["trace", "ops"];
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
@@ -90,7 +92,7 @@ mod native {
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
         // The flags that matter to a figure; paths do not, and are this machine's own.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
-        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && !flag.contains('/')).collect();
+        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && flag != "-I" && !flag.contains('/')).collect();
         println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
         objects
     }
@@ -115,10 +117,12 @@ mod native {
 
     /// Reads the `struc` blocks of layout.inc and writes their offsets for Rust and C.
     mod layout {
-        use super::*;
+        use std::fmt::Write as _;
 
         pub struct Struc {
             name: String,
+            /// Whether offsets are in elements, f32 or f64, and not in bytes.
+            of_elements: bool,
             /// Name and offset.
             fields: Vec<(String, usize)>,
             size: usize,
@@ -130,12 +134,15 @@ mod native {
                 let line = line.split(';').next().unwrap_or_default();
                 match *line.split_whitespace().collect::<Vec<_>>() {
                     [] | ["endstruc"] => {}
-                    ["struc", name] => strucs.push(Struc { name: name.into(), fields: Vec::new(), size: 0 }),
-                    [field, unit @ ("resd" | "resq"), count] => {
+                    ["struc", name] => {
+                        strucs.push(Struc { name: name.into(), of_elements: false, fields: Vec::new(), size: 0 });
+                    }
+                    [field, unit @ ("resb" | "resd" | "resq"), count] => {
                         let struc = strucs.last_mut().expect("a field outside a struc");
                         let name = field.trim_start_matches('.').trim_end_matches(':').to_owned();
                         struc.fields.push((name, struc.size));
-                        let unit = if unit == "resd" { 4 } else { 8 };
+                        struc.of_elements = unit == "resb";
+                        let unit = [("resb", 1), ("resd", 4), ("resq", 8)].iter().find(|(u, _)| *u == unit).unwrap().1;
                         struc.size += unit * count.parse::<usize>().expect("a number of units");
                     }
                     _ => panic!("asm/include/layout.inc:{}: not a struc, a field or its end: {line}", number + 1),
@@ -147,9 +154,13 @@ mod native {
         /// A list of checks for `layout_checks!` in src/kernels/types.rs.
         pub fn to_rust(strucs: &[Struc]) -> String {
             let mut text = String::from("layout_checks! {\n");
-            for Struc { name, fields, size } in strucs {
-                let fields: String = fields.iter().map(|(field, offset)| format!("{field}: {offset}, ")).collect();
-                writeln!(text, "    {name}, {size}, {{ {fields}}};").unwrap();
+            for Struc { name, of_elements, fields, size } in strucs {
+                let types = if *of_elements { vec![("<f32>", 4), ("<f64>", 8)] } else { vec![("", 1)] };
+                for (generic, unit) in types {
+                    let fields = fields.iter().map(|(field, offset)| format!("{field}: {}, ", offset * unit));
+                    writeln!(text, "    {name}{generic}, {}, {{ {}}};", size * unit, fields.collect::<String>())
+                        .unwrap();
+                }
             }
             text + "}\n"
         }
@@ -157,7 +168,7 @@ mod native {
         /// A macro that applies one check to every field and one to every size.
         pub fn to_c(strucs: &[Struc]) -> String {
             let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
-            for Struc { name, fields, size } in strucs {
+            for Struc { name, fields, size, .. } in strucs.iter().filter(|struc| !struc.of_elements) {
                 let name = name.to_lowercase();
                 for (field, offset) in fields {
                     write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();

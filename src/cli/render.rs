@@ -18,7 +18,7 @@ use crate::scene::{self, Camera, Scene};
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// No machine has more cores than this.
-const MAX_THREADS: u64 = 4096;
+const MAX_THREADS: usize = 4096;
 
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
@@ -29,24 +29,24 @@ pub struct RenderArgs {
     /// Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Who computes it: reference, rust, c, paper, or auto for the fastest that this CPU runs
-    #[arg(long, value_name = "ENGINE", default_value = "auto")]
+    /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    #[arg(long, value_name = "ENGINE", env = "RAYO_ENGINE", default_value = "auto")]
     engine: String,
-    /// In what numbers: single or double. Default: what the engine computes in
+    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
     /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
-    #[arg(long, value_name = "DIAGONAL")]
+    #[arg(long, value_name = "DIAGONAL", allow_negative_numbers = true)]
     film: Option<f32>,
     /// The focal distance, in place of the scene's
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", allow_negative_numbers = true)]
     focal: Option<f32>,
     /// The size in pixels, in place of the scene's
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<Size>,
     /// Threads that trace. Default: one for each core
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_THREADS))]
-    threads: Option<u64>,
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
+    threads: Option<usize>,
     /// Print where the time went
     #[arg(long)]
     stats: bool,
@@ -78,6 +78,11 @@ impl FromStr for Size {
     }
 }
 
+fn threads(text: &str) -> Result<usize, String> {
+    let threads = text.parse().ok().filter(|threads| (1..=MAX_THREADS).contains(threads));
+    threads.ok_or_else(|| format!("expected a whole number from 1 to {MAX_THREADS}"))
+}
+
 /// What `--stats` prints; the names are those of the JSON document.
 #[derive(Serialize)]
 struct Report {
@@ -99,17 +104,19 @@ struct Report {
 
 /// Renders the scene.
 pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
+    // Before any work: what no scene can make right.
+    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
+    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+
     let clock = Instant::now();
     let scene = scene::read(&args.scene).map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     let parse = clock.elapsed();
 
     let clock = Instant::now();
     let camera = camera(args, &scene)?;
-    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
-    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
     let tracer = engine.prepare(precision, &scene, &camera).map_err(Failure::input)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.map_or_else(cores, |threads| threads as usize);
+    let threads = args.threads.unwrap_or_else(cores);
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 
@@ -122,7 +129,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     drop(progress);
 
     if args.stats || args.json {
-        let report = report(engine, &scene, &camera, threads, (parse, setup), &stats);
+        let precision = precision.unwrap_or(engine.precision());
+        let report = report((engine, precision), &scene, &camera, threads, (parse, setup), &stats);
         if args.json { print_json(&report)? } else { print(&report.text())? }
     } else if !args.quiet {
         let (width, height) = (camera.width(), camera.height());
@@ -164,7 +172,7 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 }
 
 fn report(
-    engine: Engine,
+    (engine, precision): (Engine, Precision),
     scene: &Scene,
     camera: &Camera,
     threads: usize,
@@ -175,7 +183,7 @@ fn report(
     Report {
         schema: 1,
         engine: engine.name(),
-        precision: engine.precision().name(),
+        precision: precision.name(),
         width: camera.width(),
         height: camera.height(),
         threads,
