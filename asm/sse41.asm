@@ -1,4 +1,4 @@
-; sse41.asm - the unit of what runs on SSE4.1: the paper's engine in both forms, and packets of 4 rays, or 2 in f64.
+; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, and packets of 4 rays in lockstep, or 2 in f64.
 
 %define ISA sse41
 %include "include/isa.inc"

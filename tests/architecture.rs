@@ -240,7 +240,6 @@ fn macros() -> Vec<Macro> {
             let trimmed = line.trim_start();
             assert!(!trimmed.starts_with("%imacro"), "{path}:{}: NASM's %imacro takes any case", at + 1);
             let Some(head) = trimmed.strip_prefix("%macro ") else { continue };
-            let head = head.split(';').next().unwrap_or_default();
             let [name, parameters] = head.split_whitespace().collect::<Vec<_>>()[..] else {
                 panic!("{path}:{}: not a name and a number of parameters: {line}", at + 1)
             };
@@ -250,6 +249,7 @@ fn macros() -> Vec<Macro> {
             macros.push(Macro {
                 place: format!("{path}:{}: {name}", at + 1),
                 name: name.to_owned(),
+                // A plus: the last one takes what is left, commas and all.
                 parameters: parameters
                     .trim_end_matches('+')
                     .parse()
@@ -263,79 +263,44 @@ fn macros() -> Vec<Macro> {
     macros
 }
 
-/// Files of packet macros that share a fixed set of registers, and do not keep a rule of the macros that take all of
-/// theirs as parameters. A file that keeps it has to be taken off its list.
-const WITHOUT_OWN_COMMENTS: [&str; 3] = ["asm/include/packet.inc", "asm/include/pixels.inc", "asm/tracers/spans.asm"];
-const WITHOUT_COUNTS: [&str; 5] = [
-    "asm/include/lambert.inc",
-    "asm/include/packet.inc",
-    "asm/include/pixels.inc",
-    "asm/include/sphere.inc",
-    "asm/include/triangle.inc",
-];
-const WITHOUT_NAMES: [&str; 3] = ["asm/include/packet.inc", "asm/include/pixels.inc", "asm/tracers/spans.asm"];
-const WITH_REGISTERS: [&str; 2] = ["asm/include/packet.inc", "asm/include/pixels.inc"];
-
-/// Holds that what breaks a rule, each with its place in a file, is in the files that may, and in all of those.
-fn broken_only_in(files: &[&str], broken: &[String]) {
-    let others: Vec<_> = broken.iter().filter(|place| !files.iter().any(|file| place.starts_with(file))).collect();
-    assert!(others.is_empty(), "{others:#?}");
-    let kept: Vec<_> = files.iter().filter(|file| !broken.iter().any(|place| place.starts_with(**file))).collect();
-    assert!(kept.is_empty(), "these keep the rule now: {kept:?}");
-}
-
 #[test]
 fn every_macro_is_uppercase_and_its_comment_says_what_it_does() {
-    let mut broken = Vec::new();
     for Macro { place, name, comment, .. } in macros() {
         assert!(name.chars().all(|c| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_'), "{place}");
         let first = comment.first().map(String::as_str).unwrap_or_default();
-        if !first.starts_with(&format!("; {name} - ")) {
-            broken.push(format!("{place}: the comment above begins with `{first}`"));
-        }
+        assert!(first.starts_with(&format!("; {name} - ")), "{place}: the comment above begins with `{first}`");
+        let counted = comment.iter().any(|line| line.starts_with(";   instructions "));
+        assert!(counted || !place.starts_with("asm/include"), "{place}: its instructions are not counted");
     }
-    broken_only_in(&WITHOUT_OWN_COMMENTS, &broken);
-}
-
-#[test]
-fn the_comment_of_every_shared_macro_counts_its_instructions() {
-    let shared = macros().into_iter().filter(|m| m.place.starts_with("asm/include/"));
-    let uncounted = shared.filter(|m| !m.comment.iter().any(|line| line.starts_with(";   instructions ")));
-    broken_only_in(&WITHOUT_COUNTS, &uncounted.map(|m| m.place).collect::<Vec<_>>());
 }
 
 #[test]
 fn every_parameter_of_a_macro_has_a_name_and_a_tag_and_is_used_by_its_name() {
-    let broken: Vec<_> =
-        macros().iter().filter_map(|m| names(m).err().map(|why| format!("{}: {why}", m.place))).collect();
-    broken_only_in(&WITHOUT_NAMES, &broken);
-}
-
-/// Whether each parameter is named once, explained and tagged, in order, and not used by its number.
-fn names(of: &Macro) -> Result<(), String> {
-    let mut named = Vec::new();
-    for line in &of.body {
-        let line = line.trim_start();
-        let (code, comment) = line.split_once(';').unwrap_or((line, ""));
-        let numbers = parameter_numbers(code);
-        match code.split_whitespace().collect::<Vec<_>>()[..] {
-            ["%define", name, value] if name.starts_with("%%") && !numbers.is_empty() => {
-                let tag = comment.trim_start();
-                let known = ["[in]", "[out]", "[in/out]", "[clobbered]", "[clobbered "];
-                let text = tag.split_once(']').map_or("", |(_, text)| text.trim());
-                if value != format!("%{}", numbers[0]) {
-                    return Err(format!("more than a name: {line}"));
-                } else if !known.iter().any(|known| tag.starts_with(known)) || text.is_empty() {
-                    return Err(format!("no tag, or nothing after it: {line}"));
+    for Macro { place, parameters, body, .. } in macros() {
+        let mut named = Vec::new();
+        for line in &body {
+            let line = line.trim_start();
+            let (code, comment) = line.split_once(';').unwrap_or((line, ""));
+            let numbers = parameter_numbers(code);
+            match code.split_whitespace().collect::<Vec<_>>()[..] {
+                ["%define", name, value] if name.starts_with("%%") && !numbers.is_empty() => {
+                    assert_eq!(value, format!("%{}", numbers[0]), "{place}: {line}");
+                    named.push(numbers[0]);
+                    let tag = comment.trim_start();
+                    let known = ["[in]", "[out]", "[in/out]", "[clobbered]", "[clobbered "];
+                    assert!(known.iter().any(|known| tag.starts_with(known)), "{place}: {name} has no tag: {line}");
+                    let text = tag.split_once(']').map_or("", |(_, text)| text.trim());
+                    assert!(!text.is_empty(), "{place}: {name} is not explained");
                 }
-                named.push(numbers[0]);
+                _ => assert!(numbers.is_empty(), "{place}: a parameter without a name: {line}"),
             }
-            _ if !numbers.is_empty() => return Err(format!("a parameter without a name: {line}")),
-            _ => {}
         }
+        assert_eq!(
+            named,
+            (1..=parameters).collect::<Vec<_>>(),
+            "{place}: each parameter gets one name, in their order"
+        );
     }
-    let all: Vec<_> = (1..=of.parameters).collect();
-    if named == all { Ok(()) } else { Err(format!("names for {named:?} of {all:?}")) }
 }
 
 /// The n of every %n in a line.
@@ -347,7 +312,7 @@ fn parameter_numbers(code: &str) -> Vec<usize> {
 #[test]
 fn the_formulas_touch_no_register_but_their_parameters() {
     let is_register = |word: &str| {
-        let vector = ["xmm", "ymm", "zmm", "mm", "k", "v", "h", "w"].iter().any(|kind| {
+        let vector = ["xmm", "ymm", "zmm", "mm", "k"].iter().any(|kind| {
             word.strip_prefix(kind).is_some_and(|number| number.parse::<u8>().is_ok_and(|number| number < 32))
         });
         let general = ["ax", "bx", "cx", "dx", "si", "di", "bp", "sp"];
@@ -358,19 +323,18 @@ fn the_formulas_touch_no_register_but_their_parameters() {
         vector || old || new
     };
     assert!(["xmm0", "zmm31", "rax", "esi", "r8", "r15d", "k1"].into_iter().all(is_register));
-    assert!(!["r", "k", "max", "xmm", "r2", "axis", "parameter_v1"].into_iter().any(is_register));
-    let mut broken = Vec::new();
+    assert!(!["r", "k", "max", "xmm", "r2", "axis"].into_iter().any(is_register));
     // Which registers there are is the business of isa.inc.
-    let formulas = macros().into_iter().filter(|m| m.place.starts_with("asm/include/"));
-    for Macro { place, body, .. } in formulas.filter(|m| !m.place.starts_with("asm/include/isa.inc")) {
+    for Macro { place, body, .. } in macros().into_iter().filter(|m| m.place.starts_with("asm/include")) {
+        if place.starts_with("asm/include/isa.inc") {
+            continue;
+        }
         for line in body {
-            let code = line.split(';').next().unwrap_or_default().replace("%%", "parameter_").replace('.', "field_");
-            if tokens(&code).into_iter().any(|word| is_register(&word.to_lowercase())) {
-                broken.push(format!("{place}: {line}"));
-            }
+            let code = line.split(';').next().unwrap_or_default().replace("%%", "parameter_");
+            let register = tokens(&code).into_iter().find(|word| is_register(&word.to_lowercase()));
+            assert_eq!(register, None, "{place}: {line}");
         }
     }
-    broken_only_in(&WITH_REGISTERS, &broken);
 }
 
 #[test]

@@ -4,9 +4,9 @@
 // Two of the deliberately broken kernels touch memory that is not theirs, in a process of their own.
 #![allow(unsafe_code)]
 
-mod kernel_inputs;
+mod kernel_cases;
 
-use kernel_inputs::{Input, Numbers, implementations, seed};
+use kernel_cases::{Input, Numbers, implementations, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
     BROKEN, Fault, Frame, Light, Objects, Op, OpRef, Plain, Sphere, Triangle, Vec4, broken_read, broken_write,
@@ -27,9 +27,9 @@ fn inputs(op: OpRef, rng: &mut Rng) -> Vec<Input> {
 /// Lists of different lengths, none among them.
 fn scenes() -> Vec<(Vec<Light>, Vec<Sphere>, Vec<Triangle>)> {
     let lights = [Light { position: Vec4::new(-3.0, 4.0, 0.0), radiance: Vec4::new(0.5, 0.75, 1.0) }; 3];
-    let spheres = [5.0, 3.0].map(|z| kernel_inputs::sphere(Vec4::new(0.25, 0.0, z), 1.0));
+    let spheres = [5.0, 3.0].map(|z| kernel_cases::sphere(Vec4::new(0.25, 0.0, z), 1.0));
     let corners = [Vec4::new(-4.0, -2.0, 4.0), Vec4::new(4.0, -2.0, 4.0), Vec4::new(0.0, 3.0, 4.0)];
-    let triangles = [kernel_inputs::triangle(corners)];
+    let triangles = [kernel_cases::triangle(corners)];
     let lengths = [(0, 0, 0), (0, 1, 1), (1, 1, 0), (1, 0, 1), (2, 2, 1), (3, 0, 0)];
     let scene =
         |(l, s, t): (usize, usize, usize)| (lights[..l].to_vec(), spheres[..s].to_vec(), triangles[..t].to_vec());
@@ -48,7 +48,7 @@ fn every_operation_keeps_the_calling_convention() {
     for (implementation, kernels) in implementations() {
         for (name, op) in kernels.ops() {
             for input in inputs(op, &mut rng) {
-                assert_eq!(kernel_inputs::call(op, &input).1, Ok(()), "{implementation} {name} for {input:?}");
+                assert_eq!(kernel_cases::call(op, &input).1, Ok(()), "{implementation} {name} for {input:?}");
             }
         }
     }
@@ -115,7 +115,7 @@ fn no_operation_touches_memory_beside_its_arguments() {
                 };
                 let what = format!("{implementation} {name}, the guard page {side:?}, case {case}: {input:?}");
                 let found = found.unwrap_or_else(|| panic!("touches the guard page: {what}"));
-                assert_eq!(found, kernel_inputs::call(op, &input).0, "{what}");
+                assert_eq!(found, kernel_cases::call(op, &input).0, "{what}");
             }
         }
     }

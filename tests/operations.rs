@@ -5,11 +5,11 @@
 
 #![cfg(rayo_asm)]
 
-mod kernel_inputs;
+mod kernel_cases;
 
 use std::ops::Range;
 
-use kernel_inputs::{Input, Numbers, choose, implementations, seed};
+use kernel_cases::{Input, Numbers, choose, implementations, seed};
 use rayo::kernels::{Frame, Light, Objects, OpRef, Sphere, Trace, Triangle, Vec4};
 use rayo::plan::Packed;
 use rayo::reference::aos::{self, Form, Lanes};
@@ -118,7 +118,7 @@ fn same(a: Lanes<f32>, b: Lanes<f32>) -> bool {
 }
 
 fn call(op: OpRef, input: &Input) -> Lanes<f32> {
-    kernel_inputs::call(op, input).0.lanes()
+    kernel_cases::call(op, input).0.lanes()
 }
 
 /// Cases of each source of numbers, with and without a w of its own.
@@ -198,7 +198,7 @@ const SPHERES: [(&str, Point, Point, f32, f32); 15] = [
 fn a_sphere_is_hit_on_each_path_as_worked_out_by_hand() {
     for (implementation, kernels) in implementations() {
         for (path, ray, centre, radius, t) in SPHERES {
-            let found = kernels.sphere.call(&vector(ray), &kernel_inputs::sphere(vector(centre), radius));
+            let found = kernels.sphere.call(&vector(ray), &kernel_cases::sphere(vector(centre), radius));
             // The one t that is not exact has a root of 16/3 in it.
             let close = path == "a slanting ray" && (found - t).abs() < 1e-6;
             assert!(found == t || close, "{implementation}, {path}: {found} instead of {t}");
@@ -234,7 +234,7 @@ fn a_triangle_is_hit_on_each_path_as_worked_out_by_hand_in_any_order_of_its_vert
     for (implementation, kernels) in implementations() {
         for (path, ray, [a, b, c], t) in TRIANGLES {
             for vertices in [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]] {
-                let found = kernels.triangle.call(&vector(ray), &kernel_inputs::triangle(vertices.map(vector)));
+                let found = kernels.triangle.call(&vector(ray), &kernel_cases::triangle(vertices.map(vector)));
                 assert_eq!(found, t, "{implementation}, {path}, {vertices:?}");
             }
         }
@@ -303,10 +303,10 @@ impl Lot {
             lot.lights.push(Light { position: numbers.vector(rng), radiance: numbers.vector(rng) });
         }
         for _ in 0..rng.next_u64() % 5 {
-            lot.spheres.push(kernel_inputs::sphere(numbers.vector(rng), numbers.next(rng)));
+            lot.spheres.push(kernel_cases::sphere(numbers.vector(rng), numbers.next(rng)));
         }
         for _ in 0..rng.next_u64() % 5 {
-            lot.triangles.push(kernel_inputs::triangle([0; 3].map(|_| numbers.vector(rng))));
+            lot.triangles.push(kernel_cases::triangle([0; 3].map(|_| numbers.vector(rng))));
         }
         lot
     }
@@ -373,10 +373,10 @@ fn far_rows_and_long_rows_keep_their_places() {
 fn the_nearest_hit_wins_and_the_first_in_order_a_tie() {
     let colours = [Vec4::new(1.0, 0.0, 0.0), Vec4::new(0.0, 1.0, 0.0), Vec4::new(0.0, 0.0, 1.0)];
     let [red, green, blue] = colours;
-    let ball = |z, colour| Sphere { colour, ..kernel_inputs::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
+    let ball = |z, colour| Sphere { colour, ..kernel_cases::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
     let wall = |z, colour| Triangle {
         colour,
-        ..kernel_inputs::triangle([Vec4::new(-9.0, -9.0, z), Vec4::new(9.0, -9.0, z), Vec4::new(0.0, 9.0, z)])
+        ..kernel_cases::triangle([Vec4::new(-9.0, -9.0, z), Vec4::new(9.0, -9.0, z), Vec4::new(0.0, 9.0, z)])
     };
     let light = Light { position: Vec4::default(), radiance: Vec4::new(1.0, 1.0, 1.0) };
     for (what, spheres, triangles, expected) in [

@@ -51,8 +51,8 @@ struct ShortForm {
     light: DVec3,
     /// What sqrt D is over the root of (j - left) (right - j), in units of x.
     slope: f64,
-    k0: f64,
-    k1: f64,
+    kn: f64,
+    ke: f64,
     weights: DVec3,
 }
 
@@ -195,7 +195,7 @@ impl<E: Element> Spans<E> {
 }
 
 fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = light.radiance().as_dvec3() * colour;
+    let weights = weights(light, colour);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -207,6 +207,11 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
         padding: 0.0,
     }
     .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -239,16 +244,16 @@ impl Sphere {
             [light] if k > 0.0 => {
                 let l = light.position.as_dvec3() / radius;
                 let light_from_centre = (light.position.as_dvec3() - centre) / radius;
-                let (k0, k1) = (k - c.dot(l), l.dot(l) - k);
+                let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
-                let loss = f64::max((k0.abs() + products) / gap, (k1.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * light.radiance().as_dvec3() * colour;
+                let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+                let weights = 0.5 * weights(light, colour);
                 let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
                 // It does not clamp.
                 let dim = weights.max_element() <= 0.5 * white;
                 let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
-                fine.then_some(ShortForm { light: light_from_centre, slope, k0, k1, weights })
+                fine.then_some(ShortForm { light: light_from_centre, slope, kn, ke, weights })
             }
             _ => None,
         };
@@ -349,8 +354,8 @@ impl Sphere {
             h0: (s.h + self.centre.x * d.x) * scale,
             q1: 2.0 * self.k * form.light.x * step * scale,
             q0: 2.0 * self.k * form.light.dot(d) * scale,
-            k0: 2.0 * form.k0,
-            k1: form.k1,
+            kn: 2.0 * form.kn,
+            ke: form.ke,
             red: form.weights.x,
             green: form.weights.y,
             blue: form.weights.z,
@@ -401,7 +406,8 @@ impl Triangle {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        let size = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
     }
 
