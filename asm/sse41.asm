@@ -18,3 +18,8 @@
 %define AOS_NAME(name) aos_ %+ name
 %include "ops/aos.asm"
 %include "tracers/paper.asm"
+
+%assign AOS_BEST 0                      ; the paper's forms, called: rayo_calls_*
+%assign AOS_CALLS 1
+%define AOS_NAME(name) calls_ %+ name
+%include "tracers/paper.asm"

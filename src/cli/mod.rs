@@ -1,6 +1,7 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
 mod diff;
+mod experiment;
 mod info;
 mod render;
 
@@ -24,6 +25,7 @@ struct Cli {
 enum Command {
     Render(render::RenderArgs),
     Diff(diff::DiffArgs),
+    Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
 }
 
@@ -50,6 +52,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
     };
     result.unwrap_or_else(|failure| {

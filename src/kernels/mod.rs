@@ -8,6 +8,7 @@ mod checked;
 mod ffi;
 mod isa;
 #[cfg(rayo_asm)]
+pub mod ladder;
 mod packet;
 mod spans;
 pub mod sys;
