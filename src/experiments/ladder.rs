@@ -259,9 +259,8 @@ pub fn run(
         for rung in &planned {
             let tracer = rung.tracer(&scene, &camera)?;
             let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
-            let counted = (rung.threads() == 1)
-                .then(|| count(&mut || (ready.trace)(films.of(ready.output).as_mut())))
-                .flatten();
+            let counted =
+                (rung.threads() == 1).then(|| count(&mut || (ready.trace)(films.of(ready.output).as_mut()))).flatten();
             instructions.push(counted.map(|counted| counted as f64 / camera.pixels() as f64));
         }
     }
@@ -333,11 +332,8 @@ pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
         let factors = steps.iter().map(|(cause, a, b)| Some((*cause, factor(*a, *b)?))).collect::<Option<Vec<_>>>()?;
         // The product of the medians: the shares then add up exactly.
         let whole: f64 = factors.iter().map(|(_, factor)| factor).product();
-        let shares = factors.iter().map(|(cause, factor)| Share {
-            cause,
-            factor: *factor,
-            share: factor.ln() / whole.ln(),
-        });
+        let shares =
+            factors.iter().map(|(cause, factor)| Share { cause, factor: *factor, share: factor.ln() / whole.ln() });
         Some(Explanation { from: steps[0].1, to: steps[steps.len() - 1].2, factor: whole, shares: shares.collect() })
     };
     [

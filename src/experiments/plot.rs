@@ -141,9 +141,11 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
             .label("here")
             .legend(|(x, y)| Circle::new((x + 10, y), 4, SIMD_COLOUR.filled()));
         chart
-            .draw_series(PAPER.iter().map(|row| {
-                TriangleMarker::new((row.pixels() as f64 / 1e6, row.ratio()), 6, C_COLOUR.stroke_width(1))
-            }))
+            .draw_series(
+                PAPER.iter().map(|row| {
+                    TriangleMarker::new((row.pixels() as f64 / 1e6, row.ratio()), 6, C_COLOUR.stroke_width(1))
+                }),
+            )
             .map_err(PlotError::new)?
             .label(format!("the paper's, {:.2} in the mean", paper_mean_ratio()))
             .legend(|(x, y)| TriangleMarker::new((x + 10, y), 6, C_COLOUR.stroke_width(1)));

@@ -40,7 +40,11 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
 
     let document = measure(args, &settings, machine, core.ok(), &cores, &mut clock, &stop)?;
     write_files(&args.out, &document)?;
-    if args.json { print_json(&document)? } else { print(&table::text(&document, false))? }
+    if args.json {
+        print_json(&document)?
+    } else {
+        print(&table::text(&document, false))?
+    }
     if !document.conditions.complete {
         say("warning: stopped early: only what was finished is in the results");
     }

@@ -220,7 +220,8 @@ fn explanation(document: &Document) -> String {
             .iter()
             .map(|share| format!("{} {:.0} % (times {:.2})", share.cause, 100.0 * share.share, share.factor))
             .collect();
-        writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", ")).expect("a String takes all");
+        writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", "))
+            .expect("a String takes all");
     }
     if !text.is_empty() {
         text += "Shares are on a logarithmic scale, on which factors add up.\n";
@@ -285,7 +286,9 @@ pub(super) fn text(document: &Document, full: bool) -> String {
     }
     if !document.ladder.is_empty() {
         let (width, height) = ladder::SIZE;
-        parts.push(format!("The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"));
+        parts.push(format!(
+            "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
+        ));
         parts.push(ladder_table(document));
     }
     if !document.explanations.is_empty() {
