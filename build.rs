@@ -27,8 +27,8 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 mod native {
     use super::*;
 
-    /// One translation unit per ISA, and the harness of checked calls.
-    const UNITS: [&str; 2] = ["sse41", "checked"];
+    /// One translation unit per ISA, the harness of checked calls, and functions to try the counters on.
+    const UNITS: [&str; 3] = ["sse41", "checked", "known"];
     const C_SOURCES: [&str; 2] = ["trace", "ops"];
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \

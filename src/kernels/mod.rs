@@ -7,6 +7,9 @@ mod checked;
 #[cfg(rayo_asm)]
 mod ffi;
 mod isa;
+#[cfg(rayo_asm)]
+mod known;
+pub mod step;
 pub mod sys;
 mod types;
 
@@ -15,6 +18,8 @@ pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 #[cfg(rayo_asm)]
 pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
+#[cfg(rayo_asm)]
+pub use known::{KNOWN, Known};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
