@@ -28,7 +28,7 @@ mod native {
     use super::*;
 
     /// One translation unit per ISA, the harness of checked calls, and functions to try the counters on.
-    const UNITS: [&str; 3] = ["sse41", "checked", "known"];
+    const UNITS: [&str; 5] = ["sse41", "avx2", "avx512", "checked", "known"];
     const C_SOURCES: [&str; 2] = ["trace", "ops"];
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
@@ -117,6 +117,8 @@ mod native {
 
         pub struct Struc {
             name: String,
+            /// Whether offsets are in elements, f32 or f64, and not in bytes.
+            of_elements: bool,
             /// Name and offset.
             fields: Vec<(String, usize)>,
             size: usize,
@@ -128,12 +130,15 @@ mod native {
                 let line = line.split(';').next().unwrap_or_default();
                 match *line.split_whitespace().collect::<Vec<_>>() {
                     [] | ["endstruc"] => {}
-                    ["struc", name] => strucs.push(Struc { name: name.into(), fields: Vec::new(), size: 0 }),
-                    [field, unit @ ("resd" | "resq"), count] => {
+                    ["struc", name] => {
+                        strucs.push(Struc { name: name.into(), of_elements: false, fields: Vec::new(), size: 0 });
+                    }
+                    [field, unit @ ("resb" | "resd" | "resq"), count] => {
                         let struc = strucs.last_mut().expect("a field outside a struc");
                         let name = field.trim_start_matches('.').trim_end_matches(':').to_owned();
                         struc.fields.push((name, struc.size));
-                        let unit = if unit == "resd" { 4 } else { 8 };
+                        struc.of_elements = unit == "resb";
+                        let unit = [("resb", 1), ("resd", 4), ("resq", 8)].iter().find(|(u, _)| *u == unit).unwrap().1;
                         struc.size += unit * count.parse::<usize>().expect("a number of units");
                     }
                     _ => panic!("asm/include/layout.inc:{}: not a struc, a field or its end: {line}", number + 1),
@@ -145,9 +150,13 @@ mod native {
         /// A list of checks for `layout_checks!` in src/kernels/types.rs.
         pub fn to_rust(strucs: &[Struc]) -> String {
             let mut text = String::from("layout_checks! {\n");
-            for Struc { name, fields, size } in strucs {
-                let fields: String = fields.iter().map(|(field, offset)| format!("{field}: {offset}, ")).collect();
-                writeln!(text, "    {name}, {size}, {{ {fields}}};").unwrap();
+            for Struc { name, of_elements, fields, size } in strucs {
+                let types = if *of_elements { vec![("<f32>", 4), ("<f64>", 8)] } else { vec![("", 1)] };
+                for (generic, unit) in types {
+                    let fields = fields.iter().map(|(field, offset)| format!("{field}: {}, ", offset * unit));
+                    writeln!(text, "    {name}{generic}, {}, {{ {}}};", size * unit, fields.collect::<String>())
+                        .unwrap();
+                }
             }
             text + "}\n"
         }
@@ -155,7 +164,7 @@ mod native {
         /// A macro that applies one check to every field and one to every size.
         pub fn to_c(strucs: &[Struc]) -> String {
             let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
-            for Struc { name, fields, size } in strucs {
+            for Struc { name, fields, size, .. } in strucs.iter().filter(|struc| !struc.of_elements) {
                 let name = name.to_lowercase();
                 for (field, offset) in fields {
                     write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();

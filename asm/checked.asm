@@ -1,5 +1,6 @@
 ; checked.asm - calls a kernel and finds out whether it kept the calling convention; and kernels that do not, on purpose.
 
+%define ISA avx512                      ; looks at registers as wide as there are
 %include "include/isa.inc"
 %include "include/layout.inc"          ; for Vec4_size
 

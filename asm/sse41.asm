@@ -1,7 +1,9 @@
-; sse41.asm - the unit of everything that runs on SSE4.1: the paper's engine, in its own forms and in the best ones.
+; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, in its own forms and in the best ones, and packets of
+; 4 rays in lockstep, or 2 in f64.
 
+%define ISA sse41
 %include "include/isa.inc"
-%include "include/layout.inc"
+%include "include/packets.inc"
 %include "include/vec3_aos.inc"
 %include "include/sphere_aos.inc"
 %include "include/triangle_aos.inc"

@@ -29,10 +29,10 @@ pub struct RenderArgs {
     /// Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Who computes it: reference, rust, c, paper, or auto for the fastest that this CPU runs
-    #[arg(long, value_name = "ENGINE", default_value = "auto")]
+    /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    #[arg(long, value_name = "ENGINE", env = "RAYO_ENGINE", default_value = "auto")]
     engine: String,
-    /// In what numbers: single or double. Default: what the engine computes in
+    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
     /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
@@ -122,7 +122,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     drop(progress);
 
     if args.stats || args.json {
-        let report = report(engine, &scene, &camera, threads, (parse, setup), &stats);
+        let precision = precision.unwrap_or(engine.precision());
+        let report = report((engine, precision), &scene, &camera, threads, (parse, setup), &stats);
         if args.json { print_json(&report)? } else { print(&report.text())? }
     } else if !args.quiet {
         let (width, height) = (camera.width(), camera.height());
@@ -164,7 +165,7 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 }
 
 fn report(
-    engine: Engine,
+    (engine, precision): (Engine, Precision),
     scene: &Scene,
     camera: &Camera,
     threads: usize,
@@ -175,7 +176,7 @@ fn report(
     Report {
         schema: 1,
         engine: engine.name(),
-        precision: engine.precision().name(),
+        precision: precision.name(),
         width: camera.width(),
         height: camera.height(),
         threads,

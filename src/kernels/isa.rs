@@ -7,16 +7,22 @@ use std::fmt;
 pub enum Isa {
     /// SSE4.1: 128-bit registers.
     Sse41,
+    /// AVX2 and FMA: 256-bit registers.
+    Avx2,
+    /// AVX-512 F, VL, DQ and BW: 512-bit registers and masks.
+    Avx512,
 }
 
 impl Isa {
     /// Every one, narrowest first.
-    pub const ALL: [Isa; 1] = [Isa::Sse41];
+    pub const ALL: [Isa; 3] = [Isa::Sse41, Isa::Avx2, Isa::Avx512];
 
     /// The name that users type and kernels carry.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Sse41 => "sse41",
+            Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
         }
     }
 
@@ -30,6 +36,13 @@ impl Isa {
         #[cfg(rayo_asm)]
         return match self {
             Isa::Sse41 => is_x86_feature_detected!("sse4.1"),
+            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            Isa::Avx512 => {
+                is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512bw")
+            }
         };
         #[cfg(not(rayo_asm))]
         return false;

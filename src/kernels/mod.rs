@@ -9,6 +9,10 @@ mod ffi;
 mod isa;
 #[cfg(rayo_asm)]
 mod known;
+#[cfg(rayo_asm)]
+mod packet;
+#[cfg(rayo_asm)]
+mod spans;
 pub mod step;
 pub mod sys;
 mod types;
@@ -20,6 +24,10 @@ pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use known::{KNOWN, Known};
+#[cfg(rayo_asm)]
+pub use packet::{Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packets};
+#[cfg(rayo_asm)]
+pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.

@@ -168,6 +168,7 @@ const ORIGIN: Vec4 = Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
 
 plain! {
     f32 = 0.0,
+    f64 = 0.0,
     Vec4 = ORIGIN,
     Light = Light { position: ORIGIN, radiance: ORIGIN },
     Sphere = Sphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
@@ -177,12 +178,14 @@ plain! {
 
 #[cfg(rayo_asm)]
 macro_rules! layout_checks {
-    ($($type:ident, $size:literal, { $($field:ident: $offset:literal,)* };)*) => {
+    ($($type:ty, $size:literal, { $($field:ident: $offset:literal,)* };)*) => {
         $(
             $(const _: () = assert!(std::mem::offset_of!($type, $field) == $offset);)*
             const _: () = assert!(size_of::<$type>() == $size);
         )*
     };
 }
+#[cfg(rayo_asm)]
+use super::spans::{InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 #[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));

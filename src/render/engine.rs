@@ -6,10 +6,12 @@ use std::str::FromStr;
 use super::Tracer;
 #[cfg(rayo_asm)]
 use super::aos::AosTracer;
+#[cfg(rayo_asm)]
+use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 #[cfg(rayo_asm)]
-use crate::kernels;
+use crate::kernels::{self, Isa};
 use crate::scene::{Camera, Scene};
 
 /// Who computes the picture.
@@ -25,6 +27,9 @@ pub enum Engine {
     /// The paper's NASM macros, one vector in one register.
     #[cfg(rayo_asm)]
     Paper,
+    /// NASM packets, one ray in each lane.
+    #[cfg(rayo_asm)]
+    Packet(Isa),
 }
 
 /// In what numbers an engine computes.
@@ -32,6 +37,8 @@ pub enum Engine {
 pub enum Precision {
     /// f32, with correctly rounded operations.
     Single,
+    /// f32, with estimates of roots and reciprocals where only the shade depends on them.
+    Fast,
     /// f64.
     Double,
 }
@@ -48,13 +55,13 @@ pub enum EngineError {
         known: bool,
     },
     /// This CPU does not run it.
-    #[error("this CPU does not run the engine `{0}`, which needs {1}; it runs: {list}", list = available())]
-    Unusable(Engine, &'static str),
+    #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = available())]
+    Unusable(Engine),
     /// No precision of that name.
-    #[error("there is no precision `{0}`; there are: single, double")]
+    #[error("there is no precision `{0}`; there are: single, fast, double")]
     UnknownPrecision(String),
     /// The engine has not got that precision.
-    #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = .0.precision())]
+    #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
 }
 
@@ -64,10 +71,23 @@ fn available() -> String {
     names.join(", ") + ", auto"
 }
 
+/// The precisions in words.
+fn names(precisions: &[Precision]) -> String {
+    precisions.iter().map(|precision| precision.name()).collect::<Vec<_>>().join(", ")
+}
+
 impl Engine {
     /// Every engine of this build.
     #[cfg(rayo_asm)]
-    pub const ALL: &[Engine] = &[Engine::Reference, Engine::Rust, Engine::C, Engine::Paper];
+    pub const ALL: &[Engine] = &[
+        Engine::Reference,
+        Engine::Rust,
+        Engine::C,
+        Engine::Paper,
+        Engine::Packet(Isa::Sse41),
+        Engine::Packet(Isa::Avx2),
+        Engine::Packet(Isa::Avx512),
+    ];
     /// Every engine of this build.
     #[cfg(not(rayo_asm))]
     pub const ALL: &[Engine] = &[Engine::Reference, Engine::Rust];
@@ -81,6 +101,8 @@ impl Engine {
             Engine::C => "c",
             #[cfg(rayo_asm)]
             Engine::Paper => "paper",
+            #[cfg(rayo_asm)]
+            Engine::Packet(isa) => isa.name(),
         }
     }
 
@@ -92,23 +114,30 @@ impl Engine {
             Engine::C => true,
             #[cfg(rayo_asm)]
             Engine::Paper => kernels::paper().is_some(),
+            #[cfg(rayo_asm)]
+            Engine::Packet(isa) => isa.usable(),
         }
     }
 
     /// The fastest engine that this CPU runs: what `auto` means.
     pub fn fastest() -> Engine {
-        #[cfg(rayo_asm)]
-        if Engine::Paper.usable() {
-            return Engine::Paper;
-        }
-        Engine::Rust
+        let mut engines = Engine::ALL.iter().copied().filter(|engine| engine.usable());
+        // They are listed from the slowest to the fastest, but for `c`, which is behind `paper` and every packet.
+        engines.rfind(|engine| engine.name() != "c").unwrap_or(Engine::Rust)
     }
 
-    /// The precision that it computes in.
+    /// The precision that it computes in unless it is asked for another.
     pub fn precision(self) -> Precision {
+        self.precisions()[0]
+    }
+
+    /// The precisions that it has, its own first.
+    pub fn precisions(self) -> &'static [Precision] {
         match self {
-            Engine::Reference => Precision::Double,
-            _ => Precision::Single,
+            Engine::Reference => &[Precision::Double],
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => &[Precision::Single, Precision::Fast, Precision::Double],
+            _ => &[Precision::Single],
         }
     }
 
@@ -119,7 +148,8 @@ impl Engine {
         scene: &Scene,
         camera: &Camera,
     ) -> Result<Box<dyn Tracer>, EngineError> {
-        if let Some(precision) = precision.filter(|precision| *precision != self.precision()) {
+        let precision = precision.unwrap_or(self.precision());
+        if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));
         }
         Ok(match self {
@@ -129,8 +159,17 @@ impl Engine {
             Engine::C => Box::new(AosTracer::new(kernels::c(), scene, camera)),
             #[cfg(rayo_asm)]
             Engine::Paper => {
-                let kernels = kernels::paper().ok_or(EngineError::Unusable(self, "SSE4.1"))?;
+                let kernels = kernels::paper().ok_or(EngineError::Unusable(self))?;
                 Box::new(AosTracer::new(kernels, scene, camera))
+            }
+            #[cfg(rayo_asm)]
+            Engine::Packet(isa) => {
+                let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
+                match precision {
+                    Precision::Single => Box::new(PacketTracer::new(kernels, &kernels.single, false, scene, camera)),
+                    Precision::Fast => Box::new(PacketTracer::new(kernels, &kernels.single, true, scene, camera)),
+                    Precision::Double => Box::new(PacketTracer::new(kernels, &kernels.double, false, scene, camera)),
+                }
             }
         })
     }
@@ -145,7 +184,8 @@ impl FromStr for Engine {
             return Ok(Engine::fastest());
         }
         let engine = Engine::ALL.iter().find(|engine| engine.name() == name);
-        engine.copied().ok_or_else(|| EngineError::Unknown { name: name.into(), known: ["c", "paper"].contains(&name) })
+        let elsewhere = ["c", "paper", "sse41", "avx2", "avx512"];
+        engine.copied().ok_or_else(|| EngineError::Unknown { name: name.into(), known: elsewhere.contains(&name) })
     }
 }
 
@@ -160,6 +200,7 @@ impl Precision {
     pub fn name(self) -> &'static str {
         match self {
             Precision::Single => "single",
+            Precision::Fast => "fast",
             Precision::Double => "double",
         }
     }
@@ -169,7 +210,7 @@ impl FromStr for Precision {
     type Err = EngineError;
 
     fn from_str(name: &str) -> Result<Self, EngineError> {
-        let all = [Precision::Single, Precision::Double];
+        let all = [Precision::Single, Precision::Fast, Precision::Double];
         all.into_iter().find(|p| p.name() == name).ok_or_else(|| EngineError::UnknownPrecision(name.into()))
     }
 }

@@ -6,6 +6,8 @@ mod engine;
 mod film;
 mod frame;
 mod image_file;
+#[cfg(rayo_asm)]
+mod packet;
 pub mod reference;
 mod rust;
 

@@ -1,0 +1,63 @@
+; fill.asm - what no ray hits: one pattern over many pixels.
+;
+; unsafe extern "sysv64" fn(out: *mut u32, count: u64, pattern: u32, streaming: u64)
+;
+;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0.
+;
+;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
+;   requires    the CPUID features of the ISA
+
+FUNC ISA %+ _fill
+%if HAS_VEX
+    vmovd   xmm0, edx
+    vpshufd xmm0, xmm0, 0
+%if HAS_MASKS
+    vshuff32x4 zmm0, zmm0, zmm0, 0
+%else
+    vinsertf128 ymm0, ymm0, xmm0, 1
+%endif
+%define STORE(op) v %+ op
+%else
+    movd    xmm0, edx
+    pshufd  xmm0, xmm0, 0
+%define STORE(op) op
+%endif
+    lea     rsi, [rdi + 4 * rsi]
+    lea     rax, [rdi + VBYTES]
+    cmp     rax, rsi
+    ja      .few
+    STORE(movups) [rdi], v0             ; the first and the last overlap with the aligned middle
+    STORE(movups) [rsi - VBYTES], v0
+    mov     rdi, rax
+    and     rdi, -VBYTES
+    mov     rax, rsi
+    and     rax, -VBYTES
+    cmp     rdi, rax
+    jae     .done
+    test    rcx, rcx
+    jnz     .stream
+align 16
+.store:
+    STORE(movaps) [rdi], v0
+    add     rdi, VBYTES
+    cmp     rdi, rax
+    jb      .store
+    jmp     .done
+align 16
+.stream:
+    STORE(movntps) [rdi], v0
+    add     rdi, VBYTES
+    cmp     rdi, rax
+    jb      .stream
+    jmp     .done
+.one:
+    mov     [rdi], edx
+    add     rdi, 4
+.few:
+    cmp     rdi, rsi
+    jb      .one
+.done:
+%if HAS_VEX
+    vzeroupper
+%endif
+ENDFUNC
