@@ -27,9 +27,12 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 mod native {
     use super::*;
 
-    /// One translation unit per ISA, the harness of checked calls, and functions to try the counters on.
-    const UNITS: [&str; 5] = ["sse41", "avx2", "avx512", "checked", "known"];
+    /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
+    const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
     const C_SOURCES: [&str; 2] = ["trace", "ops"];
+    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
+    const C_LEVELS: [(&str, u32, bool); 5] =
+        [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
         or name another one in the variable NASM; \
@@ -52,10 +55,12 @@ mod native {
 
         let assembled = assemble();
         let compiled = compile(&out);
+        let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(&out, level)).collect();
         let objects = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
+        let objects = objects.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
         fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
 
-        cc::Build::new().objects(assembled.iter().chain(&compiled)).compile("rayo_kernels");
+        cc::Build::new().objects(assembled.iter().chain(&compiled).chain(&levels)).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
             // Local labels would cut a kernel in pieces for objdump and perf.
             println!("cargo::rustc-link-arg=-Wl,--discard-locals");
@@ -95,10 +100,27 @@ mod native {
         objects
     }
 
+    /// by_value.c at one level, in an object that is named after it.
+    fn compile_level(out: &Path, (name, level, native): (&str, u32, bool)) -> PathBuf {
+        let mut c = cc::Build::new();
+        c.opt_level(level).debug(false).std("c11").include(out).warnings(true).extra_warnings(true);
+        c.define("RAYO_LEVEL", name).out_dir(out.join(name)).file("src/kernels/c/by_value.c");
+        if native {
+            c.flag_if_supported("-march=native");
+        }
+        let objects = c.try_compile_intermediates();
+        let objects = objects.unwrap_or_else(|error| fail("the C compiler refused by_value.c", &error.to_string()));
+        let object = out.join(format!("by_value-{name}.o"));
+        fs::copy(&objects[0], &object).unwrap();
+        object
+    }
+
     fn objects_to_rust<'a>(objects: impl Iterator<Item = (&'a &'a str, &'a PathBuf)>) -> String {
         let mut text = String::from("&[\n");
         for (name, path) in objects {
-            writeln!(text, "    ({name:?}, include_bytes!({path:?})),").unwrap();
+            // By its place in OUT_DIR: a copied build directory has the objects of its own.
+            let file = format!("/{}", path.file_name().unwrap().to_str().unwrap());
+            writeln!(text, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), {file:?}))),").unwrap();
         }
         text + "]\n"
     }

@@ -5,6 +5,7 @@
 ;   The labels .body and .body_end enclose what the table in src/kernels/known.rs tells of. They need nothing, change
 ;   rax, rcx, rsi and flags alone, and compute nothing.
 
+%define ISA sse41
 %include "include/isa.inc"
 
 ; KNOWN_LINE - a function with so many instructions in a line.

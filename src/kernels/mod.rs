@@ -3,7 +3,12 @@
 #![allow(unsafe_code)]
 
 #[cfg(rayo_asm)]
+mod by_value;
+#[cfg(rayo_asm)]
+mod chains;
+#[cfg(rayo_asm)]
 mod checked;
+mod code;
 #[cfg(rayo_asm)]
 mod ffi;
 mod isa;
@@ -11,14 +16,18 @@ mod isa;
 mod known;
 #[cfg(rayo_asm)]
 mod packet;
-#[cfg(rayo_asm)]
 mod spans;
 pub mod step;
 pub mod sys;
 mod types;
 
 #[cfg(rayo_asm)]
+pub use by_value::{ByValue, Ray, by_value};
+#[cfg(rayo_asm)]
+pub use chains::{Chain, Chains, FEEDBACK, chains_of_aos, chains_of_paper};
+#[cfg(rayo_asm)]
 pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
+pub use code::code_at;
 #[cfg(rayo_asm)]
 pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
@@ -26,7 +35,6 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packets};
-#[cfg(rayo_asm)]
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 

@@ -57,6 +57,34 @@ pub fn pin_to_this_core() -> io::Result<usize> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
+/// Multiplications in a round of [`multiply_in_chain`].
+pub const CHAIN_LINKS: u32 = 20;
+/// Cycles of the core's own clock from one 32-bit `imul` to the next that needs its result: 3 on every Intel core since
+/// Nehalem and every AMD core since Zen.
+pub const CHAIN_LATENCY: u32 = 3;
+
+/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the result of the one before: as many times
+/// [`CHAIN_LATENCY`] cycles of the core's clock, whatever the time-stamp counter does meanwhile. `rounds` is at least 1.
+#[cfg(target_arch = "x86_64")]
+pub fn multiply_in_chain(rounds: u32) {
+    let rounds = rounds.max(1);
+    // SAFETY: registers alone, which are named.
+    unsafe {
+        std::arch::asm!(
+            "2:",
+            ".rept {links}",
+            "imul {x:e}, {x:e}",
+            ".endr",
+            "dec {rounds:e}",
+            "jnz 2b",
+            links = const CHAIN_LINKS,
+            x = inout(reg) 3_u32 => _,
+            rounds = inout(reg) rounds => _,
+            options(nomem, nostack),
+        );
+    }
+}
+
 #[cfg(unix)]
 pub use guarded::{Guarded, Side, survives};
 
