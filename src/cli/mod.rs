@@ -2,6 +2,7 @@
 
 mod diff;
 mod info;
+mod ops;
 mod render;
 
 use std::io::{self, Write};
@@ -27,6 +28,7 @@ enum Command {
     Render(render::RenderArgs),
     Diff(DiffArgs),
     Info(info::InfoArgs),
+    Ops(ops::OpsArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -53,6 +55,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Ops(args) => ops::run(&args),
     };
     result.unwrap_or_else(|failure| {
         // Nothing is left to tell if standard error is closed.

@@ -1,1 +1,4 @@
 //! The experiments: each returns rows.
+
+#[cfg(rayo_asm)]
+pub mod ops;

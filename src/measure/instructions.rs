@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use iced_x86::{
-    Decoder, DecoderOptions, FlowControl, Formatter, InstructionInfoFactory, IntelFormatter, Mnemonic, OpAccess, OpKind,
+    Decoder, DecoderOptions, FlowControl, Formatter, InstructionInfoFactory, IntelFormatter, MemorySizeOptions,
+    Mnemonic, OpAccess, OpKind,
 };
 use object::{Object, ObjectSection, ObjectSymbol};
 use serde::Serialize;
@@ -231,6 +232,7 @@ fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, 
     let mut info = InstructionInfoFactory::new();
     let mut formatter = IntelFormatter::new();
     formatter.options_mut().set_space_after_operand_separator(true);
+    formatter.options_mut().set_memory_size_options(MemorySizeOptions::Never); // the registers tell
     std::iter::from_fn(move || {
         let raw = decoder.can_decode().then(|| decoder.decode())?;
         let mut text = String::new();

@@ -1,0 +1,3 @@
+pub fn text(_: &crate::experiments::ops::Report) -> String {
+    String::new()
+}
