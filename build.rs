@@ -1,9 +1,6 @@
 //! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
 
 use std::env;
-use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn main() {
@@ -25,7 +22,12 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
 
 #[cfg(feature = "asm")]
 mod native {
-    use super::*;
+    use std::env;
+    use std::fmt::Write as _;
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    use super::first_line;
 
     /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
@@ -95,7 +97,7 @@ mod native {
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
         // The flags that matter to a figure; paths do not, and are this machine's own.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
-        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && !flag.contains('/')).collect();
+        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && flag != "-I" && !flag.contains('/')).collect();
         println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
         objects
     }
@@ -135,7 +137,7 @@ mod native {
 
     /// Reads the `struc` blocks of layout.inc and writes their offsets for Rust and C.
     mod layout {
-        use super::*;
+        use std::fmt::Write as _;
 
         pub struct Struc {
             name: String,

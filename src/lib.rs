@@ -3,6 +3,11 @@
 //! `ARCHITECTURE.md` has the layers and the reasons; imports go only downwards:
 //! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
 
+// The example of the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub mod cli;
 pub mod experiments;
 pub mod kernels;

@@ -1,12 +1,7 @@
-//! Two pictures compared: statistics against cases computed by hand, and what `rayo diff` makes of files.
+//! Two pictures compared: statistics against cases computed by hand.
 
-use clap::{Args, FromArgMatches};
-use rayo::cli::{DiffArgs, DiffError, diff};
 use rayo::measure::compare::{AMPLIFICATION, CompareError, Unit, compare, difference_image};
 use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::read;
-use std::fs;
-use std::path::Path;
 
 fn levels(width: u32, height: u32, pixels: &[[u8; 3]]) -> Picture {
     Picture::new(width, height, Pixels::Rgb8(pixels.to_vec()))
@@ -118,86 +113,4 @@ fn infinite_statistics_are_null_in_json() {
     let json = serde_json::to_value(compare(&picture, &picture).unwrap()).unwrap();
     assert_eq!(json["psnr"], serde_json::Value::Null);
     assert_eq!(json["unit"], "levels");
-}
-
-/// What `rayo diff ARGUMENTS` prints, and whether the images agree.
-fn run(arguments: &[&str]) -> Result<(bool, String), DiffError> {
-    let command = DiffArgs::augment_args(clap::Command::new("diff").no_binary_name(true));
-    let args = DiffArgs::from_arg_matches(&command.try_get_matches_from(arguments).unwrap()).unwrap();
-    let mut out = Vec::new();
-    let agree = diff(&args, &mut out)?;
-    Ok((agree, String::from_utf8(out).unwrap()))
-}
-
-/// A directory with two P3 files that differ by 3 levels in one pixel, and its path with a slash.
-fn files() -> (tempfile::TempDir, String) {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("a.ppm"), "P3 2 1 255  10 20 30  1 2 3").unwrap();
-    fs::write(directory.path().join("b.ppm"), "P3 2 1 255  10 20 30  1 5 3").unwrap();
-    let path = format!("{}/", directory.path().display());
-    (directory, path)
-}
-
-#[test]
-fn diff_tells_in_words_what_differs() {
-    let (_directory, d) = files();
-    let (a, b) = (format!("{d}a.ppm"), format!("{d}b.ppm"));
-    assert_eq!(run(&[&a, &a]).unwrap(), (true, "identical: 2x1 pixels\n".into()));
-    let (agree, text) = run(&[&a, &b]).unwrap();
-    assert!(!agree);
-    assert_eq!(
-        text,
-        "1 of 2 pixels differ (50.000 %), 1 by 2 levels or more\n\
-         largest difference 3 levels at (1, 0): 1 2 3 against 1 5 3\n\
-         mean 0.500 levels, RMS 1.225 levels, PSNR 46.37 dB\n"
-    );
-}
-
-#[test]
-fn diff_passes_up_to_the_tolerance() {
-    let (_directory, d) = files();
-    let (a, b) = (format!("{d}a.ppm"), format!("{d}b.ppm"));
-    assert!(!run(&[&a, &b, "--tolerance", "2.9"]).unwrap().0);
-    assert!(run(&[&a, &b, "--tolerance", "3"]).unwrap().0);
-}
-
-#[test]
-fn diff_prints_one_json_document() {
-    let (_directory, d) = files();
-    let (_, text) = run(&[&format!("{d}a.ppm"), &format!("{d}b.ppm"), "--json"]).unwrap();
-    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(json["schema"], 1);
-    assert_eq!(json["within_tolerance"], false);
-    assert_eq!(json["differing"], 1);
-    assert_eq!(json["largest"], 3.0);
-    assert_eq!(json["largest_at"], serde_json::json!([1, 0]));
-}
-
-#[test]
-fn diff_writes_the_picture_of_the_differences() {
-    let (_directory, d) = files();
-    let out = format!("{d}out.png");
-    let (_, text) = run(&[&format!("{d}a.ppm"), &format!("{d}b.ppm"), "-o", &out]).unwrap();
-    assert!(text.ends_with("out.png: the differences, 64 times as bright\n"), "{text}");
-    assert_eq!(read(Path::new(&out)).unwrap(), levels(2, 1, &[[0; 3], [0, 192, 0]]));
-}
-
-#[test]
-fn diff_says_what_keeps_images_from_being_compared() {
-    let (directory, d) = files();
-    fs::write(directory.path().join("c.ppm"), "P3 1 1 255  10 20 30").unwrap();
-    let (a, c) = (format!("{d}a.ppm"), format!("{d}c.ppm"));
-    assert!(matches!(run(&[&a, &c]), Err(DiffError::Compare { .. })));
-    assert!(matches!(run(&[&a, &format!("{d}none.png")]), Err(DiffError::Read(_))));
-    assert!(matches!(run(&[&a, &a, "-o", &format!("{d}out.pfm")]), Err(DiffError::FloatOutput(_))));
-    assert!(matches!(run(&[&a, &a, "-o", &format!("{d}out.jpg")]), Err(DiffError::Output(_))));
-    assert!(matches!(run(&[&a, &a, "-o", &format!("{d}no/out.png")]), Err(DiffError::Write(_))));
-}
-
-#[test]
-fn a_tolerance_is_a_number_that_is_not_negative() {
-    let command = DiffArgs::augment_args(clap::Command::new("diff").no_binary_name(true));
-    for tolerance in ["--tolerance=-1", "--tolerance=nan", "--tolerance=two"] {
-        assert!(command.clone().try_get_matches_from(["a", "b", tolerance]).is_err(), "{tolerance}");
-    }
 }

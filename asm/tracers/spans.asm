@@ -12,7 +12,9 @@
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
 ;   rayo_<p>_emit_<output>          unsafe extern "sysv64" fn(row, stride, out, pixels)
 ;
-;   <object>    lit         a sphere from outside, one light, in the short form (no planes, no depth)
+;   <object>    lit         a sphere from outside, one light, in the short form (no planes, no depth); no clamp: the
+;                           light is known not to exceed white
+;               grey        the same where red, green and blue are equal (rgba8 only)
 ;               outside     a sphere from outside
 ;               inside      a sphere from inside
 ;               triangle    a triangle
@@ -61,6 +63,10 @@
     VMUL    v3, v1, K(LitSpan.blue)
     VMUL    v1, v1, K(LitSpan.red)
 %endmacro
+%macro BODY_GREY 0
+    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8
+    VMUL    v1, v1, K(LitSpan.red)
+%endmacro
 %macro BODY_OUTSIDE 0
     SPHERE_OUTSIDE v4, v5, v6, v0, v7, v8, v9, v10
     LIGHTS  0
@@ -87,85 +93,130 @@
     VAFFINE v1, v0, TriangleSpan.w1, TriangleSpan.w0
 %endmacro
 
-; The outputs: from colours in v1, v2, v3 to pixels.
+; The outputs: bytes of a pixel, their logarithm, and the order of lanes that their stores want.
 %assign F32X4_BYTES 16
 %assign F32X4_SHIFT 4
 %define F32X4_ORDER PACKET(turned)
 %assign RGBA8_BYTES 4
 %assign RGBA8_SHIFT 2
 %define RGBA8_ORDER PACKET(natural)
-%macro PIXELS_F32X4 0
-    TURN_F32X4
-%endmacro
-%macro PIXELS_RGBA8 0
-    PACK_RGBA8
-%endmacro
 
 ; SHADE - a function that shades the pixels of a span one packet after another.
 ;
-;   The first packet ends where the memory of `out` is aligned, and the last where the span ends: those go through the
-;   scratch memory of the stack, and only the pixels of the span are copied.
-%macro SHADE 5
+;   Packets begin where the memory of `out` is aligned to one, so the first may begin before the span, and the last may
+;   end past it: of those, only the span's own pixels are stored.
+;
+;   r10 first lane of the packet that is stored, r8 the lane past the last (beyond LANES where more packets follow)
+%macro SHADE 6+
 %define %%object %1     ; [in]       part of the function's name
 %define %%output %2     ; [in]       part of the function's name
 %define %%body %3       ; [in]       one of the bodies
 %define %%format %4     ; [in]       F32X4 or RGBA8
 %define %%constants %5  ; [in]       fields of the span record
+                        ; %6  [in]   the macro that makes pixels of colours
 FUNC NAME(%%object, %%output)
     CONSTANTS %%constants
+    mov     r10d, ecx
+    and     r10d, LANES * 4 - 1
+    shr     r10d, %4_SHIFT              ; pixels since the memory was aligned
     VSPREAD v0, [rdi + ELEM * Span.j]
     VADD    v0, v0, [%4_ORDER]
-    mov     eax, ecx
-    neg     eax
-    and     eax, LANES * 4 - 1
-    shr     eax, %4_SHIFT               ; pixels until the memory is aligned
-    mov     r10d, LANES
-    cmovnz  r10d, eax
-    cmp     r8, r10
-    cmovb   r10, r8                     ; pixels of this packet
+    VSPREAD_INTEGER 1, r10
+    VSUB    v0, v0, v1
+    add     r8, r10
+    imul    rax, r10, %4_BYTES
+    sub     rcx, rax
 align 16
 .packet:
     BODY_ %+ %3
-    PIXELS_%4
-    cmp     r10d, LANES
+    %6
+    cmp     r8, LANES
     jb      .part
+    test    r10d, r10d
+    jnz     .part
 %ifidn %4, F32X4
     test    r9d, r9d
     jnz     .stream
 %endif
     STORE_%4 rcx
-.stored:
+.next:
     add     rcx, LANES * %4_BYTES
     VADD    v0, v0, [PACKET(step)]
     sub     r8, LANES
-.next:
-    mov     r10d, LANES
-    cmp     r8, r10
-    cmovb   r10, r8
-    test    r8, r8
-    jnz     .packet
+    ja      .packet
     UNCONSTANTS
     ret
 %ifidn %4, F32X4
 .stream:
     STREAM_F32X4 rcx
-    jmp     .stored
+    jmp     .next
 %endif
 .part:
-    STORE_%4 SCRATCH
-    COPY_PART %4
+    mov     r11d, LANES
+    cmp     r8, r11
+    cmovb   r11, r8
+    PART_%4
+    xor     r10d, r10d
     jmp     .next
     END
 %endmacro
 
-; COPY_PART - the first r10 pixels of the scratch memory to out; then what is left begins there.
+; PART_F32X4, PART_RGBA8 - stores the pixels of the lanes from r10 up to, but without, r11 to rcx.
 ;
-;   clobbers    rax, r11, v1
+;   clobbers    rax, r10, r11, k1 or v1
+%macro PART_F32X4 0
+%if HAS_MASKS
+    shl     r10d, 2                     ; four floats a pixel
+    shl     r11d, 2
+    LANE_MASK 64
+%assign %%e 0
+%rep 4
+%assign %%w 4 + %%e
+    kmovw   k1, eax
+    vmovups [rcx + LANES * 4 * %%e] {k1}, w%[%%w]
+    shr     rax, LANES
+%assign %%e %%e + 1
+%endrep
+%else
+    STORE_F32X4 SCRATCH
+    COPY_PART F32X4
+%endif
+%endmacro
+%macro PART_RGBA8 0
+%if HAS_MASKS
+    LANE_MASK 32
+    kmovw   k1, eax
+    vmovups [rcx] {k1}, w1
+%else
+    STORE_RGBA8 SCRATCH
+    COPY_PART RGBA8
+%endif
+%endmacro
+
+; LANE_MASK - rax = the bits from r10 up to, but without, r11, of at most as many bits as its parameter says.
+;
+;   clobbers    rax, r10
+%macro LANE_MASK 1
+%if %1 == 64
+    mov     rax, -1
+    bzhi    rax, rax, r11               ; a CPU with AVX-512 has BMI2
+    shrx    rax, rax, r10
+    shlx    rax, rax, r10
+%else
+    mov     eax, -1
+    bzhi    eax, eax, r11d
+    shrx    eax, eax, r10d
+    shlx    eax, eax, r10d
+%endif
+%endmacro
+
+; COPY_PART - the pixels of the lanes from r10 up to, but without, r11 from the scratch memory to rcx. r10 < r11.
+;
+;   clobbers    rax, r10, v1
 %macro COPY_PART 1
-    xor     r11d, r11d
 %%pixel:
 %ifidn %1, F32X4
-    mov     rax, r11
+    mov     rax, r10
     shl     rax, 4
 %if HAS_VEX
     vmovaps xmm1, [SCRATCH + rax]
@@ -175,17 +226,12 @@ align 16
     movaps  [rcx + rax], xmm1
 %endif
 %else
-    mov     eax, [SCRATCH + 4 * r11]
-    mov     [rcx + 4 * r11], eax
+    mov     eax, [SCRATCH + 4 * r10]
+    mov     [rcx + 4 * r10], eax
 %endif
-    inc     r11
-    cmp     r11, r10
+    inc     r10
+    cmp     r10, r11
     jb      %%pixel
-    imul    rax, r10, %1_BYTES
-    add     rcx, rax
-    sub     r8, r10
-    VSPREAD_INTEGER 1, r10
-    VADD    v0, v0, v1
 %endmacro
 
 ; PLANES - a function that shades, of a span's pixels in the row of buffers, those that are the span's own.
@@ -258,9 +304,10 @@ ENDFUNC
 %endmacro
 
 ; EMIT - a function that writes a row of buffers out.
-%macro EMIT 2
+%macro EMIT 3+
 %define %%output %1     ; [in]       part of the function's name
 %define %%format %2     ; [in]       F32X4 or RGBA8
+                        ; %3  [in]   the macro that makes pixels of colours
 FUNC NAME(emit, %%output)
     mov     r8, rcx                     ; pixels
     mov     rcx, rdx                    ; out
@@ -270,7 +317,7 @@ FUNC NAME(emit, %%output)
     VLOAD   v1, [rdi + rsi]
     VLOAD   v2, [rdi + 2 * rsi]
     VLOAD   v3, [rdi + r9]
-    PIXELS_%2
+    %3
     cmp     r8, LANES
     jb      .part
     STORE_NATURAL_%2 rcx
@@ -282,52 +329,56 @@ FUNC NAME(emit, %%output)
     ret
 .part:
     STORE_NATURAL_%2 SCRATCH
-    mov     r10, r8
+    xor     r10d, r10d
+    mov     r11, r8
     COPY_PART %2
     UNCONSTANTS
 ENDFUNC
 %endmacro
 
 %assign ESTIMATE 0
-    SHADE   lit, f32x4, LIT, F32X4, 15
-    SHADE   outside, f32x4, OUTSIDE, F32X4, 19
-    SHADE   inside, f32x4, INSIDE, F32X4, 15
-    SHADE   triangle, f32x4, TRIANGLE, F32X4, 12
+    SHADE   lit, f32x4, LIT, F32X4, 15, TURN_F32X4
+    SHADE   outside, f32x4, OUTSIDE, F32X4, 19, TURN_F32X4
+    SHADE   inside, f32x4, INSIDE, F32X4, 15, TURN_F32X4
+    SHADE   triangle, f32x4, TRIANGLE, F32X4, 12, TURN_F32X4
     PLANES  outside, planes, OUTSIDE, 19
     PLANES  inside, planes, INSIDE, 15
     PLANES  triangle, planes, TRIANGLE, 12
     DEPTH   outside, OUTSIDE, 19
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
-    EMIT    f32x4, F32X4
-    EMIT    rgba8, RGBA8
+    EMIT    f32x4, F32X4, TURN_F32X4
+    EMIT    rgba8, RGBA8, PACK_RGBA8 1
 %if ELEM == 4
 %assign ESTIMATE 1
-    SHADE   lit, f32x4_fast, LIT, F32X4, 15
-    SHADE   outside, f32x4_fast, OUTSIDE, F32X4, 19
-    SHADE   inside, f32x4_fast, INSIDE, F32X4, 15
-    SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, 12
+    SHADE   lit, f32x4_fast, LIT, F32X4, 15, TURN_F32X4
+    SHADE   outside, f32x4_fast, OUTSIDE, F32X4, 19, TURN_F32X4
+    SHADE   inside, f32x4_fast, INSIDE, F32X4, 15, TURN_F32X4
+    SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, 12, TURN_F32X4
     PLANES  outside, planes_fast, OUTSIDE, 19
     PLANES  inside, planes_fast, INSIDE, 15
     PLANES  triangle, planes_fast, TRIANGLE, 12
 %endif
-    SHADE   lit, rgba8, LIT, RGBA8, 15
-    SHADE   outside, rgba8, OUTSIDE, RGBA8, 19
-    SHADE   inside, rgba8, INSIDE, RGBA8, 15
-    SHADE   triangle, rgba8, TRIANGLE, RGBA8, 12
+    SHADE   lit, rgba8, LIT, RGBA8, 15, PACK_RGBA8 0
+    SHADE   grey, rgba8, GREY, RGBA8, 13, PACK_GREY
+    SHADE   outside, rgba8, OUTSIDE, RGBA8, 19, PACK_RGBA8 1
+    SHADE   inside, rgba8, INSIDE, RGBA8, 15, PACK_RGBA8 1
+    SHADE   triangle, rgba8, TRIANGLE, RGBA8, 12, PACK_RGBA8 1
 
 %unmacro LIGHTS 1
 %unmacro BODY_LIT 0
+%unmacro BODY_GREY 0
 %unmacro BODY_OUTSIDE 0
 %unmacro BODY_INSIDE 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
-%unmacro PIXELS_F32X4 0
-%unmacro PIXELS_RGBA8 0
-%unmacro SHADE 5
+%unmacro SHADE 6+
+%unmacro PART_F32X4 0
+%unmacro PART_RGBA8 0
+%unmacro LANE_MASK 1
 %unmacro COPY_PART 1
 %unmacro PLANES 4
 %unmacro DEPTH 3
-%unmacro EMIT 2
+%unmacro EMIT 3+

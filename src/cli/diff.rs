@@ -19,7 +19,7 @@ pub struct DiffArgs {
     /// The other, of the same size and kind
     pub b: PathBuf,
     /// The largest difference of any channel that passes: in levels for 8-bit images, in linear value for floats
-    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = tolerance)]
+    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = tolerance, allow_negative_numbers = true)]
     pub tolerance: f64,
     /// Write a picture of the differences, 64 times as bright as they are
     #[arg(short, long, value_name = "FILE")]
@@ -31,7 +31,7 @@ pub struct DiffArgs {
 
 /// Why there is no verdict about two images, or why it could not be delivered.
 #[derive(Debug, Error)]
-pub enum DiffError {
+enum DiffError {
     /// An image could not be read.
     #[error(transparent)]
     Read(ImageError),
@@ -63,7 +63,7 @@ pub enum DiffError {
 ///
 /// # Errors
 /// If there is no verdict.
-pub(super) fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
+pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     let agree = diff(args, &mut io::stdout().lock()).map_err(|error| match error {
         DiffError::Write(_) | DiffError::Print(_) => Failure::output(error),
         _ => Failure::input(error),
@@ -72,10 +72,7 @@ pub(super) fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
 }
 
 /// Does what [`run`] does, printing to `out`: whether the largest difference is within the tolerance.
-///
-/// # Errors
-/// If there is no verdict.
-pub fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
+fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
     // Before any work: a name that no picture can be written to.
     let output = args.output.as_deref().map(|path| Ok((path, output_format(path)?))).transpose()?;
     let a = read(&args.a).map_err(DiffError::Read)?;

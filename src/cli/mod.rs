@@ -10,8 +10,6 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use diff::{DiffArgs, DiffError, diff};
-
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
 /// Results go to standard output, progress and warnings to standard error. Exit status: 0 done, 1 writing failed or a
@@ -26,7 +24,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(render::RenderArgs),
-    Diff(DiffArgs),
+    Diff(diff::DiffArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
 }

@@ -18,7 +18,7 @@ use crate::scene::{self, Camera, Scene};
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// No machine has more cores than this.
-const MAX_THREADS: u64 = 4096;
+const MAX_THREADS: usize = 4096;
 
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
@@ -36,17 +36,17 @@ pub struct RenderArgs {
     #[arg(long)]
     precision: Option<String>,
     /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
-    #[arg(long, value_name = "DIAGONAL")]
+    #[arg(long, value_name = "DIAGONAL", allow_negative_numbers = true)]
     film: Option<f32>,
     /// The focal distance, in place of the scene's
-    #[arg(long, value_name = "DISTANCE")]
+    #[arg(long, value_name = "DISTANCE", allow_negative_numbers = true)]
     focal: Option<f32>,
     /// The size in pixels, in place of the scene's
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<Size>,
     /// Threads that trace. Default: one for each core
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_THREADS))]
-    threads: Option<u64>,
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
+    threads: Option<usize>,
     /// Print where the time went
     #[arg(long)]
     stats: bool,
@@ -78,6 +78,11 @@ impl FromStr for Size {
     }
 }
 
+fn threads(text: &str) -> Result<usize, String> {
+    let threads = text.parse().ok().filter(|threads| (1..=MAX_THREADS).contains(threads));
+    threads.ok_or_else(|| format!("expected a whole number from 1 to {MAX_THREADS}"))
+}
+
 /// What `--stats` prints; the names are those of the JSON document.
 #[derive(Serialize)]
 struct Report {
@@ -99,17 +104,19 @@ struct Report {
 
 /// Renders the scene.
 pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
+    // Before any work: what no scene can make right.
+    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
+    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+
     let clock = Instant::now();
     let scene = scene::read(&args.scene).map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     let parse = clock.elapsed();
 
     let clock = Instant::now();
     let camera = camera(args, &scene)?;
-    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
-    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
     let tracer = engine.prepare(precision, &scene, &camera).map_err(Failure::input)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.map_or_else(cores, |threads| threads as usize);
+    let threads = args.threads.unwrap_or_else(cores);
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 

@@ -62,8 +62,10 @@ pub struct SpanKernels<E: 'static> {
     pub lit_f32x4: Shade<LitSpan<E>, E, Vec4>,
     /// The same with estimates (in f64: without).
     pub lit_f32x4_fast: Shade<LitSpan<E>, E, Vec4>,
-    /// The same to 8-bit levels.
+    /// The same to 8-bit levels; the weights are at most 127.5, so that nothing exceeds white.
     pub lit_rgba8: Shade<LitSpan<E>, E, Rgba8>,
+    /// The same where the three weights are equal.
+    pub grey_rgba8: Shade<LitSpan<E>, E, Rgba8>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
     /// Spheres from inside.
@@ -293,6 +295,7 @@ macro_rules! span_kernels {
             lit_f32x4: shade!("lit", LitSpan<$element>, "_f32x4", Vec4),
             lit_f32x4_fast: shade!("lit", LitSpan<$element>, concat!("_f32x4", $fast), Vec4),
             lit_rgba8: shade!("lit", LitSpan<$element>, "_rgba8", Rgba8),
+            grey_rgba8: shade!("grey", LitSpan<$element>, "_rgba8", Rgba8),
             outside: bodies!("outside", OutsideSpan<$element>),
             inside: bodies!("inside", InsideSpan<$element>),
             triangle: bodies!("triangle", TriangleSpan<$element>),

@@ -1,5 +1,6 @@
 //! Cycles of the time-stamp counter, where there is one.
 
+#[cfg(target_arch = "x86_64")]
 use crate::kernels::sys;
 
 /// A moment on the time-stamp counter.

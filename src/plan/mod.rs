@@ -4,4 +4,4 @@ mod packed;
 mod spans;
 
 pub use packed::Packed;
-pub use spans::{Record, RowSpan, Spans};
+pub use spans::{RowSpan, Spans, UseRecord};

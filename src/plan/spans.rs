@@ -18,6 +18,8 @@ const SHORT_FORM_LOSS: f64 = 64.0;
 pub struct Spans<E> {
     camera: Camera,
     grid: Grid<f64>,
+    /// 1 / grid.step.
+    columns_per_x: f64,
     objects: Vec<Object<E>>,
 }
 
@@ -47,6 +49,8 @@ struct Sphere {
 struct ShortForm {
     /// From the centre to the light.
     light: DVec3,
+    /// What sqrt D is over the root of (j - left) (right - j), in units of x.
+    slope: f64,
     k0: f64,
     k1: f64,
     weights: DVec3,
@@ -61,30 +65,34 @@ struct Triangle {
     size: f64,
 }
 
-/// The pixels of one row that one object covers, and what a kernel needs to shade them.
+/// The pixels of one row that one object covers.
 #[derive(Clone, Copy, Debug)]
-pub struct RowSpan<E> {
+pub struct RowSpan {
     /// Which object, in the scene's order.
     pub object: usize,
     /// First column.
     pub start: u32,
     /// Column past the last.
     pub end: u32,
-    /// The kernel's record; its `id` is 0.
-    pub record: Record<E>,
+    /// For a sphere seen from outside.
+    silhouette: Silhouette,
 }
 
-/// A span record by the kernel that it is for.
-#[derive(Clone, Copy, Debug)]
-pub enum Record<E> {
-    /// The short form, and the general one for where objects overlap.
-    Lit(LitSpan<E>, OutsideSpan<E>),
+/// What to do with a span's record: one method for each kernel that there is.
+///
+/// Records are lent and not returned, so that they stay where their fields were rounded to: a copy would be read in wider
+/// pieces than it was written in, and wait for those writes to leave the CPU's store buffer.
+pub trait UseRecord<E> {
+    /// What comes of it.
+    type Result;
+    /// A sphere from outside under one light, in the short form.
+    fn lit(self, record: &LitSpan<E>) -> Self::Result;
     /// A sphere from outside.
-    Outside(OutsideSpan<E>),
+    fn outside(self, record: &OutsideSpan<E>) -> Self::Result;
     /// A sphere from inside.
-    Inside(InsideSpan<E>),
+    fn inside(self, record: &InsideSpan<E>) -> Self::Result;
     /// A triangle.
-    Triangle(TriangleSpan<E>),
+    fn triangle(self, record: &TriangleSpan<E>) -> Self::Result;
 }
 
 impl<E: Element> Spans<E> {
@@ -94,7 +102,7 @@ impl<E: Element> Spans<E> {
         let lights = &scene.lights[..];
         let spheres = scene.spheres.iter().filter_map(|sphere| {
             let colour = white * sphere.colour.as_dvec3();
-            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, lights);
+            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights);
             let rows = shape.rows(&grid, camera.height())?;
             let lits = lights.iter().map(|light| {
                 lit((light.position.as_dvec3() - sphere.centre.as_dvec3()) / shape.radius, 0.0, colour, light)
@@ -112,7 +120,7 @@ impl<E: Element> Spans<E> {
             });
             Some(Object { rows, lits: lits.collect(), shape: Shape::Triangle(shape) })
         });
-        Spans { camera: *camera, grid, objects: spheres.chain(triangles).collect() }
+        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects: spheres.chain(triangles).collect() }
     }
 
     /// The objects that some of `rows` may see, in the scene's order.
@@ -127,45 +135,67 @@ impl<E: Element> Spans<E> {
     }
 
     /// The pixels of `row` that `object` covers, if any.
-    pub fn row(&self, object: usize, row: u32) -> Option<RowSpan<E>> {
+    #[inline]
+    pub fn row(&self, object: usize, row: u32) -> Option<RowSpan> {
         let Object { rows, shape, .. } = &self.objects[object];
         if !rows.contains(&row) {
             return None;
         }
-        let [_, y, z] = self.grid.ray(row, 0);
         let width = self.camera.width();
-        let (columns, record) = match shape {
-            Shape::Sphere(sphere) if sphere.k <= 0.0 => {
-                let middle = width / 2;
-                (0..width, Record::Inside(sphere.inside(&self.grid, self.ray(row, middle), middle, 0..width).round()))
-            }
+        let (columns, silhouette) = match shape {
+            Shape::Sphere(sphere) if sphere.k <= 0.0 => (0..width, Silhouette::default()),
             Shape::Sphere(sphere) => {
+                let [_, y, z] = self.grid.ray(row, 0);
                 let silhouette = sphere.silhouette(y, z)?;
-                let columns = columns(&self.grid, width, silhouette.left, silhouette.right);
-                let middle = (columns.start + columns.end) / 2;
-                let d = self.ray(row, middle);
-                let general = sphere.outside(&self.grid, d, middle, &columns, &silhouette).round();
-                let short = sphere.short.as_ref().filter(|_| silhouette.m > 0.0);
-                let short = short.map(|form| sphere.lit(form, &self.grid, d, middle, &columns, &silhouette).round());
-                (columns, short.map_or(Record::Outside(general), |short| Record::Lit(short, general)))
+                (self.columns(silhouette.left, silhouette.right), silhouette)
             }
-            Shape::Triangle(triangle) => {
-                let columns = triangle.columns(&self.grid, row, width);
-                let middle = (columns.start + columns.end) / 2;
-                let record = triangle.record(&self.grid, self.ray(row, middle), middle, &columns);
-                (columns, Record::Triangle(record.round()))
-            }
+            Shape::Triangle(triangle) => (triangle.columns(&self.grid, row, width), Silhouette::default()),
         };
-        (columns.start < columns.end).then_some(RowSpan { object, start: columns.start, end: columns.end, record })
+        let Range { start, end } = columns;
+        (start < end).then_some(RowSpan { object, start, end, silhouette })
     }
 
-    fn ray(&self, row: u32, col: u32) -> DVec3 {
-        self.grid.ray(row, col).into()
+    /// Lends the record from which a kernel shades a span of `row`, with the span's `id` in it; in the short form if
+    /// `short` and the object has one.
+    #[inline]
+    pub fn with_record<U: UseRecord<E>>(&self, span: &RowSpan, row: u32, id: f64, short: bool, user: U) -> U::Result {
+        // j counts from a pixel in the middle of the span.
+        let middle = (span.start + span.end) / 2;
+        let d = DVec3::from(self.grid.ray(row, middle));
+        let (j, end) = (f64::from(span.start) - f64::from(middle), f64::from(span.end) - f64::from(middle));
+        let step = self.grid.step;
+        match &self.objects[span.object].shape {
+            Shape::Sphere(sphere) if sphere.k <= 0.0 => {
+                user.inside(&InsideSpan { j, end, id, ..sphere.inside(step, d) }.round())
+            }
+            Shape::Sphere(sphere) => match &sphere.short {
+                Some(form) if short => {
+                    let record = sphere.lit(form, step, self.columns_per_x, d, &span.silhouette);
+                    user.lit(&LitSpan { j, end, id, ..record }.round())
+                }
+                _ => user.outside(&OutsideSpan { j, end, id, ..sphere.outside(step, d, &span.silhouette) }.round()),
+            },
+            Shape::Triangle(triangle) => {
+                user.triangle(&TriangleSpan { j, end, id, ..triangle.record(step, d) }.round())
+            }
+        }
+    }
+
+    /// The columns whose rays have x from `left` to `right`.
+    fn columns(&self, left: f64, right: f64) -> Range<u32> {
+        let (offset, width) = (self.grid.half_width, self.camera.width());
+        let column = |x: f64| (x + offset) * self.columns_per_x - 0.5;
+        // Casts saturate: what is left of the picture is column 0, and a NaN too.
+        let (start, end) = (column(left), column(right));
+        let (first, last) = (start as u32, end as u32);
+        let start = if start > f64::from(first) { first.saturating_add(1) } else { first };
+        let end = if end >= 0.0 { last.saturating_add(1) } else { 0 };
+        start.min(width)..end.min(width)
     }
 }
 
 fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = light.radiance().as_dvec3() * colour;
+    let weights = weights(light, colour);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -179,13 +209,9 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
     .round()
 }
 
-/// The columns whose rays have x from `left` to `right`.
-fn columns(grid: &Grid<f64>, width: u32, left: f64, right: f64) -> Range<u32> {
-    let column = |x: f64| (x + grid.half_width) / grid.step - 0.5;
-    // Casts saturate: what is left of the picture is column 0, and a NaN too.
-    let start = column(left).ceil() as u32;
-    let end = (column(right).floor() + 1.0) as u32;
-    start.min(width)..end.min(width)
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -197,6 +223,7 @@ fn rows(grid: &Grid<f64>, height: u32, low: f64, high: f64) -> Option<Range<u32>
 
 /// Where a row's rays cross the silhouette of a sphere: those with x from `left` to `right`, either of them infinite if
 /// the sphere reaches behind the camera's plane.
+#[derive(Clone, Copy, Debug, Default)]
 struct Silhouette {
     left: f64,
     right: f64,
@@ -210,7 +237,7 @@ struct Silhouette {
 }
 
 impl Sphere {
-    fn new(centre: DVec3, radius: f64, colour: DVec3, lights: &[Light]) -> Self {
+    fn new(centre: DVec3, radius: f64, colour: DVec3, white: f64, lights: &[Light]) -> Self {
         let k = (centre.dot(centre) - radius * radius) / (radius * radius);
         let c = centre / radius;
         let short = match lights {
@@ -221,9 +248,12 @@ impl Sphere {
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
                 let loss = f64::max((k0.abs() + products) / gap, (k1.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * light.radiance().as_dvec3() * colour;
-                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS;
-                fine.then_some(ShortForm { light: light_from_centre, k0, k1, weights })
+                let weights = 0.5 * weights(light, colour);
+                let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
+                // It does not clamp.
+                let dim = weights.max_element() <= 0.5 * white;
+                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
+                fine.then_some(ShortForm { light: light_from_centre, slope, k0, k1, weights })
             }
             _ => None,
         };
@@ -281,31 +311,24 @@ impl Sphere {
         }
     }
 
-    fn outside(
-        &self,
-        grid: &Grid<f64>,
-        d: DVec3,
-        middle: u32,
-        columns: &Range<u32>,
-        s: &Silhouette,
-    ) -> OutsideSpan<f64> {
+    fn outside(&self, step: f64, d: DVec3, s: &Silhouette) -> OutsideSpan<f64> {
         let c = self.centre;
         // Scaled so that h + sqrt D is 1/t.
         let scale = s.sign / self.k;
-        let (h1, h0) = (c.x * grid.step / self.k, (s.h + c.x * d.x) / self.k);
+        let (h1, h0) = (c.x * step / self.k, (s.h + c.x * d.x) / self.k);
         let at_middle = d - h0 * c;
         OutsideSpan {
-            j: f64::from(columns.start) - f64::from(middle),
-            end: f64::from(columns.end) - f64::from(middle),
+            j: 0.0,
+            end: 0.0,
             id: 0.0,
             near: 1.0 / self.radius,
-            a1: -s.m * grid.step * scale,
+            a1: -s.m * step * scale,
             a0: (s.q - s.m * d.x) * scale,
-            b1: grid.step * scale,
+            b1: step * scale,
             b0: (d.x + s.p) * scale,
             h1,
             h0,
-            x1: grid.step - h1 * c.x,
+            x1: step - h1 * c.x,
             x0: at_middle.x,
             y1: -h1 * c.y,
             y0: at_middle.y,
@@ -317,27 +340,19 @@ impl Sphere {
         }
     }
 
-    fn lit(
-        &self,
-        form: &ShortForm,
-        grid: &Grid<f64>,
-        d: DVec3,
-        middle: u32,
-        columns: &Range<u32>,
-        s: &Silhouette,
-    ) -> LitSpan<f64> {
+    fn lit(&self, form: &ShortForm, step: f64, columns_per_x: f64, d: DVec3, s: &Silhouette) -> LitSpan<f64> {
         // Scaled so that sqrt D is the root of (j - left) (right - j).
-        let scale = 1.0 / (s.m.sqrt() * grid.step);
+        let scale = columns_per_x / form.slope;
         LitSpan {
-            j: f64::from(columns.start) - f64::from(middle),
-            end: f64::from(columns.end) - f64::from(middle),
+            j: 0.0,
+            end: 0.0,
             id: 0.0,
             near: 0.0,
-            left: (s.left - d.x) / grid.step,
-            right: (s.right - d.x) / grid.step,
-            h1: self.centre.x * grid.step * scale,
+            left: (s.left - d.x) * columns_per_x,
+            right: (s.right - d.x) * columns_per_x,
+            h1: self.centre.x * step * scale,
             h0: (s.h + self.centre.x * d.x) * scale,
-            q1: 2.0 * self.k * form.light.x * grid.step * scale,
+            q1: 2.0 * self.k * form.light.x * step * scale,
             q0: 2.0 * self.k * form.light.dot(d) * scale,
             k0: 2.0 * form.k0,
             k1: form.k1,
@@ -347,19 +362,19 @@ impl Sphere {
         }
     }
 
-    fn inside(&self, grid: &Grid<f64>, d: DVec3, middle: u32, columns: Range<u32>) -> InsideSpan<f64> {
+    fn inside(&self, step: f64, d: DVec3) -> InsideSpan<f64> {
         let c = self.centre;
         InsideSpan {
-            j: f64::from(columns.start) - f64::from(middle),
-            end: f64::from(columns.end) - f64::from(middle),
+            j: 0.0,
+            end: 0.0,
             id: 0.0,
             near: 1.0 / self.radius,
-            x1: grid.step,
+            x1: step,
             x0: d.x,
             y: d.y,
             z: d.z,
             g: d.y * d.y + d.z * d.z,
-            h1: c.x * grid.step,
+            h1: c.x * step,
             h0: c.dot(d),
             k: -self.k,
             cx: c.x,
@@ -391,7 +406,8 @@ impl Triangle {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        let size = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
     }
 
@@ -424,17 +440,17 @@ impl Triangle {
         columns
     }
 
-    fn record(&self, grid: &Grid<f64>, d: DVec3, middle: u32, columns: &Range<u32>) -> TriangleSpan<f64> {
-        let (w1, w0) = (self.plane.x * grid.step, self.plane.dot(d));
+    fn record(&self, step: f64, d: DVec3) -> TriangleSpan<f64> {
+        let (w1, w0) = (self.plane.x * step, self.plane.dot(d));
         let at_middle = d - w0 * self.vertex;
         TriangleSpan {
-            j: f64::from(columns.start) - f64::from(middle),
-            end: f64::from(columns.end) - f64::from(middle),
+            j: 0.0,
+            end: 0.0,
             id: 0.0,
             near: 1.0 / self.size,
             w1: w1 * self.size,
             w0: w0 * self.size,
-            x1: grid.step - w1 * self.vertex.x,
+            x1: step - w1 * self.vertex.x,
             x0: at_middle.x,
             y1: -w1 * self.vertex.y,
             y0: at_middle.y,

@@ -31,15 +31,19 @@ pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
 /// the edge from v to w, against the sign of the triangle's own volume v1 . n, where n is that of eq. 6. In f64 v x w is
 /// exactly -(w x v), so two triangles that share an edge never both miss a ray.
 pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
+    let volume = triangle_volume([v1, v2, v3])?;
+    let inside = [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0);
+    let t = volume / d.dot(triangle_plane([v1, v2, v3]));
+    (inside && t > 0.0 && t.is_finite()).then_some(t)
+}
+
+/// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
+/// the triangle has no area, or its plane passes through the camera.
+pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
     let n = triangle_plane([v1, v2, v3]);
     let volume = v1.dot(n);
-    // What is 0 but for the rounding is 0: the plane passes through the camera.
-    if volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
-        return None;
-    }
-    let inside = [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0);
-    let t = volume / d.dot(n);
-    (inside && t > 0.0 && t.is_finite()).then_some(t)
+    // What is 0 but for the rounding is 0.
+    (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(n.abs())).then_some(volume)
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.

@@ -1,10 +1,14 @@
 //! The engines `sse41`, `avx2` and `avx512`: packets of rays along the spans of each row.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use super::{FilmMut, PixelFormat, Tracer};
-use crate::kernels::{Depth, Element, Lit, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, Vec4};
-use crate::plan::{Record, RowSpan, Spans};
+use crate::kernels::{
+    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels,
+    TriangleSpan, Vec4,
+};
+use crate::plan::{RowSpan, Spans, UseRecord};
 use crate::scene::{Camera, Scene};
 
 /// Float pictures larger than this do not stay in any cache, and are stored past it.
@@ -48,10 +52,13 @@ impl<E: Element> PacketTracer<E> {
 /// What differs between the outputs.
 trait Output<E: 'static>: Sized {
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
-    fn shade(tracer: &PacketTracer<E>, record: &Record<E>, lits: &[Lit<E>], out: &mut [Self]);
-    fn emit(tracer: &PacketTracer<E>, row: &mut Row<E>, start: usize, out: &mut [Self]);
-    /// Whether overlapping spans are shaded with estimates.
-    fn estimates(tracer: &PacketTracer<E>) -> bool;
+    /// The kernel that shades a sphere in the short form.
+    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self>;
+    /// The kernel that shades a span that is alone.
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self>;
+    /// The kernel that shades where spans overlap.
+    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E>;
+    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self>;
 }
 
 impl<E: Element> Output<E> for Vec4 {
@@ -59,33 +66,20 @@ impl<E: Element> Output<E> for Vec4 {
         tracer.kernels.fill.f32x4(out, tracer.streaming);
     }
 
-    fn shade(tracer: &PacketTracer<E>, record: &Record<E>, lits: &[Lit<E>], out: &mut [Self]) {
-        let PacketTracer { spans, fast, streaming, .. } = tracer;
-        fn pick<'a, S, E>(fast: bool, yes: &'a Shade<S, E, Vec4>, no: &'a Shade<S, E, Vec4>) -> &'a Shade<S, E, Vec4> {
-            if fast { yes } else { no }
-        }
-        match record {
-            Record::Lit(span, _) => {
-                pick(*fast, &spans.lit_f32x4_fast, &spans.lit_f32x4).call(span, lits, out, *streaming);
-            }
-            Record::Outside(span) => {
-                pick(*fast, &spans.outside.f32x4_fast, &spans.outside.f32x4).call(span, lits, out, *streaming);
-            }
-            Record::Inside(span) => {
-                pick(*fast, &spans.inside.f32x4_fast, &spans.inside.f32x4).call(span, lits, out, *streaming);
-            }
-            Record::Triangle(span) => {
-                pick(*fast, &spans.triangle.f32x4_fast, &spans.triangle.f32x4).call(span, lits, out, *streaming);
-            }
-        }
+    fn lit<'a>(tracer: &'a PacketTracer<E>, _: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
+        if tracer.fast { &tracer.spans.lit_f32x4_fast } else { &tracer.spans.lit_f32x4 }
     }
 
-    fn emit(tracer: &PacketTracer<E>, row: &mut Row<E>, start: usize, out: &mut [Self]) {
-        tracer.spans.emit_f32x4.call(row, start, out);
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
+        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
     }
 
-    fn estimates(tracer: &PacketTracer<E>) -> bool {
-        tracer.fast
+    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
+        if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
+    }
+
+    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+        &tracer.spans.emit_f32x4
     }
 }
 
@@ -94,22 +88,87 @@ impl<E: Element> Output<E> for Rgba8 {
         tracer.kernels.fill.rgba8(out);
     }
 
-    fn shade(tracer: &PacketTracer<E>, record: &Record<E>, lits: &[Lit<E>], out: &mut [Self]) {
-        let spans = tracer.spans;
-        match record {
-            Record::Lit(span, _) => spans.lit_rgba8.call(span, lits, out, false),
-            Record::Outside(span) => spans.outside.rgba8.call(span, lits, out, false),
-            Record::Inside(span) => spans.inside.rgba8.call(span, lits, out, false),
-            Record::Triangle(span) => spans.triangle.rgba8.call(span, lits, out, false),
+    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
+        let grey = record.red == record.green && record.green == record.blue;
+        if grey { &tracer.spans.grey_rgba8 } else { &tracer.spans.lit_rgba8 }
+    }
+
+    fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
+        &bodies.rgba8
+    }
+
+    fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
+        &bodies.planes_fast
+    }
+
+    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+        &tracer.spans.emit_rgba8
+    }
+}
+
+/// Shades a span that is alone in its pixels.
+struct Alone<'a, E: 'static, P> {
+    tracer: &'a PacketTracer<E>,
+    lits: &'a [Lit<E>],
+    out: &'a mut [P],
+}
+
+impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
+    type Result = ();
+
+    fn lit(self, record: &LitSpan<E>) {
+        P::lit(self.tracer, record).call(record, self.lits, self.out, self.tracer.streaming);
+    }
+    fn outside(self, record: &OutsideSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.outside);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
+    fn inside(self, record: &InsideSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.inside);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
+    fn triangle(self, record: &TriangleSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.triangle);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
+}
+
+/// Finds the nearest, or shades it, along one of several spans that overlap.
+struct Overlapping<'a, E: 'static, P> {
+    tracer: &'a PacketTracer<E>,
+    row: &'a mut Row<E>,
+    x: Range<usize>,
+    /// None: find the nearest. Some: shade it under these lights.
+    lits: Option<&'a [Lit<E>]>,
+    output: PhantomData<P>,
+}
+
+impl<E: Element, P: Output<E>> Overlapping<'_, E, P> {
+    fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
+        match self.lits {
+            None => bodies.depth.call(record, self.row, self.x),
+            Some(lits) => P::planes(self.tracer, bodies).call(record, lits, self.row, self.x),
         }
     }
+}
 
-    fn emit(tracer: &PacketTracer<E>, row: &mut Row<E>, start: usize, out: &mut [Self]) {
-        tracer.spans.emit_rgba8.call(row, start, out);
+impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
+    type Result = ();
+
+    fn lit(self, _: &LitSpan<E>) {
+        unreachable!("the short form is not asked for where spans overlap");
     }
-
-    fn estimates(_: &PacketTracer<E>) -> bool {
-        true
+    fn outside(self, record: &OutsideSpan<E>) {
+        let bodies = &self.tracer.spans.outside;
+        self.call(bodies, record);
+    }
+    fn inside(self, record: &InsideSpan<E>) {
+        let bodies = &self.tracer.spans.inside;
+        self.call(bodies, record);
+    }
+    fn triangle(self, record: &TriangleSpan<E>) {
+        let bodies = &self.tracer.spans.triangle;
+        self.call(bodies, record);
     }
 }
 
@@ -117,10 +176,24 @@ impl<E: Element> PacketTracer<E> {
     fn trace<P: Output<E>>(&self, plan: &Spans<E>, rows: Range<u32>, out: &mut [P]) {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let seen = plan.seen_in(&rows);
-        let mut spans: Vec<RowSpan<E>> = Vec::with_capacity(seen.len());
+        let mut spans: Vec<RowSpan> = Vec::with_capacity(seen.len());
         let mut buffers = None;
         // The pixels of `out` that are written: nothing is written twice, and what no span covers in one piece.
         let mut done = 0;
+        if let [object] = seen[..] {
+            for row in rows.clone() {
+                let start = (row - rows.start) as usize * self.width;
+                if let Some(span) = plan.row(object, row) {
+                    let (first, end) = (start + span.start as usize, start + span.end as usize);
+                    P::fill(self, &mut out[done..first]);
+                    let alone = Alone { tracer: self, lits: plan.lits(object), out: &mut out[first..end] };
+                    plan.with_record(&span, row, 0.0, true, alone);
+                    done = end;
+                }
+            }
+            P::fill(self, &mut out[done..]);
+            return;
+        }
         for row in rows.clone() {
             spans.clear();
             spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
@@ -129,14 +202,15 @@ impl<E: Element> PacketTracer<E> {
                 let columns = columns(&spans);
                 let buffers = buffers.get_or_insert_with(|| Row::new(self.width));
                 P::fill(self, &mut out[done..start + columns.start]);
-                self.trace_overlapping::<P>(plan, &mut spans, buffers, columns.clone());
-                P::emit(self, buffers, columns.start, &mut out[start + columns.start..start + columns.end]);
+                self.trace_overlapping::<P>(plan, row, &mut spans, buffers, columns.clone());
                 done = start + columns.end;
+                P::emit(self).call(buffers, columns.start, &mut out[start + columns.start..done]);
             } else {
                 for span in &spans {
                     let (first, end) = (start + span.start as usize, start + span.end as usize);
                     P::fill(self, &mut out[done..first]);
-                    P::shade(self, &span.record, plan.lits(span.object), &mut out[first..end]);
+                    let alone = Alone { tracer: self, lits: plan.lits(span.object), out: &mut out[first..end] };
+                    plan.with_record(span, row, 0.0, true, alone);
                     done = end;
                 }
             }
@@ -148,58 +222,27 @@ impl<E: Element> PacketTracer<E> {
     fn trace_overlapping<P: Output<E>>(
         &self,
         plan: &Spans<E>,
-        spans: &mut [RowSpan<E>],
+        row: u32,
+        spans: &mut [RowSpan],
         buffers: &mut Row<E>,
         columns: Range<usize>,
     ) {
         // The first of equals is the nearest: the scene's order.
         spans.sort_unstable_by_key(|span| span.object);
         buffers.clear(columns);
-        let estimates = P::estimates(self);
-        for (i, span) in spans.iter_mut().enumerate() {
-            let x = span.start as usize..span.end as usize;
-            let id = E::from_f64((i + 1) as f64);
-            match &mut span.record {
-                Record::Lit(_, record) | Record::Outside(record) => {
-                    record.id = id;
-                    Depth::call(&self.spans.outside.depth, record, buffers, x);
-                }
-                Record::Inside(record) => {
-                    record.id = id;
-                    Depth::call(&self.spans.inside.depth, record, buffers, x);
-                }
-                Record::Triangle(record) => {
-                    record.id = id;
-                    Depth::call(&self.spans.triangle.depth, record, buffers, x);
-                }
-            }
-        }
-        for span in spans.iter() {
-            let x = span.start as usize..span.end as usize;
-            let lits = plan.lits(span.object);
-            fn pick<'a, S, E>(fast: bool, yes: &'a Planes<S, E>, no: &'a Planes<S, E>) -> &'a Planes<S, E> {
-                if fast { yes } else { no }
-            }
-            match &span.record {
-                Record::Lit(_, record) | Record::Outside(record) => {
-                    let bodies = &self.spans.outside;
-                    pick(estimates, &bodies.planes_fast, &bodies.planes).call(record, lits, buffers, x);
-                }
-                Record::Inside(record) => {
-                    let bodies = &self.spans.inside;
-                    pick(estimates, &bodies.planes_fast, &bodies.planes).call(record, lits, buffers, x);
-                }
-                Record::Triangle(record) => {
-                    let bodies = &self.spans.triangle;
-                    pick(estimates, &bodies.planes_fast, &bodies.planes).call(record, lits, buffers, x);
-                }
+        for shading in [false, true] {
+            for (id, span) in (1..).zip(&*spans) {
+                let lits = shading.then(|| plan.lits(span.object));
+                let x = span.start as usize..span.end as usize;
+                let user = Overlapping { tracer: self, row: buffers, x, lits, output: PhantomData::<P> };
+                plan.with_record(span, row, id.into(), false, user);
             }
         }
     }
 }
 
 /// Whether any two spans share a pixel; leaves them sorted from left to right.
-fn overlap<E>(spans: &mut [RowSpan<E>]) -> bool {
+fn overlap(spans: &mut [RowSpan]) -> bool {
     if spans.len() < 2 {
         return false;
     }
@@ -208,7 +251,7 @@ fn overlap<E>(spans: &mut [RowSpan<E>]) -> bool {
 }
 
 /// The columns from the first span to the end of the last.
-fn columns<E>(spans: &[RowSpan<E>]) -> Range<usize> {
+fn columns(spans: &[RowSpan]) -> Range<usize> {
     let start = spans.iter().map(|span| span.start).min().unwrap_or(0);
     let end = spans.iter().map(|span| span.end).max().unwrap_or(0);
     start as usize..end as usize

@@ -4,10 +4,11 @@
 
 use std::ops::Range;
 
-use glam::{Vec3A, Vec4 as GlamVec4};
+use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
 use super::{FilmMut, PixelFormat, Tracer};
-use crate::scene::{Camera, Grid, Scene};
+use crate::reference::geometry;
+use crate::scene::{self, Camera, Grid, Scene};
 
 struct Light {
     position: Vec3A,
@@ -21,6 +22,9 @@ struct Sphere {
     colour: Vec3A,
 }
 
+/// A triangle's planes, made in f64 and rounded once: in f32 the rounding of a triangle of no area, or of a plane that
+/// passes through the camera, would itself be a plane. Their normals are [`near_1`], so that no size is beyond the range
+/// of f32.
 struct Triangle {
     /// n of eq. 6.
     normal: Vec3A,
@@ -29,6 +33,28 @@ struct Triangle {
     /// For each edge from v to w the normal of the plane through it and the camera, v x w, on the side of the inside.
     edges: [Vec3A; 3],
     colour: Vec3A,
+}
+
+impl Triangle {
+    /// None for a triangle that is never hit.
+    fn new(triangle: &scene::Triangle) -> Option<Self> {
+        let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
+        let volume = geometry::triangle_volume(vertices)?;
+        let normal = near_1(geometry::triangle_plane(vertices));
+        let edges = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|edge| near_1(edge) * volume.signum());
+        Some(Triangle {
+            normal: normal.as_vec3a(),
+            offset: v1.dot(normal) as f32,
+            edges: edges.map(|edge| edge.as_vec3a()),
+            colour: triangle.colour.into(),
+        })
+    }
+}
+
+/// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0 stays 0.
+fn near_1(v: DVec3) -> DVec3 {
+    let size = v.abs().max_element();
+    if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
 }
 
 /// A scene with its constants.
@@ -52,19 +78,12 @@ impl RustTracer {
             let constant = centre.length_squared() - sphere.radius * sphere.radius;
             Sphere { centre, constant, colour: sphere.colour.into() }
         });
-        let triangles = scene.triangles.iter().map(|triangle| {
-            let [v1, v2, v3] = triangle.vertices.map(Vec3A::from);
-            let normal = (v1 - v2).cross(v1 - v3);
-            let offset = v1.dot(normal);
-            let edges = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|edge| edge * offset.signum());
-            Triangle { normal, offset, edges, colour: triangle.colour.into() }
-        });
         RustTracer {
             width: camera.width(),
             grid: camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
-            triangles: triangles.collect(),
+            triangles: scene.triangles.iter().filter_map(Triangle::new).collect(),
         }
     }
 
@@ -98,7 +117,8 @@ impl RustTracer {
             let n = s.normal.normalize();
             self.shade(p, s.colour, |l| l.dot(n).abs())
         } else if let Some(s) = sphere {
-            let n = (p - s.centre).normalize();
+            // A sphere can be smaller than the rounding of P.
+            let n = (p - s.centre).normalize_or_zero();
             self.shade(p, s.colour, |l| l.dot(n).max(0.0))
         } else {
             Vec3A::ZERO

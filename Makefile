@@ -1,0 +1,48 @@
+# Makefile - the commands of the README, `make demo` and `make test`, and those for who works on the code; `make` lists them.
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test bench images map clean
+
+# cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
+# after set-up. A NASM named by the user stays.
+unpacked_nasm = $(shell test -x target/tools/usr/bin/nasm && echo NASM='"$(CURDIR)/target/tools/usr/bin/nasm"')
+cargo = $(strip $(if $(NASM),,$(unpacked_nasm)) cargo)
+
+# The program that `make build` makes.
+rayo := "$${CARGO_TARGET_DIR:-target}/release/rayo"
+
+help: ## List the commands
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
+
+setup: ## Install what the build needs and this machine lacks
+	@scripts/setup.sh
+
+build: setup ## Build the program, target/release/rayo
+	$(cargo) build --release --locked
+
+demo: build ## Render two scenes on several engines, compare the pictures, and measure C against SIMD
+	@rayo=$(rayo) scripts/demo.sh
+
+test: setup ## Run everything that must pass: format, lints, tests with assembly and without, documentation
+	$(cargo) fmt --check
+	$(cargo) clippy --release --locked --all-targets -- -D warnings
+	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
+	$(cargo) test --release --locked
+	$(cargo) test --release --locked --no-default-features
+	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
+
+bench: setup ## Run the micro benches
+	$(cargo) bench --locked
+
+images: build ## Render the pictures of the README anew
+	for scene in sphere tetrahedron; do \
+	    $(rayo) render scenes/$$scene.in --engine reference --size 400x300 -o docs/images/$$scene.png || exit; \
+	done
+
+map: ## Print the first line of every source file: what lives there
+	@git ls-files asm benches build.rs src tests | while read -r file; do \
+	    printf '%-40s %s\n' "$$file" "$$(sed -n '1{s|^//! ||;s|^/\* [^ ]* - ||;s|^; [^ ]* - ||;s| \*/$$||;p;}' "$$file")"; \
+	done
+
+clean: ## Remove everything that was built or rendered
+	rm -rf target out
