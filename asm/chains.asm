@@ -2,14 +2,15 @@
 ;
 ; unsafe extern "sysv64" fn(rounds: u64) -> u64
 ;
-;   rayo_<form>_<op>_latency      CHAIN_LINKS times <rounds> operations, each of which needs the result of the one before
+;   rayo_<form>_<op>_latency      CHAIN_LINKS times <rounds> operations, each of which needs the result of the last
 ;   rayo_<form>_<op>_throughput   as many operations that need nothing of each other
 ;   rayo_feedback_latency         as many times what leads a result back to an operand, alone
 ;
-;   All give the number of operations in a round. In a chain of latency the result is led back by FEEDBACK, so that
-;   every operation has the same operands, whatever it computes: nothing overflows, and divisions and roots meet ordinary numbers. What it costs is measured alone, for whom
-;   it is to be subtracted. In a chain of throughput every operation loads its operands anew, as the macros overwrite
-;   them.
+;   All give the number of operations in a round.
+;
+;   In a chain of latency FEEDBACK leads the result back, so that every operation has the same operands, whatever it
+;   computes: nothing overflows, and divisions and roots meet ordinary numbers. What FEEDBACK costs is measured alone,
+;   to be taken off. In a chain of throughput every operation loads its operands anew, as the macros overwrite them.
 ;
 ;   requires       SSE3; rounds >= 1
 
@@ -52,36 +53,62 @@ point:      dd 0.25, -0.5, 2.5, 0.0
 normal:     dd 0.0, 0.6, -0.8, 0.0
 colour:     dd 1.0, 0.5, 0.25, 0.0
 
-; FEEDBACK - d = a, by way of r: the latency of and, or (and a copy, which most CPUs rename away).
-;
-;   instructions   2, 3 where d is not r
-%macro FEEDBACK 2
-%define %%d %1          ; [out]        register: the operand of the next operation
-%define %%r %2          ; [clobbered]  register: the result of the one before
-    andps   %%r, xmm15                  ; 0
-    orps    %%r, xmm14                  ; a
+; FEEDBACK - d = a, by way of r: the latency of an and and an or, and of a copy, which most CPUs rename away.
+%macro FEEDBACK 4
+%define %%d %1          ; [out]       register: the operand of the next operation
+%define %%r %2          ; [clobbered] register: the result of the one before
+%define %%zero %3       ; [in]        register of zeros
+%define %%a %4          ; [in]        register: the operand
+    andps   %%r, %%zero
+    orps    %%r, %%a
 %ifnidni %%d, %%r
     movaps  %%d, %%r
 %endif
+%endmacro
+
+; LOAD_OPERANDS - the operands that are in registers.
+%macro LOAD_OPERANDS 4
+%define %%operand %1    ; [out] register
+%define %%value %2      ; [in]  label: what it is loaded with
+%define %%other %3      ; [out] register, or none
+%define %%with %4       ; [in]  label: what that is loaded with, or none
+    movaps  %%operand, [%%value]
+%ifnidni %%other, none
+    movaps  %%other, [%%with]
+%endif
+%endmacro
+
+; SET_UP - all operands, and the zeros and addresses that the macros ask for.
+%macro SET_UP 4
+%define %%operand %1    ; [out] as LOAD_OPERANDS has it
+%define %%value %2      ; [in]  as LOAD_OPERANDS has it
+%define %%other %3      ; [out] as LOAD_OPERANDS has it
+%define %%with %4       ; [in]  as LOAD_OPERANDS has it
+    LOAD_OPERANDS %%operand, %%value, %%other, %%with
+    xorps   xmm13, xmm13
+    lea     rsi, [sphere]
+    lea     rdx, [triangle]
+    lea     rcx, [light]
 %endmacro
 
 ; CHAINS - both chains of an operation.
 %macro CHAINS 7
 %define %%name %1       ; [in]  the operation
 %define %%operand %2    ; [in]  register of the operand to which the result is led back
-%define %%address %3    ; [in]  label: the value of that operand
+%define %%value %3      ; [in]  label: the value of that operand
 %define %%other %4      ; [in]  register of the other operand, or none
-%define %%value %5      ; [in]  label: its value
+%define %%with %5       ; [in]  label: its value, or none
 %define %%result %6     ; [in]  register of the result
+%define %%operation %7  ; [in]  the macro with its arguments; may jump to .miss, and does not with these operands
 FUNC AOS_NAME(%%name) %+ _latency
-    OPERANDS %%operand, %%address, %%other, %%value
+    SET_UP  %%operand, %%value, %%other, %%with
     movaps  xmm14, %%operand
     xorps   xmm15, xmm15
 align 32
 .round:
 %rep CHAIN_LINKS
-    %7                  ; [in]  the macro with its arguments; it may jump to .miss, and does not with these operands
-    FEEDBACK %%operand, %%result
+    %%operation
+    FEEDBACK %%operand, %%result, xmm15, xmm14
 %endrep
     dec     rdi
     jnz     .round
@@ -90,35 +117,18 @@ align 32
 ENDFUNC
 
 FUNC AOS_NAME(%%name) %+ _throughput
-    OPERANDS %%operand, %%address, %%other, %%value
+    SET_UP  %%operand, %%value, %%other, %%with
 align 32
 .round:
 %rep CHAIN_LINKS
-    LOAD_OPERANDS %%operand, %%address, %%other, %%value
-    %7
+    LOAD_OPERANDS %%operand, %%value, %%other, %%with
+    %%operation
 %endrep
     dec     rdi
     jnz     .round
 .miss:
     mov     eax, CHAIN_LINKS
 ENDFUNC
-%endmacro
-
-; LOAD_OPERANDS - the operands that are in registers.
-%macro LOAD_OPERANDS 4
-    movaps  %1, [%2]
-%ifnidni %3, none
-    movaps  %3, [%4]
-%endif
-%endmacro
-
-; OPERANDS - all operands, and the zeros and addresses that the macros ask for.
-%macro OPERANDS 4
-    LOAD_OPERANDS %1, %2, %3, %4
-    xorps   xmm13, xmm13
-    lea     rsi, [sphere]
-    lea     rdx, [triangle]
-    lea     rcx, [light]
 %endmacro
 
 FUNC feedback_latency
@@ -128,7 +138,7 @@ FUNC feedback_latency
 align 32
 .round:
 %rep CHAIN_LINKS
-    FEEDBACK xmm0, xmm0
+    FEEDBACK xmm0, xmm0, xmm15, xmm14
 %endrep
     dec     rdi
     jnz     .round

@@ -10,10 +10,11 @@
 
 ; KNOWN_LINE - a function with so many instructions in a line.
 %macro KNOWN_LINE 1
-FUNC known_ %+ %1       ; [in]  how many
+%define %%count %1      ; [in]  how many
+FUNC known_ %+ %%count
 .body:
 %assign i 0
-%rep %1
+%rep %%count
 %if i % 3 == 0
     inc     eax
 %elif i % 3 == 1

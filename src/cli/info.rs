@@ -103,13 +103,13 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
 }
 
 #[cfg(target_arch = "x86_64")]
-fn cpu_name() -> Option<String> {
+pub(super) fn cpu_name() -> Option<String> {
     let brand = raw_cpuid::CpuId::new().get_processor_brand_string()?;
     Some(brand.as_str().trim().to_owned())
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn cpu_name() -> Option<String> {
+pub(super) fn cpu_name() -> Option<String> {
     None
 }
 

@@ -1,6 +1,6 @@
-/* by_value.c - the functions of paper.h kept whole, as the paper's program has them: vectors by value. For counts alone.
- *
- * build.rs compiles this file once per optimisation level, RAYO_LEVEL; no engine calls it. */
+/* by_value.c - the functions of paper.h kept whole, as the paper's program has them: vectors by value. */
+
+/* For counts alone: build.rs compiles this file once per optimisation level, RAYO_LEVEL, and no engine calls it. */
 #define JOIN(level, name) rayo_c_##level##_##name
 #define NAME(level, name) JOIN(level, name)
 /* Hidden, so that a compiler that makes position-independent code may inline one into another. */
