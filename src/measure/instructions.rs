@@ -300,6 +300,9 @@ fn width(raw: &iced_x86::Instruction) -> Width {
         return Width::General;
     }
     let name = mnemonic(raw);
+    if name.starts_with("broadcast") {
+        return Width::Packed;
+    }
     let scalar = name.ends_with("ss") || name.ends_with("sd") || ["movd", "movq"].contains(&name.as_str());
     let scalar =
         scalar || name.starts_with("cvt") && (name.contains("2ss") || name.contains("2sd") || name.contains("s2si"));

@@ -131,11 +131,16 @@ fn kinds(text: &mut String, report: &Report) {
                 m.scalar,
                 m.packed,
                 m.reads,
-                m.features.iter().filter(|name| *name != "X64").cloned().collect::<Vec<_>>().join(" "),
+                m.features.iter().filter(|name| beyond_x86_64(name)).cloned().collect::<Vec<_>>().join(" "),
             )
             .unwrap();
         }
     }
+}
+
+/// Whether a feature is more than what every CPU of the architecture has, or at least one of its vectors.
+fn beyond_x86_64(feature: &str) -> bool {
+    !feature.starts_with("INTEL") && !["X64", "CMOV", "MULTIBYTENOP"].contains(&feature)
 }
 
 /// Executed instructions of one operation, by path.

@@ -231,7 +231,8 @@ fn assembly(name: &str, kernels: &'static kernels::AosKernels) -> Result<Subject
 fn c(op: &str, functions: &'static ByValue) -> Subject {
     let address = functions.address(op).expect("the functions are those of the table");
     let vectors = |f: fn(&ByValue, Vec4, Vec4) -> u32| {
-        let operands = vec![(vec4(A), vec4(B))];
+        // On the heap: of an array of one the compiler would know which element it is, whatever the result.
+        let operands: Box<[_]> = Box::new([(vec4(A), vec4(B))]);
         Subject::new(address, ANY, move |path| {
             let (a, b) = operands[path];
             f(functions, a, b)
