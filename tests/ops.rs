@@ -325,14 +325,17 @@ mod callgrind {
     use rayo::kernels::{self, KNOWN, Light, OpRef, Sphere, Surface, Triangle, Vec4};
     use rayo::measure::instructions::Code;
 
-    /// Calls every function once, in a known order of names.
-    fn functions() -> BTreeMap<String, (usize, Box<dyn Fn()>)> {
+    /// Functions by their symbols: where each is, and a call of it.
+    type Functions = BTreeMap<String, (usize, Box<dyn Fn()>)>;
+
+    /// What callgrind can run, too.
+    fn functions() -> Functions {
         let (a, b) = (Vec4::new(0.25, -0.5, 1.0), Vec4::new(0.0, 0.25, 4.0));
         let sphere = Sphere { centre: b, colour: a, radius: 2.0, padding: [0.0; 3] };
         let (v1, v2, v3) = (Vec4::new(-4.0, -4.0, 3.0), Vec4::new(4.0, -4.0, 3.0), Vec4::new(0.0, 4.0, 3.5));
         let triangle = Triangle { v1, v2, v3, colour: a };
         let (surface, light) = (Surface { point: a, normal: b, colour: a }, Light { position: b, radiance: a });
-        let mut functions: BTreeMap<String, (usize, Box<dyn Fn()>)> = BTreeMap::new();
+        let mut functions = Functions::new();
         for (form, table) in [("paper", kernels::paper()), ("aos", kernels::aos())] {
             for (name, op) in table.into_iter().flat_map(|table| table.ops()) {
                 let (address, call): (usize, Box<dyn Fn()>) = match op {
