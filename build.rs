@@ -35,6 +35,46 @@ mod native {
     /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
+    /// The ladder's rungs in C: what tells each from the one before is a definition, a flag, or the source.
+    const RUNGS: [Rung; 13] = [
+        Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
+        Rung { name: "sqrtf", source: "trace", level: Level::Base, flags: &["-DCALLS", "-DSQRTF"] },
+        Rung { name: "inlined", source: "trace", level: Level::Base, flags: &["-DSQRTF"] },
+        Rung { name: "lean", source: "lean", level: Level::Base, flags: &["-DSQRTF", EVERY_HIT, PER_RAY] },
+        Rung { name: "nearest", source: "lean", level: Level::Base, flags: &["-DSQRTF", NEAREST, PER_RAY] },
+        Rung { name: "hoisted", source: "lean", level: Level::Base, flags: &["-DSQRTF", NEAREST, HOISTED] },
+        Rung { name: "native_v3", source: "lean", level: Level::V3, flags: &["-DSQRTF", NEAREST, HOISTED] },
+        Rung { name: "native_v4", source: "lean", level: Level::V4, flags: &["-DSQRTF", NEAREST, HOISTED] },
+        Rung { name: "fast_v3", source: "lean", level: Level::V3, flags: &["-DSQRTF", NEAREST, HOISTED, FAST] },
+        Rung { name: "fast_v4", source: "lean", level: Level::V4, flags: &["-DSQRTF", NEAREST, HOISTED, FAST] },
+        Rung { name: "turned_base", source: "turned", level: Level::Base, flags: &["-DSQRTF", FAST] },
+        Rung { name: "turned_v3", source: "turned", level: Level::V3, flags: &["-DSQRTF", FAST] },
+        Rung { name: "turned_v4", source: "turned", level: Level::V4, flags: &["-DSQRTF", FAST] },
+    ];
+    const EVERY_HIT: &str = "-DNEAREST_ONLY=0";
+    const NEAREST: &str = "-DNEAREST_ONLY=1";
+    const PER_RAY: &str = "-DHOISTED=0";
+    const HOISTED: &str = "-DHOISTED=1";
+    const FAST: &str = "-ffast-math";
+    /// The most objects of a kind that a rung takes.
+    const LADDER_MOST: usize = 64;
+
+    struct Rung {
+        name: &'static str,
+        source: &'static str,
+        level: Level,
+        flags: &'static [&'static str],
+    }
+
+    /// A level of x86-64 by the psABI. What `-march=native` would be on this machine could not run on another, so that
+    /// the program chooses among these when it runs.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Level {
+        Base,
+        V3,
+        V4,
+    }
+
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
         or name another one in the variable NASM; \
@@ -62,7 +102,9 @@ mod native {
         let objects = objects.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
         fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
 
-        cc::Build::new().objects(assembled.iter().chain(&compiled).chain(&levels)).compile("rayo_kernels");
+        let rungs = compile_rungs(&out);
+        let objects = assembled.iter().chain(&compiled).chain(&levels).chain(&rungs);
+        cc::Build::new().objects(objects).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
             // Local labels would cut a kernel in pieces for objdump and perf.
             println!("cargo::rustc-link-arg=-Wl,--discard-locals");
@@ -83,9 +125,15 @@ mod native {
         objects
     }
 
-    fn compile(out: &Path) -> Vec<PathBuf> {
+    /// The compiler as the paper uses it.
+    fn compiler(out: &Path) -> cc::Build {
         let mut c = cc::Build::new();
         c.opt_level(3).debug(false).std("c11").include(out).warnings(true).extra_warnings(true);
+        c
+    }
+
+    fn compile(out: &Path) -> Vec<PathBuf> {
+        let mut c = compiler(out);
         c.files(C_SOURCES.map(|source| format!("src/kernels/c/{source}.c")));
         let compiler = c.try_get_compiler().unwrap_or_else(|error| fail(CC_MISSING, &error.to_string()));
         let objects = c.try_compile_intermediates().unwrap_or_else(|error| {
@@ -104,9 +152,8 @@ mod native {
 
     /// by_value.c at one level, in an object that is named after it.
     fn compile_level(out: &Path, (name, level, native): (&str, u32, bool)) -> PathBuf {
-        let mut c = cc::Build::new();
-        c.opt_level(level).debug(false).std("c11").include(out).warnings(true).extra_warnings(true);
-        c.define("RAYO_LEVEL", name).out_dir(out.join(name)).file("src/kernels/c/by_value.c");
+        let mut c = compiler(out);
+        c.opt_level(level).define("RAYO_LEVEL", name).out_dir(out.join(name)).file("src/kernels/c/by_value.c");
         if native {
             c.flag_if_supported("-march=native");
         }
@@ -115,6 +162,35 @@ mod native {
         let object = out.join(format!("by_value-{name}.o"));
         fs::copy(&objects[0], &object).unwrap();
         object
+    }
+
+    /// Compiles each rung by itself, and lists them for `rungs!` in src/kernels/ladder.rs.
+    fn compile_rungs(out: &Path) -> Vec<PathBuf> {
+        let mut objects = Vec::new();
+        let mut list = String::from("rungs! {\n");
+        writeln!(list, "    most {LADDER_MOST};").unwrap();
+        for Rung { name, source, level, flags } in RUNGS {
+            let mut c = compiler(out);
+            let march = match level {
+                Level::Base => None,
+                Level::V3 => Some("-march=x86-64-v3"),
+                Level::V4 => Some("-march=x86-64-v4"),
+            };
+            let flags: Vec<_> = march.into_iter().chain(flags.iter().copied()).collect();
+            for flag in &flags {
+                c.flag(flag);
+            }
+            c.define("TRACE", format!("rayo_ladder_{name}").as_str());
+            c.define("LADDER_MOST", LADDER_MOST.to_string().as_str());
+            // A directory for each: objects are named after their sources.
+            c.out_dir(out.join(name)).file(format!("src/kernels/c/{source}.c"));
+            objects.extend(c.try_compile_intermediates().unwrap_or_else(|error| {
+                fail(&format!("the C compiler refused the rung `{name}` of the ladder"), &error.to_string())
+            }));
+            writeln!(list, "    {name:?}, {level:?}, \"-O3 {}\";", flags.join(" ")).unwrap();
+        }
+        fs::write(out.join("rungs.rs"), list + "}\n").unwrap();
+        objects
     }
 
     fn objects_to_rust<'a>(objects: impl Iterator<Item = (&'a &'a str, &'a PathBuf)>) -> String {

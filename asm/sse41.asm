@@ -1,5 +1,4 @@
-; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, in its own forms and in the best ones, and packets of
-; 4 rays in lockstep, or 2 in f64.
+; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, and packets of 4 rays in lockstep, or 2 in f64.
 
 %define ISA sse41
 %include "include/isa.inc"
@@ -18,4 +17,9 @@
 %assign AOS_BEST 1                      ; the best forms: rayo_aos_*
 %define AOS_NAME(name) aos_ %+ name
 %include "ops/aos.asm"
+%include "tracers/paper.asm"
+
+%assign AOS_BEST 0                      ; the paper's forms, called: rayo_calls_*
+%assign AOS_CALLS 1
+%define AOS_NAME(name) calls_ %+ name
 %include "tracers/paper.asm"

@@ -249,7 +249,11 @@ fn macros() -> Vec<Macro> {
             macros.push(Macro {
                 place: format!("{path}:{}: {name}", at + 1),
                 name: name.to_owned(),
-                parameters: parameters.parse().unwrap_or_else(|_| panic!("{path}: how many parameters has {name}?")),
+                // A plus: the last one takes what is left, commas and all.
+                parameters: parameters
+                    .trim_end_matches('+')
+                    .parse()
+                    .unwrap_or_else(|_| panic!("{path}: how many parameters has {name}?")),
                 comment: own(&lines[at - above..at]),
                 body: own(&lines[at + 1..at + length]),
             });

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{Failure, print, print_json};
 use crate::kernels::Isa;
-use crate::measure::tsc_hz;
+use crate::measure::{cpu_name, tsc_hz, tsc_invariant};
 use crate::render::Engine;
 
 /// Show the CPU, the engines that it runs, and the versions that they were built with
@@ -100,25 +100,4 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
         print(&info.text())?
     }
     Ok(ExitCode::SUCCESS)
-}
-
-#[cfg(target_arch = "x86_64")]
-pub(super) fn cpu_name() -> Option<String> {
-    let brand = raw_cpuid::CpuId::new().get_processor_brand_string()?;
-    Some(brand.as_str().trim().to_owned())
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-pub(super) fn cpu_name() -> Option<String> {
-    None
-}
-
-#[cfg(target_arch = "x86_64")]
-fn tsc_invariant() -> Option<bool> {
-    raw_cpuid::CpuId::new().get_advanced_power_mgmt_info().map(|info| info.has_invariant_tsc())
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn tsc_invariant() -> Option<bool> {
-    None
 }

@@ -1,6 +1,7 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
 mod diff;
+mod experiment;
 mod info;
 mod ops;
 mod render;
@@ -25,6 +26,7 @@ struct Cli {
 enum Command {
     Render(render::RenderArgs),
     Diff(diff::DiffArgs),
+    Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
 }
@@ -52,6 +54,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
     };

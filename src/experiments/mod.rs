@@ -1,4 +1,16 @@
 //! The experiments: each returns rows.
 
 #[cfg(rayo_asm)]
+pub mod claims;
+#[cfg(rayo_asm)]
+pub mod document;
+#[cfg(rayo_asm)]
+pub mod jumps;
+#[cfg(rayo_asm)]
+pub mod ladder;
+#[cfg(rayo_asm)]
 pub mod ops;
+#[cfg(rayo_asm)]
+pub mod plot;
+#[cfg(rayo_asm)]
+pub mod speedup;

@@ -15,6 +15,8 @@ mod isa;
 #[cfg(rayo_asm)]
 mod known;
 #[cfg(rayo_asm)]
+pub mod ladder;
+#[cfg(rayo_asm)]
 mod packet;
 mod spans;
 pub mod step;

@@ -31,12 +31,23 @@ pub fn tsc_stop() -> u64 {
     }
 }
 
+/// The core that runs the calling thread at this moment, where the operating system says.
+#[cfg(target_os = "linux")]
+pub fn current_core() -> Option<usize> {
+    // SAFETY: takes nothing, gives a number.
+    usize::try_from(unsafe { libc::sched_getcpu() }).ok()
+}
+
+/// The core that runs the calling thread is not known here.
+#[cfg(not(target_os = "linux"))]
+pub fn current_core() -> Option<usize> {
+    None
+}
+
 /// Keeps the calling thread on the core it is on, and says which that is.
 #[cfg(target_os = "linux")]
 pub fn pin_to_this_core() -> io::Result<usize> {
-    // SAFETY: takes nothing, gives a number.
-    let core = unsafe { libc::sched_getcpu() };
-    let core = usize::try_from(core).map_err(|_| io::Error::last_os_error())?;
+    let core = current_core().ok_or_else(io::Error::last_os_error)?;
     // SAFETY: a set of bits, for which all 0 is a value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
     if core >= 8 * size_of_val(&set) {
@@ -55,6 +66,88 @@ pub fn pin_to_this_core() -> io::Result<usize> {
 #[cfg(not(target_os = "linux"))]
 pub fn pin_to_this_core() -> io::Result<usize> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
+}
+
+/// The cores that a thread may run on.
+#[cfg(target_os = "linux")]
+#[derive(Clone, Copy)]
+pub struct Cores(libc::cpu_set_t);
+
+#[cfg(target_os = "linux")]
+impl Cores {
+    /// Those of the calling thread.
+    pub fn of_this_thread() -> io::Result<Self> {
+        // SAFETY: a set of bits, for which all 0 is a value.
+        let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
+        // SAFETY: 0 is the calling thread, the set is ours to write and its size is given.
+        match unsafe { libc::sched_getaffinity(0, size_of_val(&set), &mut set) } {
+            0 => Ok(Cores(set)),
+            _ => Err(io::Error::last_os_error()),
+        }
+    }
+
+    /// Lets the calling thread, and those that it will start, run on them.
+    pub fn allow(&self) -> io::Result<()> {
+        // SAFETY: 0 is the calling thread, the set is ours and its size is given.
+        match unsafe { libc::sched_setaffinity(0, size_of_val(&self.0), &self.0) } {
+            0 => Ok(()),
+            _ => Err(io::Error::last_os_error()),
+        }
+    }
+}
+
+/// Where threads are not pinned, all cores are allowed all the time.
+#[cfg(not(target_os = "linux"))]
+#[derive(Clone, Copy)]
+pub struct Cores(());
+
+#[cfg(not(target_os = "linux"))]
+impl Cores {
+    /// All of them.
+    pub fn of_this_thread() -> io::Result<Self> {
+        Ok(Cores(()))
+    }
+
+    /// Nothing to do.
+    pub fn allow(&self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// The pages that the calling thread (where that is not known, its process) had to be given on first touch or fetched
+/// from disk so far.
+#[cfg(unix)]
+pub fn page_faults() -> u64 {
+    #[cfg(target_os = "linux")]
+    const WHO: libc::c_int = libc::RUSAGE_THREAD;
+    #[cfg(not(target_os = "linux"))]
+    const WHO: libc::c_int = libc::RUSAGE_SELF;
+    // SAFETY: numbers, for which all bits 0 are a value.
+    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
+    unsafe { libc::getrusage(WHO, &mut usage) };
+    (usage.ru_minflt + usage.ru_majflt).try_into().unwrap_or(0)
+}
+
+/// Page faults are not counted here.
+#[cfg(not(unix))]
+pub fn page_faults() -> u64 {
+    0
+}
+
+/// The time that the calling thread has had a core for itself.
+#[cfg(unix)]
+pub fn thread_cpu_time() -> std::time::Duration {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: the structure is ours to write. POSIX has the clock; without it the zeros would remain.
+    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
+    std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
+}
+
+/// The time of a thread is not known here.
+#[cfg(not(unix))]
+pub fn thread_cpu_time() -> std::time::Duration {
+    std::time::Duration::ZERO
 }
 
 /// Multiplications in a round of [`multiply_in_chain`].
@@ -86,7 +179,64 @@ pub fn multiply_in_chain(rounds: u32) {
 }
 
 #[cfg(unix)]
+pub use fresh::Fresh;
+#[cfg(unix)]
 pub use guarded::{Guarded, Side, survives};
+
+#[cfg(unix)]
+mod fresh {
+    use std::io;
+    use std::ops::{Deref, DerefMut};
+    use std::ptr::NonNull;
+
+    use crate::kernels::Plain;
+
+    /// A slice in pages that nobody has touched: the first write to each is a page fault.
+    pub struct Fresh<T: Plain> {
+        first: NonNull<T>,
+        len: usize,
+    }
+
+    impl<T: Plain> Fresh<T> {
+        /// Room for `len` values, at least 1, all bits 0.
+        pub fn new(len: usize) -> io::Result<Self> {
+            let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
+            let bytes = bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+            let (access, flags) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
+            // SAFETY: a new mapping at no given address takes nothing from anybody.
+            let mapping = unsafe { libc::mmap(std::ptr::null_mut(), bytes, access, flags, -1, 0) };
+            if mapping == libc::MAP_FAILED {
+                return Err(io::Error::last_os_error());
+            }
+            let first = NonNull::new(mapping.cast::<T>()).ok_or_else(io::Error::last_os_error)?;
+            assert!(first.is_aligned(), "a page is aligned for every plain type");
+            Ok(Fresh { first, len })
+        }
+    }
+
+    impl<T: Plain> Deref for Fresh<T> {
+        type Target = [T];
+        fn deref(&self) -> &[T] {
+            // SAFETY: new() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
+            // type. They live as long as self.
+            unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
+        }
+    }
+
+    impl<T: Plain> DerefMut for Fresh<T> {
+        fn deref_mut(&mut self) -> &mut [T] {
+            // SAFETY: as in deref, and self is borrowed alone.
+            unsafe { std::slice::from_raw_parts_mut(self.first.as_ptr(), self.len) }
+        }
+    }
+
+    impl<T: Plain> Drop for Fresh<T> {
+        fn drop(&mut self) {
+            // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
+            unsafe { libc::munmap(self.first.as_ptr().cast(), self.len * size_of::<T>()) };
+        }
+    }
+}
 
 #[cfg(unix)]
 mod guarded {

@@ -1,5 +1,4 @@
-//! What the tests of engines share: every engine that runs here in each of its precisions, and its picture held against
-//! the reference's.
+//! What the tests of engines share: the engines that run here, and their pictures held against the reference's.
 
 use rayo::render::reference::{Object, ReferenceTracer};
 use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::table::short;
-use crate::cli::info::cpu_name;
 use crate::experiments::ops::{IMPLEMENTATIONS, OPS, Report, Row};
+use crate::measure::cpu_name;
 
 /// The implementations whose code the assembler fixes, and those that a compiler makes.
 const ASSEMBLED: [&str; 5] = ["paper", "aos", "sse41", "avx2", "avx512"];

@@ -54,52 +54,62 @@ typedef struct {
 #define SAME_SIZE(type, size) static_assert(sizeof(type) == size, #type)
 LAYOUT_CHECKS(SAME_OFFSET, SAME_SIZE)
 
-/* How the functions are declared: the operations may be inlined, unless a source wants to keep each one whole. */
-#ifndef PAPER
-#define PAPER static inline
+/* What the rungs of the ladder vary: CALLS keeps the functions below from being inlined, SQRTF takes roots by sqrtf.
+ * by_value.c says by SMALL itself how the functions are declared. */
+#if defined SMALL
+#elif defined CALLS && defined __clang__
+#define SMALL static __attribute__((noinline))
+#elif defined CALLS
+#define SMALL static __attribute__((noipa))
+#else
+#define SMALL static inline
 #endif
 
 /* The square root as the paper's program takes it. */
-PAPER float square_root(float x) {
+SMALL float square_root(float x) {
+#ifdef SQRTF
+    return sqrtf(x);
+#else
     return (float)pow(x, 0.5);
+#endif
 }
 
-PAPER vec4 vec_add(vec4 a, vec4 b) {
+SMALL vec4 vec_add(vec4 a, vec4 b) {
     return (vec4){a.x + b.x, a.y + b.y, a.z + b.z, a.w + b.w};
 }
 
-PAPER vec4 vec_sub(vec4 a, vec4 b) {
+SMALL vec4 vec_sub(vec4 a, vec4 b) {
     return (vec4){a.x - b.x, a.y - b.y, a.z - b.z, a.w - b.w};
 }
 
-PAPER vec4 vec_scale(vec4 a, float s) {
+SMALL vec4 vec_scale(vec4 a, float s) {
     return (vec4){a.x * s, a.y * s, a.z * s, a.w * s};
 }
 
-PAPER float vec_dot(vec4 a, vec4 b) {
+SMALL float vec_dot(vec4 a, vec4 b) {
     return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w;
 }
 
-PAPER float vec_norm(vec4 a) {
+SMALL float vec_norm(vec4 a) {
     return square_root(vec_dot(a, a));
 }
 
-PAPER vec4 vec_cross(vec4 a, vec4 b) {
+SMALL vec4 vec_cross(vec4 a, vec4 b) {
     return (vec4){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x, 0};
 }
 
-PAPER vec4 vec_normalise(vec4 a) {
+SMALL vec4 vec_normalise(vec4 a) {
     float norm = vec_norm(a);
     return (vec4){a.x / norm, a.y / norm, a.z / norm, a.w / norm};
 }
 
 /* Eq. 1. */
-PAPER vec4 point_on(ray r, float t) {
+SMALL vec4 point_on(ray r, float t) {
     return vec_add(r.origin, vec_scale(r.direction, t));
 }
 
 /* Eq. 5: the smallest root t > 0, if there is one. */
-PAPER bool sphere_hit(ray r, const sphere *s, float *t) {
+SMALL bool sphere_hit(ray r, const sphere *s, float *t) {
     vec4 from_centre = vec_sub(r.origin, s->centre);
     float a = vec_dot(r.direction, r.direction);
     float b = 2 * vec_dot(r.direction, from_centre);
@@ -116,18 +126,18 @@ PAPER bool sphere_hit(ray r, const sphere *s, float *t) {
 }
 
 /* Eq. 10: whether p1 and p2 are on the same side of the line through a and b; the line belongs to both. */
-PAPER bool same_side(vec4 a, vec4 b, vec4 p1, vec4 p2) {
+SMALL bool same_side(vec4 a, vec4 b, vec4 p1, vec4 p2) {
     vec4 edge = vec_sub(b, a);
     return vec_dot(vec_cross(edge, vec_sub(p1, a)), vec_cross(edge, vec_sub(p2, a))) >= 0;
 }
 
 /* Eq. 6. */
-PAPER vec4 plane_normal(const triangle *s) {
+SMALL vec4 plane_normal(const triangle *s) {
     return vec_cross(vec_sub(s->v1, s->v2), vec_sub(s->v1, s->v3));
 }
 
 /* Eq. 9, then eq. 10 for each edge. */
-PAPER bool triangle_hit(ray r, const triangle *s, float *t) {
+SMALL bool triangle_hit(ray r, const triangle *s, float *t) {
     vec4 n = plane_normal(s);
     float across = vec_dot(r.direction, n);
     if (across == 0)
@@ -140,7 +150,7 @@ PAPER bool triangle_hit(ray r, const triangle *s, float *t) {
 }
 
 /* Eq. 11 for one light. A surface without an outside is lit from both sides. */
-PAPER vec4 reflection(const light *l, vec4 p, vec4 n, vec4 colour, bool two_sided) {
+SMALL vec4 reflection(const light *l, vec4 p, vec4 n, vec4 colour, bool two_sided) {
     float cosine = vec_dot(vec_normalise(vec_sub(l->position, p)), n);
     if (two_sided)
         cosine = fabsf(cosine);

@@ -1,6 +1,10 @@
 /* trace.c - Algorithm 1 of the paper: every candidate nearer than the last one is shaded at once. */
 #include "paper.h"
 
+#ifndef TRACE
+#define TRACE rayo_c_trace
+#endif
+
 static vec4 shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided) {
     vec4 sum = {0, 0, 0, 0};
     for (uint64_t i = 0; i < s->light_count; i++)
@@ -9,7 +13,7 @@ static vec4 shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided) {
 }
 
 /* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel. */
-__attribute__((sysv_abi)) void rayo_c_trace(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     for (; row < end; row++) {
         for (uint64_t col = 0; col < f->width; col++) {
             ray r = {

@@ -1,0 +1,56 @@
+//! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
+
+#[cfg(rayo_asm)]
+mod run;
+#[cfg(rayo_asm)]
+mod table;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::Failure;
+
+/// No run of this experiment says more after so many.
+const MAX_RUNS: u64 = 100_000;
+
+/// Repeat the paper's experiment: C against SIMD and every other engine at twenty sizes, on one core
+///
+/// Prints the paper's table beside ours and a verdict for each of its claims. Writes table.csv, table.md, results.json,
+/// figure2.svg and ratio.svg to the directory that --out names. Ctrl-C keeps what is finished.
+#[derive(Debug, Args)]
+#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "without assembly there is nothing to compare"))]
+pub struct ExperimentArgs {
+    /// Five sizes and five runs of each: well under a minute
+    #[arg(long)]
+    quick: bool,
+    /// Climb from the paper's C to the fastest engine, one change at a time
+    #[arg(long)]
+    ladder: bool,
+    /// Runs of each size. Default: 25, as in the paper, or 5 with --quick
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_RUNS))]
+    runs: Option<u64>,
+    /// Engines beside `c` and `paper`, which are always there. Default: every one that this machine runs
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    engines: Option<Vec<String>>,
+    /// Where the files go
+    #[arg(long, value_name = "DIR", default_value = "out/experiment")]
+    out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measures, prints and writes.
+#[cfg(rayo_asm)]
+pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
+    run::run(args)
+}
+
+/// The engines that the paper compares are not in this build.
+#[cfg(not(rayo_asm))]
+pub fn run(_: &ExperimentArgs) -> Result<ExitCode, Failure> {
+    use crate::render::Engine;
+    Err("c".parse::<Engine>().map_or_else(Failure::input, |_| unreachable!("the engine `c` is made of C")))
+}

@@ -1,0 +1,343 @@
+//! The tables of the experiment, in Markdown that reads well as it is, and as CSV.
+
+use std::fmt::Write as _;
+
+use crate::experiments::document::{Conditions, Document};
+use crate::experiments::jumps::Jumps;
+use crate::experiments::ladder::{self, Explanation};
+use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
+use crate::measure::statistics::Estimate;
+use crate::measure::{Machine, OFF_BY_MAD};
+
+/// A table in Markdown whose columns are as wide as they need to be; all but the first are aligned to the right.
+pub(super) struct Table {
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(super) fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Self {
+        Table { head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    ///
+    /// # Panics
+    /// If it has not as many cells as the head.
+    pub(super) fn row(&mut self, cells: Vec<String>) {
+        assert_eq!(cells.len(), self.head.len());
+        self.rows.push(cells);
+    }
+
+    pub(super) fn text(&self) -> String {
+        let chars = |cell: &String| cell.chars().count();
+        let lines = || [&self.head].into_iter().chain(&self.rows);
+        let widths: Vec<_> =
+            (0..self.head.len()).map(|i| lines().map(|row| chars(&row[i])).max().unwrap_or(0).max(3)).collect();
+        let mut text = String::new();
+        for (number, row) in lines().enumerate() {
+            for (i, (cell, width)) in row.iter().zip(&widths).enumerate() {
+                let gap = " ".repeat(width - chars(cell));
+                let (left, right) = if i == 0 { ("", gap.as_str()) } else { (gap.as_str(), "") };
+                write!(text, "| {left}{cell}{right} ").expect("a String takes all");
+            }
+            text += "|\n";
+            if number == 0 {
+                for (i, width) in widths.iter().enumerate() {
+                    let dashes = "-".repeat(*width);
+                    text += &if i == 0 { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
+                }
+                text += "|\n";
+            }
+        }
+        text
+    }
+}
+
+/// The number with the digits of its whole part in groups of three.
+fn grouped(number: f64) -> String {
+    let digits = format!("{number:.0}");
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+fn interval(estimate: &Estimate) -> String {
+    format!("{:.3} [{:.3}, {:.3}]", estimate.value, estimate.low, estimate.high)
+}
+
+/// What was measured where, and how far it can be trusted: what stands above the table.
+pub(super) fn preamble(document: &Document) -> String {
+    let Machine { cpu, cores, tsc_hz, tsc_invariant, nasm, cc, cflags, rustc, version, .. } = &document.machine;
+    let unknown = || "unknown".to_owned();
+    let clock = tsc_hz.map_or_else(unknown, |hz| format!("{:.3} GHz", hz / 1e9));
+    let promise = if *tsc_invariant { "invariant" } else { "not known to be invariant" };
+    let Conditions { core, runs, timed_share, taken_share, .. } = &document.conditions;
+    let core = core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
+    let (migrated, off, all) = document.odd_runs();
+    let Estimate { value, low, high } = document.control_overall;
+    let percent = |share: &Option<f64>| share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
+    let (timed, taken) = (percent(timed_share), percent(taken_share));
+    let mut text = format!(
+        "rayo {version}\n\
+        CPU: {cpu}, {cores} cores; {core}; time stamps {clock}, {promise}\n\
+        C: {cc}; {cflags}\n\
+        NASM: {nasm}; Rust: {rustc}\n\
+        Runs: {runs} of each size, interleaved; of {all} runs {migrated} migrated to another core and {off} were off by \
+        more than {OFF_BY_MAD} MAD; all are kept\n\
+        Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
+        Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
+        a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
+        cpu = cpu.clone().unwrap_or_else(unknown),
+        cc = cc.unwrap_or("none"),
+        cflags = cflags.unwrap_or("none"),
+        nasm = nasm.unwrap_or("none"),
+        floor = 100.0 * document.noise_floor,
+    );
+    if *runs == 1 {
+        text += "One run has no spread: the intervals below are points\n";
+    }
+    text
+}
+
+/// C/SIMD over all sizes, beside the paper's.
+pub(super) fn headline(document: &Document) -> String {
+    let ratios = PAPER.map(|row| row.ratio());
+    let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
+    format!(
+        "C/SIMD over all sizes: {} (median of the pairs, 95 % interval); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
+        interval(&document.c_by_simd),
+        paper_mean_ratio(),
+    )
+}
+
+fn size(row: &Row) -> String {
+    format!("{}×{}", row.width, row.height)
+}
+
+/// The paper's table beside ours.
+pub(super) fn paper_table(document: &Document) -> String {
+    let mut table = Table::new([
+        "w×h",
+        "pixels",
+        "C, mean cycles",
+        "SIMD, mean cycles",
+        "C/SIMD",
+        "paper's C/SIMD",
+        "C/SIMD by pairs",
+        "95 % interval",
+    ]);
+    for rows in document.sizes() {
+        let find = |name| rows.iter().find(|row: &&Row| row.is(name)).expect("it is measured at every size");
+        let (c, simd) = (find(BASELINE), find(CONTROL));
+        let paper = paper_row(c.width, c.height).map_or("-".into(), |row| format!("{:.2}", row.ratio()));
+        table.row(vec![
+            size(c),
+            c.pixels.to_string(),
+            grouped(c.cycles_mean),
+            grouped(simd.cycles_mean),
+            format!("{:.2}", c.cycles_mean / simd.cycles_mean),
+            paper,
+            format!("{:.3}", simd.ratio_to_c),
+            format!("[{:.3}, {:.3}]", simd.ratio_low, simd.ratio_high),
+        ]);
+    }
+    table.text()
+}
+
+fn contestant(row: &Row) -> String {
+    if row.is(row.engine) { row.engine.into() } else { format!("{} {}", row.engine, row.output) }
+}
+
+/// Cycles per pixel of every engine, and how many times as fast as `c` that is.
+pub(super) fn engine_table(document: &Document) -> String {
+    let Some(first) = document.sizes().next() else { return String::new() };
+    let mut table = Table::new(["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
+    for rows in document.sizes() {
+        let cell = |row: &Row| format!("{:.2} ({:.2})", row.cycles_per_pixel(), row.ratio_to_c);
+        table.row([size(&rows[0])].into_iter().chain(rows.iter().map(cell)).collect());
+    }
+    table.text()
+}
+
+/// Mean, median, minimum and ratio of everything that was measured.
+pub(super) fn full_table(document: &Document) -> String {
+    let mut table =
+        Table::new(["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
+    for row in &document.rows {
+        table.row(vec![
+            size(row),
+            contestant(row),
+            grouped(row.cycles_mean),
+            grouped(row.cycles_median),
+            grouped(row.cycles_min),
+            format!("{:.3}", row.ratio_to_c),
+            format!("[{:.3}, {:.3}]", row.ratio_low, row.ratio_high),
+            row.migrations.to_string(),
+            row.off.to_string(),
+        ]);
+    }
+    table.text()
+}
+
+/// The ladder, a rung a line.
+fn ladder_table(document: &Document) -> String {
+    let mut table = Table::new([
+        "rung",
+        "what is different",
+        "cycles/pixel",
+        "instructions/pixel",
+        "gain",
+        "95 % interval",
+        "over",
+        "over the first",
+    ]);
+    for rung in &document.ladder {
+        table.row(vec![
+            if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() },
+            rung.change.clone(),
+            format!("{:.2}", rung.cycles_per_pixel),
+            rung.instructions_per_pixel.map_or("n/a".into(), |count| format!("{count:.1}")),
+            format!("{:.2}", rung.gain),
+            format!("[{:.2}, {:.2}]", rung.gain_low, rung.gain_high),
+            rung.over.clone().unwrap_or("-".into()),
+            format!("{:.2}", rung.gain_total),
+        ]);
+    }
+    table.text()
+}
+
+/// Which share of the factor is what.
+fn explanation(document: &Document) -> String {
+    let mut text = String::new();
+    for Explanation { from, to, factor, shares } in &document.explanations {
+        let shares: Vec<_> = shares
+            .iter()
+            .map(|share| format!("{} {:.0} % (times {:.2})", share.cause, 100.0 * share.share, share.factor))
+            .collect();
+        writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", "))
+            .expect("a String takes all");
+    }
+    if !text.is_empty() {
+        text += "Shares are on a logarithmic scale, on which factors add up.\n";
+    }
+    text
+}
+
+/// The sweep behind the two jumps.
+fn jumps_table(jumps: &Jumps) -> String {
+    let mut table = Table::new([
+        "w×h",
+        "engine",
+        "framebuffer",
+        "cycles/pixel",
+        "core clock/TSC",
+        "core cycles/pixel",
+        "page faults",
+        "bytes/cycle",
+    ]);
+    let known = |value: Option<f64>| value.map_or("n/a".into(), |value| format!("{value:.2}"));
+    for row in &jumps.rows {
+        table.row(vec![
+            format!("{}×{}", row.width, row.height),
+            row.engine.into(),
+            if row.touched { "touched" } else { "untouched" }.into(),
+            format!("{:.2}", row.cycles_per_pixel),
+            known(row.clock_per_tick),
+            known(row.core_cycles_per_pixel),
+            format!("{:.0}", row.page_faults),
+            format!("{:.3}", row.bytes_per_cycle),
+        ]);
+    }
+    let mut text = table.text();
+    for level in &jumps.bandwidth {
+        writeln!(text, "{} takes {:.1} bytes a cycle ({} KiB)", level.level, level.bytes_per_cycle, level.bytes >> 10)
+            .expect("a String takes all");
+    }
+    text
+}
+
+fn verdict_table(document: &Document) -> String {
+    let mut table = Table::new(["claim", "verdict", "figure"]);
+    for claim in &document.verdicts {
+        table.row(vec![claim.claim.into(), claim.verdict.to_string(), claim.figure.clone()]);
+    }
+    table.text()
+}
+
+/// All of it, as one text: what is printed, and with `full` what is written.
+pub(super) fn text(document: &Document, full: bool) -> String {
+    let mut parts = vec![preamble(document)];
+    if !document.conditions.complete {
+        parts.push("Stopped early: only what was finished is here\n".into());
+    }
+    parts.push(paper_table(document));
+    parts.push(headline(document));
+    parts.push("Median cycles per pixel (times as fast as `c`):\n".into());
+    parts.push(engine_table(document));
+    if full {
+        parts.push("All figures, in TSC cycles of a picture:\n".into());
+        parts.push(full_table(document));
+    }
+    if !document.ladder.is_empty() {
+        let (width, height) = ladder::SIZE;
+        parts.push(format!(
+            "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
+        ));
+        parts.push(ladder_table(document));
+    }
+    if !document.explanations.is_empty() {
+        parts.push(explanation(document));
+    }
+    if let Some(jumps) = &document.jumps {
+        parts.push("The two jumps:\n".into());
+        if full {
+            parts.push(jumps_table(jumps));
+        }
+        parts.push(jumps.text());
+    }
+    if !document.verdicts.is_empty() {
+        parts.push("The paper's claims:\n".into());
+        parts.push(verdict_table(document));
+    }
+    parts.join("\n")
+}
+
+/// A line per engine and size.
+pub(super) fn csv(document: &Document) -> String {
+    let mut text = String::from(
+        "width,height,pixels,engine,precision,output,threads,cycles_mean,cycles_median,cycles_min,\
+        cycles_per_pixel,ratio_to_c,ratio_low,ratio_high,paper_ratio,migrations,off\n",
+    );
+    for row in &document.rows {
+        let paper = paper_row(row.width, row.height).filter(|_| row.is(CONTROL));
+        let paper = paper.map_or_else(String::new, |paper| format!("{:.4}", paper.ratio()));
+        writeln!(
+            text,
+            "{},{},{},{},{},{},{},{:.2},{:.2},{:.2},{:.4},{:.4},{:.4},{:.4},{paper},{},{}",
+            row.width,
+            row.height,
+            row.pixels,
+            row.engine,
+            row.precision,
+            row.output,
+            row.threads,
+            row.cycles_mean,
+            row.cycles_median,
+            row.cycles_min,
+            row.cycles_per_pixel(),
+            row.ratio_to_c,
+            row.ratio_low,
+            row.ratio_high,
+            row.migrations,
+            row.off,
+        )
+        .expect("a String takes all");
+    }
+    text
+}

@@ -1,0 +1,93 @@
+//! The JSON document of the experiment; `docs/experiment.schema.json` is its schema.
+
+use serde::Serialize;
+
+use super::claims::{Claim, Sweep};
+use super::jumps::Jumps;
+use super::ladder::{Explanation, Rung};
+use super::speedup::{ControlRow, Row, Speedup};
+use crate::measure::Machine;
+use crate::measure::statistics::Estimate;
+
+/// The number of the schema, in the document's field `schema`.
+pub const SCHEMA: u32 = 1;
+
+/// Everything that was measured, where, and with what.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// The machine and the build.
+    pub machine: Machine,
+    /// How it was measured.
+    pub conditions: Conditions,
+    /// No ratio closer to 1 than this is called a difference.
+    pub noise_floor: f64,
+    /// C/SIMD over all sizes.
+    pub c_by_simd: Estimate,
+    /// The paper's SIMD against itself, over all sizes.
+    pub control_overall: Estimate,
+    /// The same at each size.
+    pub control: Vec<ControlRow>,
+    /// Every engine at every size.
+    pub rows: Vec<Row>,
+    /// One change at a time; empty without `--ladder`.
+    pub ladder: Vec<Rung>,
+    /// The factor taken apart; empty where the rungs for it were not measured.
+    pub explanations: Vec<Explanation>,
+    /// Time by the pixel from small pictures to large ones; None where the run was stopped before.
+    pub jumps: Option<Jumps>,
+    /// Cost in objects and lights; empty where the run was stopped before.
+    pub sweeps: Vec<Sweep>,
+    /// The paper's claims.
+    pub verdicts: Vec<Claim>,
+}
+
+/// How it was measured, and what could have disturbed it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Conditions {
+    /// The core that the thread was pinned to; None where it could not be.
+    pub core: Option<usize>,
+    /// Runs of each size.
+    pub runs: usize,
+    /// Whether everything that was asked for is there.
+    pub complete: bool,
+    /// Seconds from begin to end.
+    pub seconds: f64,
+    /// The part of them that was spent in what is timed.
+    pub timed_share: Option<f64>,
+    /// The part of them in which other programs had the core.
+    pub taken_share: Option<f64>,
+}
+
+impl Document {
+    /// The document of a table, without what else there may be.
+    pub fn new(speedup: Speedup, machine: Machine, conditions: Conditions) -> Self {
+        Document {
+            schema: SCHEMA,
+            machine,
+            conditions,
+            noise_floor: speedup.noise_floor,
+            c_by_simd: speedup.c_by_simd,
+            control_overall: speedup.control_overall,
+            control: speedup.control,
+            rows: speedup.rows,
+            ladder: Vec::new(),
+            explanations: Vec::new(),
+            jumps: None,
+            sweeps: Vec::new(),
+            verdicts: Vec::new(),
+        }
+    }
+
+    /// The sizes that were finished, each with its rows.
+    pub fn sizes(&self) -> impl Iterator<Item = &[Row]> {
+        self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
+    }
+
+    /// Of all runs of [`Document::rows`]: those that migrated, those that were off, and how many there are.
+    pub fn odd_runs(&self) -> (usize, usize, usize) {
+        let sum = |of: fn(&Row) -> usize| self.rows.iter().map(of).sum();
+        (sum(|row| row.migrations), sum(|row| row.off), sum(|row| row.samples.len()))
+    }
+}

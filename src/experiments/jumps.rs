@@ -1,0 +1,347 @@
+//! The two jumps of the paper's Figure 2: what time by the pixel depends on, from small pictures to large ones.
+//!
+//! The paper blames the cache. Other causes would look alike in its data: a core that slows down while the time-stamp
+//! counter goes on at its constant rate, and pages that are given out on first touch. Each is measured beside every run.
+
+use serde::Serialize;
+
+use super::speedup::{self, BASELINE, CONTROL, PAPER, Progress, SpeedupError};
+use crate::kernels::{Vec4, sys};
+use crate::measure::statistics::{median, minimum};
+use crate::measure::{Cache, Clock, Machine, interleave};
+use crate::render::{Engine, Film, FilmMut, PixelFormat};
+
+/// Sizes from 0.02 to 16 Mpixel, all 4:3; a quick run takes every third.
+const SIZES: [(u32, u32); 13] = [
+    (164, 123),
+    (260, 195),
+    (365, 273),
+    (516, 387),
+    (730, 547),
+    (816, 612),
+    (966, 724),
+    (1095, 821),
+    (1633, 1225),
+    (2309, 1732),
+    (2828, 2121),
+    (3640, 2730),
+    (4619, 3464),
+];
+/// Runs of each size and kind.
+const RUNS: usize = 5;
+const QUICK_RUNS: usize = 2;
+/// What a pixel of every contestant costs, touched and not.
+const ROUND_WORK: u64 = 270;
+/// Rounds of the chain whose time gives the core's clock: about ten microseconds.
+const CHAIN_ROUNDS: u32 = 500;
+/// A change of less than this is none.
+const STEADY: f64 = 0.10;
+/// What writes less than this share of a bandwidth is not bound by it.
+const BOUND: f64 = 0.5;
+
+/// An engine at a size. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Their product.
+    pub pixels: u64,
+    /// Who traced.
+    pub engine: &'static str,
+    /// Whether the framebuffer had been touched before.
+    pub touched: bool,
+    /// TSC cycles of a pixel in the fastest run: the one that was disturbed least.
+    pub cycles_per_pixel: f64,
+    /// Their median over all runs.
+    pub cycles_per_pixel_median: f64,
+    /// The core's clock cycles in a tick of the TSC, right before and after the fastest run.
+    pub clock_per_tick: Option<f64>,
+    /// Cycles of the core's own clock in a pixel, in that run.
+    pub core_cycles_per_pixel: Option<f64>,
+    /// Median page faults of a picture.
+    pub page_faults: f64,
+    /// Bytes of the framebuffer written in a TSC cycle.
+    pub bytes_per_cycle: f64,
+}
+
+/// How fast a level of memory takes plain stores.
+#[derive(Clone, Debug, Serialize)]
+pub struct Bandwidth {
+    /// `L1`, `L2`, `L3` or `memory`.
+    pub level: String,
+    /// The bytes written over and over.
+    pub bytes: usize,
+    /// The fastest of all passes, in bytes a TSC cycle.
+    pub bytes_per_cycle: f64,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct Jumps {
+    /// Each engine at each size, touched and untouched.
+    pub rows: Vec<Row>,
+    /// Each level of memory.
+    pub bandwidth: Vec<Bandwidth>,
+}
+
+fn sizes(quick: bool) -> Vec<(u32, u32)> {
+    SIZES.into_iter().step_by(if quick { 3 } else { 1 }).collect()
+}
+
+fn runs(quick: bool) -> usize {
+    if quick { QUICK_RUNS } else { RUNS }
+}
+
+/// The work that [`run`] does.
+pub fn work(quick: bool) -> u64 {
+    let pixels: u64 = sizes(quick).iter().map(|(width, height)| u64::from(*width) * u64::from(*height)).sum();
+    pixels * runs(quick) as u64 * ROUND_WORK
+}
+
+/// The core's clock cycles in a tick of the counter at this moment: the best of three, which no interrupt hit.
+fn clock_per_tick(clock: &mut dyn Clock) -> Option<f64> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let cycles = f64::from(CHAIN_ROUNDS * sys::CHAIN_LINKS * sys::CHAIN_LATENCY);
+        let ticks = (0..3).map(|_| clock.time(&mut || sys::multiply_in_chain(CHAIN_ROUNDS))).min()?;
+        (ticks > 0).then(|| cycles / ticks as f64)
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        let _ = (clock, CHAIN_ROUNDS);
+        None
+    }
+}
+
+/// What is recorded of one run beside its ticks.
+#[derive(Default)]
+struct Beside {
+    clock: Vec<f64>,
+    faults: Vec<f64>,
+    ticks: Vec<f64>,
+}
+
+/// Measures. None where `proceed` says no.
+pub fn run(
+    quick: bool,
+    machine: &Machine,
+    clock: &mut dyn Clock,
+    proceed: &mut Progress<'_>,
+) -> Result<Option<Jumps>, SpeedupError> {
+    let scene = speedup::scene();
+    let engines: Vec<Engine> =
+        Engine::ALL.iter().copied().filter(|engine| [BASELINE, CONTROL].contains(&engine.name())).collect();
+    let bandwidth = bandwidth(&machine.caches, clock)?;
+    let mut rows = Vec::new();
+    for (width, height) in sizes(quick) {
+        let camera = speedup::camera(&scene, width, height);
+        let pixels = camera.pixels();
+        let tracers = engines.iter().map(|engine| engine.prepare(None, &scene, &camera));
+        let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
+        let memory = |source| SpeedupError::Memory { pixels: pixels as usize, source };
+        let mut film = Film::new(PixelFormat::F32x4, pixels as usize).map_err(memory)?;
+        let mut beside: Vec<Beside> = (0..2 * engines.len()).map(|_| Beside::default()).collect();
+        for _ in 0..runs(quick) {
+            for (index, tracer) in tracers.iter().enumerate() {
+                for touched in [true, false] {
+                    let beside = &mut beside[2 * index + usize::from(touched)];
+                    let mut fresh = if touched { None } else { Some(fresh(pixels as usize)?) };
+                    let before = clock_per_tick(clock);
+                    let faults = sys::page_faults();
+                    let ticks = clock.time(&mut || {
+                        let out = match &mut fresh {
+                            Some(fresh) => FilmMut::F32x4(fresh),
+                            None => film.as_mut(),
+                        };
+                        tracer.rows(0..height, out);
+                    });
+                    beside.faults.push((sys::page_faults() - faults) as f64);
+                    beside.ticks.push(ticks as f64);
+                    if let (Some(before), Some(after)) = (before, clock_per_tick(clock)) {
+                        beside.clock.push((before + after) / 2.0);
+                    }
+                }
+            }
+            if !proceed(pixels * ROUND_WORK) {
+                return Ok(None);
+            }
+        }
+        for (index, engine) in engines.iter().enumerate() {
+            for touched in [true, false] {
+                let beside = &beside[2 * index + usize::from(touched)];
+                let ticks = minimum(&beside.ticks);
+                let fastest = beside.ticks.iter().position(|of_run| *of_run == ticks).expect("there is a run");
+                let clock_per_tick = beside.clock.get(fastest).copied();
+                rows.push(Row {
+                    width,
+                    height,
+                    pixels,
+                    engine: engine.name(),
+                    touched,
+                    cycles_per_pixel: ticks / pixels as f64,
+                    cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
+                    clock_per_tick,
+                    core_cycles_per_pixel: clock_per_tick.map(|clock| clock * ticks / pixels as f64),
+                    page_faults: median(&beside.faults),
+                    bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / ticks,
+                });
+            }
+        }
+    }
+    Ok(Some(Jumps { rows, bandwidth }))
+}
+
+fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, SpeedupError> {
+    sys::Fresh::new(pixels).map_err(|error| SpeedupError::System { what: "map memory for a fresh framebuffer", error })
+}
+
+/// Plain stores into half of each level of cache, and into four times the last.
+fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
+    let levels = caches.iter().map(|cache| (format!("L{}", cache.level), cache.bytes / 2));
+    let memory = caches.last().map(|cache| ("memory".to_owned(), (4 * cache.bytes).min(MOST_MEMORY)));
+    levels
+        .chain(memory)
+        .map(|(level, bytes)| {
+            let len = bytes / size_of::<Vec4>();
+            let memory = |source| SpeedupError::Memory { pixels: len, source };
+            let mut film = Film::new(PixelFormat::F32x4, len).map_err(memory)?;
+            let FilmMut::F32x4(film) = film.as_mut() else { unreachable!("it was made of floats") };
+            // Small levels are gone over so often that the clock's own time does not show.
+            let passes = (MIN_BYTES / bytes).max(1);
+            let mut fill: [crate::measure::Work<'_>; 1] = [Box::new(|| {
+                for pass in 0..passes {
+                    film.fill(Vec4::new(pass as f32, 0.0, 1.0));
+                    std::hint::black_box(&mut *film);
+                }
+            })];
+            let ticks = interleave(clock, &mut fill, BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
+            let bytes_per_cycle = (len * size_of::<Vec4>() * passes) as f64 / minimum(&ticks[0].ticks);
+            Ok(Bandwidth { level, bytes: len * size_of::<Vec4>(), bytes_per_cycle })
+        })
+        .collect()
+}
+
+/// Four times the last cache, but not more than this.
+const MOST_MEMORY: usize = 256 << 20;
+/// The least that is written between two looks at the clock.
+const MIN_BYTES: usize = 4 << 20;
+const BANDWIDTH_RUNS: usize = 5;
+
+/// What the sweep shows of one engine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Whose.
+    pub engine: &'static str,
+    /// The most cycles by the pixel of any size over the fewest, less 1: touched framebuffers, TSC cycles.
+    pub change: f64,
+    /// The same in cycles of the core's own clock, where it is known.
+    pub core_change: Option<f64>,
+    /// The same of the core's clock by tick.
+    pub clock_change: Option<f64>,
+    /// The most that it writes, as a share of the bandwidth of the slowest level.
+    pub bandwidth_share: Option<f64>,
+    /// TSC cycles that a page fault costs: what untouched framebuffers cost more at the largest size.
+    pub cycles_per_fault: Option<f64>,
+    /// The same by the pixel.
+    pub fault_cycles_per_pixel: f64,
+}
+
+impl Jumps {
+    fn of(&self, engine: &str, touched: bool) -> Vec<&Row> {
+        self.rows.iter().filter(|row| row.engine == engine && row.touched == touched).collect()
+    }
+
+    /// What explains the time, engine by engine.
+    pub fn findings(&self) -> Vec<Finding> {
+        let slowest = self.bandwidth.iter().map(|level| level.bytes_per_cycle).reduce(f64::min);
+        let finding = |engine| {
+            let (touched, untouched) = (self.of(engine, true), self.of(engine, false));
+            let change = |values: Vec<f64>| {
+                let (low, high) = (values.iter().copied().reduce(f64::min)?, values.iter().copied().reduce(f64::max)?);
+                Some(high / low - 1.0)
+            };
+            let all = |of: fn(&Row) -> Option<f64>| touched.iter().map(|row| of(row)).collect::<Option<Vec<_>>>();
+            let fastest = touched.iter().map(|row| row.bytes_per_cycle).fold(0.0, f64::max);
+            let (last, fresh) = (touched.last()?, untouched.last()?);
+            let more = fresh.cycles_per_pixel - last.cycles_per_pixel;
+            let faults = fresh.page_faults - last.page_faults;
+            Some(Finding {
+                engine,
+                change: change(touched.iter().map(|row| row.cycles_per_pixel).collect())?,
+                core_change: all(|row| row.core_cycles_per_pixel).and_then(change),
+                clock_change: all(|row| row.clock_per_tick).and_then(change),
+                bandwidth_share: slowest.map(|slowest| fastest / slowest),
+                cycles_per_fault: (faults > 0.0).then(|| more * last.pixels as f64 / faults),
+                fault_cycles_per_pixel: more,
+            })
+        };
+        [BASELINE, CONTROL].into_iter().filter_map(finding).collect()
+    }
+
+    /// Whether the cache makes the time by the pixel jump here, and the figures that say so.
+    pub fn verdict(&self) -> (bool, String) {
+        let findings = self.findings();
+        let jumps = |finding: &Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
+        let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
+        let cache = findings.iter().any(|finding| jumps(finding) && bound(finding));
+        let figures: Vec<_> = findings
+            .iter()
+            .map(|finding| {
+                let share = |share: Option<f64>| share.map_or("?".into(), |share| format!("{:.0} %", 100.0 * share));
+                format!(
+                    "`{}`: cycles a pixel differ by {:.0} % over all sizes ({} in core cycles), writes at most {} of \
+                    the slowest level's bandwidth",
+                    finding.engine,
+                    100.0 * finding.change,
+                    share(finding.core_change),
+                    share(finding.bandwidth_share),
+                )
+            })
+            .collect();
+        (cache, figures.join("; "))
+    }
+
+    /// What this machine shows and what it cannot show, in words.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for finding in self.findings() {
+            let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
+            let percent =
+                |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
+            text += &format!(
+                "`{engine}` in a touched framebuffer: TSC cycles a pixel differ by {} between the sizes; the core's clock \
+                by {}; cycles of the core's clock a pixel by {}. It writes at most {} of what the slowest level of memory \
+                takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
+                percent(Some(change)),
+                percent(clock_change),
+                percent(core_change),
+                percent(bandwidth_share),
+                if bandwidth_share.is_some_and(|share| share <= BOUND) { ", and so is not bound by it" } else { "" },
+                finding.fault_cycles_per_pixel,
+                cycles_per_fault.map_or_else(String::new, |cycles| format!(", {cycles:.0} a page fault")),
+            );
+        }
+        text + &paper_jumps()
+    }
+}
+
+/// What the paper's own table says of its jumps.
+fn paper_jumps() -> String {
+    let jump = |small: usize, large: usize| {
+        let by_pixel = |cycles: f64, row: usize| cycles / PAPER[row].pixels() as f64;
+        let of = |cycles: fn(usize) -> f64| by_pixel(cycles(large), large) / by_pixel(cycles(small), small);
+        (of(|row| PAPER[row].c), of(|row| PAPER[row].simd))
+    };
+    let (first, second) = (jump(4, 5), jump(7, 8));
+    let bytes = PixelFormat::F32x4.bytes() as f64 * PAPER[8].pixels() as f64 / PAPER[8].c;
+    format!(
+        "The paper's jumps: after 0.5 Mpixel C takes {:.2} and SIMD {:.2} times as many cycles a pixel, after 0.8 Mpixel \
+        {:.2} and {:.2} times. Both alike, although SIMD writes six times as fast, and C at most {bytes:.3} bytes a cycle: \
+        no cache does that. The time-stamp counter of its machine ticks at a constant rate while its core runs at up to \
+        3.1 GHz, 2.0 GHz or less: 3.1/2.0 = 1.55, and a fall from 2.0 to 0.85 GHz would be 2.35. That fits, but the clock \
+        of that machine was not recorded, and this one cannot show it.\n",
+        first.0, first.1, second.0, second.1,
+    )
+}

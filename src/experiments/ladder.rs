@@ -1,0 +1,351 @@
+//! The ladder: one change at a time from the paper's C to the best there is, and which share of the factor each has.
+
+use serde::Serialize;
+
+use super::speedup::{self, Films, Progress, SpeedupError, Truth};
+use crate::kernels::ladder::{self, Rung as Variant};
+use crate::kernels::{self, Vec4, sys};
+use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
+use crate::measure::{Clock, Runs, Work, interleave};
+use crate::plan::Packed;
+use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
+use crate::scene::{Camera, Rng, Scene};
+
+/// The size that every rung traces: large enough to be steady, small enough for a second-level cache to matter little.
+pub const SIZE: (u32, u32) = (816, 612);
+/// Work of a round in a pixel.
+const ROUND_WORK: u64 = 1100;
+const SEED: u64 = 0x1a_dd_e2;
+
+/// A rung. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rung {
+    /// Its name.
+    pub rung: String,
+    /// What is different from [`Rung::over`], in words.
+    pub change: String,
+    /// How it was compiled, where that is not how the engine was.
+    pub flags: &'static str,
+    /// The rung that it is compared with: the one before, or for an aside the one it departs from; None for the first.
+    pub over: Option<String>,
+    /// Whether it is an aside: the next rung does not build on it.
+    pub aside: bool,
+    /// Threads that traced.
+    pub threads: usize,
+    /// Median TSC cycles of a pixel.
+    pub cycles_per_pixel: f64,
+    /// Instructions executed in a pixel, by single-stepping; None where they cannot be counted.
+    pub instructions_per_pixel: Option<f64>,
+    /// The median ratio of the cycles of [`Rung::over`] to its own, pair by pair.
+    pub gain: f64,
+    /// The lower end of its interval.
+    pub gain_low: f64,
+    /// The upper end.
+    pub gain_high: f64,
+    /// The same over the first rung.
+    pub gain_total: f64,
+    /// Cycles of every run.
+    pub samples: Vec<f64>,
+}
+
+/// Part of a factor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Share {
+    /// What it is due to.
+    pub cause: &'static str,
+    /// The factor by itself.
+    pub factor: f64,
+    /// Its share of the whole on a logarithmic scale, where factors add up: all shares make 1.
+    pub share: f64,
+}
+
+/// A factor taken apart.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explanation {
+    /// The rung it begins with.
+    pub from: &'static str,
+    /// The rung it ends with.
+    pub to: &'static str,
+    /// The whole.
+    pub factor: f64,
+    /// What it is made of.
+    pub shares: Vec<Share>,
+}
+
+/// Who stands on a rung.
+enum Tracing {
+    Variant(&'static Variant),
+    Engine(Engine, PixelFormat),
+    /// The paper's macros in the best forms we know.
+    Aos(&'static kernels::AosKernels),
+    /// An engine on all cores.
+    Threads(Engine, PixelFormat, usize),
+}
+
+/// A rung before it is measured.
+struct Planned {
+    rung: &'static str,
+    change: String,
+    /// Its place in the ladder is beside this rung, not on it.
+    aside_of: Option<&'static str>,
+    tracing: Tracing,
+}
+
+/// Every rung that this CPU runs, in order. `whole` is all of it; else those that the claims need.
+fn plan(whole: bool) -> Vec<Planned> {
+    let variant = |name: &str| ladder::C.iter().find(|rung| rung.name == name).expect("build.rs has it");
+    // The widest level that this CPU runs stands for -march=native.
+    let native = |names: &[&'static str]| names.iter().map(|name| variant(name)).find(|rung| rung.usable());
+    let mut rungs = Vec::new();
+    let mut rung = |rung, change: &str, aside_of, tracing| {
+        rungs.push(Planned { rung, change: change.into(), aside_of, tracing });
+    };
+    let c = |name| Tracing::Variant(variant(name));
+    rung("c, called", "the paper's C with every small function called", None, c("calls"));
+    let engine = |engine: Option<Engine>| Tracing::Engine(engine.expect("asm is built"), PixelFormat::F32x4);
+    let by_name = |name: &str| Engine::ALL.iter().copied().find(|engine| engine.name() == name);
+    rung("c", "the engine `c`: the same, inlined", Some("c, called"), engine(by_name(speedup::BASELINE)));
+    rung("sqrtf", "roots by sqrtf, not pow", None, c("sqrtf"));
+    rung("inlined", "small functions inlined", None, c("inlined"));
+    rung("lean", "without r_o = 0, the 2 of eq. 5, the distance for which t stands", None, c("lean"));
+    if whole {
+        rung("nearest only", "only the nearest hit is shaded", None, c("nearest"));
+        rung("hoisted", "constants of the scene computed once", None, c("hoisted"));
+        if let Some(variant) = native(&["native_v4", "native_v3"]) {
+            rung("native", "for this CPU's instructions, as -march=native", None, Tracing::Variant(variant));
+        }
+        if let Some(variant) = native(&["fast_v4", "fast_v3"]) {
+            rung("fast-math", "-ffast-math", None, Tracing::Variant(variant));
+        }
+        if let Some(variant) = native(&["turned_v4", "turned_v3", "turned_base"]) {
+            rung("turned", "arrays over pixels, which the compiler vectorises", None, Tracing::Variant(variant));
+        }
+    }
+    rung("paper", "the paper's SIMD", None, engine(by_name(speedup::CONTROL)));
+    rung(
+        "paper, called",
+        "the same with calls in place of macros",
+        Some("paper"),
+        Tracing::Variant(&ladder::PAPER_CALLS),
+    );
+    if !whole {
+        return rungs;
+    }
+    if let Some(kernels) = kernels::aos() {
+        rung("paper, best forms", "the same without haddps", Some("paper"), Tracing::Aos(kernels));
+    }
+    let packets = Engine::ALL.iter().copied().filter(|engine| engine.usable() && is_packet(*engine));
+    for packet in packets {
+        rung(packet.name(), "packets of rays", None, Tracing::Engine(packet, PixelFormat::F32x4));
+    }
+    let fastest = Engine::fastest();
+    if is_packet(fastest) {
+        rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        rung("threads", "all cores", None, Tracing::Threads(fastest, PixelFormat::Rgba8, threads));
+    }
+    rungs
+}
+
+fn is_packet(engine: Engine) -> bool {
+    matches!(engine, Engine::Packet(_))
+}
+
+/// A rung that is ready for a camera.
+struct Ready<'a> {
+    trace: Box<dyn Fn(FilmMut<'_>) + 'a>,
+    output: PixelFormat,
+}
+
+impl Planned {
+    fn threads(&self) -> usize {
+        if let Tracing::Threads(_, _, threads) = self.tracing { threads } else { 1 }
+    }
+
+    fn flags(&self) -> &'static str {
+        if let Tracing::Variant(variant) = self.tracing { variant.flags } else { "" }
+    }
+
+    /// The tracer of an engine, where it is one.
+    fn tracer(&self, scene: &Scene, camera: &Camera) -> Result<Option<Box<dyn Tracer>>, SpeedupError> {
+        Ok(match self.tracing {
+            Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene, camera)?),
+            Tracing::Variant(_) | Tracing::Aos(_) => None,
+        })
+    }
+
+    fn ready<'a>(
+        &'a self,
+        tracer: Option<&'a dyn Tracer>,
+        packed: &'a Packed,
+        camera: &Camera,
+        cores: &sys::Cores,
+    ) -> Result<Ready<'a>, SpeedupError> {
+        let height = camera.height();
+        Ok(match self.tracing {
+            Tracing::Variant(variant) => Ready {
+                trace: Box::new(move |film| {
+                    variant.call(packed.frame(), packed.objects(), 0..height, floats(film));
+                }),
+                output: PixelFormat::F32x4,
+            },
+            Tracing::Aos(kernels) => Ready {
+                trace: Box::new(move |film| {
+                    kernels.trace.call(packed.frame(), packed.objects(), 0..height, floats(film));
+                }),
+                output: PixelFormat::F32x4,
+            },
+            Tracing::Engine(_, output) => {
+                let tracer = tracer.expect("an engine has one");
+                Ready { trace: Box::new(move |film| tracer.rows(0..height, film)), output }
+            }
+            Tracing::Threads(_, output, threads) => {
+                let tracer = tracer.expect("an engine has one");
+                let frame = on_all(cores, || Frame::new(tracer, *camera, Settings { threads }))??;
+                Ready { trace: Box::new(move |film| frame.trace(0..height, film, &|_| ())), output }
+            }
+        })
+    }
+}
+
+/// The pixels of a film of floats.
+fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
+    if let FilmMut::F32x4(film) = film { film } else { unreachable!("its output is floats") }
+}
+
+/// Threads that `start` starts may run on `cores`, although this one is pinned.
+fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, SpeedupError> {
+    let failed = |error| SpeedupError::System { what: "change the cores that threads may run on", error };
+    let pinned = sys::Cores::of_this_thread().map_err(failed)?;
+    cores.allow().map_err(failed)?;
+    let started = start();
+    pinned.allow().map_err(failed)?;
+    Ok(started)
+}
+
+/// Counts the instructions that tracing a few rows executes, where that can be done.
+pub type CountInstructions<'a> = dyn FnMut(&mut dyn FnMut()) -> Option<u64> + 'a;
+
+/// The work that [`run`] does.
+pub fn work(runs: usize) -> u64 {
+    u64::from(SIZE.0) * u64::from(SIZE.1) * runs as u64 * ROUND_WORK
+}
+
+/// Measures `runs` runs of every rung, or of those that the claims need. `cores` are those that threads may run on.
+///
+/// None where `proceed` says no.
+pub fn run(
+    whole: bool,
+    runs: usize,
+    cores: &sys::Cores,
+    clock: &mut dyn Clock,
+    count: &mut CountInstructions<'_>,
+    proceed: &mut Progress<'_>,
+) -> Result<Option<Vec<Rung>>, SpeedupError> {
+    let scene = speedup::scene();
+    let planned = plan(whole);
+    let truth = Truth::new(&scene)?;
+    let mut instructions = Vec::new();
+    {
+        let packed = Packed::new(&scene, &truth.camera);
+        for rung in &planned {
+            let tracer = rung.tracer(&scene, &truth.camera)?;
+            let ready = rung.ready(tracer.as_deref(), &packed, &truth.camera, cores)?;
+            truth.check(rung.rung, ready.output, &mut |film| (ready.trace)(film))?;
+        }
+        let camera = speedup::camera(&scene, COUNTED.0, COUNTED.1);
+        let packed = Packed::new(&scene, &camera);
+        let mut films = Films::new(camera.pixels() as usize)?;
+        for rung in &planned {
+            let tracer = rung.tracer(&scene, &camera)?;
+            let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
+            let counted =
+                (rung.threads() == 1).then(|| count(&mut || (ready.trace)(films.of(ready.output).as_mut()))).flatten();
+            instructions.push(counted.map(|counted| counted as f64 / camera.pixels() as f64));
+        }
+    }
+
+    let camera = speedup::camera(&scene, SIZE.0, SIZE.1);
+    let packed = Packed::new(&scene, &camera);
+    let tracers = planned.iter().map(|rung| rung.tracer(&scene, &camera)).collect::<Result<Vec<_>, _>>()?;
+    let films = std::cell::RefCell::new(Films::new(camera.pixels() as usize)?);
+    let mut contestants: Vec<Work<'_>> = Vec::new();
+    for (rung, tracer) in planned.iter().zip(&tracers) {
+        let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
+        let films = &films;
+        contestants.push(Box::new(move || (ready.trace)(films.borrow_mut().of(ready.output).as_mut())));
+    }
+    let mut proceed = || proceed(camera.pixels() * ROUND_WORK);
+    let Some(measured) = interleave(clock, &mut contestants, runs, &mut proceed) else { return Ok(None) };
+    Ok(Some(rungs(&planned, &measured, &instructions, camera.pixels() as f64)))
+}
+
+/// The picture whose instructions are counted: every step of the way is a trap, so that it is a small one.
+const COUNTED: (u32, u32) = (64, 48);
+
+fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], pixels: f64) -> Vec<Rung> {
+    let mut rng = Rng::new(SEED);
+    let mut rungs = Vec::new();
+    let mut before: Option<usize> = None;
+    for (index, (rung, runs)) in planned.iter().zip(measured).enumerate() {
+        let over = match rung.aside_of {
+            Some(name) => planned.iter().position(|rung| rung.rung == name),
+            None => before,
+        };
+        let ratios = |of: usize| pairwise_ratios(&measured[of].ticks, &runs.ticks);
+        let gain = median_with_interval(&[&ratios(over.unwrap_or(index))], &mut || rng.next_u64());
+        rungs.push(Rung {
+            rung: rung.rung.into(),
+            change: rung.change.clone(),
+            flags: rung.flags(),
+            over: over.map(|over| planned[over].rung.into()),
+            aside: rung.aside_of.is_some(),
+            threads: rung.threads(),
+            cycles_per_pixel: median(&runs.ticks) / pixels,
+            instructions_per_pixel: instructions[index],
+            gain: gain.value,
+            gain_low: gain.low,
+            gain_high: gain.high,
+            gain_total: median(&ratios(0)),
+            samples: runs.ticks.clone(),
+        });
+        if rung.aside_of.is_none() {
+            before = Some(index);
+        }
+    }
+    rungs
+}
+
+/// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None where one is not there.
+pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
+    let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
+    let mut rng = Rng::new(SEED);
+    let ratios = pairwise_ratios(&find(a)?.samples, &find(b)?.samples);
+    Some(median_with_interval(&[&ratios], &mut || rng.next_u64()))
+}
+
+/// The two factors that the paper's explanations are about, taken apart: from the C that calls its functions, and from
+/// the engine `c`, whose functions the compiler inlines.
+pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
+    let apart = |steps: &[(&'static str, &'static str, &'static str)]| {
+        let factor = |a, b| Some(ratio(rungs, a, b)?.value);
+        let factors = steps.iter().map(|(cause, a, b)| Some((*cause, factor(*a, *b)?))).collect::<Option<Vec<_>>>()?;
+        // The product of the medians: the shares then add up exactly.
+        let whole: f64 = factors.iter().map(|(_, factor)| factor).product();
+        let shares =
+            factors.iter().map(|(cause, factor)| Share { cause, factor: *factor, share: factor.ln() / whole.ln() });
+        Some(Explanation { from: steps[0].1, to: steps[steps.len() - 1].2, factor: whole, shares: shares.collect() })
+    };
+    [
+        apart(&[
+            ("pow", "c, called", "sqrtf"),
+            ("calls", "sqrtf", "inlined"),
+            ("leaving things out", "inlined", "lean"),
+            ("lanes", "lean", "paper"),
+        ]),
+        apart(&[("pow", "c", "inlined"), ("leaving things out", "inlined", "lean"), ("lanes", "lean", "paper")]),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}

@@ -1,0 +1,175 @@
+//! The figures of the experiment as SVG: time against pixels, as the paper's Figure 2, and the ratio.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use super::document::Document;
+use super::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio};
+
+/// Why there is no figure.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw the figure: {0}")]
+pub struct PlotError(String);
+
+impl PlotError {
+    fn new(error: impl ToString) -> Self {
+        PlotError(error.to_string())
+    }
+}
+
+const SIZE: (u32, u32) = (960, 600);
+const FONT: &str = "sans-serif";
+/// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
+const C_COLOUR: RGBColor = RGBColor(213, 94, 0);
+const SIMD_COLOUR: RGBColor = RGBColor(0, 114, 178);
+const CONTROL_COLOUR: RGBColor = RGBColor(120, 120, 120);
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Draws on white and gives the SVG.
+fn draw(figure: impl FnOnce(&Area<'_>) -> Result<(), PlotError>) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        area.fill(&WHITE).map_err(PlotError::new)?;
+        figure(&area)?;
+        area.present().map_err(PlotError::new)?;
+    }
+    Ok(svg)
+}
+
+/// Megapixels and billions of cycles of an engine's rows: the means, as the paper gives them.
+fn points<'a>(document: &'a Document, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
+    document.rows.iter().filter(move |row| row.is(engine)).map(|row| (mega(row), row.cycles_mean / 1e9))
+}
+
+fn mega(row: &Row) -> f64 {
+    row.pixels as f64 / 1e6
+}
+
+/// From 0 to a little above the largest of `values`.
+fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    0.0..1.08 * values.fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// Time against pixels: our C and SIMD on the left axis, the paper's on the right one, which is its machine's own.
+pub fn figure2(document: &Document) -> Result<String, PlotError> {
+    draw(|area| {
+        let ours = up_to(points(document, BASELINE).chain(points(document, CONTROL)).map(|(_, y)| y));
+        let papers = up_to(PAPER.iter().map(|row| row.c / 1e9));
+        let x = 0.0..2.1;
+        let mut chart = ChartBuilder::on(area)
+            .caption("Time of the picture: one sphere, one light", (FONT, 22))
+            .margin(12)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .right_y_label_area_size(64)
+            .build_cartesian_2d(x.clone(), ours)
+            .map_err(PlotError::new)?
+            .set_secondary_coord(x, papers);
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .x_desc("megapixels")
+            .y_desc("10⁹ TSC cycles, this machine")
+            .label_style((FONT, 14))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(PlotError::new)?;
+        chart
+            .configure_secondary_axes()
+            .y_desc("10⁹ TSC cycles, the paper's machine")
+            .label_style((FONT, 14))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(PlotError::new)?;
+        for (engine, label, colour) in [(BASELINE, "C, here", C_COLOUR), (CONTROL, "SIMD, here", SIMD_COLOUR)] {
+            chart
+                .draw_series(LineSeries::new(points(document, engine), colour.stroke_width(2)).point_size(4))
+                .map_err(PlotError::new)?
+                .label(label)
+                .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
+        }
+        let of_paper: [(_, _, fn(usize) -> f64); 2] = [
+            ("C, the paper's (right axis)", C_COLOUR, |row| PAPER[row].c / 1e9),
+            ("SIMD, the paper's (right axis)", SIMD_COLOUR, |row| PAPER[row].simd / 1e9),
+        ];
+        for (label, colour, cycles) in of_paper {
+            let points = (0..PAPER.len()).map(|row| (PAPER[row].pixels() as f64 / 1e6, cycles(row)));
+            chart
+                .draw_secondary_series(points.map(|point| TriangleMarker::new(point, 6, colour.stroke_width(1))))
+                .map_err(PlotError::new)?
+                .label(label)
+                .legend(move |(x, y)| TriangleMarker::new((x + 10, y), 6, colour.stroke_width(1)));
+        }
+        legend(&mut chart)
+    })
+}
+
+/// C/SIMD against pixels with its intervals, the paper's, and the control, whose distance from 1 is noise.
+pub fn ratio(document: &Document) -> Result<String, PlotError> {
+    draw(|area| {
+        let rows: Vec<_> = document.rows.iter().filter(|row| row.is(CONTROL)).collect();
+        let highest = rows.iter().map(|row| row.ratio_to_c).chain(PAPER.iter().map(|row| row.ratio()));
+        let y = up_to(highest);
+        let top = y.end;
+        let mut chart = ChartBuilder::on(area)
+            .caption("C/SIMD: the median of the pairs, with its 95 % interval", (FONT, 22))
+            .margin(12)
+            .x_label_area_size(44)
+            .y_label_area_size(56)
+            .build_cartesian_2d(0.0..2.1, y)
+            .map_err(PlotError::new)?;
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .x_desc("megapixels")
+            .y_desc("C/SIMD")
+            .label_style((FONT, 14))
+            .axis_desc_style((FONT, 16))
+            .draw()
+            .map_err(PlotError::new)?;
+        // An interval that noise has blown up ends at the frame.
+        let bar = |x: f64, value: f64, low: f64, high: f64, colour: RGBColor| {
+            ErrorBar::new_vertical(x, low.min(top), value.min(top), high.min(top), colour.filled(), 8)
+        };
+        chart
+            .draw_series(
+                rows.iter().map(|row| bar(mega(row), row.ratio_to_c, row.ratio_low, row.ratio_high, SIMD_COLOUR)),
+            )
+            .map_err(PlotError::new)?
+            .label("here")
+            .legend(|(x, y)| Circle::new((x + 10, y), 4, SIMD_COLOUR.filled()));
+        chart
+            .draw_series(
+                PAPER.iter().map(|row| {
+                    TriangleMarker::new((row.pixels() as f64 / 1e6, row.ratio()), 6, C_COLOUR.stroke_width(1))
+                }),
+            )
+            .map_err(PlotError::new)?
+            .label(format!("the paper's, {:.2} in the mean", paper_mean_ratio()))
+            .legend(|(x, y)| TriangleMarker::new((x + 10, y), 6, C_COLOUR.stroke_width(1)));
+        chart
+            .draw_series(document.control.iter().map(|row| {
+                let x = f64::from(row.width) * f64::from(row.height) / 1e6;
+                bar(x, row.ratio, row.low, row.high, CONTROL_COLOUR)
+            }))
+            .map_err(PlotError::new)?
+            .label("SIMD against itself")
+            .legend(|(x, y)| Circle::new((x + 10, y), 4, CONTROL_COLOUR.filled()));
+        legend(&mut chart)
+    })
+}
+
+/// The list of the labelled series.
+fn legend<'a, T: CoordTranslate>(chart: &mut ChartContext<'a, SVGBackend<'a>, T>) -> Result<(), PlotError> {
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE.mix(0.9))
+        .border_style(BLACK.mix(0.3))
+        .label_font((FONT, 14))
+        .margin(10)
+        .draw()
+        .map_err(PlotError::new)
+}

@@ -1,0 +1,473 @@
+//! The paper's section 5: one sphere and one light, twenty sizes, `c` against `paper` and every other engine.
+
+use std::collections::TryReserveError;
+use std::str::FromStr;
+
+use serde::Serialize;
+
+use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
+use crate::measure::{Clock, Runs, Work, interleave};
+use crate::render::reference::ReferenceTracer;
+use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer, level};
+use crate::scene::{self, Camera, Rng, Scene};
+
+/// A row of the paper's table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaperRow {
+    /// Width in pixels; every size is 4:3.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Mean TSC cycles of the paper's C on an i7-4510U.
+    pub c: f64,
+    /// Mean TSC cycles of the paper's SIMD.
+    pub simd: f64,
+}
+
+impl PaperRow {
+    /// Pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// C/SIMD.
+    pub fn ratio(&self) -> f64 {
+        self.c / self.simd
+    }
+}
+
+/// The paper's table.
+#[rustfmt::skip]
+pub const PAPER: [PaperRow; 20] = [
+    PaperRow { width:  365, height:  273, c:   47_412_965.40, simd:   7_458_009.60 },
+    PaperRow { width:  516, height:  387, c:  101_101_387.08, simd:  14_760_852.94 },
+    PaperRow { width:  632, height:  474, c:  139_660_581.06, simd:  22_901_589.62 },
+    PaperRow { width:  730, height:  547, c:  183_821_009.30, simd:  29_576_126.24 },
+    PaperRow { width:  816, height:  612, c:  230_551_223.58, simd:  37_123_983.44 },
+    PaperRow { width:  894, height:  670, c:  434_228_563.54, simd:  70_736_674.38 },
+    PaperRow { width:  966, height:  724, c:  508_383_989.28, simd:  81_353_151.38 },
+    PaperRow { width: 1032, height:  774, c:  582_486_590.68, simd:  94_119_090.62 },
+    PaperRow { width: 1095, height:  821, c: 1_545_718_116.28, simd: 242_396_510.46 },
+    PaperRow { width: 1154, height:  866, c: 1_715_182_797.38, simd: 269_795_128.46 },
+    PaperRow { width: 1211, height:  908, c: 1_887_044_517.02, simd: 296_972_078.78 },
+    PaperRow { width: 1264, height:  948, c: 2_059_100_630.34, simd: 323_324_739.40 },
+    PaperRow { width: 1316, height:  987, c: 2_229_584_118.58, simd: 350_339_094.04 },
+    PaperRow { width: 1366, height: 1024, c: 2_399_859_498.14, simd: 377_197_091.18 },
+    PaperRow { width: 1414, height: 1060, c: 2_569_943_753.52, simd: 404_182_225.46 },
+    PaperRow { width: 1460, height: 1095, c: 2_748_590_124.28, simd: 430_763_849.88 },
+    PaperRow { width: 1505, height: 1129, c: 2_919_986_197.18, simd: 458_490_048.64 },
+    PaperRow { width: 1549, height: 1161, c: 3_115_715_808.92, simd: 484_714_280.96 },
+    PaperRow { width: 1591, height: 1193, c: 3_294_098_954.12, simd: 511_512_759.16 },
+    PaperRow { width: 1632, height: 1224, c: 3_445_162_034.08, simd: 538_688_063.42 },
+];
+
+/// The five sizes of a quick run, by their place in [`PAPER`]: the first, the last, and some between.
+const QUICK_SIZES: [usize; 5] = [0, 4, 9, 14, 19];
+/// Runs of each size in the paper.
+pub const RUNS: usize = 25;
+/// Runs of each size in a quick run.
+pub const QUICK_RUNS: usize = 5;
+/// The contestant that all ratios refer to.
+pub const BASELINE: &str = "c";
+/// The contestant that is entered twice.
+pub const CONTROL: &str = "paper";
+/// Where the bootstrap's draws begin: the same samples give the same intervals.
+const SEED: u64 = 0x5e_c7_10_05;
+
+/// The scene of the experiment, `scenes/sphere.in`.
+pub fn scene() -> Scene {
+    scene::parse(include_bytes!("../../scenes/sphere.in"), "scenes/sphere.in").expect("the scene is one of ours")
+}
+
+/// The experiment's scene in another size.
+pub(super) fn camera(scene: &Scene, width: u32, height: u32) -> Camera {
+    let camera = &scene.camera;
+    Camera::new(width, height, camera.focal(), camera.film()).expect("the sizes of an experiment are within the limits")
+}
+
+/// Hears how much work has been done since it last heard, in cycles of some machine or other: the shares are what
+/// matters. Where it says no, what is being measured ends, and what is finished is the result.
+pub type Progress<'a> = dyn FnMut(u64) -> bool + 'a;
+
+/// What a round costs by the pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
+const ROUND_WORK: u64 = 300;
+
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Sizes, as places in [`PAPER`].
+    pub sizes: Vec<usize>,
+    /// Runs of each.
+    pub runs: usize,
+    /// Engines; [`BASELINE`] and [`CONTROL`] are always among them.
+    pub engines: Vec<Engine>,
+}
+
+impl Settings {
+    /// The paper's sizes and runs or, `quick`, a few of them; each engine of this machine, or the baseline, the control
+    /// and those in `engines`.
+    ///
+    /// # Errors
+    /// An engine that is not there, the baseline and the control included: what a build without assembly lacks.
+    pub fn new(quick: bool, runs: Option<usize>, engines: Option<&[String]>) -> Result<Self, EngineError> {
+        let needed = [BASELINE, CONTROL].map(Engine::from_str);
+        let mut chosen = needed.into_iter().collect::<Result<Vec<_>, _>>()?;
+        match engines {
+            Some(names) => {
+                for name in names {
+                    chosen.push(Engine::from_str(name)?);
+                }
+            }
+            None => chosen.extend(Engine::ALL.iter().filter(|engine| engine.usable())),
+        }
+        let mut engines = Vec::new();
+        for engine in chosen {
+            if !engine.usable() {
+                return Err(EngineError::Unusable(engine));
+            }
+            if !engines.contains(&engine) {
+                engines.push(engine);
+            }
+        }
+        let sizes = if quick { QUICK_SIZES.to_vec() } else { (0..PAPER.len()).collect() };
+        Ok(Settings { sizes, runs: runs.unwrap_or(if quick { QUICK_RUNS } else { RUNS }), engines })
+    }
+
+    /// The work to do, in the unit of [`Progress`].
+    pub fn work(&self) -> u64 {
+        self.sizes.iter().map(|size| PAPER[*size].pixels() * self.runs as u64 * ROUND_WORK).sum()
+    }
+}
+
+/// One engine at one size. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Their product.
+    pub pixels: u64,
+    /// Who traced.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel was written as.
+    pub output: &'static str,
+    /// Threads that traced.
+    pub threads: usize,
+    /// TSC cycles of a picture: the mean, as the paper gives it.
+    pub cycles_mean: f64,
+    /// Their median.
+    pub cycles_median: f64,
+    /// Their minimum.
+    pub cycles_min: f64,
+    /// The median of the baseline's cycles by this engine's, pair by pair: how many times as fast it is.
+    pub ratio_to_c: f64,
+    /// The lower end of that median's interval.
+    pub ratio_low: f64,
+    /// The upper end.
+    pub ratio_high: f64,
+    /// Runs that ended on another core than they began on; they are in all figures.
+    pub migrations: usize,
+    /// Runs further than 3 MAD from the median; they are in all figures.
+    pub off: usize,
+    /// Cycles of every run.
+    pub samples: Vec<f64>,
+}
+
+impl Row {
+    /// Median cycles of a pixel.
+    pub fn cycles_per_pixel(&self) -> f64 {
+        self.cycles_median / self.pixels as f64
+    }
+
+    /// Whether it is the engine `name`, writing floats.
+    pub fn is(&self, name: &str) -> bool {
+        self.engine == name && self.output == PixelFormat::F32x4.name()
+    }
+}
+
+/// The control at one size: an engine against itself.
+#[derive(Clone, Debug, Serialize)]
+pub struct ControlRow {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// The median ratio of the two, pair by pair.
+    pub ratio: f64,
+    /// The lower end of its interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+    /// Cycles of every run of the second entry; those of the first are the engine's own row.
+    pub samples: Vec<f64>,
+}
+
+/// What was measured.
+#[derive(Clone, Debug)]
+pub struct Speedup {
+    /// Every engine at every size that was finished.
+    pub rows: Vec<Row>,
+    /// The control at every size that was finished.
+    pub control: Vec<ControlRow>,
+    /// No ratio closer to 1 than this is a difference: the furthest that the control came from 1 at any size.
+    pub noise_floor: f64,
+    /// The control over all sizes.
+    pub control_overall: Estimate,
+    /// C/SIMD over all sizes: `c` by `paper`, pair by pair.
+    pub c_by_simd: Estimate,
+    /// Sizes that were asked for.
+    pub sizes_asked: usize,
+}
+
+/// Why nothing was measured.
+#[derive(Debug, thiserror::Error)]
+pub enum SpeedupError {
+    /// An engine could not be prepared.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// No memory for the largest picture.
+    #[error("there is no memory for a picture of {pixels} pixels: {source}")]
+    Memory {
+        /// Its size.
+        pixels: usize,
+        /// What the allocator says.
+        source: TryReserveError,
+    },
+    /// An engine's picture is not that of the reference: its time would mean nothing.
+    #[error(
+        "{wrong} of {pixels} pixels that `{who}` wrote as {output} are not those of `reference`, \
+         and at most {allowed} may differ: its time is not that of the same picture"
+    )]
+    Picture {
+        /// Whose picture.
+        who: String,
+        /// What it wrote.
+        output: &'static str,
+        /// Pixels off by more than a level.
+        wrong: usize,
+        /// Pixels compared.
+        pixels: usize,
+        /// Pixels that rounding may turn at an outline.
+        allowed: usize,
+    },
+    /// The threads could not be started.
+    #[error(transparent)]
+    Threads(#[from] RenderError),
+    /// The operating system refused.
+    #[error("cannot {what}: {error}")]
+    System {
+        /// What was asked of it.
+        what: &'static str,
+        /// What it says.
+        error: std::io::Error,
+    },
+    /// Stopped before the first size was finished.
+    #[error("stopped before the first size was finished: there is nothing to show")]
+    Nothing,
+}
+
+/// An engine with a format it writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub engine: Engine,
+    pub output: PixelFormat,
+}
+
+/// Every engine with floats, and with bytes where it is one that computes packets: `reference` writes bytes too, but by
+/// way of the same floats.
+pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, EngineError> {
+    let mut entries = Vec::new();
+    for engine in engines {
+        entries.push(Entry { engine: *engine, output: PixelFormat::F32x4 });
+        let tracer = engine.prepare(None, scene, &scene.camera)?;
+        if engine.name() != "reference" && tracer.writes(PixelFormat::Rgba8) {
+            entries.push(Entry { engine: *engine, output: PixelFormat::Rgba8 });
+        }
+    }
+    Ok(entries)
+}
+
+/// Measures.
+pub fn run(settings: &Settings, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Speedup, SpeedupError> {
+    let scene = scene();
+    let entries = entries(&settings.engines, &scene)?;
+    let truth = Truth::new(&scene)?;
+    for entry in &entries {
+        let tracer = entry.engine.prepare(None, &scene, &truth.camera)?;
+        let rows = 0..truth.camera.height();
+        truth.check(entry.engine.name(), entry.output, &mut |film| tracer.rows(rows.clone(), film))?;
+    }
+    let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
+    let mut rng = Rng::new(SEED);
+    let mut random = || rng.next_u64();
+
+    let mut films = Films::new(most)?;
+    let mut measured = Vec::new();
+    for size in &settings.sizes {
+        let PaperRow { width, height, .. } = PAPER[*size];
+        let camera = camera(&scene, width, height);
+        let pixels = camera.pixels();
+        let tracers = entries.iter().map(|entry| entry.engine.prepare(None, &scene, &camera));
+        let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
+        // The control's second entry comes right after its first.
+        let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
+        let mut order: Vec<usize> = (0..entries.len()).collect();
+        order.insert(first + 1, first);
+        let films = std::cell::RefCell::new(&mut films);
+        let mut contestants: Vec<Work<'_>> = Vec::new();
+        for index in order {
+            let (tracer, output, films) = (tracers[index].as_ref(), entries[index].output, &films);
+            contestants.push(Box::new(move || {
+                tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels as usize));
+            }));
+        }
+        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels * ROUND_WORK))
+        else {
+            break;
+        };
+        let again = runs.remove(first + 1);
+        measured.push((camera, runs, again));
+    }
+    if measured.is_empty() {
+        return Err(SpeedupError::Nothing);
+    }
+    Ok(Speedup::new(&entries, &measured, settings.sizes.len(), &mut random))
+}
+
+fn new_film(format: PixelFormat, pixels: usize) -> Result<Film, SpeedupError> {
+    Film::new(format, pixels).map_err(|source| SpeedupError::Memory { pixels, source })
+}
+
+/// One film of each format, touched before, for all contestants: each finds it in the same state.
+pub(super) struct Films {
+    floats: Film,
+    bytes: Film,
+}
+
+impl Films {
+    pub(super) fn new(pixels: usize) -> Result<Self, SpeedupError> {
+        Ok(Films { floats: new_film(PixelFormat::F32x4, pixels)?, bytes: new_film(PixelFormat::Rgba8, pixels)? })
+    }
+
+    pub(super) fn of(&mut self, format: PixelFormat) -> &mut Film {
+        match format {
+            PixelFormat::F32x4 => &mut self.floats,
+            PixelFormat::Rgba8 => &mut self.bytes,
+        }
+    }
+}
+
+/// The reference's picture at the first size: who traces something else has no place in a comparison of times.
+pub(super) struct Truth {
+    pub camera: Camera,
+    levels: Vec<[u8; 3]>,
+}
+
+impl Truth {
+    pub(super) fn new(scene: &Scene) -> Result<Self, SpeedupError> {
+        let camera = camera(scene, PAPER[0].width, PAPER[0].height);
+        let mut film = new_film(PixelFormat::F32x4, camera.pixels() as usize)?;
+        ReferenceTracer::new(scene, &camera).rows(0..camera.height(), film.as_mut());
+        Ok(Truth { camera, levels: levels(&film) })
+    }
+
+    /// Whether `trace` fills a film of `output` with the same picture.
+    pub(super) fn check(
+        &self,
+        who: &str,
+        output: PixelFormat,
+        trace: &mut dyn FnMut(FilmMut<'_>),
+    ) -> Result<(), SpeedupError> {
+        let pixels = self.levels.len();
+        let mut film = new_film(output, pixels)?;
+        trace(film.as_mut());
+        let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
+        let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();
+        // Where a ray grazes the sphere, rounding may decide: not for more than a few of the outline's pixels.
+        let allowed = (self.camera.width() + self.camera.height()) as usize / 64;
+        if wrong > allowed {
+            return Err(SpeedupError::Picture { who: who.into(), output: output.name(), wrong, pixels, allowed });
+        }
+        Ok(())
+    }
+}
+
+fn levels(film: &Film) -> Vec<[u8; 3]> {
+    match film {
+        Film::F32x4(film) => film.iter().map(|v| [v.x, v.y, v.z].map(|v| level(v.into()))).collect(),
+        Film::Rgba8(film) => film.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
+    }
+}
+
+impl Speedup {
+    fn new(
+        entries: &[Entry],
+        measured: &[(Camera, Vec<Runs>, Runs)],
+        sizes_asked: usize,
+        random: &mut dyn FnMut() -> u64,
+    ) -> Self {
+        let place = |name| entries.iter().position(|entry| entry.engine.name() == name).expect("it is always entered");
+        let (baseline, control) = (place(BASELINE), place(CONTROL));
+        let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
+        let (mut control_ratios, mut simd_ratios) = (Vec::new(), Vec::new());
+        for (camera, runs, again) in measured {
+            let (width, height) = (camera.width(), camera.height());
+            for (entry, of_entry) in entries.iter().zip(runs) {
+                let ratios = pairwise_ratios(&runs[baseline].ticks, &of_entry.ticks);
+                let ratio = median_with_interval(&[&ratios], random);
+                rows.push(Row {
+                    width,
+                    height,
+                    pixels: camera.pixels(),
+                    engine: entry.engine.name(),
+                    precision: entry.engine.precision().name(),
+                    output: entry.output.name(),
+                    threads: 1,
+                    cycles_mean: mean(&of_entry.ticks),
+                    cycles_median: median(&of_entry.ticks),
+                    cycles_min: minimum(&of_entry.ticks),
+                    ratio_to_c: ratio.value,
+                    ratio_low: ratio.low,
+                    ratio_high: ratio.high,
+                    migrations: of_entry.migrations,
+                    off: of_entry.off(),
+                    samples: of_entry.ticks.clone(),
+                });
+            }
+            let ratios = pairwise_ratios(&runs[control].ticks, &again.ticks);
+            let Estimate { value: ratio, low, high } = median_with_interval(&[&ratios], random);
+            control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks.clone() });
+            control_ratios.push(ratios);
+            simd_ratios.push(pairwise_ratios(&runs[baseline].ticks, &runs[control].ticks));
+        }
+        let overall = |ratios: &[Vec<f64>], random: &mut dyn FnMut() -> u64| {
+            median_with_interval(&ratios.iter().map(Vec::as_slice).collect::<Vec<_>>(), random)
+        };
+        Speedup {
+            rows,
+            noise_floor: control_rows.iter().map(|row| (row.ratio - 1.0).abs()).fold(0.0, f64::max),
+            control_overall: overall(&control_ratios, random),
+            c_by_simd: overall(&simd_ratios, random),
+            control: control_rows,
+            sizes_asked,
+        }
+    }
+
+    /// Whether every size that was asked for was finished.
+    pub fn complete(&self) -> bool {
+        self.control.len() == self.sizes_asked
+    }
+}
+
+/// The paper's row for a size.
+pub fn paper_row(width: u32, height: u32) -> Option<&'static PaperRow> {
+    PAPER.iter().find(|row| row.width == width && row.height == height)
+}
+
+/// The paper's mean C/SIMD over all sizes.
+pub fn paper_mean_ratio() -> f64 {
+    statistics::mean(&PAPER.map(|row| row.ratio()))
+}

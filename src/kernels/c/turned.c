@@ -1,0 +1,113 @@
+/* turned.c - lean.c turned round: arrays over the pixels of a block in place of a structure per vector, and no branch in a
+   loop over them, so that the compiler can vectorise. */
+#include "ladder.h"
+
+enum { BLOCK = 64 };
+
+/* A block of pixels: its rays and their nearest hits so far; `two_sided` is 1 where the surface has no outside. */
+typedef struct {
+    float x[BLOCK], nearest[BLOCK];
+    float nx[BLOCK], ny[BLOCK], nz[BLOCK];
+    float red[BLOCK], green[BLOCK], blue[BLOCK], two_sided[BLOCK];
+} block;
+
+static inline void meet_sphere(block *restrict b, float y, float z, const sphere *o, float constant) {
+    float cx = o->centre.x, cy = o->centre.y, cz = o->centre.z;
+    for (int j = 0; j < BLOCK; j++) {
+        float x = b->x[j];
+        float a = x * x + y * y + z * z;
+        float h = x * cx + y * cy + z * cz;
+        float disc = h * h - constant * a;
+        float root = sqrtf(disc > 0 ? disc : 0);
+        float near = (h - root) / a, far = (h + root) / a;
+        float t = near > 0 ? near : far;
+        bool hit = (disc >= 0) & (t > 0) & (t < b->nearest[j]);
+        b->nearest[j] = hit ? t : b->nearest[j];
+        b->nx[j] = hit ? t * x - cx : b->nx[j];
+        b->ny[j] = hit ? t * y - cy : b->ny[j];
+        b->nz[j] = hit ? t * z - cz : b->nz[j];
+        b->red[j] = hit ? o->colour.x : b->red[j];
+        b->green[j] = hit ? o->colour.y : b->green[j];
+        b->blue[j] = hit ? o->colour.z : b->blue[j];
+        b->two_sided[j] = hit ? 0 : b->two_sided[j];
+    }
+}
+
+/* Which side of the line through v and w the point is on, against the vertex across: eq. 10. */
+static inline float side(vec4 v, vec4 w, vec4 across, float px, float py, float pz) {
+    vec4 edge = vec_sub(w, v);
+    vec4 inside = vec_cross(edge, vec_sub(across, v));
+    vec4 p = {px, py, pz, 0};
+    return vec_dot(vec_cross(edge, vec_sub(p, v)), inside);
+}
+
+static inline void meet_triangle(block *restrict b, float y, float z, const triangle *o, vec4 n, float constant) {
+    for (int j = 0; j < BLOCK; j++) {
+        float x = b->x[j];
+        float across = x * n.x + y * n.y + z * n.z;
+        float t = constant / (across == 0 ? -constant : across);
+        float px = t * x, py = t * y, pz = t * z;
+        bool inside = (side(o->v1, o->v2, o->v3, px, py, pz) >= 0) & (side(o->v2, o->v3, o->v1, px, py, pz) >= 0) &
+                      (side(o->v3, o->v1, o->v2, px, py, pz) >= 0);
+        bool hit = inside & (t > 0) & (t < b->nearest[j]);
+        b->nearest[j] = hit ? t : b->nearest[j];
+        b->nx[j] = hit ? n.x : b->nx[j];
+        b->ny[j] = hit ? n.y : b->ny[j];
+        b->nz[j] = hit ? n.z : b->nz[j];
+        b->red[j] = hit ? o->colour.x : b->red[j];
+        b->green[j] = hit ? o->colour.y : b->green[j];
+        b->blue[j] = hit ? o->colour.z : b->blue[j];
+        b->two_sided[j] = hit ? 1 : b->two_sided[j];
+    }
+}
+
+/* Adds to `light` what the lamps send over the surfaces of the block: eq. 11. */
+static inline void shade(const block *restrict b, float y, float z, const lists *s, float (*restrict light)[BLOCK]) {
+    for (uint64_t i = 0; i < s->light_count; i++) {
+        vec4 lamp = s->lights[i].position, radiance = s->lights[i].radiance;
+        for (int j = 0; j < BLOCK; j++) {
+            float t = b->nearest[j];
+            float lx = lamp.x - t * b->x[j], ly = lamp.y - t * y, lz = lamp.z - t * z;
+            float length = sqrtf((lx * lx + ly * ly + lz * lz) *
+                                 (b->nx[j] * b->nx[j] + b->ny[j] * b->ny[j] + b->nz[j] * b->nz[j]));
+            float cosine = (lx * b->nx[j] + ly * b->ny[j] + lz * b->nz[j]) / (length > 0 ? length : FLT_MAX);
+            float other_side = b->two_sided[j] > 0 ? -cosine : 0;
+            cosine = cosine > other_side ? cosine : other_side;
+            light[0][j] += radiance.x * cosine * b->red[j];
+            light[1][j] += radiance.y * cosine * b->green[j];
+            light[2][j] += radiance.z * cosine * b->blue[j];
+        }
+    }
+}
+
+/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel; at most MOST objects of a kind. */
+__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+    constants k;
+    hoist(&k, s);
+    for (; row < end; row++) {
+        float y = -f->step * ((float)row + 0.5f) + f->half_height, z = f->focal;
+        for (uint64_t start = 0; start < f->width; start += BLOCK) {
+            block b;
+            float light[3][BLOCK];
+            for (int j = 0; j < BLOCK; j++) {
+                b.x[j] = f->step * ((float)start + (float)j + 0.5f) - f->half_width;
+                b.nearest[j] = FLT_MAX;
+                b.nx[j] = b.ny[j] = b.nz[j] = b.red[j] = b.green[j] = b.blue[j] = b.two_sided[j] = 0;
+                light[0][j] = light[1][j] = light[2][j] = 0;
+            }
+            for (uint64_t i = 0; i < s->sphere_count; i++)
+                meet_sphere(&b, y, z, &s->spheres[i], k.sphere[i]);
+            for (uint64_t i = 0; i < s->triangle_count; i++)
+                meet_triangle(&b, y, z, &s->triangles[i], k.normal[i], k.plane[i]);
+            /* What nothing hits is black wherever it lies, but its squares must be finite. */
+            for (int j = 0; j < BLOCK; j++)
+                b.nearest[j] = b.nearest[j] < FLT_MAX ? b.nearest[j] : 0;
+            shade(&b, y, z, s, light);
+            uint64_t left = f->width - start;
+            int count = left < BLOCK ? (int)left : BLOCK;
+            for (int j = 0; j < count; j++)
+                out[j] = (vec4){light[0][j], light[1][j], light[2][j], 0};
+            out += count;
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! The rungs of the ladder that are variants of the paper's C and of its SIMD, for experiments alone.
+
+use std::ops::Range;
+
+use super::ffi::Trace;
+use super::isa::Isa;
+use super::types::{Frame, Lists, Objects, Vec4};
+
+/// A level of x86-64 that a rung was compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Level {
+    /// What every x86-64 CPU has.
+    Base,
+    /// AVX2, FMA and what came with them.
+    V3,
+    /// AVX-512 with its F, BW, CD, DQ and VL.
+    V4,
+    /// What the paper's SIMD needs.
+    Sse41,
+}
+
+impl Level {
+    fn usable(self) -> bool {
+        macro_rules! all {
+            ($($feature:tt)*) => { $(is_x86_feature_detected!($feature))&&* };
+        }
+        let v3 = || all!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe" "popcnt" "sse4.2");
+        match self {
+            Level::Base => true,
+            Level::V3 => v3(),
+            Level::V4 => v3() && all!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl"),
+            Level::Sse41 => Isa::Sse41.usable(),
+        }
+    }
+}
+
+/// A variant of a tracer.
+#[derive(Clone, Copy)]
+pub struct Rung {
+    /// Its name in build.rs.
+    pub name: &'static str,
+    /// What it was compiled with.
+    pub flags: &'static str,
+    level: Level,
+    trace: Trace,
+}
+
+impl Rung {
+    /// Whether this CPU runs it.
+    pub fn usable(&self) -> bool {
+        self.level.usable()
+    }
+
+    /// As [`Trace::call`].
+    ///
+    /// # Panics
+    /// As [`Trace::call`]; where there are more than [`MOST`] objects of a kind; where it is not [`Rung::usable`].
+    pub fn call(&self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
+        assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
+        assert!(objects.spheres.len().max(objects.triangles.len()) <= MOST, "a rung takes {MOST} objects of a kind");
+        self.trace.call(frame, objects, rows, out);
+    }
+}
+
+macro_rules! rungs {
+    (most $most:literal; $($name:literal, $level:ident, $flags:literal;)*) => {
+        /// The most objects of a kind that a rung takes.
+        pub const MOST: usize = $most;
+
+        /// Every variant of the paper's C, in the order of the ladder; not each is [`Rung::usable`] everywhere.
+        pub static C: &[Rung] = &[$({
+            unsafe extern "sysv64" {
+                #[link_name = concat!("rayo_ladder_", $name)]
+                fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
+            }
+            Rung { name: $name, flags: $flags, level: Level::$level, trace: Trace::new(trace) }
+        }),*];
+    };
+}
+include!(concat!(env!("OUT_DIR"), "/rungs.rs"));
+
+/// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out of line.
+pub static PAPER_CALLS: Rung = {
+    unsafe extern "sysv64" {
+        #[link_name = "rayo_calls_trace"]
+        fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
+    }
+    Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, trace: Trace::new(trace) }
+};

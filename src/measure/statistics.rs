@@ -1,0 +1,216 @@
+//! Statistics of repeated timings: mean, median, MAD, and the bootstrap interval of a median.
+
+use serde::Serialize;
+
+/// A value with the interval that a repetition is expected to fall into.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The estimate itself.
+    pub value: f64,
+    /// The interval's lower end.
+    pub low: f64,
+    /// The interval's upper end.
+    pub high: f64,
+}
+
+impl Estimate {
+    /// Whether `value` lies in the interval; its ends belong to it.
+    pub fn contains(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+
+    /// Whether the two intervals have a value in common.
+    pub fn overlaps(&self, other: &Estimate) -> bool {
+        self.low <= other.high && other.low <= self.high
+    }
+}
+
+/// The share of repetitions that an interval is meant to hold.
+pub const CONFIDENCE: f64 = 0.95;
+/// Resamples of a bootstrap: enough for the ends of a 95 % interval to stand still in their second digit.
+const RESAMPLES: usize = 1000;
+
+/// The arithmetic mean; NaN of nothing.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The middle value, or the mean of the middle two; NaN of nothing.
+pub fn median(values: &[f64]) -> f64 {
+    median_of(&mut values.to_vec())
+}
+
+/// The smallest value; infinity of nothing.
+pub fn minimum(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// The median absolute deviation from the median, as it is: not scaled to a normal distribution's sigma.
+pub fn mad(values: &[f64]) -> f64 {
+    let middle = median(values);
+    median_of(&mut values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
+}
+
+/// How many values are further than `times` MAD from the median.
+pub fn outliers(values: &[f64], times: f64) -> usize {
+    let (middle, reach) = (median(values), times * mad(values));
+    values.iter().filter(|value| (*value - middle).abs() > reach).count()
+}
+
+/// Each of `numerators` by the one of `denominators` that was measured beside it.
+///
+/// # Panics
+/// Where there are not as many of one as of the other.
+pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
+    assert_eq!(numerators.len(), denominators.len(), "ratios are taken pair by pair");
+    numerators.iter().zip(denominators).map(|(a, b)| a / b).collect()
+}
+
+/// The median of all values in `groups`, with its percentile bootstrap interval at [`CONFIDENCE`].
+///
+/// A resample draws from each group as many as it has, so that groups of different kinds keep their shares. `random`
+/// gives 64 random bits a call; the same bits give the same interval.
+pub fn median_with_interval(groups: &[&[f64]], random: &mut dyn FnMut() -> u64) -> Estimate {
+    let all: Vec<f64> = groups.concat();
+    let mut drawn = Vec::with_capacity(all.len());
+    let medians = (0..RESAMPLES).map(|_| {
+        drawn.clear();
+        for group in groups {
+            drawn.extend(group.iter().map(|_| group[below(group.len(), random)]));
+        }
+        median_of(&mut drawn)
+    });
+    let mut medians: Vec<_> = medians.collect();
+    medians.sort_unstable_by(f64::total_cmp);
+    let tail = (1.0 - CONFIDENCE) / 2.0;
+    Estimate { value: median(&all), low: quantile(&medians, tail), high: quantile(&medians, 1.0 - tail) }
+}
+
+/// A line through points, by least squares.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Line {
+    /// Rise per unit.
+    pub slope: f64,
+    /// Value at 0.
+    pub intercept: f64,
+    /// The root mean square distance of the points from the line, relative to their mean.
+    pub residual: f64,
+}
+
+/// The line y = slope x + intercept with the least squared distances from `points` (x, y).
+///
+/// # Panics
+/// With fewer than two different x.
+pub fn fit_line(points: &[(f64, f64)]) -> Line {
+    let count = points.len() as f64;
+    let (x_mean, y_mean) =
+        (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
+    let spread = points.iter().map(|p| (p.0 - x_mean).powi(2)).sum::<f64>();
+    assert!(spread > 0.0, "a line needs two different x");
+    let slope = points.iter().map(|p| (p.0 - x_mean) * (p.1 - y_mean)).sum::<f64>() / spread;
+    let intercept = y_mean - slope * x_mean;
+    let squares = points.iter().map(|p| (p.1 - slope * p.0 - intercept).powi(2)).sum::<f64>();
+    Line { slope, intercept, residual: (squares / count).sqrt() / y_mean.abs() }
+}
+
+/// Reorders `values`.
+fn median_of(values: &mut [f64]) -> f64 {
+    let (middle, odd) = (values.len() / 2, values.len() % 2 == 1);
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let (below, upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let upper = *upper;
+    if odd {
+        return upper;
+    }
+    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (lower + upper) / 2.0
+}
+
+/// The value below which the share `q` of sorted values lies, between neighbours by a straight line.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let place = q * last as f64;
+    let (below, above) = (place.floor() as usize, place.ceil() as usize);
+    sorted[below] + (sorted[above] - sorted[below]) * place.fract()
+}
+
+/// A number in 0..n, each as likely to within n / 2⁶⁴.
+fn below(n: usize, random: &mut dyn FnMut() -> u64) -> usize {
+    ((u128::from(random()) * n as u128) >> 64) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A counter in steps of the golden ratio: even enough to draw with, and the same everywhere.
+    fn even() -> impl FnMut() -> u64 {
+        let mut state = 7_u64;
+        move || {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            state
+        }
+    }
+
+    #[test]
+    fn medians_and_deviations_are_those_computed_by_hand() {
+        for (values, middle, deviation) in [
+            (&[3.0][..], 3.0, 0.0),
+            (&[4.0, 1.0], 2.5, 1.5),
+            (&[5.0, 1.0, 3.0], 3.0, 2.0),
+            (&[1.0, 1.0, 1.0, 9.0], 1.0, 0.0),
+            (&[2.0, 4.0, 8.0, 16.0, 32.0], 8.0, 6.0),
+        ] {
+            assert_eq!((median(values), mad(values)), (middle, deviation), "{values:?}");
+        }
+        assert!(median(&[]).is_nan());
+    }
+
+    #[test]
+    fn a_value_is_an_outlier_beyond_the_given_deviations_and_not_at_them() {
+        // Median 3, MAD 1.
+        let values = [1.0, 2.0, 3.0, 4.0, 6.0, 6.5, 3.0];
+        assert_eq!((median(&values), mad(&values)), (3.0, 1.0));
+        assert_eq!(outliers(&values, 3.0), 1);
+        assert_eq!(outliers(&values, 1.0), 3);
+        assert_eq!(outliers(&[5.0; 4], 3.0), 0);
+    }
+
+    #[test]
+    fn the_interval_of_equal_values_is_a_point_and_that_of_others_lies_between_their_extremes() {
+        let point = median_with_interval(&[&[2.0; 5]], &mut even());
+        assert_eq!(point, Estimate { value: 2.0, low: 2.0, high: 2.0 });
+        let spread = median_with_interval(&[&[1.0, 2.0, 3.0, 4.0, 5.0]], &mut even());
+        assert_eq!(spread.value, 3.0);
+        assert!(1.0 <= spread.low && spread.low < 3.0 && 3.0 < spread.high && spread.high <= 5.0, "{spread:?}");
+    }
+
+    #[test]
+    fn a_resample_keeps_the_share_of_each_group() {
+        // Three values of one group against two of the other: the median is always of the larger group.
+        let estimate = median_with_interval(&[&[1.0; 3], &[9.0; 2]], &mut even());
+        assert_eq!(estimate, Estimate { value: 1.0, low: 1.0, high: 1.0 });
+    }
+
+    #[test]
+    fn more_values_make_a_narrower_interval() {
+        let few: Vec<f64> = (0..5).map(f64::from).collect();
+        let many: Vec<f64> = (0..500).map(|i| f64::from(i) / 100.0).collect();
+        let width = |values: &[f64]| {
+            let estimate = median_with_interval(&[values], &mut even());
+            estimate.high - estimate.low
+        };
+        assert!(width(&many) < width(&few) / 2.0);
+    }
+
+    #[test]
+    fn a_line_is_found_again_and_its_residual_is_relative() {
+        let line = fit_line(&[(0.0, 1.0), (1.0, 3.0), (2.0, 5.0)]);
+        assert_eq!(line, Line { slope: 2.0, intercept: 1.0, residual: 0.0 });
+        // Slope 0, intercept 2, every point 1 away.
+        let line = fit_line(&[(-1.0, 1.0), (-1.0, 3.0), (1.0, 1.0), (1.0, 3.0)]);
+        assert_eq!(line, Line { slope: 0.0, intercept: 2.0, residual: 0.5 });
+    }
+}
