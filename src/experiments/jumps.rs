@@ -194,33 +194,33 @@ pub fn run(
 }
 
 fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, SpeedupError> {
-    sys::Fresh::new(pixels)
-        .map_err(|error| SpeedupError::System { what: "map memory for a fresh framebuffer", error })
+    sys::Fresh::new(pixels).map_err(|error| SpeedupError::System { what: "map memory for a fresh framebuffer", error })
 }
 
 /// Plain stores into half of each level of cache, and into four times the last.
 fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
     let levels = caches.iter().map(|cache| (format!("L{}", cache.level), cache.bytes / 2));
     let memory = caches.last().map(|cache| ("memory".to_owned(), (4 * cache.bytes).min(MOST_MEMORY)));
-    levels.chain(memory).map(|(level, bytes)| {
-        let len = bytes / size_of::<Vec4>();
-        let memory = |source| SpeedupError::Memory { pixels: len, source };
-        let mut film = Film::new(PixelFormat::F32x4, len).map_err(memory)?;
-        let FilmMut::F32x4(film) = film.as_mut() else { unreachable!("it was made of floats") };
-        // Small levels are gone over so often that the clock's own time does not show.
-        let passes = (MIN_BYTES / bytes).max(1);
-        let mut fill: [crate::measure::Work<'_>; 1] = [Box::new(|| {
-            for pass in 0..passes {
-                film.fill(Vec4::new(pass as f32, 0.0, 1.0));
-                std::hint::black_box(&mut *film);
-            }
-        })];
-        let ticks = interleave(clock, &mut fill, BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
-        let bytes_per_cycle = (len * size_of::<Vec4>() * passes) as f64
-            / minimum(&ticks[0].ticks);
-        Ok(Bandwidth { level, bytes: len * size_of::<Vec4>(), bytes_per_cycle })
-    })
-    .collect()
+    levels
+        .chain(memory)
+        .map(|(level, bytes)| {
+            let len = bytes / size_of::<Vec4>();
+            let memory = |source| SpeedupError::Memory { pixels: len, source };
+            let mut film = Film::new(PixelFormat::F32x4, len).map_err(memory)?;
+            let FilmMut::F32x4(film) = film.as_mut() else { unreachable!("it was made of floats") };
+            // Small levels are gone over so often that the clock's own time does not show.
+            let passes = (MIN_BYTES / bytes).max(1);
+            let mut fill: [crate::measure::Work<'_>; 1] = [Box::new(|| {
+                for pass in 0..passes {
+                    film.fill(Vec4::new(pass as f32, 0.0, 1.0));
+                    std::hint::black_box(&mut *film);
+                }
+            })];
+            let ticks = interleave(clock, &mut fill, BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
+            let bytes_per_cycle = (len * size_of::<Vec4>() * passes) as f64 / minimum(&ticks[0].ticks);
+            Ok(Bandwidth { level, bytes: len * size_of::<Vec4>(), bytes_per_cycle })
+        })
+        .collect()
 }
 
 /// Four times the last cache, but not more than this.
@@ -280,12 +280,18 @@ impl Jumps {
         [BASELINE, CONTROL].into_iter().filter_map(finding).collect()
     }
 
-    /// Whether the cache makes the time by the pixel jump here, and the figures that say so.
-    pub fn verdict(&self) -> (bool, String) {
+    /// Whether the cache makes the time by the pixel jump here, and the figures that say so. None where it jumps, and
+    /// noise alone could make it: an engine comes out `noise_floor` apart from itself.
+    pub fn cache_jumps(&self, noise_floor: f64) -> (Option<bool>, String) {
         let findings = self.findings();
-        let jumps = |finding: &Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
+        let jumps = |finding: &&Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
         let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
-        let cache = findings.iter().any(|finding| jumps(finding) && bound(finding));
+        let jumping: Vec<_> = findings.iter().filter(jumps).collect();
+        let verdict = match () {
+            () if jumping.is_empty() => Some(false),
+            () if noise_floor > STEADY => None,
+            () => Some(jumping.into_iter().any(bound)),
+        };
         let figures: Vec<_> = findings
             .iter()
             .map(|finding| {
@@ -300,15 +306,18 @@ impl Jumps {
                 )
             })
             .collect();
-        (cache, figures.join("; "))
+        (verdict, figures.join("; "))
     }
 
     /// What this machine shows and what it cannot show, in words.
     pub fn text(&self) -> String {
-        let mut text = String::new();
+        let levels: Vec<_> =
+            self.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle)).collect();
+        let mut text = format!("Bytes that plain stores write in a TSC cycle: {}.\n", levels.join(", "));
         for finding in self.findings() {
             let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
-            let percent = |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
+            let percent =
+                |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
             text += &format!(
                 "`{engine}` in a touched framebuffer: TSC cycles a pixel differ by {} between the sizes; the core's clock \
                 by {}; cycles of the core's clock a pixel by {}. It writes at most {} of what the slowest level of memory \

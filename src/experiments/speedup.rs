@@ -324,7 +324,10 @@ pub fn run(settings: &Settings, clock: &mut dyn Clock, proceed: &mut Progress<'_
                 tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels as usize));
             }));
         }
-        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels * ROUND_WORK)) else { break };
+        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels * ROUND_WORK))
+        else {
+            break;
+        };
         let again = runs.remove(first + 1);
         measured.push((camera, runs, again));
     }

@@ -121,7 +121,8 @@ mod tests {
 
     #[test]
     fn the_size_of_a_cache_is_read_as_linux_writes_it() {
-        for (text, bytes) in [("32K", Some(32 << 10)), ("1M", Some(1 << 20)), ("512", Some(512)), ("", None), ("KK", None)]
+        for (text, bytes) in
+            [("32K", Some(32 << 10)), ("1M", Some(1 << 20)), ("512", Some(512)), ("", None), ("KK", None)]
         {
             assert_eq!(cache_bytes(text), bytes, "{text}");
         }

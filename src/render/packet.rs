@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use super::{FilmMut, PixelFormat, Tracer};
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels,
-    TriangleSpan, Vec4,
+    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
+    SpanKernels, TriangleSpan, Vec4,
 };
 use crate::plan::{RowSpan, Spans, UseRecord};
 use crate::scene::{Camera, Scene};
