@@ -280,12 +280,18 @@ impl Jumps {
         [BASELINE, CONTROL].into_iter().filter_map(finding).collect()
     }
 
-    /// Whether the cache makes the time by the pixel jump here, and the figures that say so.
-    pub fn verdict(&self) -> (bool, String) {
+    /// Whether the cache makes the time by the pixel jump here, and the figures that say so. None where it jumps, and
+    /// noise alone could make it: an engine comes out `noise_floor` apart from itself.
+    pub fn cache_jumps(&self, noise_floor: f64) -> (Option<bool>, String) {
         let findings = self.findings();
-        let jumps = |finding: &Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
+        let jumps = |finding: &&Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
         let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
-        let cache = findings.iter().any(|finding| jumps(finding) && bound(finding));
+        let jumping: Vec<_> = findings.iter().filter(jumps).collect();
+        let verdict = match () {
+            () if jumping.is_empty() => Some(false),
+            () if noise_floor > STEADY => None,
+            () => Some(jumping.into_iter().any(bound)),
+        };
         let figures: Vec<_> = findings
             .iter()
             .map(|finding| {
@@ -300,12 +306,14 @@ impl Jumps {
                 )
             })
             .collect();
-        (cache, figures.join("; "))
+        (verdict, figures.join("; "))
     }
 
     /// What this machine shows and what it cannot show, in words.
     pub fn text(&self) -> String {
-        let mut text = String::new();
+        let levels: Vec<_> =
+            self.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle)).collect();
+        let mut text = format!("Bytes that plain stores write in a TSC cycle: {}.\n", levels.join(", "));
         for finding in self.findings() {
             let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
             let percent =
