@@ -1,4 +1,4 @@
-; checked.asm - calls a kernel and finds out whether it kept the calling convention; and kernels that do not, on purpose.
+; checked.asm - calls a kernel and finds out whether it kept the calling convention; and kernels that break it.
 
 %define ISA avx512                      ; looks at registers as wide as there are
 %include "include/isa.inc"
@@ -176,8 +176,9 @@ ENDFUNC
 
 ; BROKEN_REGISTER - a kernel that does not give back a register.
 %macro BROKEN_REGISTER 1
-FUNC broken_ %+ %1      ; [in]  the register
-    not     %1
+%define %%register %1   ; [in]  the register
+FUNC broken_ %+ %%register
+    not     %%register
 ENDFUNC
 %endmacro
 BROKEN_REGISTER rbx

@@ -1,5 +1,4 @@
-; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, in its own forms and in the best ones, and packets of
-; 4 rays in lockstep, or 2 in f64.
+; sse41.asm - the unit of what runs on SSE4.1: the paper's engine, and packets of 4 rays in lockstep, or 2 in f64.
 
 %define ISA sse41
 %include "include/isa.inc"

@@ -1,11 +1,11 @@
 //! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
 
-mod common;
+mod contenders;
 
 use std::fs;
 use std::path::Path;
 
-use common::{Truth, contenders, film};
+use contenders::{Truth, contenders, film};
 use rayo::measure::picture::Pixels;
 use rayo::render::{Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
 use rayo::scene::{self, Camera, Scene, many};
@@ -62,6 +62,28 @@ fn every_engine_agrees_with_the_reference_on_random_scenes() {
     }
 }
 
+/// A light near an object that is large for that distance: what is lost of P or N is seen many times as large.
+#[test]
+fn every_engine_agrees_with_the_reference_where_a_light_is_near_a_large_object() {
+    let triangle = "1 1 1  -1000 -1 1  1000 -1 1  0 -1 1000";
+    for (what, text) in [
+        ("a floor of triangles", format!("x 320 240 1  1  1 1 1 1 0 0 5  0  1 {triangle}")),
+        ("a floor under two lights", format!("x 320 240 1  2  1 1 1 1 0 0 5  0.1 1 1 1 9 9 9  0  1 {triangle}")),
+        ("a ground sphere", "x 320 240 1  1  1 1 1 1 0 5 20  1 10000 1 1 1 0 -10001 0  0".into()),
+        (
+            "a ground sphere under two lights",
+            "x 320 240 1  2  1 1 1 1 0 5 20  0.1 1 1 1 0 0 0  1 10000 1 1 1 0 -10001 0  0".into(),
+        ),
+        ("a ball", "x 320 240 1  1  1 1 1 1 0 1 4.2  1 1 1 1 1 0 0 5  0".into()),
+        ("a ball under two lights", "x 320 240 1  2  1 1 1 1 0 0.9 4.4  0.1 1 1 1 0 0 0  1 1 1 1 1 0 0 5  0".into()),
+    ] {
+        let truth = Truth::new(&scene::parse(text.as_bytes(), what).unwrap());
+        for contender in contenders() {
+            truth.check(&contender, what);
+        }
+    }
+}
+
 #[test]
 fn the_comparison_can_fail() {
     let (width, height) = (203, 151);
@@ -101,7 +123,7 @@ fn c_and_paper_agree_within_a_level_but_for_rays_on_an_outline() {
         let (mut silhouette, mut differing, mut worst) = (0, 0, 0);
         for (i, (&c, &paper)) in c.iter().zip(&paper).enumerate() {
             let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
-            let difference = common::difference(c, paper);
+            let difference = contenders::difference(c, paper);
             if truth.at_silhouette(row, col) {
                 silhouette += 1;
                 differing += usize::from(difference > 1);
@@ -162,15 +184,15 @@ fn rows_split_in_any_way_give_the_same_bytes() {
 }
 
 #[test]
-fn bytes_are_the_levels_of_the_floats() {
+fn bytes_are_the_levels_of_the_floats_or_of_what_estimates_make_of_them() {
     let scene = Scene { camera: Camera::new(203, 151, 1.0, 1.0).unwrap(), ..many(20, 20, 8) };
     for contender in contenders() {
         let (floats, bytes) = (contender.floats(&scene), contender.bytes(&scene));
-        let double = contender.precision.name() == "double";
+        let own = contender.prepare(&scene).writes(PixelFormat::Rgba8);
+        let error = if own { contender.shade_error(PixelFormat::Rgba8) } else { 0.0 };
         for (i, (&float, &byte)) in floats.iter().zip(&bytes).enumerate() {
             for (v, byte) in float.into_iter().zip(byte) {
-                // A double is floored as it is, and rounded to the float: that can lift it over the edge of a level.
-                let (low, high) = if double { (v.next_down(), v.next_up()) } else { (v, v) };
+                let (low, high) = (v * (1.0 - error), v * (1.0 + error));
                 let range = level(low.into())..=level(high.into());
                 assert!(range.contains(&byte), "{contender}: pixel {i}: {v} is not {byte}");
             }

@@ -21,7 +21,7 @@
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               rgba8       levels of red, green, blue, and 255
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
-;               have nothing else.
+;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
@@ -56,41 +56,72 @@
 %%dark:
 %endmacro
 
-; The bodies: the colour in v1, v2, v3 of the pixels j in v0. They leave v0 and v14, v15 alone.
+; BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. All bodies leave v0, v14 and v15 alone.
 %macro BODY_LIT 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8
+    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
     VMUL    v2, v1, K(LitSpan.green)
     VMUL    v3, v1, K(LitSpan.blue)
     VMUL    v1, v1, K(LitSpan.red)
 %endmacro
+
+; BODY_GREY - the same where red, green and blue are equal: in v1 alone.
 %macro BODY_GREY 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8
+    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
     VMUL    v1, v1, K(LitSpan.red)
 %endmacro
+
+; BODY_OUTSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_OUTSIDE 0
     SPHERE_OUTSIDE v4, v5, v6, v0, v7, v8, v9, v10
     LIGHTS  0
 %endmacro
+
+; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_INSIDE 0
     SPHERE_INSIDE v4, v5, v6, v0, v7, v8
     LIGHTS  0
 %endmacro
+
+; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_TRIANGLE 0
     TRIANGLE_PLANE v4, v5, v6, v0, v7, v8
     LIGHTS  1
 %endmacro
 
-; What depth compares: v1 = 1/t of the pixels j in v0.
+; DEN_OUTSIDE - v1 = 1/t of the pixels j in v0, which is what depth compares.
 %macro DEN_OUTSIDE 0
     SPHERE_DEN v1, v0, v2, v3
 %endmacro
+
+; DEN_INSIDE - v1 = 1/t of the pixels j in v0.
 %macro DEN_INSIDE 0
     SPHERE_FAR_WALL v2, v3, v0, v4, v5
-    VMOV    v1, [PACKET(ones)]
-    VDIV    v1, v1, v2
+    RECIPROCAL v1, v2
 %endmacro
+
+; DEN_TRIANGLE - v1 = 1/t of the pixels j in v0.
 %macro DEN_TRIANGLE 0
     VAFFINE v1, v0, TriangleSpan.w1, TriangleSpan.w0
+%endmacro
+
+; PIXELS_F32X4 - from colours in v1, v2, v3 to pixels in w4 and up.
+%macro PIXELS_F32X4 0
+    TURN_F32X4 1, 2, 3, 4, 8, 9
+%endmacro
+
+; PIXELS_RGBA8 - from colours in v1, v2, v3 to pixels in w1, none brighter than white.
+%macro PIXELS_RGBA8 0
+    PACK_RGBA8 1, 2, 3, 1
+%endmacro
+
+; PIXELS_DIM - the same where none is brighter than white to begin with.
+%macro PIXELS_DIM 0
+    PACK_RGBA8 1, 2, 3, 0
+%endmacro
+
+; PIXELS_GREY - from the colour in v1 to pixels in w1, for BODY_GREY.
+%macro PIXELS_GREY 0
+    PACK_GREY 1
 %endmacro
 
 ; The outputs: bytes of a pixel, their logarithm, and the order of lanes that their stores want.
@@ -107,68 +138,71 @@
 ;   end past it: of those, only the span's own pixels are stored.
 ;
 ;   r10 first lane of the packet that is stored, r8 the lane past the last (beyond LANES where more packets follow)
-%macro SHADE 6+
+%macro SHADE 6
 %define %%object %1     ; [in]       part of the function's name
 %define %%output %2     ; [in]       part of the function's name
-%define %%body %3       ; [in]       one of the bodies
-%define %%format %4     ; [in]       F32X4 or RGBA8
-%define %%constants %5  ; [in]       fields of the span record
-                        ; %6  [in]   the macro that makes pixels of colours
+%define %%body %3       ; [in]       BODY_<body>
+%define %%pixels %4     ; [in]       PIXELS_<pixels>
+%define %%format %5     ; [in]       F32X4 or RGBA8
+%define %%constants %6  ; [in]       fields of the span record
 FUNC NAME(%%object, %%output)
     CONSTANTS %%constants
     mov     r10d, ecx
     and     r10d, LANES * 4 - 1
-    shr     r10d, %4_SHIFT              ; pixels since the memory was aligned
+    shr     r10d, %%format %+ _SHIFT    ; pixels since the memory was aligned
     VSPREAD v0, [rdi + ELEM * Span.j]
-    VADD    v0, v0, [%4_ORDER]
+    VADD    v0, v0, [%%format %+ _ORDER]
     VSPREAD_INTEGER 1, r10
     VSUB    v0, v0, v1
     add     r8, r10
-    imul    rax, r10, %4_BYTES
+    imul    rax, r10, %%format %+ _BYTES
     sub     rcx, rax
 align 16
 .packet:
-    BODY_ %+ %3
-    %6
+    BODY_ %+ %%body
+    PIXELS_ %+ %%pixels
     cmp     r8, LANES
     jb      .part
     test    r10d, r10d
     jnz     .part
-%ifidn %4, F32X4
+%ifidn %%format, F32X4
     test    r9d, r9d
     jnz     .stream
+    STORE_F32X4 rcx, 4, movups
+%else
+    STORE_RGBA8 rcx, 1
 %endif
-    STORE_%4 rcx
 .next:
-    add     rcx, LANES * %4_BYTES
+    add     rcx, LANES * %%format %+ _BYTES
     VADD    v0, v0, [PACKET(step)]
     sub     r8, LANES
     ja      .packet
     UNCONSTANTS
     ret
-%ifidn %4, F32X4
+%ifidn %%format, F32X4
 .stream:
-    STREAM_F32X4 rcx
+    STORE_F32X4 rcx, 4, movntps
     jmp     .next
 %endif
 .part:
     mov     r11d, LANES
     cmp     r8, r11
     cmovb   r11, r8
-    PART_%4
+    PART_ %+ %%format
     xor     r10d, r10d
     jmp     .next
     END
 %endmacro
 
-; PART_F32X4, PART_RGBA8 - stores the pixels of the lanes from r10 up to, but without, r11 to rcx.
-;
-;   clobbers    rax, r10, r11, k1 or v1
+; PART_F32X4 - stores the pixels of the lanes from r10 up to, but without, r11 to rcx. Clobbers rax, r10, r11, k1, v1.
 %macro PART_F32X4 0
 %if HAS_MASKS
     shl     r10d, 2                     ; four floats a pixel
     shl     r11d, 2
-    LANE_MASK 64
+    mov     rax, -1
+    bzhi    rax, rax, r11               ; a CPU with AVX-512 has BMI2
+    shrx    rax, rax, r10
+    shlx    rax, rax, r10               ; a bit for each float
 %assign %%e 0
 %rep 4
 %assign %%w 4 + %%e
@@ -178,44 +212,32 @@ align 16
 %assign %%e %%e + 1
 %endrep
 %else
-    STORE_F32X4 SCRATCH
+    STORE_F32X4 SCRATCH, 4, movups
     COPY_PART F32X4
 %endif
 %endmacro
+
+; PART_RGBA8 - the same for pixels in w1. Clobbers rax, r10, k1.
 %macro PART_RGBA8 0
 %if HAS_MASKS
-    LANE_MASK 32
+    mov     eax, -1
+    bzhi    eax, eax, r11d
+    shrx    eax, eax, r10d
+    shlx    eax, eax, r10d              ; a bit for each pixel
     kmovw   k1, eax
     vmovups [rcx] {k1}, w1
 %else
-    STORE_RGBA8 SCRATCH
+    STORE_RGBA8 SCRATCH, 1
     COPY_PART RGBA8
 %endif
 %endmacro
 
-; LANE_MASK - rax = the bits from r10 up to, but without, r11, of at most as many bits as its parameter says.
-;
-;   clobbers    rax, r10
-%macro LANE_MASK 1
-%if %1 == 64
-    mov     rax, -1
-    bzhi    rax, rax, r11               ; a CPU with AVX-512 has BMI2
-    shrx    rax, rax, r10
-    shlx    rax, rax, r10
-%else
-    mov     eax, -1
-    bzhi    eax, eax, r11d
-    shrx    eax, eax, r10d
-    shlx    eax, eax, r10d
-%endif
-%endmacro
-
 ; COPY_PART - the pixels of the lanes from r10 up to, but without, r11 from the scratch memory to rcx. r10 < r11.
-;
-;   clobbers    rax, r10, v1
+;             Clobbers rax, r10, v1.
 %macro COPY_PART 1
+%define %%format %1     ; [in]       F32X4 or RGBA8
 %%pixel:
-%ifidn %1, F32X4
+%ifidn %%format, F32X4
     mov     rax, r10
     shl     rax, 4
 %if HAS_VEX
@@ -238,7 +260,7 @@ align 16
 %macro PLANES 4
 %define %%object %1     ; [in]       part of the function's name
 %define %%output %2     ; [in]       part of the function's name
-%define %%body %3       ; [in]       one of the bodies
+%define %%body %3       ; [in]       BODY_<body>
 %define %%constants %4  ; [in]       fields of the span record
 FUNC NAME(%%object, %%output)
     CONSTANTS %%constants
@@ -249,27 +271,25 @@ align 16
 .packet:
     VLOAD   v14, [rcx]
     MASK_EQUAL v14, K(Span.id)
-    BODY_ %+ %3
-%assign %%i 1
-%rep 3
-%if %%i == 1
-%define %%plane rcx + r9
-%elif %%i == 2
-%define %%plane rcx + 2 * r9
-%else
-%define %%plane rcx + r10
-%endif
-    VLOAD   v4, [%%plane]
-    VSELECT v4, v%[%%i]
-    VSTORE  [%%plane], v4
-%assign %%i %%i + 1
-%endrep
+    BODY_ %+ %%body
+    OWN     rcx + r9, v1
+    OWN     rcx + 2 * r9, v2
+    OWN     rcx + r10, v3
     VADD    v0, v0, [PACKET(step)]
     add     rcx, VBYTES
     sub     r8, LANES
     ja      .packet
     UNCONSTANTS
 ENDFUNC
+%endmacro
+
+; OWN - stores a register in the lanes of the mask. Clobbers v4.
+%macro OWN 2
+%define %%m %1          ; [in]       address
+%define %%v %2          ; [in]       vreg
+    VLOAD   v4, [%%m]
+    VSELECT v4, %%v
+    VSTORE  [%%m], v4
 %endmacro
 
 ; DEPTH - a function that makes a span's pixels its own where nothing in the row of buffers is as near.
@@ -284,7 +304,7 @@ FUNC NAME(%%object, depth)
     KLOAD   v7, Span.id
 align 16
 .packet:
-    DEN_ %+ %2
+    DEN_ %+ %%den
     VMUL    v1, v1, K(Span.near)
     VLOAD   v2, [rsi + 4 * rcx]
     MASK_GREATER v1, v2                 ; the first of equals stays
@@ -304,10 +324,9 @@ ENDFUNC
 %endmacro
 
 ; EMIT - a function that writes a row of buffers out.
-%macro EMIT 3+
+%macro EMIT 2
 %define %%output %1     ; [in]       part of the function's name
 %define %%format %2     ; [in]       F32X4 or RGBA8
-                        ; %3  [in]   the macro that makes pixels of colours
 FUNC NAME(emit, %%output)
     mov     r8, rcx                     ; pixels
     mov     rcx, rdx                    ; out
@@ -317,54 +336,70 @@ FUNC NAME(emit, %%output)
     VLOAD   v1, [rdi + rsi]
     VLOAD   v2, [rdi + 2 * rsi]
     VLOAD   v3, [rdi + r9]
-    %3
+    PIXELS_ %+ %%format
     cmp     r8, LANES
     jb      .part
-    STORE_NATURAL_%2 rcx
-    add     rcx, LANES * %2_BYTES
+    STORE_NATURAL %%format, rcx
+    add     rcx, LANES * %%format %+ _BYTES
     add     rdi, VBYTES
     sub     r8, LANES
     jnz     .packet
     UNCONSTANTS
     ret
 .part:
-    STORE_NATURAL_%2 SCRATCH
+    STORE_NATURAL %%format, SCRATCH
     xor     r10d, r10d
     mov     r11, r8
-    COPY_PART %2
+    COPY_PART %%format
     UNCONSTANTS
 ENDFUNC
 %endmacro
 
+; STORE_NATURAL - all pixels of a packet whose lanes are in the natural order.
+%macro STORE_NATURAL 2
+%define %%format %1     ; [in]       F32X4 or RGBA8
+%define %%m %2          ; [in]       address
+%ifidn %%format, F32X4
+    STORE_NATURAL_F32X4 %%m, 4
+%else
+    STORE_RGBA8 %%m, 1
+%endif
+%endmacro
+
 %assign ESTIMATE 0
-    SHADE   lit, f32x4, LIT, F32X4, 15, TURN_F32X4
-    SHADE   outside, f32x4, OUTSIDE, F32X4, 19, TURN_F32X4
-    SHADE   inside, f32x4, INSIDE, F32X4, 15, TURN_F32X4
-    SHADE   triangle, f32x4, TRIANGLE, F32X4, 12, TURN_F32X4
+    SHADE   lit, f32x4, LIT, F32X4, F32X4, 15
+    SHADE   outside, f32x4, OUTSIDE, F32X4, F32X4, 19
+    SHADE   inside, f32x4, INSIDE, F32X4, F32X4, 15
+    SHADE   triangle, f32x4, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes, OUTSIDE, 19
     PLANES  inside, planes, INSIDE, 15
     PLANES  triangle, planes, TRIANGLE, 12
     DEPTH   outside, OUTSIDE, 19
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
-    EMIT    f32x4, F32X4, TURN_F32X4
-    EMIT    rgba8, RGBA8, PACK_RGBA8 1
+    EMIT    f32x4, F32X4
+    EMIT    rgba8, RGBA8
 %if ELEM == 4
 %assign ESTIMATE 1
-    SHADE   lit, f32x4_fast, LIT, F32X4, 15, TURN_F32X4
-    SHADE   outside, f32x4_fast, OUTSIDE, F32X4, 19, TURN_F32X4
-    SHADE   inside, f32x4_fast, INSIDE, F32X4, 15, TURN_F32X4
-    SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, 12, TURN_F32X4
+    SHADE   lit, f32x4_fast, LIT, F32X4, F32X4, 15
+    SHADE   outside, f32x4_fast, OUTSIDE, F32X4, F32X4, 19
+    SHADE   inside, f32x4_fast, INSIDE, F32X4, F32X4, 15
+    SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes_fast, OUTSIDE, 19
     PLANES  inside, planes_fast, INSIDE, 15
     PLANES  triangle, planes_fast, TRIANGLE, 12
 %endif
-    SHADE   lit, rgba8, LIT, RGBA8, 15, PACK_RGBA8 0
-    SHADE   grey, rgba8, GREY, RGBA8, 13, PACK_GREY
-    SHADE   outside, rgba8, OUTSIDE, RGBA8, 19, PACK_RGBA8 1
-    SHADE   inside, rgba8, INSIDE, RGBA8, 15, PACK_RGBA8 1
-    SHADE   triangle, rgba8, TRIANGLE, RGBA8, 12, PACK_RGBA8 1
+%if ELEM == 8 && HAS_MASKS
+%assign ESTIMATE 1                      ; with Newton steps to the end
+%endif
+    SHADE   lit, rgba8, LIT, DIM, RGBA8, 15
+    SHADE   grey, rgba8, GREY, GREY, RGBA8, 13
+%assign ESTIMATE ELEM == 4
+    SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
+    SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
+    SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
 
+; This file is assembled once per element type.
 %unmacro LIGHTS 1
 %unmacro BODY_LIT 0
 %unmacro BODY_GREY 0
@@ -374,11 +409,16 @@ ENDFUNC
 %unmacro DEN_OUTSIDE 0
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
-%unmacro SHADE 6+
+%unmacro PIXELS_F32X4 0
+%unmacro PIXELS_RGBA8 0
+%unmacro PIXELS_DIM 0
+%unmacro PIXELS_GREY 0
+%unmacro SHADE 6
 %unmacro PART_F32X4 0
 %unmacro PART_RGBA8 0
-%unmacro LANE_MASK 1
 %unmacro COPY_PART 1
 %unmacro PLANES 4
+%unmacro OWN 2
 %unmacro DEPTH 3
-%unmacro EMIT 3+
+%unmacro EMIT 2
+%unmacro STORE_NATURAL 2

@@ -106,6 +106,9 @@ fn lit(count: usize) -> Scene {
     scene
 }
 
+/// An axis, the counts along it, the work that a point should take, and the scene of a count.
+type Sweeping<'a> = (Axis, &'a [usize], u64, &'a dyn Fn(usize) -> Scene);
+
 /// The cost in objects and in lights. None where `proceed` says no.
 pub fn sweeps(
     quick: bool,
@@ -114,7 +117,7 @@ pub fn sweeps(
 ) -> Result<Option<Vec<Sweep>>, SpeedupError> {
     let mut sweeps = Vec::new();
     let objects = |count: usize| many(count / 2, count - count / 2, SEED);
-    let axes: [(Axis, &[usize], u64, &dyn Fn(usize) -> Scene); 2] =
+    let axes: [Sweeping; 2] =
         [(Axis::Objects, &OBJECTS, OBJECT_WORK, &objects), (Axis::Lights, &LIGHTS, LIGHT_WORK, &lit)];
     for (axis, counts, work, scene_of) in axes {
         let engines: Vec<Engine> =
@@ -421,9 +424,9 @@ mod tests {
                     touched,
                     cycles_per_pixel: *cycles,
                     cycles_per_pixel_median: *cycles,
-                    clock_per_tick: Some(1.5),
+                    clock_per_tick: 1.5,
                     taken_share: Some(0.0),
-                    core_cycles_per_pixel: Some(1.5 * cycles),
+                    core_cycles_per_pixel: 1.5 * cycles,
                     page_faults: 0.0,
                     bytes_per_cycle: 10.0 * share,
                 })

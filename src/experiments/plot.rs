@@ -92,12 +92,13 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
                 .label(label)
                 .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
         }
-        let of_paper: [(_, _, fn(usize) -> f64); 2] = [
-            ("C, the paper's (right axis)", C_COLOUR, |row| PAPER[row].c / 1e9),
-            ("SIMD, the paper's (right axis)", SIMD_COLOUR, |row| PAPER[row].simd / 1e9),
-        ];
-        for (label, colour, cycles) in of_paper {
-            let points = (0..PAPER.len()).map(|row| (PAPER[row].pixels() as f64 / 1e6, cycles(row)));
+        for (label, colour) in
+            [("C, the paper's (right axis)", C_COLOUR), ("SIMD, the paper's (right axis)", SIMD_COLOUR)]
+        {
+            let points = PAPER.iter().map(|row| {
+                let cycles = if colour == C_COLOUR { row.c } else { row.simd };
+                (row.pixels() as f64 / 1e6, cycles / 1e9)
+            });
             chart
                 .draw_secondary_series(points.map(|point| Cross::new(point, 5, colour.stroke_width(2))))
                 .map_err(PlotError::new)?

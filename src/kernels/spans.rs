@@ -59,7 +59,7 @@ records! {
     /// What all spans begin with.
     Span { j, end, id, near }
     /// A sphere seen from outside and lit by one light, in the short form.
-    LitSpan { j, end, id, near, left, right, h1, h0, q1, q0, k0, k1, red, green, blue }
+    LitSpan { j, end, id, near, left, right, h1, h0, q1, q0, kn, ke, red, green, blue }
     /// A sphere seen from outside.
     OutsideSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y1, y0, z1, z0, cx, cy, cz }
     /// A sphere seen from inside.

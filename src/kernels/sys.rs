@@ -284,8 +284,8 @@ mod guarded {
                 Side::Before => 0,
                 Side::After => inside - size_of_val(values),
             };
-            // SAFETY: `skipped` is at most `inside`. Sizes of T are multiples of its alignment and divide into a page,
-            // so the first element is aligned whichever side it is flush with.
+            // SAFETY: `skipped` is at most `inside`. A page and the size of T are multiples of T's alignment, so that the
+            // first element is aligned whichever side it is flush with.
             let first = unsafe { middle.byte_add(skipped) }.cast::<T>();
             let guarded = Guarded { mapping, bytes, first, len: values.len() };
             // SAFETY: the pages between the two guards are ours.

@@ -170,6 +170,7 @@ plain! {
     f32 = 0.0,
     f64 = 0.0,
     Vec4 = ORIGIN,
+    Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
     Light = Light { position: ORIGIN, radiance: ORIGIN },
     Sphere = Sphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
     Triangle = Triangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },

@@ -14,6 +14,9 @@ use crate::scene::{Camera, Grid, Light, Scene};
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
 const SHORT_FORM_LOSS: f64 = 64.0;
 
+/// A row of more spans than this is left to the depth of each pixel.
+const MOST_CUT: usize = 16;
+
 /// A scene's objects as one camera sees them.
 pub struct Spans<E> {
     camera: Camera,
@@ -51,8 +54,8 @@ struct ShortForm {
     light: DVec3,
     /// What sqrt D is over the root of (j - left) (right - j), in units of x.
     slope: f64,
-    k0: f64,
-    k1: f64,
+    kn: f64,
+    ke: f64,
     weights: DVec3,
 }
 
@@ -155,6 +158,51 @@ impl<E: Element> Spans<E> {
         (start < end).then_some(RowSpan { object, start, end, silhouette })
     }
 
+    /// Cuts spans of triangles where a nearer one covers them: 1/t is linear along a row, so that one which is nearer at
+    /// both ends of what two share is nearer all over it. Gives whether no two spans share a pixel any more; false, with
+    /// nothing changed, where that would take a look at each pixel.
+    pub fn cut_hidden(&self, row: u32, spans: &mut Vec<RowSpan>) -> bool {
+        if spans.len() > MOST_CUT {
+            return false;
+        }
+        let mut visible: Vec<RowSpan> = Vec::with_capacity(2 * spans.len());
+        let mut rest = spans.clone();
+        while let Some(new) = rest.pop() {
+            let Some(at) = visible.iter().position(|old| old.start < new.end && new.start < old.end) else {
+                visible.push(new);
+                continue;
+            };
+            let old = visible.swap_remove(at);
+            let shared = old.start.max(new.start)..old.end.min(new.end);
+            let Some(new_in_front) = self.in_front(row, &new, &old, &shared) else { return false };
+            let (front, back) = if new_in_front { (new, old) } else { (old, new) };
+            // What is left of the one behind may be hidden by others, and the one in front too.
+            let left = RowSpan { end: shared.start, ..back };
+            let right = RowSpan { start: shared.end, ..back };
+            rest.extend([front, left, right].into_iter().filter(|span| span.start < span.end));
+        }
+        visible.sort_unstable_by_key(|span| span.start);
+        *spans = visible;
+        true
+    }
+
+    /// Whether `a` is in front of `b` all over `shared`, or `b` in front of `a`; None where neither is known to be.
+    fn in_front(&self, row: u32, a: &RowSpan, b: &RowSpan, shared: &Range<u32>) -> Option<bool> {
+        let (Shape::Triangle(one), Shape::Triangle(other)) =
+            (&self.objects[a.object].shape, &self.objects[b.object].shape)
+        else {
+            return None;
+        };
+        let nearer = |col: u32| {
+            let d = DVec3::from(self.grid.ray(row, col));
+            let (one, other) = (one.plane.dot(d), other.plane.dot(d));
+            // The first of equals is in front.
+            if a.object < b.object { one >= other } else { one > other }
+        };
+        let (first, last) = (nearer(shared.start), nearer(shared.end - 1));
+        (first == last).then_some(first)
+    }
+
     /// Lends the record from which a kernel shades a span of `row`, with the span's `id` in it; in the short form if
     /// `short` and the object has one.
     #[inline]
@@ -195,7 +243,7 @@ impl<E: Element> Spans<E> {
 }
 
 fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = light.radiance().as_dvec3() * colour;
+    let weights = weights(light, colour);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -207,6 +255,11 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
         padding: 0.0,
     }
     .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -239,16 +292,16 @@ impl Sphere {
             [light] if k > 0.0 => {
                 let l = light.position.as_dvec3() / radius;
                 let light_from_centre = (light.position.as_dvec3() - centre) / radius;
-                let (k0, k1) = (k - c.dot(l), l.dot(l) - k);
+                let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
-                let loss = f64::max((k0.abs() + products) / gap, (k1.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * light.radiance().as_dvec3() * colour;
+                let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+                let weights = 0.5 * weights(light, colour);
                 let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
                 // It does not clamp.
                 let dim = weights.max_element() <= 0.5 * white;
                 let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
-                fine.then_some(ShortForm { light: light_from_centre, slope, k0, k1, weights })
+                fine.then_some(ShortForm { light: light_from_centre, slope, kn, ke, weights })
             }
             _ => None,
         };
@@ -349,8 +402,8 @@ impl Sphere {
             h0: (s.h + self.centre.x * d.x) * scale,
             q1: 2.0 * self.k * form.light.x * step * scale,
             q0: 2.0 * self.k * form.light.dot(d) * scale,
-            k0: 2.0 * form.k0,
-            k1: form.k1,
+            kn: 2.0 * form.kn,
+            ke: form.ke,
             red: form.weights.x,
             green: form.weights.y,
             blue: form.weights.z,
@@ -401,7 +454,8 @@ impl Triangle {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        let size = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
     }
 

@@ -23,8 +23,9 @@ pub trait Tracer: Sync {
     /// The format it computes in; it writes [`PixelFormat::F32x4`] in any case.
     fn writes(&self, format: PixelFormat) -> bool;
 
-    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth;
-    /// bytes are [`level`] of them, and 255 in the fourth.
+    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth.
+    /// Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by estimates that
+    /// are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
     /// Where `out` is not as long as the rows, or of a format that it does not write.

@@ -198,7 +198,7 @@ impl<E: Element> PacketTracer<E> {
             spans.clear();
             spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
             let start = (row - rows.start) as usize * self.width;
-            if overlap(&mut spans) {
+            if overlap(&mut spans) && !plan.cut_hidden(row, &mut spans) {
                 let columns = columns(&spans);
                 let buffers = buffers.get_or_insert_with(|| Row::new(self.width));
                 P::fill(self, &mut out[done..start + columns.start]);

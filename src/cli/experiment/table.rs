@@ -261,16 +261,15 @@ fn jumps_table(jumps: &Jumps) -> String {
             "bytes/cycle",
         ],
     );
-    let known = |value: Option<f64>| value.map_or("n/a".into(), |value| format!("{value:.2}"));
     for row in &jumps.rows {
         table.row(vec![
             format!("{}×{}", row.width, row.height),
             row.engine.into(),
             if row.touched { "touched" } else { "untouched" }.into(),
             format!("{:.2}", row.cycles_per_pixel),
-            known(row.clock_per_tick),
+            format!("{:.3}", row.clock_per_tick),
             row.taken_share.map_or("n/a".into(), |share| format!("{:.0} %", 100.0 * share)),
-            known(row.core_cycles_per_pixel),
+            format!("{:.2}", row.core_cycles_per_pixel),
             format!("{:.0}", row.page_faults),
             format!("{:.3}", row.bytes_per_cycle),
         ]);
@@ -312,6 +311,9 @@ pub(super) fn text(document: &Document, full: bool) -> String {
             "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
         ));
         parts.push(ladder_table(document));
+        if let Some(reason) = &document.uncounted {
+            parts.push(format!("Instructions are not counted: {reason}\n"));
+        }
     }
     if !document.explanations.is_empty() {
         parts.push(explanation(document));

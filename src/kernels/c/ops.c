@@ -1,4 +1,4 @@
-/* ops.c - the operations and intersections of paper.h as functions of their own, one name and meaning with asm/ops/aos.asm. */
+/* ops.c - the operations and intersections of paper.h as functions of their own, named as in asm/ops/aos.asm. */
 #include "paper.h"
 
 #define OP(name, out_type, a_type, b_type)                                                                             \

@@ -1,5 +1,4 @@
-//! What the tests of engines share: every engine that runs here in each of its precisions, and its picture held against
-//! the reference's.
+//! What the tests of engines share: the engines that run here, and their pictures held against the reference's.
 
 use rayo::render::reference::{Object, ReferenceTracer};
 use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};
@@ -39,6 +38,16 @@ impl Contender {
         }
         let Film::Rgba8(film) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::Rgba8) else { unreachable!() };
         film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+    }
+
+    /// The relative error of the light that a surface reflects, in floats or, if it writes some itself, in bytes: some
+    /// roundings; or, in `fast` and in the bytes of `single`, two estimates (of a root and of a reciprocal root) of which
+    /// each may be off by 1.5 x 2^-12, as SSE's rsqrtps is.
+    pub fn shade_error(&self, format: PixelFormat) -> f32 {
+        match (self.precision.name(), format) {
+            ("fast", _) | ("single", PixelFormat::Rgba8) => 2.0 * 1.5 / 4096.0,
+            _ => 1e-5,
+        }
     }
 
     /// Whether it solves eq. 5 as it stands there, in f32: |c|^2 - r^2 cancels for spheres that are small for their

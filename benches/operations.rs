@@ -1,0 +1,169 @@
+//! Every operation and intersection, one group each, with a row per implementation.
+//!
+//! The rows are C, both forms of the macros, the scalar twin, and glam where it has the operation.
+//!
+//! A row goes through 64 inputs, so that nothing is computed beforehand, and writes 64 results: on some CPUs one place
+//! on the stack, written by a kernel and read by its caller each time, costs more than the operation. The kernels'
+//! functions are called, not inlined: `rayo ops` has what the operations take within a kernel. criterion runs the rows
+//! one after the other; ratios to rely on come from `rayo experiment`, which interleaves its contestants.
+
+use std::hint::black_box;
+
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
+use glam::Vec3A;
+#[cfg(rayo_asm)]
+use rayo::kernels::{self, AosKernels, Op, Plain};
+use rayo::kernels::{Light, Sphere, Surface, Triangle, Vec4};
+use rayo::reference::aos::{self, Form};
+use rayo::scene::Rng;
+
+const INPUTS: usize = 64;
+const SEED: u64 = 1;
+
+/// What every operation is fed with: objects that about half of the rays hit.
+struct Inputs {
+    vectors: Vec<Vec4>,
+    others: Vec<Vec4>,
+    scalars: Vec<f32>,
+    rays: Vec<Vec4>,
+    spheres: Vec<Sphere>,
+    triangles: Vec<Triangle>,
+    surfaces: Vec<Surface>,
+    lights: Vec<Light>,
+}
+
+impl Inputs {
+    fn new() -> Self {
+        let mut rng = Rng::new(SEED);
+        let colour = Vec4::new(0.25, 0.5, 1.0);
+        let mut point =
+            |x: f32, near: f32, far: f32| Vec4::new(rng.between(-x, x), rng.between(-x, x), rng.between(near, far));
+        let mut some = |x, near, far| (0..INPUTS).map(|_| point(x, near, far)).collect::<Vec<_>>();
+        let (vectors, others) = (some(9.0, -9.0, 9.0), some(9.0, -9.0, 9.0));
+        let (rays, centres) = (some(0.3, 1.0, 1.0), some(0.5, 4.0, 6.0));
+        let (corners, lamps) = (some(3.0, 4.0, 6.0), some(9.0, -9.0, 0.0));
+        let mut unit = Rng::new(SEED);
+        Inputs {
+            scalars: (0..INPUTS).map(|_| unit.between(-9.0, 9.0)).collect(),
+            spheres: centres.iter().map(|&centre| Sphere { centre, colour, radius: 1.0, padding: [0.0; 3] }).collect(),
+            triangles: (0..INPUTS)
+                .map(|i| {
+                    let [v1, v2, v3] = [0, 1, 2].map(|corner| corners[(i + 7 * corner) % INPUTS]);
+                    Triangle { v1, v2, v3, colour }
+                })
+                .collect(),
+            surfaces: vectors
+                .iter()
+                .zip(&others)
+                .map(|(v, &point)| {
+                    let normal = Vec3A::new(v.x, v.y, v.z).normalize();
+                    Surface { point, normal: Vec4::new(normal.x, normal.y, normal.z), colour }
+                })
+                .collect(),
+            lights: lamps.iter().map(|&position| Light { position, radiance: colour }).collect(),
+            vectors,
+            others,
+            rays,
+        }
+    }
+}
+
+/// A row: `op` of each pair of inputs, into memory of its own.
+fn row<A, B, O: Default>(
+    group: &mut BenchmarkGroup<WallTime>,
+    name: &str,
+    a: &[A],
+    b: &[B],
+    op: impl Fn(&mut O, &A, &B),
+) {
+    let mut results: Vec<_> = a.iter().map(|_| O::default()).collect();
+    group.throughput(Throughput::Elements(a.len() as u64));
+    group.bench_function(name, |bencher| {
+        bencher.iter(|| {
+            for ((a, b), out) in black_box(a).iter().zip(black_box(b)).zip(black_box(&mut results)) {
+                op(out, a, b);
+            }
+            black_box(&results);
+        });
+    });
+}
+
+/// A group with a row for each table of kernels that this CPU runs.
+#[cfg(rayo_asm)]
+fn kernel_rows<A: Plain, B: Plain, O: Plain + Default>(
+    group: &mut BenchmarkGroup<WallTime>,
+    op: impl Fn(&AosKernels) -> Op<A, B, O>,
+    a: &[A],
+    b: &[B],
+) {
+    for (name, kernels) in [("c", Some(kernels::c())), ("paper", kernels::paper()), ("aos", kernels::aos())] {
+        if let Some(op) = kernels.map(&op) {
+            row(group, name, a, b, |out, a, b| op.call_into(out, a, b));
+        }
+    }
+}
+
+fn glam(v: &Vec4) -> Vec3A {
+    Vec3A::from_array([v.x, v.y, v.z])
+}
+
+fn operations(c: &mut Criterion) {
+    let inputs = Inputs::new();
+    let Inputs { vectors, others, scalars, rays, spheres, triangles, surfaces, lights } = &inputs;
+    // glam's vectors stay what they are between operations, as the kernels' do.
+    let (glams, glam_others): (Vec<_>, Vec<_>) =
+        (vectors.iter().map(glam).collect(), others.iter().map(glam).collect());
+    let form = Form::Paper;
+
+    /// A group `$name`: the kernels' rows of that name, the twin, and glam.
+    macro_rules! group {
+        ($name:ident, $a:expr, $b:expr, twin $twin:expr $(, glam $glam_a:expr, $glam_b:expr => $glam:expr)?) => {{
+            let mut group = c.benchmark_group(stringify!($name));
+            #[cfg(rayo_asm)]
+            kernel_rows(&mut group, |kernels| kernels.$name, $a, $b);
+            row(&mut group, "twin", $a, $b, |out, a, b| *out = $twin(a, b));
+            $(row(&mut group, "glam", $glam_a, $glam_b, |out, a, b| *out = $glam(a, b));)?
+            group.finish();
+        }};
+    }
+
+    group!(add, vectors, others, twin |a: &Vec4, b: &Vec4| aos::add(a.lanes(), b.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| *a + *b);
+    group!(sub, vectors, others, twin |a: &Vec4, b: &Vec4| aos::sub(a.lanes(), b.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| *a - *b);
+    group!(scale, vectors, scalars, twin |a: &Vec4, b: &f32| aos::scale(a.lanes(), *b),
+        glam &glams, scalars => |a: &Vec3A, b: &f32| *a * *b);
+    group!(dot, vectors, others, twin |a: &Vec4, b: &Vec4| aos::dot(form, a.lanes(), b.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| a.dot(*b));
+    group!(norm, vectors, others, twin |a: &Vec4, _: &Vec4| aos::norm(form, a.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, _: &Vec3A| a.length());
+    group!(cross, vectors, others, twin |a: &Vec4, b: &Vec4| aos::cross(a.lanes(), b.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, b: &Vec3A| a.cross(*b));
+    group!(normalise, vectors, others, twin |a: &Vec4, _: &Vec4| aos::normalise(form, a.lanes()),
+        glam &glams, &glam_others => |a: &Vec3A, _: &Vec3A| a.normalize());
+
+    let twin = |b: &Sphere| aos::Sphere { centre: b.centre.lanes(), colour: b.colour.lanes(), radius: b.radius };
+    group!(sphere, rays, spheres, twin |a: &Vec4, b: &Sphere| aos::sphere(form, a.lanes(), &twin(b)));
+    let twin = |b: &Triangle| aos::Triangle { vertices: [b.v1, b.v2, b.v3].map(Vec4::lanes), colour: b.colour.lanes() };
+    group!(triangle, rays, triangles, twin |a: &Vec4, b: &Triangle| aos::triangle(form, a.lanes(), &twin(b)));
+    let twin = |sides: u32| {
+        move |a: &Surface, b: &Light| {
+            let surface = aos::Surface { point: a.point.lanes(), normal: a.normal.lanes(), colour: a.colour.lanes() };
+            let light = aos::Light { position: b.position.lanes(), radiance: b.radiance.lanes() };
+            aos::lambert(form, sides, &surface, &light)
+        }
+    };
+    group!(lambert, surfaces, lights, twin twin(1));
+    group!(lambert2, surfaces, lights, twin twin(2));
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(30)
+        .warm_up_time(std::time::Duration::from_millis(300))
+        .measurement_time(std::time::Duration::from_secs(1));
+    targets = operations
+}
+criterion_main!(benches);

@@ -1,0 +1,591 @@
+//! The kernels disassembled: their instructions, symbols and constants, and the counts that the macros' comments give.
+
+#![cfg(all(rayo_asm, target_os = "linux"))]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::ops::Range;
+use std::path::Path;
+use std::process::Command;
+
+use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
+use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
+use rayo::kernels::{self, BROKEN, Isa, OBJECTS};
+
+/// What a unit of kernels may be made of.
+struct Unit {
+    name: &'static str,
+    /// Beyond what every x86-64 CPU has.
+    features: &'static [CpuidFeature],
+    /// Whether all of its vector instructions are VEX or EVEX encoded, or none.
+    vex: bool,
+}
+
+/// Every unit of asm/ that has kernels.
+const UNITS: [Unit; 3] = [
+    Unit { name: "sse41", features: &[CpuidFeature::SSE3, CpuidFeature::SSSE3, CpuidFeature::SSE4_1], vex: false },
+    Unit { name: "avx2", features: &[CpuidFeature::AVX, CpuidFeature::AVX2, CpuidFeature::FMA], vex: true },
+    Unit {
+        name: "avx512",
+        features: &[
+            CpuidFeature::AVX,
+            CpuidFeature::AVX2,
+            CpuidFeature::FMA,
+            CpuidFeature::AVX512F,
+            CpuidFeature::AVX512VL,
+            CpuidFeature::AVX512DQ,
+            CpuidFeature::AVX512BW,
+            CpuidFeature::BMI2,
+        ],
+        vex: true,
+    },
+];
+
+/// The harness of the checked calls, the broken kernels in it: it has instructions of every width.
+const HARNESS: &str = "checked";
+
+/// Objects that are there to be counted or timed, and that no engine calls: tests/ops.rs has them under test.
+const MEASURED: [&str; 7] = ["known", "chains", "O0", "O1", "O2", "O3", "native"];
+
+/// The implementations whose symbols are rayo_<name>_<operation>.
+const IMPLEMENTATIONS: [&str; 3] = ["c", "paper", "aos"];
+
+/// The one kernel that is no leaf: the experiment's, which calls operations in place of pasting them in.
+const CALLS: &str = "rayo_calls_trace";
+/// Where it has them.
+const CALLED: &str = ".text.called";
+
+/// What every x86-64 CPU has; endbr64 is a nop where it is not known.
+const BASELINE: [CpuidFeature; 10] = [
+    CpuidFeature::INTEL8086,
+    CpuidFeature::INTEL186,
+    CpuidFeature::INTEL386,
+    CpuidFeature::INTEL486,
+    CpuidFeature::X64,
+    CpuidFeature::CMOV,
+    CpuidFeature::MULTIBYTENOP,
+    CpuidFeature::SSE,
+    CpuidFeature::SSE2,
+    CpuidFeature::CET_IBT,
+];
+
+/// A unit's machine code and its symbols.
+struct Code64<'a> {
+    file: object::File<'a>,
+}
+
+/// An exported function and its instructions.
+struct Function {
+    name: String,
+    addresses: Range<u64>,
+    instructions: Vec<Instruction>,
+}
+
+impl<'a> Code64<'a> {
+    fn of(unit: &str) -> Code64<'static> {
+        let (_, bytes) = OBJECTS.iter().find(|(name, _)| *name == unit).expect("an object of that name");
+        Code64::new(bytes)
+    }
+
+    fn new(bytes: &'a [u8]) -> Self {
+        Code64 { file: object::File::parse(bytes).expect("an object file") }
+    }
+
+    /// What lies between two addresses of .text.
+    fn decode(&self, addresses: Range<u64>) -> Vec<Instruction> {
+        let text = self.file.section_by_name(".text").expect("code").data().unwrap();
+        let bytes = &text[addresses.start as usize..addresses.end as usize];
+        Decoder::with_ip(64, bytes, addresses.start, DecoderOptions::NONE).into_iter().collect()
+    }
+
+    /// The names of what is exported.
+    fn exported(&self) -> Vec<&str> {
+        let exported = self.file.symbols().filter(|symbol| symbol.is_global() && !symbol.is_undefined());
+        exported.map(|symbol| symbol.name().unwrap()).collect()
+    }
+
+    /// What NASM exports, in the order of addresses: all of it is in one section.
+    fn functions(&self) -> Vec<Function> {
+        let functions = self.exported().into_iter().map(|name| {
+            let symbol = self.file.symbol_by_name(name).unwrap();
+            let addresses = symbol.address()..symbol.address() + symbol.size();
+            let instructions = self.decode(addresses.clone());
+            Function { name: name.to_owned(), addresses, instructions }
+        });
+        let mut functions: Vec<_> = functions.collect();
+        functions.sort_by_key(|function| function.addresses.start);
+        functions
+    }
+
+    fn address(&self, label: &str) -> u64 {
+        let symbol = self.file.symbol_by_name(label);
+        symbol.unwrap_or_else(|| panic!("there is no label {label}")).address()
+    }
+
+    /// What lies between the labels .body and .body_end of a function.
+    fn body(&self, function: &str) -> Vec<Instruction> {
+        let label = |label| self.address(&format!(".L{function}.{label}"));
+        self.decode(label("body")..label("body_end"))
+    }
+}
+
+fn is_vex(instruction: &Instruction) -> bool {
+    instruction.encoding() != EncodingKind::Legacy
+}
+
+/// The instructions that a CPU with `unit.features` alone does not run, or that are encoded in another way.
+fn foreign(unit: &Unit, functions: &[Function]) -> Vec<String> {
+    let allowed = |feature: &CpuidFeature| BASELINE.contains(feature) || unit.features.contains(feature);
+    let mut found = Vec::new();
+    for function in functions {
+        for instruction in &function.instructions {
+            let vector = (0..instruction.op_count()).any(|i| instruction.op_register(i).is_vector_register());
+            if instruction.is_invalid()
+                || !instruction.cpuid_features().iter().all(allowed)
+                || vector && is_vex(instruction) != unit.vex
+            {
+                found.push(format!("{}: {instruction}", function.name));
+            }
+        }
+    }
+    found
+}
+
+/// The returns that no vzeroupper comes before, though vector instructions of VEX or EVEX encoding do.
+fn returns_with_dirty_registers(function: &Function) -> usize {
+    let mut returns = 0;
+    let mut dirty = false;
+    for instruction in &function.instructions {
+        match instruction.mnemonic() {
+            Mnemonic::Vzeroupper | Mnemonic::Vzeroall => dirty = false,
+            Mnemonic::Ret => {
+                returns += usize::from(dirty);
+                // What comes next is reached by a jump from before.
+                dirty = function.instructions.iter().any(is_vex);
+            }
+            _ => dirty |= is_vex(instruction),
+        }
+    }
+    returns
+}
+
+#[test]
+fn every_object_is_under_test() {
+    let mut known: BTreeSet<_> = UNITS.iter().map(|unit| unit.name).collect();
+    known.extend([HARNESS, "trace", "ops"]);
+    known.extend(MEASURED);
+    assert_eq!(OBJECTS.iter().map(|(name, _)| *name).collect::<BTreeSet<_>>(), known);
+}
+
+#[test]
+fn no_unit_has_an_instruction_above_its_instruction_set() {
+    for unit in &UNITS {
+        let none: Vec<String> = Vec::new();
+        assert_eq!(foreign(unit, &Code64::of(unit.name).functions()), none, "{}", unit.name);
+    }
+    let harness = Code64::of(HARNESS).functions();
+    let upper: Vec<_> = harness.into_iter().filter(|function| function.name == "rayo_broken_upper").collect();
+    assert_eq!(foreign(&UNITS[0], &upper).len(), 1, "AVX would be noticed");
+}
+
+#[test]
+fn every_return_of_a_unit_with_vex_instructions_comes_after_vzeroupper() {
+    for unit in &UNITS {
+        for function in Code64::of(unit.name).functions() {
+            assert_eq!(returns_with_dirty_registers(&function), 0, "{}", function.name);
+        }
+    }
+    for function in Code64::of(HARNESS).functions() {
+        let expected = usize::from(function.name == "rayo_broken_upper");
+        assert_eq!(returns_with_dirty_registers(&function), expected, "{}", function.name);
+    }
+}
+
+#[test]
+fn every_kernel_begins_with_endbr64_does_not_fall_off_its_end_and_is_aligned_and_hidden() {
+    for unit in UNITS.iter().map(|unit| unit.name).chain([HARNESS]) {
+        let code = Code64::of(unit);
+        for symbol in code.file.symbols().filter(|symbol| symbol.is_global()) {
+            let name = symbol.name().unwrap();
+            assert!(name.starts_with("rayo_"), "{unit}: {name}");
+            assert!(symbol.size() > 0, "{unit}: {name} has no size");
+            assert_eq!(symbol.kind(), object::SymbolKind::Text, "{unit}: {name}");
+            assert_eq!(symbol.address() % 32, 0, "{unit}: {name}");
+            let SymbolFlags::Elf { st_other, .. } = symbol.flags() else { panic!("not ELF") };
+            assert_eq!(st_other.visibility(), elf::STV_HIDDEN, "{unit}: {name} is visible to other libraries");
+        }
+        for function in code.functions() {
+            let [first, .., last] = &function.instructions[..] else { panic!("{} is too short", function.name) };
+            assert_eq!(first.code(), Code::Endbr64, "{}", function.name);
+            let leaves = [FlowControl::Return, FlowControl::UnconditionalBranch].contains(&last.flow_control());
+            assert!(leaves, "{} falls off its end: {last}", function.name);
+            assert_eq!(last.next_ip(), function.addresses.end, "{}", function.name);
+        }
+    }
+}
+
+#[test]
+fn kernels_are_leaves_and_jump_only_within_themselves() {
+    for unit in &UNITS {
+        for function in Code64::of(unit.name).functions() {
+            for instruction in &function.instructions {
+                let inside = function.addresses.contains(&instruction.near_branch_target());
+                let fine = match instruction.flow_control() {
+                    FlowControl::Next | FlowControl::Return => true,
+                    FlowControl::ConditionalBranch | FlowControl::UnconditionalBranch => inside,
+                    FlowControl::Call => function.name == CALLS,
+                    _ => false,
+                };
+                assert!(fine, "{}: {instruction}", function.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn no_code_lies_between_the_kernels_but_padding() {
+    for unit in UNITS.iter().map(|unit| unit.name).chain([HARNESS]) {
+        let code = Code64::of(unit);
+        let mut end = 0;
+        for function in code.functions() {
+            let gap = code.decode(end..function.addresses.start);
+            assert!(gap.iter().all(|i| i.mnemonic() == Mnemonic::Nop), "{unit}: code before {}", function.name);
+            end = function.addresses.end;
+        }
+        assert_eq!(end, code.file.section_by_name(".text").unwrap().size(), "{unit}: code after the last function");
+    }
+}
+
+#[test]
+fn every_unit_is_position_independent_and_asks_for_no_executable_stack() {
+    for unit in UNITS.iter().map(|unit| unit.name).chain([HARNESS]) {
+        let code = Code64::of(unit);
+        for section in code.file.sections() {
+            let name = section.name().unwrap();
+            for (offset, relocation) in section.relocations() {
+                assert_eq!(relocation.kind(), RelocationKind::Relative, "{unit}: {name}+{offset:#x}");
+            }
+        }
+        let note = code.file.section_by_name(".note.GNU-stack").expect("the note about the stack");
+        let SectionFlags::Elf { sh_flags, .. } = note.flags() else { panic!("not ELF") };
+        assert_eq!(sh_flags & elf::SHF_EXECINSTR, elf::SectionFlags(0), "{unit}");
+    }
+}
+
+#[test]
+fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with() {
+    for unit in &UNITS {
+        let code = Code64::of(unit.name);
+        let rodata = code.file.section_by_name(".rodata").expect("constants");
+        assert_eq!(rodata.align(), 64, "{}", unit.name);
+        let text = code.file.section_by_name(".text").unwrap();
+        let instructions: Vec<_> = code.functions().into_iter().flat_map(|function| function.instructions).collect();
+        let mut read = 0;
+        for (offset, relocation) in text.relocations() {
+            let instruction = instructions
+                .iter()
+                .find(|i| (i.ip()..i.next_ip()).contains(&offset))
+                .expect("an instruction that the relocation is in");
+            let (section, base) = match relocation.target() {
+                RelocationTarget::Symbol(index) => {
+                    let symbol = code.file.symbol_by_index(index).unwrap();
+                    (symbol.section_index().expect("a constant of this unit"), symbol.address())
+                }
+                target => panic!("{}: {instruction} needs {target:?}", unit.name),
+            };
+            if instruction.flow_control() == FlowControl::Call {
+                let called = code.file.section_by_name(CALLED).expect("what is called");
+                assert_eq!(section, called.index(), "{}: {instruction}", unit.name);
+                continue;
+            }
+            assert_eq!(section, rodata.index(), "{}: {instruction}", unit.name);
+            // The CPU adds the distance to the address of the next instruction, the linker to that of the distance.
+            let rest = instruction.next_ip() - offset;
+            let address = base.wrapping_add_signed(relocation.addend()).wrapping_add(rest);
+            let size = instruction.memory_size().size() as u64;
+            assert!(size > 0 && address + size <= rodata.size(), "{}: {instruction} at {address}", unit.name);
+            assert_eq!(address % size, 0, "{}: {instruction} reads {size} bytes at {address}", unit.name);
+            read += 1;
+        }
+        assert!(read > 0, "{} reads no constant", unit.name);
+    }
+}
+
+/// The symbols of the packet kernels, in the lists of src/kernels/packet.rs.
+fn packets() -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for isa in Isa::ALL {
+        names.insert(format!("rayo_{isa}_fill"));
+        for (element, fast) in [("single", "_fast"), ("double", "")] {
+            let mut kernel = |name: String| names.insert(format!("rayo_{isa}_{element}_{name}"));
+            for body in ["outside", "inside", "triangle"] {
+                for output in ["f32x4", "rgba8", "planes", "depth"] {
+                    kernel(format!("{body}_{output}"));
+                }
+                kernel(format!("{body}_f32x4{fast}"));
+                kernel(format!("{body}_planes{fast}"));
+            }
+            for name in ["lit_f32x4", "lit_rgba8", "grey_rgba8", "emit_f32x4", "emit_rgba8"] {
+                kernel(name.to_owned());
+            }
+            kernel(format!("lit_f32x4{fast}"));
+        }
+    }
+    names
+}
+
+#[test]
+fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
+    let mut expected = BTreeSet::from(["rayo_checked_call".to_owned(), CALLS.to_owned()]);
+    let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
+    expected.extend(rules.chain(["read".into(), "write".into()]).map(|rule| format!("rayo_broken_{rule}")));
+    for implementation in IMPLEMENTATIONS {
+        let ops = kernels::c().ops().map(|(name, _)| name);
+        expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
+    }
+    expected.extend(packets());
+    let mut found = BTreeSet::new();
+    for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
+        for name in Code64::of(unit).exported() {
+            assert!(found.insert(name.to_owned()), "{name} is there twice");
+        }
+    }
+    assert_eq!(found, expected);
+}
+
+/// A documented number of instructions: `(macro, form, of what)`, where the form is empty if there is one for all, and
+/// `of what` is empty for the whole.
+type Count = (String, String, String);
+
+/// The numbers in the comments above the paper's macros, `*_aos.inc`, and those that begin and end a function.
+///
+/// After the word `instructions` come forms, apart by two spaces or by lines, each as
+/// `<name>[, <name>...] <number>[, <number> <of what>...] [(<which ones>)]`, without a name where all forms have it.
+fn documented() -> BTreeMap<Count, usize> {
+    let mut counts = BTreeMap::new();
+    for entry in fs::read_dir(asm().join("include")).unwrap() {
+        let path = entry.unwrap().path();
+        let file = path.file_name().unwrap().to_str().unwrap();
+        if file != "isa.inc" && !file.ends_with("_aos.inc") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let lines: Vec<_> = text.lines().collect();
+        for (at, line) in lines.iter().enumerate() {
+            let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) else {
+                continue;
+            };
+            if file == "isa.inc" && !["FUNC", "ENDFUNC", "END"].contains(&name) {
+                continue;
+            }
+            let above = lines[..at].iter().rev().take_while(|line| line.starts_with(';')).count();
+            let comment = &lines[at - above..at];
+            let from = comment.iter().position(|line| line.starts_with(";   instructions "));
+            let from = from.unwrap_or_else(|| panic!("the comment of {name} does not count its instructions"));
+            let first = comment[from].replacen("instructions", "", 1);
+            let more = comment[from + 1..].iter().take_while(|line| line.starts_with(";                  "));
+            for line in [first.as_str()].into_iter().chain(more.copied()) {
+                for (form, of, count) in counts_of_line(line.trim_start_matches(';')) {
+                    let before = counts.insert((name.to_owned(), form, of), count);
+                    assert_eq!(before, None, "{name} is counted twice");
+                }
+            }
+        }
+    }
+    counts
+}
+
+/// The forms, what is counted and the numbers of one line, see [`documented`].
+fn counts_of_line(line: &str) -> Vec<(String, String, usize)> {
+    let mut plain = String::new();
+    let mut depth = 0;
+    for c in line.chars() {
+        depth += i32::from(c == '(');
+        if depth == 0 {
+            plain.push(c);
+        }
+        depth -= i32::from(c == ')');
+    }
+    assert_eq!(depth, 0, "an open parenthesis: {line}");
+    let mut counts = Vec::new();
+    for part in plain.split("  ").map(str::trim).filter(|part| !part.is_empty()) {
+        // A form's name may have digits in it: the first number is the first word that is one.
+        let mut words = part.split_inclusive(' ').scan(0, |at, word| {
+            *at += word.len();
+            Some((*at - word.len(), word))
+        });
+        let number = words.find(|(_, word)| word.trim_end_matches([' ', ',']).parse::<usize>().is_ok());
+        let (start, _) = number.unwrap_or_else(|| panic!("no number in `{part}`"));
+        let (forms, numbers) = part.split_at(start);
+        for number in numbers.split(", ") {
+            let (count, of) = number.split_once(' ').unwrap_or((number, ""));
+            let count = count.parse().unwrap_or_else(|_| panic!("not a number in `{part}`"));
+            for form in forms.trim().split(", ") {
+                counts.push((form.to_owned(), of.to_owned(), count));
+            }
+        }
+    }
+    counts
+}
+
+fn asm() -> &'static Path {
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/asm"))
+}
+
+/// The forms of the macros, and the implementations that are made of them.
+const FORMS: [(&str, &str); 2] = [("paper", "paper"), ("best", "aos")];
+
+/// The macros that an operation of asm/ops exercises alone, the operation, and of what the whole of it is the count.
+const OPERATIONS: [(&str, &str, &str); 11] = [
+    ("VEC_ADD", "add", ""),
+    ("VEC_SUB", "sub", ""),
+    ("VEC_SCALE", "scale", ""),
+    ("VEC_DOT", "dot", ""),
+    ("VEC_NORM", "norm", ""),
+    ("VEC_CROSS", "cross", ""),
+    ("VEC_NORMALISE", "normalise", ""),
+    ("SPHERE_HIT", "sphere", ""),
+    ("TRIANGLE_HIT", "triangle", ""),
+    ("LAMBERT", "lambert", ""),
+    ("LAMBERT", "lambert2", "with two sides"),
+];
+
+/// The other macros, each used once in a function of its own.
+const SNIPPETS: [(&str, &str); 6] = [
+    ("OPERATION", "OPERATION\nEND_OPERATION"),
+    ("END_OPERATION", "OPERATION\nEND_OPERATION"),
+    ("DISTINCT", "DISTINCT xmm0, xmm1"),
+    ("VEC_SUM", "VEC_SUM xmm0, xmm1"),
+    ("PLANE_NORMAL", "PLANE_NORMAL xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
+    ("SAME_SIDE", "SAME_SIDE [rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
+];
+
+/// Assembles macro calls, each in a function rayo_<name>, in the form that `best` says.
+fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
+    let mut source = String::from("%define ISA sse41\n");
+    for include in ["isa", "layout", "vec3_aos", "sphere_aos", "triangle_aos", "lambert_aos", "constants"] {
+        source += &format!("%include \"include/{include}.inc\"\n");
+    }
+    source += &format!("%assign AOS_BEST {}\n", u8::from(best));
+    for (name, call) in calls {
+        source += &format!("FUNC {name}\n.body:\n{call}\n.body_end:\nENDFUNC\n");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("snippets.asm"), folder.path().join("snippets.o"));
+    fs::write(&input, source).unwrap();
+    let nasm = std::env::var("NASM").unwrap_or("nasm".into());
+    let done = Command::new(nasm)
+        .args(["-f", "elf64", "-o"])
+        .arg(&output)
+        .arg("-i")
+        .arg(format!("{}/", asm().display()))
+        .arg(&input)
+        .output()
+        .expect("NASM, which the kernels were built with: name it in the variable NASM");
+    if done.status.success() { Ok(fs::read(output).unwrap()) } else { Err(String::from_utf8(done.stderr).unwrap()) }
+}
+
+/// The instructions of every macro, counted in the code.
+fn counted() -> BTreeMap<Count, usize> {
+    let mut counts = BTreeMap::new();
+    let mut count = |name: &str, form: &str, of: &str, instructions: usize| {
+        counts.insert((name.to_owned(), form.to_owned(), of.to_owned()), instructions);
+    };
+    let code = Code64::of("sse41");
+    for (form, implementation) in FORMS {
+        for (name, op, of) in OPERATIONS {
+            let body = code.body(&format!("rayo_{implementation}_{op}"));
+            count(name, form, of, body.len());
+            if name == "SPHERE_HIT" {
+                let end = body.last().unwrap().next_ip();
+                let inside = body[0].ip()..=end;
+                let until = |leaves: &dyn Fn(u64) -> bool| {
+                    let jump = |i: &Instruction| {
+                        i.flow_control() == FlowControl::ConditionalBranch && leaves(i.near_branch_target())
+                    };
+                    body.iter().position(jump).expect("a jump") + 1
+                };
+                count(name, form, "on the way to a miss", until(&|target| !inside.contains(&target)));
+                count(name, form, "to the near wall", until(&|target| target == end));
+            }
+        }
+        let bytes = assemble(form == "best", &SNIPPETS).unwrap();
+        let snippets = Code64::new(&bytes);
+        for (name, _) in SNIPPETS {
+            count(name, form, "", snippets.body(&format!("rayo_{name}")).len());
+        }
+        for function in snippets.functions() {
+            let label = |label| snippets.address(&format!(".L{}.{label}", function.name));
+            count("FUNC", form, "", snippets.decode(function.addresses.start..label("body")).len());
+            let end = snippets.decode(label("body_end")..function.addresses.end);
+            count("ENDFUNC", form, "", end.len());
+            let after_return = end.iter().skip_while(|i| i.flow_control() != FlowControl::Return).skip(1);
+            count("END", form, "", after_return.count());
+        }
+    }
+    counts
+}
+
+#[test]
+fn every_documented_number_of_instructions_is_that_of_the_code() {
+    let (documented, counted) = (documented(), counted());
+    let mut wrong = Vec::new();
+    let mut unchecked: BTreeSet<_> = documented.keys().collect();
+    for ((name, form, of), count) in &counted {
+        let own = (name.clone(), form.clone(), of.clone());
+        let common = (name.clone(), String::new(), of.clone());
+        let said = documented.get_key_value(&own).or(documented.get_key_value(&common));
+        if let Some((key, _)) = said {
+            unchecked.remove(key);
+        }
+        if said.map(|(_, count)| count) != Some(count) {
+            wrong.push(format!("{name} {form} {of}: {count}, and the comment says {:?}", said.map(|(_, count)| count)));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(unchecked.is_empty(), "these numbers have no code to compare them with: {unchecked:#?}");
+}
+
+#[test]
+fn the_papers_operations_take_as_many_instructions_as_the_paper_counts() {
+    let code = Code64::of("sse41");
+    for (op, instructions) in [("add", 1), ("sub", 1), ("scale", 2), ("dot", 3), ("norm", 4), ("cross", 7)] {
+        assert_eq!(code.body(&format!("rayo_paper_{op}")).len(), instructions, "{op}");
+    }
+}
+
+#[test]
+fn a_line_of_counts_is_read_with_its_forms_and_its_parts() {
+    let read = |line| {
+        let counts = counts_of_line(line);
+        counts.iter().map(|(form, of, count)| format!("{form}|{of}|{count}")).collect::<Vec<_>>().join(" ")
+    };
+    assert_eq!(read("   1"), "||1");
+    assert_eq!(read(" 1 (endbr64, for CPUs that check)"), "||1");
+    assert_eq!(read(" paper 3 (mul, 2 hadd)    best 5"), "paper||3 best||5");
+    assert_eq!(read(" paper 18, 19 with two sides"), "paper||18 paper|with two sides|19");
+    assert_eq!(read(" sse41 8 (3 mul,  5 more)   avx2, avx512 3"), "sse41||8 avx2||3 avx512||3");
+}
+
+#[test]
+fn a_macro_refuses_registers_that_must_not_be_the_same() {
+    for (best, call) in [
+        (false, "VEC_SCALE xmm1, xmm1"),
+        (false, "VEC_SCALE xmm1, XMM1"),
+        (true, "VEC_SUM xmm1, xmm1"),
+        (true, "VEC_DOT xmm1, xmm2, xmm1"),
+        (true, "VEC_DOT xmm1, xmm2, xmm2"),
+        (true, "VEC_NORM xmm1, xmm1"),
+        (false, "VEC_CROSS xmm1, xmm1, xmm2, xmm3, xmm4"),
+        (true, "VEC_CROSS xmm1, xmm2, xmm1, xmm3, xmm4"),
+        (true, "VEC_CROSS xmm1, xmm2, xmm3, xmm2, xmm4"),
+        (false, "VEC_CROSS xmm1, xmm2, xmm3, xmm4, xmm4"),
+        (true, "VEC_NORMALISE xmm1, xmm1, xmm2"),
+        (true, "VEC_NORMALISE xmm1, xmm2, xmm1"),
+        (true, "VEC_NORMALISE xmm1, xmm2, xmm2"),
+    ] {
+        let Err(message) = assemble(best, &[("refused", call)]) else { panic!("{call} is not refused") };
+        assert!(message.contains("this macro needs two different registers"), "{call}: {message}");
+    }
+    assemble(true, &[("fine", "VEC_DOT xmm1, xmm1, xmm2")]).unwrap();
+}

@@ -1,0 +1,183 @@
+//! Every kernel under a checked call and between guard pages; and kernels that break the rules, to see that we notice.
+
+#![cfg(all(rayo_asm, unix))]
+// Two of the deliberately broken kernels touch memory that is not theirs, in a process of their own.
+#![allow(unsafe_code)]
+
+mod kernel_cases;
+
+use kernel_cases::{Input, Numbers, implementations, seed};
+use rayo::kernels::sys::{Guarded, Side, survives};
+use rayo::kernels::{
+    BROKEN, Fault, Frame, Light, Objects, Op, OpRef, Plain, Sphere, Triangle, Vec4, broken_read, broken_write,
+};
+use rayo::scene::Rng;
+
+const SIDES: [Side; 2] = [Side::Before, Side::After];
+
+/// Inputs that take each way through an operation: intersections hit and miss, from outside and inside.
+fn inputs(op: OpRef, rng: &mut Rng) -> Vec<Input> {
+    let mut inputs: Vec<_> = (0..32).map(|_| Input::aimed(op, rng)).collect();
+    for numbers in Numbers::ALL {
+        inputs.extend((0..8).map(|_| Input::random(op, numbers, true, rng)));
+    }
+    inputs
+}
+
+/// Lists of different lengths, none among them.
+fn scenes() -> Vec<(Vec<Light>, Vec<Sphere>, Vec<Triangle>)> {
+    let lights = [Light { position: Vec4::new(-3.0, 4.0, 0.0), radiance: Vec4::new(0.5, 0.75, 1.0) }; 3];
+    let spheres = [5.0, 3.0].map(|z| kernel_cases::sphere(Vec4::new(0.25, 0.0, z), 1.0));
+    let corners = [Vec4::new(-4.0, -2.0, 4.0), Vec4::new(4.0, -2.0, 4.0), Vec4::new(0.0, 3.0, 4.0)];
+    let triangles = [kernel_cases::triangle(corners)];
+    let lengths = [(0, 0, 0), (0, 1, 1), (1, 1, 0), (1, 0, 1), (2, 2, 1), (3, 0, 0)];
+    let scene =
+        |(l, s, t): (usize, usize, usize)| (lights[..l].to_vec(), spheres[..s].to_vec(), triangles[..t].to_vec());
+    lengths.map(scene).to_vec()
+}
+
+/// A view of 90 degrees and more.
+fn frame(width: u64, height: u32) -> Frame {
+    let step = 2.0 / width as f32;
+    Frame { step, half_width: 1.0, half_height: step * height as f32 / 2.0, focal: 1.0, width }
+}
+
+#[test]
+fn every_operation_keeps_the_calling_convention() {
+    let mut rng = Rng::new(seed());
+    for (implementation, kernels) in implementations() {
+        for (name, op) in kernels.ops() {
+            for input in inputs(op, &mut rng) {
+                assert_eq!(kernel_cases::call(op, &input).1, Ok(()), "{implementation} {name} for {input:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_tracer_keeps_the_calling_convention() {
+    for (implementation, kernels) in implementations() {
+        for (lights, spheres, triangles) in scenes() {
+            let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
+            for (width, height) in [(1, 1), (2, 3), (17, 5), (64, 2)] {
+                let mut film = vec![Vec4::from([f32::NAN; 4]); width as usize * height as usize];
+                let kept = kernels.trace.call_checked(&frame(width, height), objects, 0..height, &mut film);
+                assert_eq!(kept, Ok(()), "{implementation} at {width}x{height}, {objects:?}");
+                let mut unchecked = film.clone();
+                kernels.trace.call(&frame(width, height), objects, 0..height, &mut unchecked);
+                assert_eq!(film, unchecked, "{implementation}: a checked call computes what any call does");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_broken_kernel_is_caught_with_the_one_rule_that_it_breaks() {
+    let rules: Vec<_> = BROKEN.iter().map(|broken| broken.breaks).collect();
+    assert_eq!(rules, Fault::ALL, "there is a broken kernel for every rule");
+    for broken in BROKEN.iter().filter(|broken| broken.usable()) {
+        assert_eq!(broken.call_checked(), Err(vec![broken.breaks]));
+        // What it broke is put right: the next one is judged by what it does itself.
+        let mut sum = Vec4::default();
+        let one = Vec4::new(1.0, 1.0, 1.0);
+        assert_eq!(rayo::kernels::c().add.call_checked(&mut sum, &one, &one), Ok(()), "after {:?}", broken.breaks);
+        assert_eq!(sum, Vec4::new(2.0, 2.0, 2.0));
+    }
+}
+
+/// Calls `op` with all of its memory flush with guard pages on `side`, first in a process that may die of it.
+fn fenced<A: Plain, B: Plain, O: Plain>(op: Op<A, B, O>, a: &A, b: &B, side: Side) -> Option<O> {
+    let a = Guarded::new(std::slice::from_ref(a), side).unwrap();
+    let b = Guarded::new(std::slice::from_ref(b), side).unwrap();
+    let mut out = Guarded::new(&[O::ZERO], side).unwrap();
+    survives(|| op.call_into(&mut out[0], &a[0], &b[0])).unwrap().then(|| {
+        op.call_into(&mut out[0], &a[0], &b[0]);
+        out[0]
+    })
+}
+
+#[test]
+fn no_operation_touches_memory_beside_its_arguments() {
+    let mut rng = Rng::new(seed());
+    let scalar = |x: f32| Vec4 { x, ..Vec4::default() };
+    for (implementation, kernels) in implementations() {
+        for (name, op) in kernels.ops() {
+            for (side, case) in SIDES.into_iter().flat_map(|side| [(side, 0), (side, 1), (side, 2), (side, 3)]) {
+                let input = Input::aimed(op, &mut rng);
+                let found = match (op, &input) {
+                    (OpRef::Vector(op), Input::Vectors(a, b)) => fenced(op, a, b, side),
+                    (OpRef::Scale(op), Input::Scale(a, b)) => fenced(op, a, b, side),
+                    (OpRef::Lambert(op), Input::Lambert(a, b)) => fenced(op, a, b, side),
+                    (OpRef::Scalar(op), Input::Vectors(a, b)) => fenced(op, a, b, side).map(scalar),
+                    (OpRef::Sphere(op), Input::Sphere(a, b)) => fenced(op, a, b, side).map(scalar),
+                    (OpRef::Triangle(op), Input::Triangle(a, b)) => fenced(op, a, b, side).map(scalar),
+                    _ => unreachable!("aimed() gives what the operation takes"),
+                };
+                let what = format!("{implementation} {name}, the guard page {side:?}, case {case}: {input:?}");
+                let found = found.unwrap_or_else(|| panic!("touches the guard page: {what}"));
+                assert_eq!(found, kernel_cases::call(op, &input).0, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_tracer_touches_memory_beside_its_frame_its_lists_and_its_rows() {
+    for (implementation, kernels) in implementations() {
+        for side in SIDES {
+            for (lights, spheres, triangles) in scenes() {
+                let lights = Guarded::new(&lights, side).unwrap();
+                let spheres = Guarded::new(&spheres, side).unwrap();
+                let triangles = Guarded::new(&triangles, side).unwrap();
+                let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
+                for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5)] {
+                    let frame = Guarded::new(&[frame(width, rows.end)], side).unwrap();
+                    let pixels = width as usize * rows.len();
+                    let mut film = Guarded::new(&vec![Vec4::from([f32::NAN; 4]); pixels], side).unwrap();
+                    let mut trace = || kernels.trace.call(&frame[0], objects, rows.clone(), &mut film);
+                    let what =
+                        format!("{implementation}, {width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
+                    assert!(survives(&mut trace).unwrap(), "touches the guard page: {what}");
+                    trace();
+                    assert!(
+                        film.iter().all(|pixel| !pixel.x.is_nan() && pixel.w == 0.0),
+                        "a pixel is left out: {what}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_kernel_that_reads_or_writes_past_its_arguments_faults_at_the_guard_page() {
+    let one = Vec4::new(1.0, 2.0, 3.0);
+    // SAFETY: they are called with room for what they touch, or in a process of their own that is to fault.
+    let (read, write) = unsafe { (broken_read(), broken_write()) };
+    for (what, op, read_room, write_room, fine) in [
+        ("reads past a", read, 1, 1, false),
+        ("reads past a, where there is room", read, 2, 1, true),
+        ("writes past out", write, 1, 1, false),
+        ("writes past out, where there is room", write, 1, 2, true),
+    ] {
+        let a = Guarded::new(&vec![one; read_room], Side::After).unwrap();
+        let mut out = Guarded::new(&vec![one; write_room], Side::After).unwrap();
+        assert_eq!(survives(|| op.call_into(&mut out[0], &a[0], &one)).unwrap(), fine, "{what}");
+    }
+}
+
+#[test]
+fn a_guard_page_faults_on_either_side_and_only_beyond_the_values() {
+    let values = [Vec4::new(1.0, 2.0, 3.0); 3];
+    for (side, beyond) in [(Side::Before, -1), (Side::After, 3)] {
+        let guarded = Guarded::new(&values, side).unwrap();
+        assert_eq!(*guarded, values);
+        let read = |index: isize| {
+            // SAFETY: within the values, or in a process of its own that is to fault.
+            let touch = || _ = unsafe { guarded.as_ptr().wrapping_offset(index).read_volatile() };
+            survives(touch).unwrap()
+        };
+        assert!([0, 1, 2].into_iter().all(read), "{side:?}");
+        assert!(!read(beyond), "{side:?}");
+    }
+}

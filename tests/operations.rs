@@ -1,0 +1,417 @@
+//! Every operation and tracer of one vector per register against its scalar twin, to the last bit.
+//!
+//! All of them use + - x / and roots alone, correctly rounded, in an order that the twin follows, so that there is one
+//! right answer. The payload of a NaN is left open: any NaN equals any NaN.
+
+#![cfg(rayo_asm)]
+
+mod kernel_cases;
+
+use std::ops::Range;
+
+use kernel_cases::{Input, Numbers, choose, implementations, seed};
+use rayo::kernels::{Frame, Light, Objects, OpRef, Sphere, Trace, Triangle, Vec4};
+use rayo::plan::Packed;
+use rayo::reference::aos::{self, Form, Lanes};
+use rayo::reference::paper_c;
+use rayo::scene::{Camera, Rng, many};
+
+/// What an implementation must equal.
+#[derive(Clone, Copy, Debug)]
+enum Twin {
+    /// `reference::aos`.
+    Macros(Form),
+    /// `reference::paper_c`, which says why C equals it to the last bit though it calls `pow`.
+    C,
+}
+
+impl Twin {
+    fn of(implementation: &str) -> Twin {
+        match implementation {
+            "c" => Twin::C,
+            "paper" => Twin::Macros(Form::Paper),
+            "aos" => Twin::Macros(Form::Best),
+            _ => panic!("the kernels of `{implementation}` need a twin"),
+        }
+    }
+
+    /// What the operation `name` makes of `input`, a scalar in the first lane.
+    fn op(self, name: &str, input: &Input) -> Lanes<f32> {
+        let scalar = |x| [x, 0.0, 0.0, 0.0];
+        match (name, *input) {
+            ("add", Input::Vectors(a, b)) => aos::add(a.lanes(), b.lanes()),
+            ("sub", Input::Vectors(a, b)) => aos::sub(a.lanes(), b.lanes()),
+            ("scale", Input::Scale(a, b)) => aos::scale(a.lanes(), b),
+            ("dot", Input::Vectors(a, b)) => scalar(match self {
+                Twin::Macros(form) => aos::dot(form, a.lanes(), b.lanes()),
+                Twin::C => paper_c::dot(a.lanes(), b.lanes()),
+            }),
+            ("norm", Input::Vectors(a, _)) => scalar(match self {
+                Twin::Macros(form) => aos::norm(form, a.lanes()),
+                Twin::C => paper_c::norm(a.lanes()),
+            }),
+            ("cross", Input::Vectors(a, b)) => match self {
+                Twin::Macros(_) => aos::cross(a.lanes(), b.lanes()),
+                Twin::C => paper_c::cross(a.lanes(), b.lanes()),
+            },
+            ("normalise", Input::Vectors(a, _)) => match self {
+                Twin::Macros(form) => aos::normalise(form, a.lanes()),
+                Twin::C => paper_c::normalise(a.lanes()),
+            },
+            ("sphere", Input::Sphere(a, b)) => scalar(match self {
+                Twin::Macros(form) => aos::sphere(form, a.lanes(), &twin_of_sphere(&b)),
+                Twin::C => paper_c::sphere(a.lanes(), &twin_of_sphere(&b)),
+            }),
+            ("triangle", Input::Triangle(a, b)) => scalar(match self {
+                Twin::Macros(form) => aos::triangle(form, a.lanes(), &twin_of_triangle(&b)),
+                Twin::C => paper_c::triangle(a.lanes(), &twin_of_triangle(&b)),
+            }),
+            ("lambert" | "lambert2", Input::Lambert(a, b)) => {
+                let sides = if name == "lambert" { 1 } else { 2 };
+                let surface =
+                    aos::Surface { point: a.point.lanes(), normal: a.normal.lanes(), colour: a.colour.lanes() };
+                match self {
+                    // The macro adds to what there is: here to 0, which makes a -0 a 0.
+                    Twin::Macros(form) => aos::add([0.0; 4], aos::lambert(form, sides, &surface, &twin_of_light(&b))),
+                    Twin::C => paper_c::lambert(sides, &surface, &twin_of_light(&b)),
+                }
+            }
+            _ => panic!("the operation `{name}` needs a twin for {input:?}"),
+        }
+    }
+
+    /// The pixels of `rows`.
+    fn trace(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes<f32>> {
+        let lights: Vec<_> = objects.lights.iter().map(twin_of_light).collect();
+        let spheres: Vec<_> = objects.spheres.iter().map(twin_of_sphere).collect();
+        let triangles: Vec<_> = objects.triangles.iter().map(twin_of_triangle).collect();
+        let pixels = rows.flat_map(|row| (0..frame.width).map(move |col| (row, col)));
+        let pixel = |(row, col)| {
+            let centre = |i: f32| frame.step * (i + 0.5);
+            let (x, y) = (centre(col as f32) - frame.half_width, frame.half_height - centre(row as f32));
+            let ray = [x, y, frame.focal, 0.0];
+            match self {
+                Twin::Macros(form) => aos::trace(form, ray, &lights, &spheres, &triangles),
+                Twin::C => paper_c::trace(ray, &lights, &spheres, &triangles),
+            }
+        };
+        pixels.map(pixel).collect()
+    }
+}
+
+fn twin_of_light(light: &Light) -> aos::Light<f32> {
+    aos::Light { position: light.position.lanes(), radiance: light.radiance.lanes() }
+}
+
+fn twin_of_sphere(sphere: &Sphere) -> aos::Sphere<f32> {
+    aos::Sphere { centre: sphere.centre.lanes(), colour: sphere.colour.lanes(), radius: sphere.radius }
+}
+
+fn twin_of_triangle(triangle: &Triangle) -> aos::Triangle<f32> {
+    let vertices = [triangle.v1, triangle.v2, triangle.v3].map(Vec4::lanes);
+    aos::Triangle { vertices, colour: triangle.colour.lanes() }
+}
+
+/// Whether two results are the same number, with its sign, or both are NaN.
+fn same(a: Lanes<f32>, b: Lanes<f32>) -> bool {
+    a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan())
+}
+
+fn call(op: OpRef, input: &Input) -> Lanes<f32> {
+    kernel_cases::call(op, input).0.lanes()
+}
+
+/// Cases of each source of numbers, with and without a w of its own.
+const CASES: u32 = 5_000;
+
+#[test]
+fn every_operation_equals_its_twin_to_the_last_bit() {
+    let seed = seed();
+    for (implementation, kernels) in implementations() {
+        let twin = Twin::of(implementation);
+        for (name, op) in kernels.ops() {
+            let mut rng = Rng::new(seed);
+            let check = |what: String, input: Input| {
+                let (found, expected) = (call(op, &input), twin.op(name, &input));
+                assert!(
+                    same(found, expected),
+                    "{implementation} {name}, {what}: {found:?} instead of {expected:?} for {input:?}"
+                );
+            };
+            for (numbers, any_w) in Numbers::ALL.iter().flat_map(|numbers| [(*numbers, false), (*numbers, true)]) {
+                for case in 0..CASES {
+                    let input = Input::random(op, numbers, any_w, &mut rng);
+                    check(format!("case {case} of {numbers:?}"), input);
+                }
+            }
+            for case in 0..4 * CASES {
+                check(format!("aimed case {case}"), Input::aimed(op, &mut rng));
+            }
+        }
+    }
+}
+
+#[test]
+fn aimed_rays_hit_and_miss_from_outside_and_from_inside() {
+    let mut rng = Rng::new(seed());
+    for (implementation, kernels) in implementations() {
+        for (name, op) in kernels.ops().filter(|(name, _)| ["sphere", "triangle"].contains(name)) {
+            let (mut hits, mut inside) = (0, 0);
+            for _ in 0..CASES {
+                let input = Input::aimed(op, &mut rng);
+                hits += u32::from(call(op, &input)[0].is_finite());
+                if let Input::Sphere(_, Sphere { centre: c, radius: r, .. }) = input {
+                    inside += u32::from(c.x * c.x + c.y * c.y + c.z * c.z < r * r);
+                }
+            }
+            let some = CASES / 10..CASES * 9 / 10;
+            assert!(some.contains(&hits), "{implementation} {name}: {hits} hits of {CASES}");
+            assert!(name == "triangle" || some.contains(&inside), "{implementation}: {inside} of {CASES} from inside");
+        }
+    }
+}
+
+const MISS: f32 = f32::INFINITY;
+
+type Point = [f32; 3];
+
+/// Each way through the sphere code: ray, centre, radius and the t that is exact in any order of operations.
+const SPHERES: [(&str, Point, Point, f32, f32); 15] = [
+    ("two roots, the near wall", [0.0, 0.0, 1.0], [0.0, 0.0, 10.0], 3.0, 7.0),
+    ("a ray that is not of length 1", [0.0, 0.0, 2.0], [0.0, 0.0, 10.0], 3.0, 3.5),
+    ("a slanting ray", [1.0, 1.0, 1.0], [4.0, 4.0, 4.0], 4.0, 4.0 - 2.309_401),
+    ("tangent, one root", [0.0, 0.0, 1.0], [3.0, 0.0, 10.0], 3.0, 10.0),
+    ("past it, no root", [0.0, 0.0, 1.0], [4.0, 0.0, 10.0], 3.0, MISS),
+    ("behind, both roots negative", [0.0, 0.0, 1.0], [0.0, 0.0, -10.0], 3.0, MISS),
+    ("tangent behind", [0.0, 0.0, 1.0], [3.0, 0.0, -10.0], 3.0, MISS),
+    ("from the centre", [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 3.0, 3.0),
+    ("from inside, the far wall", [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], 3.0, 4.0),
+    ("from inside, the centre behind", [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], 3.0, 2.0),
+    ("on the near wall: t = 0 is no hit, the far wall is", [0.0, 0.0, 1.0], [0.0, 0.0, 3.0], 3.0, 6.0),
+    ("on the far wall, outward", [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], 3.0, MISS),
+    ("a ray without direction", [0.0, 0.0, 0.0], [0.0, 0.0, 10.0], 3.0, MISS),
+    ("a centre that is no number", [0.0, 0.0, 1.0], [f32::NAN, 0.0, 10.0], 3.0, MISS),
+    ("a centre at infinity", [0.0, 0.0, 1.0], [0.0, 0.0, f32::INFINITY], 3.0, MISS),
+];
+
+#[test]
+fn a_sphere_is_hit_on_each_path_as_worked_out_by_hand() {
+    for (implementation, kernels) in implementations() {
+        for (path, ray, centre, radius, t) in SPHERES {
+            let found = kernels.sphere.call(&vector(ray), &kernel_cases::sphere(vector(centre), radius));
+            // The one t that is not exact has a root of 16/3 in it.
+            let close = path == "a slanting ray" && (found - t).abs() < 1e-6;
+            assert!(found == t || close, "{implementation}, {path}: {found} instead of {t}");
+        }
+    }
+}
+
+const CORNERS: [Point; 3] = [[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [0.0, 4.0, 4.0]];
+
+/// Each way through the triangle code: ray, vertices, t.
+const TRIANGLES: [(&str, Point, [Point; 3], f32); 17] = [
+    ("inside", [1.0, 1.0, 4.0], CORNERS, 1.0),
+    ("inside, a longer ray", [2.0, 2.0, 8.0], CORNERS, 0.5),
+    ("on the edge v1v2", [2.0, 0.0, 4.0], CORNERS, 1.0),
+    ("on the edge v2v3", [2.0, 2.0, 4.0], CORNERS, 1.0),
+    ("on the edge v3v1", [0.0, 2.0, 4.0], CORNERS, 1.0),
+    ("at v1", [0.0, 0.0, 4.0], CORNERS, 1.0),
+    ("at v2", [4.0, 0.0, 4.0], CORNERS, 1.0),
+    ("at v3", [0.0, 4.0, 4.0], CORNERS, 1.0),
+    ("beyond the edge v1v2", [1.0, -0.25, 4.0], CORNERS, MISS),
+    ("beyond the edge v2v3", [2.25, 2.0, 4.0], CORNERS, MISS),
+    ("beyond the edge v3v1", [-0.25, 1.0, 4.0], CORNERS, MISS),
+    ("beyond v2, on the line of an edge", [5.0, 0.0, 4.0], CORNERS, MISS),
+    ("behind", [-1.0, -1.0, -4.0], CORNERS, MISS),
+    ("parallel to the plane", [1.0, 0.0, 0.0], CORNERS, MISS),
+    ("in a plane through the camera", [1.0, 0.0, 4.0], [[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, 8.0]], MISS),
+    ("of no area", [1.0, 1.0, 4.0], [[0.0, 0.0, 4.0], [1.0, 1.0, 4.0], [2.0, 2.0, 4.0]], MISS),
+    ("with a vertex that is no number", [1.0, 1.0, 4.0], [[f32::NAN, 0.0, 4.0], CORNERS[1], CORNERS[2]], MISS),
+];
+
+#[test]
+fn a_triangle_is_hit_on_each_path_as_worked_out_by_hand_in_any_order_of_its_vertices() {
+    for (implementation, kernels) in implementations() {
+        for (path, ray, [a, b, c], t) in TRIANGLES {
+            for vertices in [[a, b, c], [b, c, a], [c, a, b], [c, b, a], [b, a, c], [a, c, b]] {
+                let found = kernels.triangle.call(&vector(ray), &kernel_cases::triangle(vertices.map(vector)));
+                assert_eq!(found, t, "{implementation}, {path}, {vertices:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_light_in_front_of_behind_and_on_a_surface_gives_what_eq_11_says() {
+    let surface = rayo::kernels::Surface {
+        point: Vec4::new(1.0, 2.0, 3.0),
+        normal: Vec4::new(0.0, 0.0, -1.0),
+        colour: Vec4::new(0.5, 0.25, 1.0),
+    };
+    for (implementation, kernels) in implementations() {
+        for (place, position, one_side, two_sides) in [
+            ("in front", [1.0, 2.0, -1.0], 1.0, 1.0),
+            ("behind", [1.0, 2.0, 9.0], 0.0, 1.0),
+            ("beside", [7.0, 2.0, 3.0], 0.0, 0.0),
+            ("on it", [1.0, 2.0, 3.0], 0.0, 0.0),
+        ] {
+            let light = Light { position: vector(position), radiance: Vec4::new(2.0, 4.0, 8.0) };
+            for (op, cosine) in [(kernels.lambert, one_side), (kernels.lambert2, two_sides)] {
+                let expected = Vec4::new(1.0 * cosine, 1.0 * cosine, 8.0 * cosine);
+                assert_eq!(op.call(&surface, &light), expected, "{implementation}, a light {place}");
+            }
+        }
+    }
+}
+
+fn vector([x, y, z]: [f32; 3]) -> Vec4 {
+    Vec4::new(x, y, z)
+}
+
+/// Lights, spheres and triangles of a scene.
+#[derive(Clone, Debug, Default)]
+struct Lot {
+    lights: Vec<Light>,
+    spheres: Vec<Sphere>,
+    triangles: Vec<Triangle>,
+}
+
+impl Lot {
+    fn objects(&self) -> Objects<'_> {
+        Objects { lights: &self.lights, spheres: &self.spheres, triangles: &self.triangles }
+    }
+
+    /// A small scene as people make them, some without lights or objects.
+    fn tidy(rng: &mut Rng) -> Lot {
+        let count = |rng: &mut Rng| (rng.next_u64() % 6) as usize;
+        let mut scene = many(count(rng), count(rng), rng.next_u64());
+        scene.lights.truncate((rng.next_u64() % 4) as usize);
+        let packed = Packed::new(&scene, &scene.camera);
+        let objects = packed.objects();
+        Lot {
+            lights: objects.lights.to_vec(),
+            spheres: objects.spheres.to_vec(),
+            triangles: objects.triangles.to_vec(),
+        }
+    }
+
+    /// Objects of any numbers at all.
+    fn wild(rng: &mut Rng) -> Lot {
+        let numbers = choose(rng, &Numbers::ALL);
+        let mut lot = Lot::default();
+        for _ in 0..rng.next_u64() % 5 {
+            lot.lights.push(Light { position: numbers.vector(rng), radiance: numbers.vector(rng) });
+        }
+        for _ in 0..rng.next_u64() % 5 {
+            lot.spheres.push(kernel_cases::sphere(numbers.vector(rng), numbers.next(rng)));
+        }
+        for _ in 0..rng.next_u64() % 5 {
+            lot.triangles.push(kernel_cases::triangle([0; 3].map(|_| numbers.vector(rng))));
+        }
+        lot
+    }
+}
+
+fn frame(width: u32, height: u32, focal: f32, film: f32) -> Frame {
+    let grid = Camera::new(width, height, focal, film).unwrap().grid::<f32>();
+    Frame {
+        step: grid.step,
+        half_width: grid.half_width,
+        half_height: grid.half_height,
+        focal: grid.focal,
+        width: width.into(),
+    }
+}
+
+/// The pixels that the kernel writes, on a film that nobody has written on.
+fn traced(trace: Trace, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes<f32>> {
+    let mut film = vec![Vec4::from([f32::NAN; 4]); frame.width as usize * rows.len()];
+    trace.call(frame, objects, rows, &mut film);
+    film.into_iter().map(Vec4::lanes).collect()
+}
+
+fn check_trace(implementation: &str, trace: Trace, frame: &Frame, lot: &Lot, rows: Range<u32>) -> Vec<Lanes<f32>> {
+    let found = traced(trace, frame, lot.objects(), rows.clone());
+    let expected = Twin::of(implementation).trace(frame, lot.objects(), rows);
+    for (pixel, (found, expected)) in found.iter().zip(&expected).enumerate() {
+        let what = || format!("{implementation}, pixel {pixel} of {frame:?}: {found:?} instead of {expected:?}");
+        assert!(same(*found, *expected), "{} in {lot:?}", what());
+    }
+    found
+}
+
+#[test]
+fn every_tracer_equals_its_twin_to_the_last_bit_at_any_size() {
+    let mut rng = Rng::new(seed());
+    for (implementation, kernels) in implementations() {
+        let (mut lit, mut pixels) = (0, 0);
+        let narrow = (1..=33).map(|width| (width, 1 + width % 5));
+        for (width, height) in narrow.chain([(1, 1), (1, 40), (100, 1), (48, 36)]) {
+            for (focal, film) in [(1.0, 1.0), (35.0, 35.0), (0.1, 3.0)] {
+                let frame = frame(width, height, focal, film);
+                for lot in [Lot::default(), Lot::tidy(&mut rng), Lot::tidy(&mut rng), Lot::wild(&mut rng)] {
+                    let found = check_trace(implementation, kernels.trace, &frame, &lot, 0..height);
+                    pixels += found.len();
+                    lit += found.iter().filter(|pixel| **pixel != [0.0; 4]).count();
+                }
+            }
+        }
+        assert!((pixels / 20..pixels).contains(&lit), "{implementation}: {lit} of {pixels} pixels are not black");
+    }
+}
+
+#[test]
+fn far_rows_and_long_rows_keep_their_places() {
+    let lot = Lot::tidy(&mut Rng::new(7));
+    for (implementation, kernels) in implementations() {
+        check_trace(implementation, kernels.trace, &frame(3, 1_000_000, 1.0, 1.0), &lot, 999_000..1_000_000);
+        check_trace(implementation, kernels.trace, &frame(1_000_000, 2, 1.0, 1.0), &lot, 1..2);
+    }
+}
+
+#[test]
+fn the_nearest_hit_wins_and_the_first_in_order_a_tie() {
+    let colours = [Vec4::new(1.0, 0.0, 0.0), Vec4::new(0.0, 1.0, 0.0), Vec4::new(0.0, 0.0, 1.0)];
+    let [red, green, blue] = colours;
+    let ball = |z, colour| Sphere { colour, ..kernel_cases::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
+    let wall = |z, colour| Triangle {
+        colour,
+        ..kernel_cases::triangle([Vec4::new(-9.0, -9.0, z), Vec4::new(9.0, -9.0, z), Vec4::new(0.0, 9.0, z)])
+    };
+    let light = Light { position: Vec4::default(), radiance: Vec4::new(1.0, 1.0, 1.0) };
+    for (what, spheres, triangles, expected) in [
+        ("the sphere behind comes last", vec![ball(5.0, red), ball(9.0, green)], vec![], red),
+        ("the sphere in front comes last", vec![ball(9.0, green), ball(5.0, red)], vec![], red),
+        ("equal spheres", vec![ball(5.0, red), ball(5.0, green)], vec![], red),
+        ("a triangle in front of a sphere", vec![ball(5.0, red)], vec![wall(3.0, blue)], blue),
+        ("a triangle behind a sphere", vec![ball(5.0, red)], vec![wall(6.0, blue)], red),
+        ("a triangle that touches a sphere", vec![ball(5.0, red)], vec![wall(4.0, blue)], red),
+        ("equal triangles", vec![], vec![wall(4.0, green), wall(4.0, blue)], green),
+    ] {
+        let lot = Lot { lights: vec![light], spheres, triangles };
+        for (implementation, kernels) in implementations() {
+            let found = traced(kernels.trace, &frame(1, 1, 1.0, 1.0), lot.objects(), 0..1);
+            assert_eq!(found, [expected.lanes()], "{implementation}: {what}");
+        }
+    }
+}
+
+#[test]
+fn rows_give_the_same_bytes_however_they_are_split() {
+    let mut rng = Rng::new(seed());
+    for (implementation, kernels) in implementations() {
+        for _ in 0..20 {
+            let (width, height) = (1 + (rng.next_u64() % 40) as u32, 1 + (rng.next_u64() % 40) as u32);
+            let (frame, lot) = (frame(width, height, 1.0, 1.0), Lot::tidy(&mut rng));
+            let whole = traced(kernels.trace, &frame, lot.objects(), 0..height);
+            let (mut parts, mut row) = (Vec::new(), 0);
+            while row < height {
+                let end = row + 1 + rng.next_u64() as u32 % (height - row);
+                parts.extend(traced(kernels.trace, &frame, lot.objects(), row..end));
+                row = end;
+            }
+            let bits = |pixels: &[Lanes<f32>]| pixels.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&whole), bits(&parts), "{implementation} at {width}x{height}");
+        }
+    }
+}
