@@ -158,9 +158,12 @@ fn is_packet(engine: Engine) -> bool {
     matches!(engine, Engine::Packet(_))
 }
 
+/// Traces rows into a film of their size.
+type Trace<'a> = Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>;
+
 /// A rung that is ready for a camera.
 struct Ready<'a> {
-    trace: Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>,
+    trace: Trace<'a>,
     output: PixelFormat,
 }
 
@@ -169,7 +172,7 @@ impl Planned {
         if let Tracing::Threads(_, _, threads) = self.tracing { threads } else { 1 }
     }
 
-    /// Instructions executed in a pixel, set-up of the engine not included. None with threads, which cannot be stepped
+    /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
     /// through, and where [`step::count_instructions`] does not work.
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
         let ((width, height), step_by) = match &self.tracing {
@@ -182,12 +185,16 @@ impl Planned {
         let packed = Packed::new(scene, &camera);
         let tracer = self.tracer(scene, &camera)?;
         let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
-        let mut films = Films::new(width as usize)?;
+        let mut films = Films::new(2 * width as usize)?;
+        let mut count = |rows: Range<u32>| {
+            let film = films.of(ready.output).as_mut().take(rows.len() * width as usize);
+            step::count_instructions(|| (ready.trace)(rows, film)).ok()
+        };
         let (mut sum, mut pixels) = (0, 0);
         for row in (step_by as u32 / 2..height).step_by(step_by) {
-            let film = films.of(ready.output).as_mut();
-            let Ok(counted) = step::count_instructions(|| (ready.trace)(row..row + 1, film)) else { return Ok(None) };
-            sum += counted;
+            // What two rows take more than the first of them: the call and its set-up are in both.
+            let (Some(two), Some(first)) = (count(row - 1..row + 1), count(row - 1..row)) else { return Ok(None) };
+            sum += two - first;
             pixels += u64::from(width);
         }
         Ok(Some(sum as f64 / pixels as f64))
@@ -311,8 +318,8 @@ pub fn run(
 
 /// The pictures whose instructions are counted, and one row in how many: each instruction is a trap. Where pixels are
 /// traced one by one a few tell all; where a row shares what it needs, rows have to be as long as those that are timed.
-const COUNTED_ONE_BY_ONE: ((u32, u32), usize) = ((16, 12), 1);
-const COUNTED_BY_ROWS: ((u32, u32), usize) = (SIZE, 16);
+const COUNTED_ONE_BY_ONE: ((u32, u32), usize) = ((16, 12), 3);
+const COUNTED_BY_ROWS: ((u32, u32), usize) = (SIZE, 32);
 
 fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], pixels: f64) -> Vec<Rung> {
     let mut rng = Rng::new(SEED);
