@@ -115,14 +115,14 @@ pub fn interleave(
 }
 
 /// A clock by a script: each contestant takes its own ticks, and one more from round to round.
-#[cfg(test)]
+#[cfg(all(test, rayo_asm))]
 pub(crate) struct Scripted {
     ticks: Vec<u64>,
     rounds: usize,
     calls: usize,
 }
 
-#[cfg(test)]
+#[cfg(all(test, rayo_asm))]
 impl Scripted {
     /// The ticks of each contestant in the first of `rounds` rounds, after which it begins again.
     pub(crate) fn new(ticks: &[u64], rounds: usize) -> Self {
@@ -130,7 +130,7 @@ impl Scripted {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, rayo_asm))]
 impl Clock for Scripted {
     fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
         let count = self.ticks.len();
