@@ -1,9 +1,12 @@
 //! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
 #![cfg(rayo_asm)]
 
+mod schema;
+
 use std::path::Path;
 
 use assert_cmd::Command;
+use schema::errors;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -23,19 +26,14 @@ fn quick(args: &[&str]) -> (TempDir, Value) {
     (directory, document)
 }
 
-fn errors(schema: &Value, document: &Value) -> Vec<String> {
-    let validator = jsonschema::validator_for(schema).unwrap();
-    validator.iter_errors(document).map(|error| format!("{}: {error}", error.instance_path())).collect()
-}
-
-fn schema() -> Value {
+fn experiment_schema() -> Value {
     serde_json::from_str(include_str!("../docs/experiment.schema.json")).unwrap()
 }
 
 #[test]
 fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
     let (directory, document) = quick(&["--ladder"]);
-    assert_eq!(errors(&schema(), &document), Vec::<String>::new());
+    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
     let written: Value =
         serde_json::from_slice(&std::fs::read(directory.path().join("results.json")).unwrap()).unwrap();
     assert_eq!(written, document, "what is printed is what is written");
@@ -67,7 +65,7 @@ fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
 #[test]
 fn the_schema_refuses_a_document_that_breaks_it() {
     let (_directory, document) = quick(&["--engines", "rust"]);
-    assert_eq!(errors(&schema(), &document), Vec::<String>::new());
+    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
     type Damage = (&'static str, fn(&mut Value));
     let damages: [Damage; 5] = [
         ("another schema", |document| document["schema"] = 2.into()),
@@ -79,7 +77,7 @@ fn the_schema_refuses_a_document_that_breaks_it() {
     for (what, damage) in damages {
         let mut damaged = document.clone();
         damage(&mut damaged);
-        assert!(!errors(&schema(), &damaged).is_empty(), "{what}");
+        assert!(!errors(&experiment_schema(), &damaged).is_empty(), "{what}");
     }
 }
 
@@ -156,7 +154,7 @@ fn an_interrupt_keeps_what_is_finished_and_says_so() {
     match output.status.code() {
         Some(0) => {
             let document: Value = serde_json::from_slice(&output.stdout).unwrap();
-            assert_eq!(errors(&schema(), &document), Vec::<String>::new());
+            assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
             assert_eq!(document["conditions"]["complete"], false);
             assert!(message.contains("stopped early"), "{message}");
         }

@@ -80,7 +80,7 @@ fn measure(
     let mut sweeps = None;
     let mut jumps = None;
     if complete {
-        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut |_| None, &mut proceed).map_err(failure)?;
+        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut proceed).map_err(failure)?;
     }
     if rungs.is_some() {
         sweeps = claims::sweeps(quick, &mut clock, &mut proceed).map_err(failure)?;
@@ -115,6 +115,7 @@ fn measure(
         document.explanations = ladder::explain(&rungs);
         if args.ladder {
             document.ladder = rungs;
+            document.uncounted = ladder::uncounted();
         }
     }
     Ok(document)
