@@ -36,8 +36,14 @@ mod native {
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
     /// The ladder's rungs in C: what tells each from the one before is a definition, a flag, or the source.
-    const RUNGS: [Rung; 13] = [
+    const RUNGS: [Rung; 14] = [
         Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
+        Rung {
+            name: "calls_scalar",
+            source: "trace",
+            level: Level::Base,
+            flags: &["-DCALLS", "-fno-tree-slp-vectorize"],
+        },
         Rung { name: "sqrtf", source: "trace", level: Level::Base, flags: &["-DCALLS", "-DSQRTF"] },
         Rung { name: "inlined", source: "trace", level: Level::Base, flags: &["-DSQRTF"] },
         Rung { name: "lean", source: "lean", level: Level::Base, flags: &["-DSQRTF", EVERY_HIT, PER_RAY] },

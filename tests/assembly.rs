@@ -10,7 +10,7 @@ use std::process::Command;
 
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, OBJECTS};
+use rayo::kernels::{self, BROKEN, Isa, OBJECTS};
 
 /// What a unit of kernels may be made of.
 struct Unit {
@@ -22,8 +22,24 @@ struct Unit {
 }
 
 /// Every unit of asm/ that has kernels.
-const UNITS: [Unit; 1] =
-    [Unit { name: "sse41", features: &[CpuidFeature::SSE3, CpuidFeature::SSSE3, CpuidFeature::SSE4_1], vex: false }];
+const UNITS: [Unit; 3] = [
+    Unit { name: "sse41", features: &[CpuidFeature::SSE3, CpuidFeature::SSSE3, CpuidFeature::SSE4_1], vex: false },
+    Unit { name: "avx2", features: &[CpuidFeature::AVX, CpuidFeature::AVX2, CpuidFeature::FMA], vex: true },
+    Unit {
+        name: "avx512",
+        features: &[
+            CpuidFeature::AVX,
+            CpuidFeature::AVX2,
+            CpuidFeature::FMA,
+            CpuidFeature::AVX512F,
+            CpuidFeature::AVX512VL,
+            CpuidFeature::AVX512DQ,
+            CpuidFeature::AVX512BW,
+            CpuidFeature::BMI2,
+        ],
+        vex: true,
+    },
+];
 
 /// The harness of the checked calls, the broken kernels in it: it has instructions of every width.
 const HARNESS: &str = "checked";
@@ -33,6 +49,11 @@ const MEASURED: [&str; 7] = ["known", "chains", "O0", "O1", "O2", "O3", "native"
 
 /// The implementations whose symbols are rayo_<name>_<operation>.
 const IMPLEMENTATIONS: [&str; 3] = ["c", "paper", "aos"];
+
+/// The one kernel that is no leaf: the experiment's, which calls operations in place of pasting them in.
+const CALLS: &str = "rayo_calls_trace";
+/// Where it has them.
+const CALLED: &str = ".text.called";
 
 /// What every x86-64 CPU has; endbr64 is a nop where it is not known.
 const BASELINE: [CpuidFeature; 10] = [
@@ -212,6 +233,7 @@ fn kernels_are_leaves_and_jump_only_within_themselves() {
                 let fine = match instruction.flow_control() {
                     FlowControl::Next | FlowControl::Return => true,
                     FlowControl::ConditionalBranch | FlowControl::UnconditionalBranch => inside,
+                    FlowControl::Call => function.name == CALLS,
                     _ => false,
                 };
                 assert!(fine, "{}: {instruction}", function.name);
@@ -271,6 +293,11 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
                 }
                 target => panic!("{}: {instruction} needs {target:?}", unit.name),
             };
+            if instruction.flow_control() == FlowControl::Call {
+                let called = code.file.section_by_name(CALLED).expect("what is called");
+                assert_eq!(section, called.index(), "{}: {instruction}", unit.name);
+                continue;
+            }
             assert_eq!(section, rodata.index(), "{}: {instruction}", unit.name);
             // The CPU adds the distance to the address of the next instruction, the linker to that of the distance.
             let rest = instruction.next_ip() - offset;
@@ -284,15 +311,39 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
     }
 }
 
+/// The symbols of the packet kernels, in the lists of src/kernels/packet.rs.
+fn packets() -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for isa in Isa::ALL {
+        names.insert(format!("rayo_{isa}_fill"));
+        for (element, fast) in [("single", "_fast"), ("double", "")] {
+            let mut kernel = |name: String| names.insert(format!("rayo_{isa}_{element}_{name}"));
+            for body in ["outside", "inside", "triangle"] {
+                for output in ["f32x4", "rgba8", "planes", "depth"] {
+                    kernel(format!("{body}_{output}"));
+                }
+                kernel(format!("{body}_f32x4{fast}"));
+                kernel(format!("{body}_planes{fast}"));
+            }
+            for name in ["lit_f32x4", "lit_rgba8", "grey_rgba8", "emit_f32x4", "emit_rgba8"] {
+                kernel(name.to_owned());
+            }
+            kernel(format!("lit_f32x4{fast}"));
+        }
+    }
+    names
+}
+
 #[test]
 fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
-    let mut expected = BTreeSet::from(["rayo_checked_call".to_owned()]);
+    let mut expected = BTreeSet::from(["rayo_checked_call".to_owned(), CALLS.to_owned()]);
     let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
     expected.extend(rules.chain(["read".into(), "write".into()]).map(|rule| format!("rayo_broken_{rule}")));
     for implementation in IMPLEMENTATIONS {
         let ops = kernels::c().ops().map(|(name, _)| name);
         expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
     }
+    expected.extend(packets());
     let mut found = BTreeSet::new();
     for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
         for name in Code64::of(unit).exported() {
@@ -306,19 +357,27 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
 /// `of what` is empty for the whole.
 type Count = (String, String, String);
 
-/// The numbers in the comments above the macros of asm/include.
+/// The numbers in the comments above the paper's macros, `*_aos.inc`, and those that begin and end a function.
 ///
 /// After the word `instructions` come forms, apart by two spaces or by lines, each as
 /// `<name>[, <name>...] <number>[, <number> <of what>...] [(<which ones>)]`, without a name where all forms have it.
 fn documented() -> BTreeMap<Count, usize> {
     let mut counts = BTreeMap::new();
     for entry in fs::read_dir(asm().join("include")).unwrap() {
-        let text = fs::read_to_string(entry.unwrap().path()).unwrap();
+        let path = entry.unwrap().path();
+        let file = path.file_name().unwrap().to_str().unwrap();
+        if file != "isa.inc" && !file.ends_with("_aos.inc") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
         let lines: Vec<_> = text.lines().collect();
         for (at, line) in lines.iter().enumerate() {
             let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) else {
                 continue;
             };
+            if file == "isa.inc" && !["FUNC", "ENDFUNC", "END"].contains(&name) {
+                continue;
+            }
             let above = lines[..at].iter().rev().take_while(|line| line.starts_with(';')).count();
             let comment = &lines[at - above..at];
             let from = comment.iter().position(|line| line.starts_with(";   instructions "));
@@ -392,18 +451,21 @@ const OPERATIONS: [(&str, &str, &str); 11] = [
 ];
 
 /// The other macros, each used once in a function of its own.
-const SNIPPETS: [(&str, &str); 4] = [
+const SNIPPETS: [(&str, &str); 6] = [
+    ("OPERATION", "OPERATION\nEND_OPERATION"),
+    ("END_OPERATION", "OPERATION\nEND_OPERATION"),
     ("DISTINCT", "DISTINCT xmm0, xmm1"),
     ("VEC_SUM", "VEC_SUM xmm0, xmm1"),
     ("PLANE_NORMAL", "PLANE_NORMAL xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
     ("SAME_SIDE", "SAME_SIDE [rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
 ];
 
-/// Assembles macro calls, each in a function rayo_<name>, in the form that `best` says and with the includes of sse41.
+/// Assembles macro calls, each in a function rayo_<name>, in the form that `best` says.
 fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
-    let unit = fs::read_to_string(asm().join("sse41.asm")).unwrap();
-    let includes = unit.lines().filter(|line| line.starts_with("%include \"include/"));
-    let mut source: String = includes.flat_map(|line| [line, "\n"]).collect();
+    let mut source = String::from("%define ISA sse41\n");
+    for include in ["isa", "layout", "vec3_aos", "sphere_aos", "triangle_aos", "lambert_aos", "constants"] {
+        source += &format!("%include \"include/{include}.inc\"\n");
+    }
     source += &format!("%assign AOS_BEST {}\n", u8::from(best));
     for (name, call) in calls {
         source += &format!("FUNC {name}\n.body:\n{call}\n.body_end:\nENDFUNC\n");
@@ -455,7 +517,10 @@ fn counted() -> BTreeMap<Count, usize> {
         for function in snippets.functions() {
             let label = |label| snippets.address(&format!(".L{}.{label}", function.name));
             count("FUNC", form, "", snippets.decode(function.addresses.start..label("body")).len());
-            count("ENDFUNC", form, "", snippets.decode(label("body_end")..function.addresses.end).len());
+            let end = snippets.decode(label("body_end")..function.addresses.end);
+            count("ENDFUNC", form, "", end.len());
+            let after_return = end.iter().skip_while(|i| i.flow_control() != FlowControl::Return).skip(1);
+            count("END", form, "", after_return.count());
         }
     }
     counts

@@ -52,13 +52,15 @@ pub struct Row {
     pub engine: &'static str,
     /// Whether the framebuffer had been touched before.
     pub touched: bool,
-    /// TSC cycles of a pixel in the fastest run: the one that was disturbed least.
+    /// TSC cycles of a pixel in the fastest run: the one that had the core for the shortest time.
     pub cycles_per_pixel: f64,
     /// Their median over all runs.
     pub cycles_per_pixel_median: f64,
     /// The core's clock cycles in a tick of the TSC, right before and after the fastest run.
     pub clock_per_tick: Option<f64>,
-    /// Cycles of the core's own clock in a pixel, in that run.
+    /// The part of that run in which other programs had the core.
+    pub taken_share: Option<f64>,
+    /// Cycles of the core's own clock that it gave to a pixel, in that run.
     pub core_cycles_per_pixel: Option<f64>,
     /// Median page faults of a picture.
     pub page_faults: f64,
@@ -121,6 +123,8 @@ struct Beside {
     clock: Vec<f64>,
     faults: Vec<f64>,
     ticks: Vec<f64>,
+    /// Ticks in which this thread had the core.
+    own: Vec<f64>,
 }
 
 /// Measures. None where `proceed` says no.
@@ -149,7 +153,7 @@ pub fn run(
                     let beside = &mut beside[2 * index + usize::from(touched)];
                     let mut fresh = if touched { None } else { Some(fresh(pixels as usize)?) };
                     let before = clock_per_tick(clock);
-                    let faults = sys::page_faults();
+                    let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
                     let ticks = clock.time(&mut || {
                         let out = match &mut fresh {
                             Some(fresh) => FilmMut::F32x4(fresh),
@@ -158,7 +162,9 @@ pub fn run(
                         tracer.rows(0..height, out);
                     });
                     beside.faults.push((sys::page_faults() - faults) as f64);
+                    let cpu = (sys::thread_cpu_time() - cpu).as_secs_f64();
                     beside.ticks.push(ticks as f64);
+                    beside.own.push(machine.tsc_hz.map_or(ticks as f64, |hz| (cpu * hz).min(ticks as f64)));
                     if let (Some(before), Some(after)) = (before, clock_per_tick(clock)) {
                         beside.clock.push((before + after) / 2.0);
                     }
@@ -171,8 +177,9 @@ pub fn run(
         for (index, engine) in engines.iter().enumerate() {
             for touched in [true, false] {
                 let beside = &beside[2 * index + usize::from(touched)];
-                let ticks = minimum(&beside.ticks);
-                let fastest = beside.ticks.iter().position(|of_run| *of_run == ticks).expect("there is a run");
+                let own = minimum(&beside.own);
+                let fastest = beside.own.iter().position(|of_run| *of_run == own).expect("there is a run");
+                let ticks = beside.ticks[fastest];
                 let clock_per_tick = beside.clock.get(fastest).copied();
                 rows.push(Row {
                     width,
@@ -183,7 +190,8 @@ pub fn run(
                     cycles_per_pixel: ticks / pixels as f64,
                     cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
                     clock_per_tick,
-                    core_cycles_per_pixel: clock_per_tick.map(|clock| clock * ticks / pixels as f64),
+                    taken_share: machine.tsc_hz.map(|_| 1.0 - own / ticks),
+                    core_cycles_per_pixel: clock_per_tick.map(|clock| clock * own / pixels as f64),
                     page_faults: median(&beside.faults),
                     bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / ticks,
                 });
@@ -280,19 +288,25 @@ impl Jumps {
         [BASELINE, CONTROL].into_iter().filter_map(finding).collect()
     }
 
-    /// Whether the cache makes the time by the pixel jump here, and the figures that say so.
-    pub fn verdict(&self) -> (bool, String) {
+    /// Whether the cache makes the time by the pixel jump here, and the figures that say so. None where it jumps, and
+    /// noise alone could make it: an engine comes out `noise_floor` apart from itself.
+    pub fn cache_jumps(&self, noise_floor: f64) -> (Option<bool>, String) {
         let findings = self.findings();
-        let jumps = |finding: &Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
+        let jumps = |finding: &&Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
         let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
-        let cache = findings.iter().any(|finding| jumps(finding) && bound(finding));
+        let jumping: Vec<_> = findings.iter().filter(jumps).collect();
+        let verdict = match () {
+            () if jumping.is_empty() => Some(false),
+            () if noise_floor > STEADY => None,
+            () => Some(jumping.into_iter().any(bound)),
+        };
         let figures: Vec<_> = findings
             .iter()
             .map(|finding| {
                 let share = |share: Option<f64>| share.map_or("?".into(), |share| format!("{:.0} %", 100.0 * share));
                 format!(
-                    "`{}`: cycles a pixel differ by {:.0} % over all sizes ({} in core cycles), writes at most {} of \
-                    the slowest level's bandwidth",
+                    "`{}`: cycles a pixel differ by {:.0} % over all sizes, by {} in cycles of the core's clock; \
+                    writes at most {} of the slowest level's bandwidth",
                     finding.engine,
                     100.0 * finding.change,
                     share(finding.core_change),
@@ -300,20 +314,22 @@ impl Jumps {
                 )
             })
             .collect();
-        (cache, figures.join("; "))
+        (verdict, figures.join("; "))
     }
 
     /// What this machine shows and what it cannot show, in words.
     pub fn text(&self) -> String {
-        let mut text = String::new();
+        let levels: Vec<_> =
+            self.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle)).collect();
+        let mut text = format!("Bytes that plain stores write in a TSC cycle: {}.\n", levels.join(", "));
         for finding in self.findings() {
             let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
             let percent =
                 |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
             text += &format!(
-                "`{engine}` in a touched framebuffer: TSC cycles a pixel differ by {} between the sizes; the core's clock \
-                by {}; cycles of the core's clock a pixel by {}. It writes at most {} of what the slowest level of memory \
-                takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
+                "`{engine}` in a touched framebuffer: between the sizes, TSC cycles a pixel differ by {}, the core's \
+                clock by {}, and the cycles of that clock which the core gave to a pixel by {}. It writes at most {} of \
+                what the slowest level of memory takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
                 percent(Some(change)),
                 percent(clock_change),
                 percent(core_change),

@@ -11,8 +11,9 @@ use crate::plan::Packed;
 use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
 use crate::scene::{Camera, Rng, Scene};
 
-/// The size that every rung traces: large enough to be steady, small enough for a second-level cache to matter little.
-pub const SIZE: (u32, u32) = (816, 612);
+/// The size that every rung traces: small enough for the picture to stay in a second-level cache, and for a run to be
+/// over before the operating system thinks of giving the core to another program.
+pub const SIZE: (u32, u32) = (256, 192);
 /// Work of a round in a pixel.
 const ROUND_WORK: u64 = 1100;
 const SEED: u64 = 0x1a_dd_e2;
@@ -104,6 +105,10 @@ fn plan(whole: bool) -> Vec<Planned> {
     rung("c, called", "the paper's C with every small function called", None, c("calls"));
     let engine = |engine: Option<Engine>| Tracing::Engine(engine.expect("asm is built"), PixelFormat::F32x4);
     let by_name = |name: &str| Engine::ALL.iter().copied().find(|engine| engine.name() == name);
+    if whole {
+        // Passed by value, a vector is stored in halves; read back whole it waits for both.
+        rung("c, called, scalar", "the same, no lanes found by the compiler", Some("c, called"), c("calls_scalar"));
+    }
     rung("c", "the engine `c`: the same, inlined", Some("c, called"), engine(by_name(speedup::BASELINE)));
     rung("sqrtf", "roots by sqrtf, not pow", None, c("sqrtf"));
     rung("inlined", "small functions inlined", None, c("inlined"));

@@ -20,8 +20,8 @@ use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
 /// Runs of the rungs: those of a ladder, and of the few that the claims need.
-const LADDER_RUNS: usize = 25;
-const FEW_RUNS: usize = 5;
+const LADDER_RUNS: usize = 101;
+const FEW_RUNS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), args.engines.as_deref());

@@ -9,15 +9,16 @@ use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_rati
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
 
-/// A table in Markdown whose columns are as wide as they need to be; all but the first are aligned to the right.
+/// A table in Markdown whose columns are as wide as they need to be; all but the first `left` are aligned to the right.
 pub(super) struct Table {
+    left: usize,
     head: Vec<String>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(super) fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Self {
-        Table { head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
+    pub(super) fn new<S: Into<String>>(left: usize, head: impl IntoIterator<Item = S>) -> Self {
+        Table { left, head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
     /// Adds a row.
@@ -38,14 +39,14 @@ impl Table {
         for (number, row) in lines().enumerate() {
             for (i, (cell, width)) in row.iter().zip(&widths).enumerate() {
                 let gap = " ".repeat(width - chars(cell));
-                let (left, right) = if i == 0 { ("", gap.as_str()) } else { (gap.as_str(), "") };
+                let (left, right) = if i < self.left { ("", gap.as_str()) } else { (gap.as_str(), "") };
                 write!(text, "| {left}{cell}{right} ").expect("a String takes all");
             }
             text += "|\n";
             if number == 0 {
                 for (i, width) in widths.iter().enumerate() {
                     let dashes = "-".repeat(*width);
-                    text += &if i == 0 { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
+                    text += &if i < self.left { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
                 }
                 text += "|\n";
             }
@@ -122,16 +123,19 @@ fn size(row: &Row) -> String {
 
 /// The paper's table beside ours.
 pub(super) fn paper_table(document: &Document) -> String {
-    let mut table = Table::new([
-        "w×h",
-        "pixels",
-        "C, mean cycles",
-        "SIMD, mean cycles",
-        "C/SIMD",
-        "paper's C/SIMD",
-        "C/SIMD by pairs",
-        "95 % interval",
-    ]);
+    let mut table = Table::new(
+        1,
+        [
+            "w×h",
+            "pixels",
+            "C, mean cycles",
+            "SIMD, mean cycles",
+            "C/SIMD",
+            "paper's C/SIMD",
+            "C/SIMD by pairs",
+            "95 % interval",
+        ],
+    );
     for rows in document.sizes() {
         let find = |name| rows.iter().find(|row: &&Row| row.is(name)).expect("it is measured at every size");
         let (c, simd) = (find(BASELINE), find(CONTROL));
@@ -157,7 +161,7 @@ fn contestant(row: &Row) -> String {
 /// Cycles per pixel of every engine, and how many times as fast as `c` that is.
 pub(super) fn engine_table(document: &Document) -> String {
     let Some(first) = document.sizes().next() else { return String::new() };
-    let mut table = Table::new(["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
+    let mut table = Table::new(1, ["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
     for rows in document.sizes() {
         let cell = |row: &Row| format!("{:.2} ({:.2})", row.cycles_per_pixel(), row.ratio_to_c);
         table.row([size(&rows[0])].into_iter().chain(rows.iter().map(cell)).collect());
@@ -168,7 +172,7 @@ pub(super) fn engine_table(document: &Document) -> String {
 /// Mean, median, minimum and ratio of everything that was measured.
 pub(super) fn full_table(document: &Document) -> String {
     let mut table =
-        Table::new(["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
+        Table::new(2, ["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
     for row in &document.rows {
         table.row(vec![
             size(row),
@@ -187,16 +191,19 @@ pub(super) fn full_table(document: &Document) -> String {
 
 /// The ladder, a rung a line.
 fn ladder_table(document: &Document) -> String {
-    let mut table = Table::new([
-        "rung",
-        "what is different",
-        "cycles/pixel",
-        "instructions/pixel",
-        "gain",
-        "95 % interval",
-        "over",
-        "over the first",
-    ]);
+    let mut table = Table::new(
+        2,
+        [
+            "rung",
+            "what is different",
+            "cycles/pixel",
+            "instructions/pixel",
+            "gain",
+            "95 % interval",
+            "over",
+            "over the first",
+        ],
+    );
     for rung in &document.ladder {
         table.row(vec![
             if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() },
@@ -218,7 +225,11 @@ fn explanation(document: &Document) -> String {
     for Explanation { from, to, factor, shares } in &document.explanations {
         let shares: Vec<_> = shares
             .iter()
-            .map(|share| format!("{} {:.0} % (times {:.2})", share.cause, 100.0 * share.share, share.factor))
+            .map(|share| {
+                // Not -0.
+                let percent = (100.0 * share.share).round() + 0.0;
+                format!("{} {percent:.0} % (times {:.2})", share.cause, share.factor)
+            })
             .collect();
         writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", "))
             .expect("a String takes all");
@@ -231,16 +242,20 @@ fn explanation(document: &Document) -> String {
 
 /// The sweep behind the two jumps.
 fn jumps_table(jumps: &Jumps) -> String {
-    let mut table = Table::new([
-        "w×h",
-        "engine",
-        "framebuffer",
-        "cycles/pixel",
-        "core clock/TSC",
-        "core cycles/pixel",
-        "page faults",
-        "bytes/cycle",
-    ]);
+    let mut table = Table::new(
+        3,
+        [
+            "w×h",
+            "engine",
+            "framebuffer",
+            "cycles/pixel",
+            "core clock/TSC",
+            "taken by others",
+            "core cycles/pixel",
+            "page faults",
+            "bytes/cycle",
+        ],
+    );
     let known = |value: Option<f64>| value.map_or("n/a".into(), |value| format!("{value:.2}"));
     for row in &jumps.rows {
         table.row(vec![
@@ -249,6 +264,7 @@ fn jumps_table(jumps: &Jumps) -> String {
             if row.touched { "touched" } else { "untouched" }.into(),
             format!("{:.2}", row.cycles_per_pixel),
             known(row.clock_per_tick),
+            row.taken_share.map_or("n/a".into(), |share| format!("{:.0} %", 100.0 * share)),
             known(row.core_cycles_per_pixel),
             format!("{:.0}", row.page_faults),
             format!("{:.3}", row.bytes_per_cycle),
@@ -262,12 +278,13 @@ fn jumps_table(jumps: &Jumps) -> String {
     text
 }
 
-fn verdict_table(document: &Document) -> String {
-    let mut table = Table::new(["claim", "verdict", "figure"]);
-    for claim in &document.verdicts {
-        table.row(vec![claim.claim.into(), claim.verdict.to_string(), claim.figure.clone()]);
-    }
-    table.text()
+/// The claims as a list: their figures are too long for a table.
+fn verdicts(document: &Document) -> String {
+    document
+        .verdicts
+        .iter()
+        .map(|claim| format!("- {}: {}\n  {}\n", claim.claim, claim.verdict, claim.figure))
+        .collect()
 }
 
 /// All of it, as one text: what is printed, and with `full` what is written.
@@ -303,7 +320,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
     }
     if !document.verdicts.is_empty() {
         parts.push("The paper's claims:\n".into());
-        parts.push(verdict_table(document));
+        parts.push(verdicts(document));
     }
     parts.join("\n")
 }
