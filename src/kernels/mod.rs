@@ -22,6 +22,8 @@ mod spans;
 pub mod step;
 pub mod sys;
 mod types;
+#[cfg(rayo_asm)]
+mod vec3;
 
 #[cfg(rayo_asm)]
 pub use by_value::{ByValue, Ray, by_value};
@@ -41,6 +43,8 @@ pub use packet::{
 };
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+#[cfg(rayo_asm)]
+pub use vec3::{PacketOp, packet_ops};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
 #[cfg(rayo_asm)]
