@@ -29,12 +29,21 @@ mod native {
 
     use super::first_line;
 
-    /// One translation unit per ISA, and the harness of checked calls.
-    const UNITS: [&str; 4] = ["sse41", "avx2", "avx512", "checked"];
+    /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
+    const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
     const C_SOURCES: [&str; 2] = ["trace", "ops"];
+    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
+    const C_LEVELS: [(&str, u32, bool); 5] =
+        [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
     /// The ladder's rungs in C: what tells each from the one before is a definition, a flag, or the source.
-    const RUNGS: [Rung; 13] = [
+    const RUNGS: [Rung; 14] = [
         Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
+        Rung {
+            name: "calls_scalar",
+            source: "trace",
+            level: Level::Base,
+            flags: &["-DCALLS", "-fno-tree-slp-vectorize"],
+        },
         Rung { name: "sqrtf", source: "trace", level: Level::Base, flags: &["-DCALLS", "-DSQRTF"] },
         Rung { name: "inlined", source: "trace", level: Level::Base, flags: &["-DSQRTF"] },
         Rung { name: "lean", source: "lean", level: Level::Base, flags: &["-DSQRTF", EVERY_HIT, PER_RAY] },
@@ -94,11 +103,14 @@ mod native {
 
         let assembled = assemble();
         let compiled = compile(&out);
+        let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(&out, level)).collect();
         let objects = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
+        let objects = objects.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
         fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
 
         let rungs = compile_rungs(&out);
-        cc::Build::new().objects(assembled.iter().chain(&compiled).chain(&rungs)).compile("rayo_kernels");
+        let objects = assembled.iter().chain(&compiled).chain(&levels).chain(&rungs);
+        cc::Build::new().objects(objects).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
             // Local labels would cut a kernel in pieces for objdump and perf.
             println!("cargo::rustc-link-arg=-Wl,--discard-locals");
@@ -110,7 +122,16 @@ mod native {
         nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
         nasm.files(UNITS.map(|unit| format!("asm/{unit}.asm")));
         let objects = nasm.compile_objects().unwrap_or_else(|error| {
-            fail(if error.contains("asm/") { "NASM refused a kernel, see above" } else { NASM_MISSING }, &error)
+            // nasm-rs says of NASM itself only how it ended; what it found is in the output above.
+            let ended = error.contains("exit status");
+            fail(
+                if ended {
+                    "NASM refused a kernel: see its words in the output of the build script"
+                } else {
+                    NASM_MISSING
+                },
+                &error,
+            )
         });
         // nasm-rs names objects after their sources alone and can lose one without an error.
         assert_eq!(objects.len(), UNITS.len(), "NASM did not make every object: {objects:?}");
@@ -142,6 +163,20 @@ mod native {
         let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && flag != "-I" && !flag.contains('/')).collect();
         println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
         objects
+    }
+
+    /// by_value.c at one level, in an object that is named after it.
+    fn compile_level(out: &Path, (name, level, native): (&str, u32, bool)) -> PathBuf {
+        let mut c = compiler(out);
+        c.opt_level(level).define("RAYO_LEVEL", name).out_dir(out.join(name)).file("src/kernels/c/by_value.c");
+        if native {
+            c.flag_if_supported("-march=native");
+        }
+        let objects = c.try_compile_intermediates();
+        let objects = objects.unwrap_or_else(|error| fail("the C compiler refused by_value.c", &error.to_string()));
+        let object = out.join(format!("by_value-{name}.o"));
+        fs::copy(&objects[0], &object).unwrap();
+        object
     }
 
     /// Compiles each rung by itself, and lists them for `rungs!` in src/kernels/ladder.rs.

@@ -178,8 +178,10 @@ fn aimed_rays_hit_and_miss_from_outside_and_from_inside() {
 
 const MISS: f32 = f32::INFINITY;
 
+type Point = [f32; 3];
+
 /// Each way through the sphere code: ray, centre, radius and the t that is exact in any order of operations.
-const SPHERES: [(&str, [f32; 3], [f32; 3], f32, f32); 15] = [
+const SPHERES: [(&str, Point, Point, f32, f32); 15] = [
     ("two roots, the near wall", [0.0, 0.0, 1.0], [0.0, 0.0, 10.0], 3.0, 7.0),
     ("a ray that is not of length 1", [0.0, 0.0, 2.0], [0.0, 0.0, 10.0], 3.0, 3.5),
     ("a slanting ray", [1.0, 1.0, 1.0], [4.0, 4.0, 4.0], 4.0, 4.0 - 2.309_401),
@@ -209,10 +211,10 @@ fn a_sphere_is_hit_on_each_path_as_worked_out_by_hand() {
     }
 }
 
-const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [0.0, 4.0, 4.0]];
+const CORNERS: [Point; 3] = [[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [0.0, 4.0, 4.0]];
 
 /// Each way through the triangle code: ray, vertices, t.
-const TRIANGLES: [(&str, [f32; 3], [[f32; 3]; 3], f32); 17] = [
+const TRIANGLES: [(&str, Point, [Point; 3], f32); 17] = [
     ("inside", [1.0, 1.0, 4.0], CORNERS, 1.0),
     ("inside, a longer ray", [2.0, 2.0, 8.0], CORNERS, 0.5),
     ("on the edge v1v2", [2.0, 0.0, 4.0], CORNERS, 1.0),

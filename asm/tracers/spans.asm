@@ -21,7 +21,7 @@
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               rgba8       levels of red, green, blue, and 255
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
-;               have nothing else.
+;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
@@ -58,7 +58,7 @@
 
 ; BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. All bodies leave v0, v14 and v15 alone.
 %macro BODY_LIT 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8
+    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
     VMUL    v2, v1, K(LitSpan.green)
     VMUL    v3, v1, K(LitSpan.blue)
     VMUL    v1, v1, K(LitSpan.red)
@@ -66,7 +66,7 @@
 
 ; BODY_GREY - the same where red, green and blue are equal: in v1 alone.
 %macro BODY_GREY 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8
+    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
     VMUL    v1, v1, K(LitSpan.red)
 %endmacro
 
@@ -389,8 +389,12 @@ ENDFUNC
     PLANES  inside, planes_fast, INSIDE, 15
     PLANES  triangle, planes_fast, TRIANGLE, 12
 %endif
+%if ELEM == 8 && HAS_MASKS
+%assign ESTIMATE 1                      ; with Newton steps to the end
+%endif
     SHADE   lit, rgba8, LIT, DIM, RGBA8, 15
     SHADE   grey, rgba8, GREY, GREY, RGBA8, 13
+%assign ESTIMATE ELEM == 4
     SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
     SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
     SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12

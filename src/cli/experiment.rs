@@ -20,7 +20,6 @@ const MAX_RUNS: u64 = 100_000;
 /// Prints the paper's table beside ours and a verdict for each of its claims. Writes table.csv, table.md, results.json,
 /// figure2.svg and ratio.svg to the directory that --out names. Ctrl-C keeps what is finished.
 #[derive(Debug, Args)]
-#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "without assembly there is nothing to compare"))]
 pub struct ExperimentArgs {
     /// Five sizes and five runs of each: well under a minute
     #[arg(long)]

@@ -3,6 +3,7 @@
 mod diff;
 mod experiment;
 mod info;
+mod ops;
 mod render;
 
 use std::io::{self, Write};
@@ -27,6 +28,7 @@ enum Command {
     Diff(diff::DiffArgs),
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
+    Ops(ops::OpsArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -54,6 +56,7 @@ pub fn main() -> ExitCode {
         Command::Diff(args) => diff::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Ops(args) => ops::run(&args),
     };
     result.unwrap_or_else(|failure| {
         // Nothing is left to tell if standard error is closed.

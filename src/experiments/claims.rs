@@ -14,13 +14,15 @@ use crate::scene::{Camera, Light, Scene, many};
 
 /// What became of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// It holds here.
+    #[serde(rename = "reproduced")]
     Reproduced,
     /// It does not hold here.
+    #[serde(rename = "not reproduced")]
     NotReproduced,
     /// This machine, or this run, cannot tell.
+    #[serde(rename = "not testable here")]
     NotTestable,
 }
 
@@ -57,17 +59,6 @@ pub enum Axis {
     Lights,
 }
 
-impl Axis {
-    /// The name in texts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Axis::Pixels => "pixels",
-            Axis::Objects => "objects",
-            Axis::Lights => "lights",
-        }
-    }
-}
-
 /// The cost of an engine along an axis, and the straight line through it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sweep {
@@ -82,11 +73,11 @@ pub struct Sweep {
 }
 
 /// How many objects, half of them spheres and half triangles.
-const OBJECTS: [usize; 6] = [2, 8, 16, 32, 48, 64];
+const OBJECTS: [usize; 6] = [2, 8, 16, 24, 32, 40];
 /// How many lights over the experiment's sphere.
-const LIGHTS: [usize; 6] = [1, 8, 16, 32, 48, 64];
-/// The pictures of these sweeps.
-const SIZE: (u32, u32) = (256, 192);
+const LIGHTS: [usize; 6] = [1, 8, 16, 24, 32, 40];
+/// The pictures of these sweeps: small, so that a run is short.
+const SIZE: (u32, u32) = (128, 96);
 const SEED: u64 = 5;
 /// Work in a pixel of a round of both engines, by the object and by the light.
 const OBJECT_WORK: u64 = 300;
@@ -95,7 +86,7 @@ const LIGHT_WORK: u64 = 60;
 const STRAIGHT: f64 = 0.05;
 
 fn runs(quick: bool) -> usize {
-    if quick { 3 } else { 10 }
+    if quick { 15 } else { 50 }
 }
 
 /// The work that [`sweeps`] does.
@@ -115,6 +106,9 @@ fn lit(count: usize) -> Scene {
     scene
 }
 
+/// An axis, the counts along it, the work that a point should take, and the scene of a count.
+type Sweeping<'a> = (Axis, &'a [usize], u64, &'a dyn Fn(usize) -> Scene);
+
 /// The cost in objects and in lights. None where `proceed` says no.
 pub fn sweeps(
     quick: bool,
@@ -123,7 +117,7 @@ pub fn sweeps(
 ) -> Result<Option<Vec<Sweep>>, SpeedupError> {
     let mut sweeps = Vec::new();
     let objects = |count: usize| many(count / 2, count - count / 2, SEED);
-    let axes: [(Axis, &[usize], u64, &dyn Fn(usize) -> Scene); 2] =
+    let axes: [Sweeping; 2] =
         [(Axis::Objects, &OBJECTS, OBJECT_WORK, &objects), (Axis::Lights, &LIGHTS, LIGHT_WORK, &lit)];
     for (axis, counts, work, scene_of) in axes {
         let engines: Vec<Engine> =
@@ -271,14 +265,18 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
     };
     let Some(sweeps) = sweeps else { return not_measured() };
     let of_axis: Vec<_> = sweeps.iter().filter(|sweep| sweep.axis == axis).collect();
-    let unit = axis.name().trim_end_matches('s');
+    let unit = match axis {
+        Axis::Pixels => "a pixel",
+        Axis::Objects => "an object",
+        Axis::Lights => "a light",
+    };
     let figures: Vec<_> = of_axis
         .iter()
         .map(|sweep| {
             let per_pixel = if axis == Axis::Pixels { 1.0 } else { f64::from(SIZE.0) * f64::from(SIZE.1) };
             let more = if axis == Axis::Pixels { String::new() } else { " and pixel".into() };
             format!(
-                "`{}` {:.1} cycles a {unit}{more}, residual {:.1} %",
+                "`{}` {:.1} cycles {unit}{more}, residual {:.1} %",
                 sweep.engine,
                 sweep.line.slope / per_pixel,
                 100.0 * sweep.line.residual
@@ -286,7 +284,14 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
         })
         .collect();
     let straight = of_axis.iter().all(|sweep| sweep.line.slope > 0.0 && sweep.line.residual <= STRAIGHT);
-    (if straight { Verdict::Reproduced } else { Verdict::NotReproduced }, figures.join("; "))
+    let (floor, figure) = (evidence.speedup.noise_floor, figures.join("; "));
+    match () {
+        () if straight => (Verdict::Reproduced, figure),
+        () if floor > STRAIGHT => {
+            (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor))
+        }
+        () => (Verdict::NotReproduced, figure),
+    }
 }
 
 /// What calls cost the paper's SIMD, and the share that they have in the factor of the C that calls.
@@ -333,6 +338,210 @@ fn jumps(evidence: &Evidence<'_>) -> (Verdict, String) {
         return (Verdict::NotTestable, "the time-stamp counter is not known to tick at a constant rate".into());
     }
     let Some(jumps) = evidence.jumps else { return not_measured() };
-    let (cache, figure) = jumps.verdict();
-    (if cache { Verdict::Reproduced } else { Verdict::NotReproduced }, figure)
+    let floor = evidence.speedup.noise_floor;
+    match jumps.cache_jumps(floor) {
+        (Some(true), figure) => (Verdict::Reproduced, figure),
+        (Some(false), figure) => (Verdict::NotReproduced, figure),
+        (None, figure) => (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::jumps;
+    use crate::measure::Machine;
+    use crate::measure::statistics::Estimate;
+
+    /// A table in which `c` takes 6 `c_by_simd` cycles a pixel and `paper` 6, with intervals of `spread` either way.
+    fn table(c_by_simd: f64, spread: f64, noise_floor: f64) -> Speedup {
+        let row = |engine, size: &speedup::PaperRow, cycles: f64, ratio: f64| Row {
+            width: size.width,
+            height: size.height,
+            pixels: size.pixels(),
+            engine,
+            precision: "single",
+            output: "f32x4",
+            threads: 1,
+            cycles_mean: cycles,
+            cycles_median: cycles,
+            cycles_min: cycles,
+            ratio_to_c: ratio,
+            ratio_low: ratio * (1.0 - spread),
+            ratio_high: ratio * (1.0 + spread),
+            migrations: 0,
+            off: 0,
+            samples: vec![cycles],
+        };
+        let rows = PAPER.iter().flat_map(|size| {
+            let cycles = 6.0 * size.pixels() as f64;
+            [row(BASELINE, size, cycles * c_by_simd, 1.0), row(CONTROL, size, cycles, c_by_simd)]
+        });
+        let estimate = |value| Estimate { value, low: value * (1.0 - spread), high: value * (1.0 + spread) };
+        Speedup {
+            rows: rows.collect(),
+            control: Vec::new(),
+            noise_floor,
+            control_overall: estimate(1.0),
+            c_by_simd: estimate(c_by_simd),
+            sizes_asked: PAPER.len(),
+        }
+    }
+
+    fn machine(tsc_invariant: bool) -> Machine {
+        Machine { tsc_invariant, ..Machine::this() }
+    }
+
+    /// Rungs with these cycles.
+    fn rungs(cycles: &[(&str, f64)]) -> Vec<Rung> {
+        let rung = |(name, cycles): &(&str, f64)| Rung {
+            rung: (*name).into(),
+            change: String::new(),
+            flags: "",
+            over: None,
+            aside: false,
+            threads: 1,
+            cycles_per_pixel: *cycles,
+            instructions_per_pixel: None,
+            gain: 1.0,
+            gain_low: 1.0,
+            gain_high: 1.0,
+            gain_total: 1.0,
+            samples: vec![*cycles; 3],
+        };
+        cycles.iter().map(rung).collect()
+    }
+
+    /// A sweep in which both engines take these cycles a pixel, and write at this share of the bandwidth.
+    fn sweep_of_sizes(cycles: &[f64], share: f64) -> Jumps {
+        let rows = [BASELINE, CONTROL].into_iter().flat_map(|engine| {
+            cycles.iter().flat_map(move |cycles| {
+                [true, false].map(|touched| jumps::Row {
+                    width: 100,
+                    height: 100,
+                    pixels: 10_000,
+                    engine,
+                    touched,
+                    cycles_per_pixel: *cycles,
+                    cycles_per_pixel_median: *cycles,
+                    clock_per_tick: 1.5,
+                    taken_share: Some(0.0),
+                    core_cycles_per_pixel: 1.5 * cycles,
+                    page_faults: 0.0,
+                    bytes_per_cycle: 10.0 * share,
+                })
+            })
+        });
+        let bandwidth = jumps::Bandwidth { level: "memory".into(), bytes: 1, bytes_per_cycle: 10.0 };
+        Jumps { rows: rows.collect(), bandwidth: vec![bandwidth] }
+    }
+
+    fn verdict(evidence: &Evidence<'_>, claim: &str) -> Verdict {
+        let claims = judge(evidence);
+        claims.iter().find(|judged| judged.claim.contains(claim)).unwrap_or_else(|| panic!("{claim}")).verdict
+    }
+
+    #[test]
+    fn the_factor_is_held_against_the_papers_range() {
+        let machine = machine(true);
+        for (ratio, spread, expected) in [
+            (6.3, 0.01, Verdict::Reproduced),
+            (4.5, 0.01, Verdict::NotReproduced),
+            (12.0, 0.01, Verdict::NotReproduced),
+            (6.3, 0.3, Verdict::NotTestable),
+        ] {
+            let speedup = table(ratio, spread, 0.01);
+            let evidence = Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: None, machine: &machine };
+            assert_eq!(verdict(&evidence, "6 times"), expected, "{ratio} {spread}");
+            assert_eq!(verdict(&evidence, "depend on the size"), Verdict::Reproduced);
+        }
+    }
+
+    #[test]
+    fn what_was_not_measured_is_not_testable_and_neither_are_cycles_without_an_invariant_counter() {
+        let speedup = table(6.3, 0.01, 0.01);
+        for invariant in [true, false] {
+            let machine = machine(invariant);
+            let evidence = Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: None, machine: &machine };
+            for claim in ["in objects", "in lights", "matter little", "explain", "cache"] {
+                assert_eq!(verdict(&evidence, claim), Verdict::NotTestable, "{claim}");
+            }
+            let pixels = if invariant { Verdict::Reproduced } else { Verdict::NotTestable };
+            assert_eq!(verdict(&evidence, "in pixels"), pixels);
+        }
+    }
+
+    #[test]
+    fn macros_are_judged_by_what_calls_cost() {
+        let (speedup, machine) = (table(6.3, 0.01, 0.01), machine(true));
+        let of = |calls: f64, paper_called: f64| {
+            let inlined = 30.0;
+            rungs(&[
+                ("c, called", 2.0 * calls * inlined),
+                ("sqrtf", calls * inlined),
+                ("inlined", inlined),
+                ("lean", 30.0),
+                ("paper", 10.0),
+                ("paper, called", 10.0 * paper_called),
+            ])
+        };
+        for (calls, paper_called, little, explain) in [
+            (1.02, 1.01, Verdict::Reproduced, Verdict::NotReproduced),
+            (4.0, 1.01, Verdict::NotReproduced, Verdict::Reproduced),
+            (1.02, 1.5, Verdict::NotReproduced, Verdict::NotReproduced),
+        ] {
+            let rungs = of(calls, paper_called);
+            let evidence =
+                Evidence { speedup: &speedup, sweeps: None, rungs: Some(&rungs), jumps: None, machine: &machine };
+            assert_eq!(verdict(&evidence, "matter little"), little, "{calls} {paper_called}");
+            assert_eq!(verdict(&evidence, "explain"), explain, "{calls} {paper_called}");
+        }
+    }
+
+    #[test]
+    fn a_factor_is_taken_apart_into_shares_that_make_it() {
+        let rungs = rungs(&[("c, called", 160.0), ("sqrtf", 80.0), ("inlined", 40.0), ("lean", 20.0), ("paper", 10.0)]);
+        let whole = &ladder::explain(&rungs)[0];
+        assert_eq!(whole.factor, 16.0);
+        for share in &whole.shares {
+            assert_eq!((share.factor, share.share), (2.0, 0.25), "{}", share.cause);
+        }
+    }
+
+    #[test]
+    fn the_cache_is_to_blame_only_where_time_jumps_and_stores_come_near_the_bandwidth() {
+        let machine = machine(true);
+        for (cycles, share, floor, expected) in [
+            (&[100.0, 101.0, 102.0][..], 0.9, 0.01, Verdict::NotReproduced),
+            (&[100.0, 150.0, 250.0], 0.9, 0.01, Verdict::Reproduced),
+            (&[100.0, 150.0, 250.0], 0.02, 0.01, Verdict::NotReproduced),
+            (&[100.0, 150.0, 250.0], 0.9, 0.5, Verdict::NotTestable),
+        ] {
+            let (speedup, jumps) = (table(6.3, 0.01, floor), sweep_of_sizes(cycles, share));
+            let evidence =
+                Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: Some(&jumps), machine: &machine };
+            assert_eq!(verdict(&evidence, "cache"), expected, "{cycles:?} {share} {floor}");
+        }
+    }
+
+    #[test]
+    fn a_crooked_cost_is_not_linear_unless_noise_could_have_bent_it() {
+        let machine = machine(true);
+        let sweep = |points: Vec<(f64, f64)>| {
+            let line = fit_line(&points);
+            vec![Sweep { axis: Axis::Objects, engine: BASELINE, points, line }]
+        };
+        let straight = sweep(vec![(1.0, 10.0), (2.0, 20.0), (3.0, 30.0)]);
+        let crooked = sweep(vec![(1.0, 10.0), (2.0, 40.0), (3.0, 90.0)]);
+        for (sweeps, floor, expected) in [
+            (&straight, 0.01, Verdict::Reproduced),
+            (&crooked, 0.01, Verdict::NotReproduced),
+            (&crooked, 0.2, Verdict::NotTestable),
+        ] {
+            let speedup = table(6.3, 0.01, floor);
+            let evidence =
+                Evidence { speedup: &speedup, sweeps: Some(sweeps), rungs: None, jumps: None, machine: &machine };
+            assert_eq!(verdict(&evidence, "in objects"), expected, "{floor}");
+        }
+    }
 }

@@ -33,6 +33,8 @@ pub struct Document {
     pub rows: Vec<Row>,
     /// One change at a time; empty without `--ladder`.
     pub ladder: Vec<Rung>,
+    /// Why the ladder has no counts of instructions, where it has none.
+    pub uncounted: Option<String>,
     /// The factor taken apart; empty where the rungs for it were not measured.
     pub explanations: Vec<Explanation>,
     /// Time by the pixel from small pictures to large ones; None where the run was stopped before.
@@ -73,6 +75,7 @@ impl Document {
             control: speedup.control,
             rows: speedup.rows,
             ladder: Vec::new(),
+            uncounted: None,
             explanations: Vec::new(),
             jumps: None,
             sweeps: Vec::new(),

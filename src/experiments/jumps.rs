@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::speedup::{self, BASELINE, CONTROL, PAPER, Progress, SpeedupError};
 use crate::kernels::{Vec4, sys};
 use crate::measure::statistics::{median, minimum};
-use crate::measure::{Cache, Clock, Machine, interleave};
+use crate::measure::{Cache, Clock, Machine, core_cycles_per_tick, interleave};
 use crate::render::{Engine, Film, FilmMut, PixelFormat};
 
 /// Sizes from 0.02 to 16 Mpixel, all 4:3; a quick run takes every third.
@@ -32,8 +32,6 @@ const RUNS: usize = 5;
 const QUICK_RUNS: usize = 2;
 /// What a pixel of every contestant costs, touched and not.
 const ROUND_WORK: u64 = 270;
-/// Rounds of the chain whose time gives the core's clock: about ten microseconds.
-const CHAIN_ROUNDS: u32 = 500;
 /// A change of less than this is none.
 const STEADY: f64 = 0.10;
 /// What writes less than this share of a bandwidth is not bound by it.
@@ -52,17 +50,19 @@ pub struct Row {
     pub engine: &'static str,
     /// Whether the framebuffer had been touched before.
     pub touched: bool,
-    /// TSC cycles of a pixel in the fastest run: the one that was disturbed least.
+    /// TSC cycles of a pixel in the fastest run: the one that had the core for the shortest time.
     pub cycles_per_pixel: f64,
     /// Their median over all runs.
     pub cycles_per_pixel_median: f64,
     /// The core's clock cycles in a tick of the TSC, right before and after the fastest run.
-    pub clock_per_tick: Option<f64>,
-    /// Cycles of the core's own clock in a pixel, in that run.
-    pub core_cycles_per_pixel: Option<f64>,
+    pub clock_per_tick: f64,
+    /// The part of that run in which other programs had the core.
+    pub taken_share: Option<f64>,
+    /// Cycles of the core's own clock that it gave to a pixel, in that run.
+    pub core_cycles_per_pixel: f64,
     /// Median page faults of a picture.
     pub page_faults: f64,
-    /// Bytes of the framebuffer written in a TSC cycle.
+    /// Bytes of the framebuffer written in a TSC cycle in which the thread had the core, in that run.
     pub bytes_per_cycle: f64,
 }
 
@@ -100,27 +100,14 @@ pub fn work(quick: bool) -> u64 {
     pixels * runs(quick) as u64 * ROUND_WORK
 }
 
-/// The core's clock cycles in a tick of the counter at this moment: the best of three, which no interrupt hit.
-fn clock_per_tick(clock: &mut dyn Clock) -> Option<f64> {
-    #[cfg(target_arch = "x86_64")]
-    {
-        let cycles = f64::from(CHAIN_ROUNDS * sys::CHAIN_LINKS * sys::CHAIN_LATENCY);
-        let ticks = (0..3).map(|_| clock.time(&mut || sys::multiply_in_chain(CHAIN_ROUNDS))).min()?;
-        (ticks > 0).then(|| cycles / ticks as f64)
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        let _ = (clock, CHAIN_ROUNDS);
-        None
-    }
-}
-
 /// What is recorded of one run beside its ticks.
 #[derive(Default)]
 struct Beside {
     clock: Vec<f64>,
     faults: Vec<f64>,
     ticks: Vec<f64>,
+    /// Ticks in which this thread had the core.
+    own: Vec<f64>,
 }
 
 /// Measures. None where `proceed` says no.
@@ -148,8 +135,8 @@ pub fn run(
                 for touched in [true, false] {
                     let beside = &mut beside[2 * index + usize::from(touched)];
                     let mut fresh = if touched { None } else { Some(fresh(pixels as usize)?) };
-                    let before = clock_per_tick(clock);
-                    let faults = sys::page_faults();
+                    let before = core_cycles_per_tick();
+                    let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
                     let ticks = clock.time(&mut || {
                         let out = match &mut fresh {
                             Some(fresh) => FilmMut::F32x4(fresh),
@@ -158,10 +145,10 @@ pub fn run(
                         tracer.rows(0..height, out);
                     });
                     beside.faults.push((sys::page_faults() - faults) as f64);
+                    let cpu = (sys::thread_cpu_time() - cpu).as_secs_f64();
                     beside.ticks.push(ticks as f64);
-                    if let (Some(before), Some(after)) = (before, clock_per_tick(clock)) {
-                        beside.clock.push((before + after) / 2.0);
-                    }
+                    beside.own.push(machine.tsc_hz.map_or(ticks as f64, |hz| (cpu * hz).min(ticks as f64)));
+                    beside.clock.push((before + core_cycles_per_tick()) / 2.0);
                 }
             }
             if !proceed(pixels * ROUND_WORK) {
@@ -171,9 +158,10 @@ pub fn run(
         for (index, engine) in engines.iter().enumerate() {
             for touched in [true, false] {
                 let beside = &beside[2 * index + usize::from(touched)];
-                let ticks = minimum(&beside.ticks);
-                let fastest = beside.ticks.iter().position(|of_run| *of_run == ticks).expect("there is a run");
-                let clock_per_tick = beside.clock.get(fastest).copied();
+                let own = minimum(&beside.own);
+                let fastest = beside.own.iter().position(|of_run| *of_run == own).expect("there is a run");
+                let ticks = beside.ticks[fastest];
+                let clock_per_tick = beside.clock[fastest];
                 rows.push(Row {
                     width,
                     height,
@@ -183,9 +171,10 @@ pub fn run(
                     cycles_per_pixel: ticks / pixels as f64,
                     cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
                     clock_per_tick,
-                    core_cycles_per_pixel: clock_per_tick.map(|clock| clock * ticks / pixels as f64),
+                    taken_share: machine.tsc_hz.map(|_| 1.0 - own / ticks),
+                    core_cycles_per_pixel: clock_per_tick * own / pixels as f64,
                     page_faults: median(&beside.faults),
-                    bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / ticks,
+                    bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / own,
                 });
             }
         }
@@ -236,10 +225,10 @@ pub struct Finding {
     pub engine: &'static str,
     /// The most cycles by the pixel of any size over the fewest, less 1: touched framebuffers, TSC cycles.
     pub change: f64,
-    /// The same in cycles of the core's own clock, where it is known.
-    pub core_change: Option<f64>,
+    /// The same in cycles of the core's own clock.
+    pub core_change: f64,
     /// The same of the core's clock by tick.
-    pub clock_change: Option<f64>,
+    pub clock_change: f64,
     /// The most that it writes, as a share of the bandwidth of the slowest level.
     pub bandwidth_share: Option<f64>,
     /// TSC cycles that a page fault costs: what untouched framebuffers cost more at the largest size.
@@ -258,20 +247,20 @@ impl Jumps {
         let slowest = self.bandwidth.iter().map(|level| level.bytes_per_cycle).reduce(f64::min);
         let finding = |engine| {
             let (touched, untouched) = (self.of(engine, true), self.of(engine, false));
-            let change = |values: Vec<f64>| {
-                let (low, high) = (values.iter().copied().reduce(f64::min)?, values.iter().copied().reduce(f64::max)?);
-                Some(high / low - 1.0)
+            let change = |of: fn(&Row) -> f64| {
+                let values = || touched.iter().map(|row| of(row));
+                values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min) - 1.0
             };
-            let all = |of: fn(&Row) -> Option<f64>| touched.iter().map(|row| of(row)).collect::<Option<Vec<_>>>();
             let fastest = touched.iter().map(|row| row.bytes_per_cycle).fold(0.0, f64::max);
             let (last, fresh) = (touched.last()?, untouched.last()?);
-            let more = fresh.cycles_per_pixel - last.cycles_per_pixel;
+            let own = |row: &Row| row.core_cycles_per_pixel / row.clock_per_tick;
+            let more = own(fresh) - own(last);
             let faults = fresh.page_faults - last.page_faults;
             Some(Finding {
                 engine,
-                change: change(touched.iter().map(|row| row.cycles_per_pixel).collect())?,
-                core_change: all(|row| row.core_cycles_per_pixel).and_then(change),
-                clock_change: all(|row| row.clock_per_tick).and_then(change),
+                change: change(|row| row.cycles_per_pixel),
+                core_change: change(|row| row.core_cycles_per_pixel),
+                clock_change: change(|row| row.clock_per_tick),
                 bandwidth_share: slowest.map(|slowest| fastest / slowest),
                 cycles_per_fault: (faults > 0.0).then(|| more * last.pixels as f64 / faults),
                 fault_cycles_per_pixel: more,
@@ -280,43 +269,51 @@ impl Jumps {
         [BASELINE, CONTROL].into_iter().filter_map(finding).collect()
     }
 
-    /// Whether the cache makes the time by the pixel jump here, and the figures that say so.
-    pub fn verdict(&self) -> (bool, String) {
+    /// Whether the cache makes the time by the pixel jump here, and the figures that say so. None where it jumps, and
+    /// noise alone could make it: an engine comes out `noise_floor` apart from itself.
+    pub fn cache_jumps(&self, noise_floor: f64) -> (Option<bool>, String) {
         let findings = self.findings();
-        let jumps = |finding: &Finding| finding.core_change.unwrap_or(finding.change) > STEADY;
+        let jumps = |finding: &&Finding| finding.core_change > STEADY;
         let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
-        let cache = findings.iter().any(|finding| jumps(finding) && bound(finding));
+        let jumping: Vec<_> = findings.iter().filter(jumps).collect();
+        let verdict = match () {
+            () if jumping.is_empty() => Some(false),
+            () if noise_floor > STEADY => None,
+            () => Some(jumping.into_iter().any(bound)),
+        };
         let figures: Vec<_> = findings
             .iter()
             .map(|finding| {
                 let share = |share: Option<f64>| share.map_or("?".into(), |share| format!("{:.0} %", 100.0 * share));
                 format!(
-                    "`{}`: cycles a pixel differ by {:.0} % over all sizes ({} in core cycles), writes at most {} of \
-                    the slowest level's bandwidth",
+                    "`{}`: cycles a pixel differ by {:.0} % over all sizes, by {} in cycles of the core's clock; \
+                    writes at most {} of the slowest level's bandwidth",
                     finding.engine,
                     100.0 * finding.change,
-                    share(finding.core_change),
+                    share(Some(finding.core_change)),
                     share(finding.bandwidth_share),
                 )
             })
             .collect();
-        (cache, figures.join("; "))
+        (verdict, figures.join("; "))
     }
 
     /// What this machine shows and what it cannot show, in words.
     pub fn text(&self) -> String {
-        let mut text = String::new();
+        let levels: Vec<_> =
+            self.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle)).collect();
+        let mut text = format!("Bytes that plain stores write in a TSC cycle: {}.\n", levels.join(", "));
         for finding in self.findings() {
             let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
             let percent =
                 |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
             text += &format!(
-                "`{engine}` in a touched framebuffer: TSC cycles a pixel differ by {} between the sizes; the core's clock \
-                by {}; cycles of the core's clock a pixel by {}. It writes at most {} of what the slowest level of memory \
-                takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
+                "`{engine}` in a touched framebuffer: between the sizes, TSC cycles a pixel differ by {}, the core's \
+                clock by {}, and the cycles of that clock which the core gave to a pixel by {}. It writes at most {} of \
+                what the slowest level of memory takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
                 percent(Some(change)),
-                percent(clock_change),
-                percent(core_change),
+                percent(Some(clock_change)),
+                percent(Some(core_change)),
                 percent(bandwidth_share),
                 if bandwidth_share.is_some_and(|share| share <= BOUND) { ", and so is not bound by it" } else { "" },
                 finding.fault_cycles_per_pixel,

@@ -1,18 +1,21 @@
 //! The ladder: one change at a time from the paper's C to the best there is, and which share of the factor each has.
 
+use std::ops::Range;
+
 use serde::Serialize;
 
 use super::speedup::{self, Films, Progress, SpeedupError, Truth};
 use crate::kernels::ladder::{self, Rung as Variant};
-use crate::kernels::{self, Vec4, sys};
+use crate::kernels::{self, Vec4, step, sys};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, interleave};
 use crate::plan::Packed;
 use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
 use crate::scene::{Camera, Rng, Scene};
 
-/// The size that every rung traces: large enough to be steady, small enough for a second-level cache to matter little.
-pub const SIZE: (u32, u32) = (816, 612);
+/// The size that every rung traces: small enough for the picture to stay in a second-level cache, and for a run to be
+/// over before the operating system thinks of giving the core to another program.
+pub const SIZE: (u32, u32) = (256, 192);
 /// Work of a round in a pixel.
 const ROUND_WORK: u64 = 1100;
 const SEED: u64 = 0x1a_dd_e2;
@@ -104,6 +107,10 @@ fn plan(whole: bool) -> Vec<Planned> {
     rung("c, called", "the paper's C with every small function called", None, c("calls"));
     let engine = |engine: Option<Engine>| Tracing::Engine(engine.expect("asm is built"), PixelFormat::F32x4);
     let by_name = |name: &str| Engine::ALL.iter().copied().find(|engine| engine.name() == name);
+    if whole {
+        // Passed by value, a vector is stored in halves; read back whole it waits for both.
+        rung("c, called, scalar", "the same, no lanes found by the compiler", Some("c, called"), c("calls_scalar"));
+    }
     rung("c", "the engine `c`: the same, inlined", Some("c, called"), engine(by_name(speedup::BASELINE)));
     rung("sqrtf", "roots by sqrtf, not pow", None, c("sqrtf"));
     rung("inlined", "small functions inlined", None, c("inlined"));
@@ -151,15 +158,46 @@ fn is_packet(engine: Engine) -> bool {
     matches!(engine, Engine::Packet(_))
 }
 
+/// Traces rows into a film of their size.
+type Trace<'a> = Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>;
+
 /// A rung that is ready for a camera.
 struct Ready<'a> {
-    trace: Box<dyn Fn(FilmMut<'_>) + 'a>,
+    trace: Trace<'a>,
     output: PixelFormat,
 }
 
 impl Planned {
     fn threads(&self) -> usize {
         if let Tracing::Threads(_, _, threads) = self.tracing { threads } else { 1 }
+    }
+
+    /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
+    /// through, and where [`step::count_instructions`] does not work.
+    fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
+        let ((width, height), step_by) = match &self.tracing {
+            Tracing::Threads(..) => return Ok(None),
+            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_ROWS,
+            Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
+            _ => COUNTED_ONE_BY_ONE,
+        };
+        let camera = speedup::camera(scene, width, height);
+        let packed = Packed::new(scene, &camera);
+        let tracer = self.tracer(scene, &camera)?;
+        let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
+        let mut films = Films::new(2 * width as usize)?;
+        let mut count = |rows: Range<u32>| {
+            let film = films.of(ready.output).as_mut().take(rows.len() * width as usize);
+            step::count_instructions(|| (ready.trace)(rows, film)).ok()
+        };
+        let (mut sum, mut pixels) = (0, 0);
+        for row in (step_by as u32 / 2..height).step_by(step_by) {
+            // What two rows take more than the first of them: the call and its set-up are in both.
+            let (Some(two), Some(first)) = (count(row - 1..row + 1), count(row - 1..row)) else { return Ok(None) };
+            sum += two - first;
+            pixels += u64::from(width);
+        }
+        Ok(Some(sum as f64 / pixels as f64))
     }
 
     fn flags(&self) -> &'static str {
@@ -181,28 +219,27 @@ impl Planned {
         camera: &Camera,
         cores: &sys::Cores,
     ) -> Result<Ready<'a>, SpeedupError> {
-        let height = camera.height();
         Ok(match self.tracing {
             Tracing::Variant(variant) => Ready {
-                trace: Box::new(move |film| {
-                    variant.call(packed.frame(), packed.objects(), 0..height, floats(film));
+                trace: Box::new(move |rows, film| {
+                    variant.call(packed.frame(), packed.objects(), rows, floats(film));
                 }),
                 output: PixelFormat::F32x4,
             },
             Tracing::Aos(kernels) => Ready {
-                trace: Box::new(move |film| {
-                    kernels.trace.call(packed.frame(), packed.objects(), 0..height, floats(film));
+                trace: Box::new(move |rows, film| {
+                    kernels.trace.call(packed.frame(), packed.objects(), rows, floats(film));
                 }),
                 output: PixelFormat::F32x4,
             },
             Tracing::Engine(_, output) => {
                 let tracer = tracer.expect("an engine has one");
-                Ready { trace: Box::new(move |film| tracer.rows(0..height, film)), output }
+                Ready { trace: Box::new(move |rows, film| tracer.rows(rows, film)), output }
             }
             Tracing::Threads(_, output, threads) => {
                 let tracer = tracer.expect("an engine has one");
                 let frame = on_all(cores, || Frame::new(tracer, *camera, Settings { threads }))??;
-                Ready { trace: Box::new(move |film| frame.trace(0..height, film, &|_| ())), output }
+                Ready { trace: Box::new(move |rows, film| frame.trace(rows, film, &|_| ())), output }
             }
         })
     }
@@ -223,12 +260,14 @@ fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, Speedup
     Ok(started)
 }
 
-/// Counts the instructions that tracing a few rows executes, where that can be done.
-pub type CountInstructions<'a> = dyn FnMut(&mut dyn FnMut()) -> Option<u64> + 'a;
-
 /// The work that [`run`] does.
 pub fn work(runs: usize) -> u64 {
     u64::from(SIZE.0) * u64::from(SIZE.1) * runs as u64 * ROUND_WORK
+}
+
+/// Why the rungs have no count of instructions, where they cannot have one here.
+pub fn uncounted() -> Option<String> {
+    step::count_instructions(|| ()).err().map(|reason| reason.to_string())
 }
 
 /// Measures `runs` runs of every rung, or of those that the claims need. `cores` are those that threads may run on.
@@ -239,7 +278,6 @@ pub fn run(
     runs: usize,
     cores: &sys::Cores,
     clock: &mut dyn Clock,
-    count: &mut CountInstructions<'_>,
     proceed: &mut Progress<'_>,
 ) -> Result<Option<Vec<Rung>>, SpeedupError> {
     let scene = speedup::scene();
@@ -251,18 +289,16 @@ pub fn run(
         for rung in &planned {
             let tracer = rung.tracer(&scene, &truth.camera)?;
             let ready = rung.ready(tracer.as_deref(), &packed, &truth.camera, cores)?;
-            truth.check(rung.rung, ready.output, &mut |film| (ready.trace)(film))?;
+            truth.check(rung.rung, ready.output, &mut |film| {
+                (ready.trace)(0..truth.camera.height(), film);
+            })?;
         }
-        let camera = speedup::camera(&scene, COUNTED.0, COUNTED.1);
-        let packed = Packed::new(&scene, &camera);
-        let mut films = Films::new(camera.pixels() as usize)?;
-        for rung in &planned {
-            let tracer = rung.tracer(&scene, &camera)?;
-            let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
-            let counted =
-                (rung.threads() == 1).then(|| count(&mut || (ready.trace)(films.of(ready.output).as_mut()))).flatten();
-            instructions.push(counted.map(|counted| counted as f64 / camera.pixels() as f64));
+    }
+    for rung in &planned {
+        if !proceed(0) {
+            return Ok(None);
         }
+        instructions.push(if whole { rung.instructions(&scene, cores)? } else { None });
     }
 
     let camera = speedup::camera(&scene, SIZE.0, SIZE.1);
@@ -273,15 +309,17 @@ pub fn run(
     for (rung, tracer) in planned.iter().zip(&tracers) {
         let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
         let films = &films;
-        contestants.push(Box::new(move || (ready.trace)(films.borrow_mut().of(ready.output).as_mut())));
+        contestants.push(Box::new(move || (ready.trace)(0..SIZE.1, films.borrow_mut().of(ready.output).as_mut())));
     }
     let mut proceed = || proceed(camera.pixels() * ROUND_WORK);
     let Some(measured) = interleave(clock, &mut contestants, runs, &mut proceed) else { return Ok(None) };
     Ok(Some(rungs(&planned, &measured, &instructions, camera.pixels() as f64)))
 }
 
-/// The picture whose instructions are counted: every step of the way is a trap, so that it is a small one.
-const COUNTED: (u32, u32) = (64, 48);
+/// The pictures whose instructions are counted, and one row in how many: each instruction is a trap. Where pixels are
+/// traced one by one a few tell all; where a row shares what it needs, rows have to be as long as those that are timed.
+const COUNTED_ONE_BY_ONE: ((u32, u32), usize) = ((16, 12), 3);
+const COUNTED_BY_ROWS: ((u32, u32), usize) = (SIZE, 32);
 
 fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], pixels: f64) -> Vec<Rung> {
     let mut rng = Rng::new(SEED);

@@ -9,6 +9,8 @@ pub mod jumps;
 #[cfg(rayo_asm)]
 pub mod ladder;
 #[cfg(rayo_asm)]
+pub mod ops;
+#[cfg(rayo_asm)]
 pub mod plot;
 #[cfg(rayo_asm)]
 pub mod speedup;

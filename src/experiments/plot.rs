@@ -17,7 +17,8 @@ impl PlotError {
     }
 }
 
-const SIZE: (u32, u32) = (960, 600);
+const WIDTH: i32 = 960;
+const HEIGHT: i32 = 600;
 const FONT: &str = "sans-serif";
 /// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
 const C_COLOUR: RGBColor = RGBColor(213, 94, 0);
@@ -30,7 +31,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 fn draw(figure: impl FnOnce(&Area<'_>) -> Result<(), PlotError>) -> Result<String, PlotError> {
     let mut svg = String::new();
     {
-        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, (WIDTH as u32, HEIGHT as u32)).into_drawing_area();
         area.fill(&WHITE).map_err(PlotError::new)?;
         figure(&area)?;
         area.present().map_err(PlotError::new)?;
@@ -70,6 +71,7 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
             .x_desc("megapixels")
             .y_desc("10⁹ TSC cycles, this machine")
             .label_style((FONT, 14))
@@ -90,19 +92,20 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
                 .label(label)
                 .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
         }
-        let of_paper: [(_, _, fn(usize) -> f64); 2] = [
-            ("C, the paper's (right axis)", C_COLOUR, |row| PAPER[row].c / 1e9),
-            ("SIMD, the paper's (right axis)", SIMD_COLOUR, |row| PAPER[row].simd / 1e9),
-        ];
-        for (label, colour, cycles) in of_paper {
-            let points = (0..PAPER.len()).map(|row| (PAPER[row].pixels() as f64 / 1e6, cycles(row)));
+        for (label, colour) in
+            [("C, the paper's (right axis)", C_COLOUR), ("SIMD, the paper's (right axis)", SIMD_COLOUR)]
+        {
+            let points = PAPER.iter().map(|row| {
+                let cycles = if colour == C_COLOUR { row.c } else { row.simd };
+                (row.pixels() as f64 / 1e6, cycles / 1e9)
+            });
             chart
-                .draw_secondary_series(points.map(|point| TriangleMarker::new(point, 6, colour.stroke_width(1))))
+                .draw_secondary_series(points.map(|point| Cross::new(point, 5, colour.stroke_width(2))))
                 .map_err(PlotError::new)?
                 .label(label)
-                .legend(move |(x, y)| TriangleMarker::new((x + 10, y), 6, colour.stroke_width(1)));
+                .legend(move |(x, y)| Cross::new((x + 10, y), 5, colour.stroke_width(2)));
         }
-        legend(&mut chart)
+        legend(&mut chart, SeriesLabelPosition::UpperLeft)
     })
 }
 
@@ -123,6 +126,7 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
+            .bold_line_style(BLACK.mix(0.12))
             .x_desc("megapixels")
             .y_desc("C/SIMD")
             .label_style((FONT, 14))
@@ -142,13 +146,13 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
             .legend(|(x, y)| Circle::new((x + 10, y), 4, SIMD_COLOUR.filled()));
         chart
             .draw_series(
-                PAPER.iter().map(|row| {
-                    TriangleMarker::new((row.pixels() as f64 / 1e6, row.ratio()), 6, C_COLOUR.stroke_width(1))
-                }),
+                PAPER
+                    .iter()
+                    .map(|row| Cross::new((row.pixels() as f64 / 1e6, row.ratio()), 5, C_COLOUR.stroke_width(2))),
             )
             .map_err(PlotError::new)?
             .label(format!("the paper's, {:.2} in the mean", paper_mean_ratio()))
-            .legend(|(x, y)| TriangleMarker::new((x + 10, y), 6, C_COLOUR.stroke_width(1)));
+            .legend(|(x, y)| Cross::new((x + 10, y), 5, C_COLOUR.stroke_width(2)));
         chart
             .draw_series(document.control.iter().map(|row| {
                 let x = f64::from(row.width) * f64::from(row.height) / 1e6;
@@ -157,15 +161,19 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
             .map_err(PlotError::new)?
             .label("SIMD against itself")
             .legend(|(x, y)| Circle::new((x + 10, y), 4, CONTROL_COLOUR.filled()));
-        legend(&mut chart)
+        // Between the control at 1 and the ratios.
+        legend(&mut chart, SeriesLabelPosition::Coordinate(WIDTH / 12, HEIGHT / 2))
     })
 }
 
 /// The list of the labelled series.
-fn legend<'a, T: CoordTranslate>(chart: &mut ChartContext<'a, SVGBackend<'a>, T>) -> Result<(), PlotError> {
+fn legend<'a, T: CoordTranslate>(
+    chart: &mut ChartContext<'a, SVGBackend<'a>, T>,
+    position: SeriesLabelPosition,
+) -> Result<(), PlotError> {
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
+        .position(position)
         .background_style(WHITE.mix(0.9))
         .border_style(BLACK.mix(0.3))
         .label_font((FONT, 14))

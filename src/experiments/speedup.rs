@@ -471,3 +471,64 @@ pub fn paper_row(width: u32, height: u32) -> Option<&'static PaperRow> {
 pub fn paper_mean_ratio() -> f64 {
     statistics::mean(&PAPER.map(|row| row.ratio()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::Scripted;
+
+    fn settings(sizes: &[usize], runs: usize) -> Settings {
+        let engines = [BASELINE, CONTROL].map(|name| name.parse().unwrap()).to_vec();
+        Settings { sizes: sizes.to_vec(), runs, engines }
+    }
+
+    #[test]
+    fn the_table_is_that_of_the_ticks() {
+        // `c`, `paper`, and `paper` again, which is always a tenth slower.
+        let mut clock = Scripted::new(&[6000, 1000, 1100], 3);
+        let measured = run(&settings(&[0, 1], 3), &mut clock, &mut |_| true).unwrap();
+        assert!(measured.complete());
+        let summary = |row: &Row| (row.engine, row.pixels, row.samples.clone(), row.cycles_median);
+        let rows: Vec<_> = measured.rows.iter().map(summary).collect();
+        assert_eq!(rows[0], ("c", 99_645, vec![6000.0, 6001.0, 6002.0], 6001.0));
+        assert_eq!(rows[1], ("paper", 99_645, vec![1000.0, 1001.0, 1002.0], 1001.0));
+        assert_eq!((rows[2].0, rows[2].1, rows[2].3), ("c", 199_692, 6001.0));
+        assert_eq!(measured.rows[1].ratio_to_c, 6001.0 / 1001.0);
+        assert_eq!((measured.rows[0].ratio_low, measured.rows[0].ratio_high), (1.0, 1.0));
+        assert_eq!(measured.control[0].ratio, 1001.0 / 1101.0);
+        assert_eq!(measured.noise_floor, 1.0 - 1001.0 / 1101.0);
+        assert!(measured.c_by_simd.low >= 5.9 && measured.c_by_simd.high <= 6.0, "{:?}", measured.c_by_simd);
+    }
+
+    #[test]
+    fn who_stops_gets_the_sizes_that_are_finished() {
+        let mut rounds = 0;
+        let mut clock = Scripted::new(&[6, 1, 1], 3);
+        let mut stop_in_second_size = |_| {
+            rounds += 1;
+            rounds < 5
+        };
+        let measured = run(&settings(&[0, 1, 2], 3), &mut clock, &mut stop_in_second_size).unwrap();
+        assert!(!measured.complete());
+        assert_eq!(measured.rows.len(), 2);
+        let stopped = run(&settings(&[0], 3), &mut clock, &mut |_| false);
+        assert!(matches!(stopped, Err(SpeedupError::Nothing)));
+    }
+
+    #[test]
+    fn the_papers_table_is_the_papers() {
+        assert!((paper_mean_ratio() - 6.34).abs() < 0.005);
+        assert!(PAPER.iter().all(|row| (f64::from(row.width) / f64::from(row.height) - 4.0 / 3.0).abs() < 0.005));
+        assert_eq!(paper_row(1632, 1224).map(PaperRow::pixels), Some(1_997_568));
+    }
+
+    #[test]
+    fn another_picture_is_refused() {
+        let truth = Truth::new(&scene()).unwrap();
+        let black = truth.check("black", PixelFormat::Rgba8, &mut |film| {
+            let FilmMut::Rgba8(film) = film else { unreachable!() };
+            film.fill([0; 4]);
+        });
+        assert!(matches!(black, Err(SpeedupError::Picture { wrong, .. }) if wrong > 1000));
+    }
+}

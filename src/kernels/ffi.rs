@@ -34,6 +34,11 @@ impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
         unsafe { (self.code)(out, a, b) }
     }
 
+    /// Where its code is.
+    pub fn address(self) -> usize {
+        self.code as usize
+    }
+
     /// As [`Op::call_into`], with a look at whether the kernel keeps the calling convention.
     pub fn call_checked(self, out: &mut O, a: &A, b: &B) -> Result<(), Vec<Fault>> {
         let args =
@@ -68,6 +73,11 @@ impl Trace {
             // some_pixels() that there is a row, a column, and in `out` the place of each pixel. The CPU as in Op.
             unsafe { (self.code)(frame, &lists, rows.start.into(), rows.end.into(), out.as_mut_ptr()) }
         }
+    }
+
+    /// Where its code is.
+    pub fn address(self) -> usize {
+        self.code as usize
     }
 
     /// As [`Trace::call`], with a look at whether the kernel keeps the calling convention.

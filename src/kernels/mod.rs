@@ -3,28 +3,48 @@
 #![allow(unsafe_code)]
 
 #[cfg(rayo_asm)]
+mod by_value;
+#[cfg(rayo_asm)]
+mod chains;
+#[cfg(rayo_asm)]
 mod checked;
+mod code;
 #[cfg(rayo_asm)]
 mod ffi;
 mod isa;
 #[cfg(rayo_asm)]
+mod known;
+#[cfg(rayo_asm)]
 pub mod ladder;
+#[cfg(rayo_asm)]
 mod packet;
 mod spans;
+pub mod step;
 pub mod sys;
 mod types;
+#[cfg(rayo_asm)]
+mod vec3;
 
 #[cfg(rayo_asm)]
+pub use by_value::{ByValue, Ray, by_value};
+#[cfg(rayo_asm)]
+pub use chains::{Chain, Chains, FEEDBACK, chains_of_aos, chains_of_paper};
+#[cfg(rayo_asm)]
 pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
+pub use code::code_at;
 #[cfg(rayo_asm)]
 pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
 pub use isa::Isa;
+#[cfg(rayo_asm)]
+pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
     Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
 };
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+#[cfg(rayo_asm)]
+pub use vec3::{PacketOp, packet_ops};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
 #[cfg(rayo_asm)]

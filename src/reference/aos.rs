@@ -61,21 +61,25 @@ fn lanes<T: Real>(a: Lanes<T>, b: Lanes<T>, op: impl Fn(T, T) -> T) -> Lanes<T> 
 }
 
 /// a + b.
+#[inline]
 pub fn add<T: Real>(a: Lanes<T>, b: Lanes<T>) -> Lanes<T> {
     lanes(a, b, |a, b| a + b)
 }
 
 /// a - b.
+#[inline]
 pub fn sub<T: Real>(a: Lanes<T>, b: Lanes<T>) -> Lanes<T> {
     lanes(a, b, |a, b| a - b)
 }
 
 /// a * s.
+#[inline]
 pub fn scale<T: Real>(a: Lanes<T>, s: T) -> Lanes<T> {
     a.map(|a| a * s)
 }
 
 /// a . b: (xx + yy) + (zz + ww), or zz + (yy + xx) in the best form.
+#[inline]
 pub fn dot<T: Real>(form: Form, a: Lanes<T>, b: Lanes<T>) -> T {
     let [x, y, z, w] = lanes(a, b, |a, b| a * b);
     match form {
@@ -85,11 +89,13 @@ pub fn dot<T: Real>(form: Form, a: Lanes<T>, b: Lanes<T>) -> T {
 }
 
 /// ||a||.
+#[inline]
 pub fn norm<T: Real>(form: Form, a: Lanes<T>) -> T {
     dot(form, a, a).sqrt()
 }
 
 /// a x b, in all four lanes as the shuffles have it.
+#[inline]
 pub fn cross<T: Real>(a: Lanes<T>, b: Lanes<T>) -> Lanes<T> {
     let yzx = |v: Lanes<T>| [v[1], v[2], v[0], v[3]];
     let zxy = |v: Lanes<T>| [v[2], v[0], v[1], v[3]];
@@ -97,12 +103,14 @@ pub fn cross<T: Real>(a: Lanes<T>, b: Lanes<T>) -> Lanes<T> {
 }
 
 /// a / ||a||.
+#[inline]
 pub fn normalise<T: Real>(form: Form, a: Lanes<T>) -> Lanes<T> {
     let s = norm(form, a);
     a.map(|a| a / s)
 }
 
 /// The t of SPHERE_HIT, infinity for a miss.
+#[inline]
 pub fn sphere<T: Real>(form: Form, ray: Lanes<T>, s: &Sphere<T>) -> T {
     let a = dot(form, ray, ray);
     let h = dot(form, s.centre, ray);
@@ -120,12 +128,14 @@ pub fn sphere<T: Real>(form: Form, ray: Lanes<T>, s: &Sphere<T>) -> T {
 }
 
 /// The normal of eq. 6.
+#[inline]
 pub fn plane_normal<T: Real>(s: &Triangle<T>) -> Lanes<T> {
     let [v1, v2, v3] = s.vertices;
     cross(sub(v1, v2), sub(v1, v3))
 }
 
 /// The t of TRIANGLE_HIT, infinity for a miss.
+#[inline]
 pub fn triangle<T: Real>(form: Form, ray: Lanes<T>, s: &Triangle<T>) -> T {
     let [v1, v2, v3] = s.vertices;
     let n = plane_normal(s);
@@ -140,6 +150,7 @@ pub fn triangle<T: Real>(form: Form, ray: Lanes<T>, s: &Triangle<T>) -> T {
 }
 
 /// What LAMBERT adds, for `sides` 1 or 2.
+#[inline]
 pub fn lambert<T: Real>(form: Form, sides: u32, surface: &Surface<T>, light: &Light<T>) -> Lanes<T> {
     let l = normalise(form, sub(light.position, surface.point));
     let cosine = dot(form, l, surface.normal);

@@ -20,8 +20,8 @@ use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
 /// Runs of the rungs: those of a ladder, and of the few that the claims need.
-const LADDER_RUNS: usize = 25;
-const FEW_RUNS: usize = 5;
+const LADDER_RUNS: usize = 101;
+const FEW_RUNS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), args.engines.as_deref());
@@ -80,7 +80,7 @@ fn measure(
     let mut sweeps = None;
     let mut jumps = None;
     if complete {
-        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut |_| None, &mut proceed).map_err(failure)?;
+        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut proceed).map_err(failure)?;
     }
     if rungs.is_some() {
         sweeps = claims::sweeps(quick, &mut clock, &mut proceed).map_err(failure)?;
@@ -115,6 +115,7 @@ fn measure(
         document.explanations = ladder::explain(&rungs);
         if args.ladder {
             document.ladder = rungs;
+            document.uncounted = ladder::uncounted();
         }
     }
     Ok(document)

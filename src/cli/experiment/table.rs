@@ -9,15 +9,16 @@ use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_rati
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
 
-/// A table in Markdown whose columns are as wide as they need to be; all but the first are aligned to the right.
+/// A table in Markdown whose columns are as wide as they need to be; all but the first `left` are aligned to the right.
 pub(super) struct Table {
+    left: usize,
     head: Vec<String>,
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(super) fn new<S: Into<String>>(head: impl IntoIterator<Item = S>) -> Self {
-        Table { head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
+    pub(super) fn new<S: Into<String>>(left: usize, head: impl IntoIterator<Item = S>) -> Self {
+        Table { left, head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
     /// Adds a row.
@@ -38,14 +39,14 @@ impl Table {
         for (number, row) in lines().enumerate() {
             for (i, (cell, width)) in row.iter().zip(&widths).enumerate() {
                 let gap = " ".repeat(width - chars(cell));
-                let (left, right) = if i == 0 { ("", gap.as_str()) } else { (gap.as_str(), "") };
+                let (left, right) = if i < self.left { ("", gap.as_str()) } else { (gap.as_str(), "") };
                 write!(text, "| {left}{cell}{right} ").expect("a String takes all");
             }
             text += "|\n";
             if number == 0 {
                 for (i, width) in widths.iter().enumerate() {
                     let dashes = "-".repeat(*width);
-                    text += &if i == 0 { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
+                    text += &if i < self.left { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
                 }
                 text += "|\n";
             }
@@ -122,16 +123,19 @@ fn size(row: &Row) -> String {
 
 /// The paper's table beside ours.
 pub(super) fn paper_table(document: &Document) -> String {
-    let mut table = Table::new([
-        "w×h",
-        "pixels",
-        "C, mean cycles",
-        "SIMD, mean cycles",
-        "C/SIMD",
-        "paper's C/SIMD",
-        "C/SIMD by pairs",
-        "95 % interval",
-    ]);
+    let mut table = Table::new(
+        1,
+        [
+            "w×h",
+            "pixels",
+            "C, mean cycles",
+            "SIMD, mean cycles",
+            "C/SIMD",
+            "paper's C/SIMD",
+            "C/SIMD by pairs",
+            "95 % interval",
+        ],
+    );
     for rows in document.sizes() {
         let find = |name| rows.iter().find(|row: &&Row| row.is(name)).expect("it is measured at every size");
         let (c, simd) = (find(BASELINE), find(CONTROL));
@@ -157,9 +161,14 @@ fn contestant(row: &Row) -> String {
 /// Cycles per pixel of every engine, and how many times as fast as `c` that is.
 pub(super) fn engine_table(document: &Document) -> String {
     let Some(first) = document.sizes().next() else { return String::new() };
-    let mut table = Table::new(["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
+    let mut table = Table::new(1, ["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
     for rows in document.sizes() {
-        let cell = |row: &Row| format!("{:.2} ({:.2})", row.cycles_per_pixel(), row.ratio_to_c);
+        let cell = |row: &Row| {
+            // What noise could have made is not shown as a difference.
+            let same = !row.is(BASELINE) && (row.ratio_to_c - 1.0).abs() <= document.noise_floor;
+            let ratio = if same { "≈1".into() } else { format!("{:.2}", row.ratio_to_c) };
+            format!("{:.2} ({ratio})", row.cycles_per_pixel())
+        };
         table.row([size(&rows[0])].into_iter().chain(rows.iter().map(cell)).collect());
     }
     table.text()
@@ -168,7 +177,7 @@ pub(super) fn engine_table(document: &Document) -> String {
 /// Mean, median, minimum and ratio of everything that was measured.
 pub(super) fn full_table(document: &Document) -> String {
     let mut table =
-        Table::new(["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
+        Table::new(2, ["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
     for row in &document.rows {
         table.row(vec![
             size(row),
@@ -187,16 +196,19 @@ pub(super) fn full_table(document: &Document) -> String {
 
 /// The ladder, a rung a line.
 fn ladder_table(document: &Document) -> String {
-    let mut table = Table::new([
-        "rung",
-        "what is different",
-        "cycles/pixel",
-        "instructions/pixel",
-        "gain",
-        "95 % interval",
-        "over",
-        "over the first",
-    ]);
+    let mut table = Table::new(
+        2,
+        [
+            "rung",
+            "what is different",
+            "cycles/pixel",
+            "instructions/pixel",
+            "gain",
+            "95 % interval",
+            "over",
+            "over the first",
+        ],
+    );
     for rung in &document.ladder {
         table.row(vec![
             if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() },
@@ -218,7 +230,11 @@ fn explanation(document: &Document) -> String {
     for Explanation { from, to, factor, shares } in &document.explanations {
         let shares: Vec<_> = shares
             .iter()
-            .map(|share| format!("{} {:.0} % (times {:.2})", share.cause, 100.0 * share.share, share.factor))
+            .map(|share| {
+                // Not -0.
+                let percent = (100.0 * share.share).round() + 0.0;
+                format!("{} {percent:.0} % (times {:.2})", share.cause, share.factor)
+            })
             .collect();
         writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", "))
             .expect("a String takes all");
@@ -231,25 +247,29 @@ fn explanation(document: &Document) -> String {
 
 /// The sweep behind the two jumps.
 fn jumps_table(jumps: &Jumps) -> String {
-    let mut table = Table::new([
-        "w×h",
-        "engine",
-        "framebuffer",
-        "cycles/pixel",
-        "core clock/TSC",
-        "core cycles/pixel",
-        "page faults",
-        "bytes/cycle",
-    ]);
-    let known = |value: Option<f64>| value.map_or("n/a".into(), |value| format!("{value:.2}"));
+    let mut table = Table::new(
+        3,
+        [
+            "w×h",
+            "engine",
+            "framebuffer",
+            "cycles/pixel",
+            "core clock/TSC",
+            "taken by others",
+            "core cycles/pixel",
+            "page faults",
+            "bytes/cycle",
+        ],
+    );
     for row in &jumps.rows {
         table.row(vec![
             format!("{}×{}", row.width, row.height),
             row.engine.into(),
             if row.touched { "touched" } else { "untouched" }.into(),
             format!("{:.2}", row.cycles_per_pixel),
-            known(row.clock_per_tick),
-            known(row.core_cycles_per_pixel),
+            format!("{:.3}", row.clock_per_tick),
+            row.taken_share.map_or("n/a".into(), |share| format!("{:.0} %", 100.0 * share)),
+            format!("{:.2}", row.core_cycles_per_pixel),
             format!("{:.0}", row.page_faults),
             format!("{:.3}", row.bytes_per_cycle),
         ]);
@@ -262,12 +282,13 @@ fn jumps_table(jumps: &Jumps) -> String {
     text
 }
 
-fn verdict_table(document: &Document) -> String {
-    let mut table = Table::new(["claim", "verdict", "figure"]);
-    for claim in &document.verdicts {
-        table.row(vec![claim.claim.into(), claim.verdict.to_string(), claim.figure.clone()]);
-    }
-    table.text()
+/// The claims as a list: their figures are too long for a table.
+fn verdicts(document: &Document) -> String {
+    document
+        .verdicts
+        .iter()
+        .map(|claim| format!("- {}: {}\n  {}\n", claim.claim, claim.verdict, claim.figure))
+        .collect()
 }
 
 /// All of it, as one text: what is printed, and with `full` what is written.
@@ -278,7 +299,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
     }
     parts.push(paper_table(document));
     parts.push(headline(document));
-    parts.push("Median cycles per pixel (times as fast as `c`):\n".into());
+    parts.push("Median cycles per pixel (times as fast as `c`; ≈1 within the noise floor):\n".into());
     parts.push(engine_table(document));
     if full {
         parts.push("All figures, in TSC cycles of a picture:\n".into());
@@ -290,6 +311,9 @@ pub(super) fn text(document: &Document, full: bool) -> String {
             "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
         ));
         parts.push(ladder_table(document));
+        if let Some(reason) = &document.uncounted {
+            parts.push(format!("Instructions are not counted: {reason}\n"));
+        }
     }
     if !document.explanations.is_empty() {
         parts.push(explanation(document));
@@ -303,7 +327,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
     }
     if !document.verdicts.is_empty() {
         parts.push("The paper's claims:\n".into());
-        parts.push(verdict_table(document));
+        parts.push(verdicts(document));
     }
     parts.join("\n")
 }
@@ -340,4 +364,92 @@ pub(super) fn csv(document: &Document) -> String {
         .expect("a String takes all");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::claims::{Claim, Verdict};
+    use crate::experiments::ladder::{Rung, Share};
+    use crate::experiments::speedup::{self, Settings};
+    use crate::measure::{Cache, Scripted};
+
+    /// Two sizes of three engines on a machine that is nobody's.
+    fn document() -> Document {
+        let engines = [BASELINE, CONTROL, "rust"].map(|name| name.parse().unwrap()).to_vec();
+        let settings = Settings { sizes: vec![0, 19], runs: 3, engines };
+        let mut clock = Scripted::new(&[47_000_000, 7_400_000, 7_500_000, 5_000_000], 3);
+        let measured = speedup::run(&settings, &mut clock, &mut |_| true).unwrap();
+        let machine = Machine {
+            cpu: Some("a CPU".into()),
+            cores: 4,
+            caches: vec![Cache { level: 1, bytes: 32 << 10 }],
+            os: "an operating system",
+            tsc_hz: Some(2e9),
+            tsc_invariant: true,
+            version: "1.2.3",
+            nasm: Some("an assembler"),
+            cc: Some("a compiler"),
+            cflags: Some("-O3"),
+            rustc: "another compiler",
+        };
+        let conditions = Conditions {
+            core: Some(1),
+            runs: 3,
+            complete: true,
+            seconds: 10.0,
+            timed_share: Some(0.912),
+            taken_share: Some(0.01),
+        };
+        let mut document = Document::new(measured, machine, conditions);
+        let rung = |rung: &str, over: Option<&str>, cycles: f64, gain: f64| Rung {
+            rung: rung.into(),
+            change: "a change".into(),
+            flags: "-O3",
+            over: over.map(Into::into),
+            aside: false,
+            threads: 1,
+            cycles_per_pixel: cycles,
+            instructions_per_pixel: over.map(|_| 123.4),
+            gain,
+            gain_low: 0.9 * gain,
+            gain_high: 1.1 * gain,
+            gain_total: gain,
+            samples: vec![cycles],
+        };
+        document.ladder =
+            vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];
+        let share = |cause, factor, share| Share { cause, factor, share };
+        document.explanations = vec![Explanation {
+            from: "low",
+            to: "high",
+            factor: 4.0,
+            shares: vec![share("one thing", 4.0, 1.0), share("nothing", 1.0, -0.0)],
+        }];
+        document.verdicts =
+            vec![Claim { claim: "All is well", verdict: Verdict::NotTestable, figure: "no figure".into() }];
+        document
+    }
+
+    #[test]
+    fn the_text_is_laid_out_as_agreed() {
+        insta::assert_snapshot!(text(&document(), true));
+    }
+
+    #[test]
+    fn the_csv_has_a_line_for_each_engine_and_size_and_as_many_cells_in_each() {
+        let csv = csv(&document());
+        insta::assert_snapshot!(csv);
+        let cells = |line: &str| line.split(',').count();
+        assert!(csv.lines().all(|line| cells(line) == cells(csv.lines().next().unwrap())));
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_says_so_above_its_table() {
+        let mut document = document();
+        document.conditions.complete = false;
+        let text = text(&document, false);
+        let (warning, table) = (text.find("Stopped early").unwrap(), text.find("| w×h").unwrap());
+        assert!(warning < table);
+    }
 }

@@ -1,4 +1,4 @@
-/* ladder.h - what the upper rungs of the ladder share: eq. 5, 9 and 10 for rays from the origin, with their constants. */
+/* ladder.h - what the upper rungs of the ladder share: eq. 5, 9 and 10 for rays from the origin, with constants. */
 #ifndef RAYO_LADDER_H
 #define RAYO_LADDER_H
 

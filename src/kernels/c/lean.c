@@ -1,5 +1,6 @@
-/* lean.c - Algorithm 1 without what the paper's SIMD leaves out: r_o = 0, the factor 2 of eq. 5, the distance for which t
-   stands. NEAREST_ONLY 1 shades the nearest hit alone, HOISTED 1 computes once what does not depend on the ray. */
+/* lean.c - Algorithm 1 without what the paper's SIMD leaves out: r_o, the factor 2 of eq. 5, the distance of a hit. */
+/* t stands for the distance. NEAREST_ONLY 1 shades the nearest hit alone, HOISTED 1 computes once what does not depend
+   on the ray. */
 #include "ladder.h"
 
 static inline bool sphere_hit_from_origin(vec4 d, const sphere *s, float constant, float *t) {
@@ -43,7 +44,8 @@ static inline vec4 shade_triangle(const lists *s, vec4 d, float t, const triangl
     return shade(s, vec_scale(d, t), vec_normalise(n), o->colour, true);
 }
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel; at most MOST objects of a kind. */
+/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
+   There are at most MOST objects of a kind. */
 __attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;
     if (HOISTED)

@@ -54,8 +54,10 @@ typedef struct {
 #define SAME_SIZE(type, size) static_assert(sizeof(type) == size, #type)
 LAYOUT_CHECKS(SAME_OFFSET, SAME_SIZE)
 
-/* What the rungs of the ladder vary: CALLS keeps the functions below from being inlined, SQRTF takes roots by sqrtf. */
-#if defined CALLS && defined __clang__
+/* What the rungs of the ladder vary: CALLS keeps the functions below from being inlined, SQRTF takes roots by sqrtf.
+ * by_value.c says by SMALL itself how the functions are declared. */
+#if defined SMALL
+#elif defined CALLS && defined __clang__
 #define SMALL static __attribute__((noinline))
 #elif defined CALLS
 #define SMALL static __attribute__((noipa))

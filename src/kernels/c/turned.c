@@ -1,5 +1,5 @@
-/* turned.c - lean.c turned round: arrays over the pixels of a block in place of a structure per vector, and no branch in a
-   loop over them, so that the compiler can vectorise. */
+/* turned.c - lean.c turned round: arrays over the pixels of a block in place of a structure per vector. */
+/* No loop over them has a branch, so that the compiler can vectorise. */
 #include "ladder.h"
 
 enum { BLOCK = 64 };
@@ -80,7 +80,8 @@ static inline void shade(const block *restrict b, float y, float z, const lists 
     }
 }
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel; at most MOST objects of a kind. */
+/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
+   There are at most MOST objects of a kind. */
 __attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;
     hoist(&k, s);

@@ -1,0 +1,170 @@
+; chains.asm - the unit of chains of the paper's operations, to measure how long one takes and how many run at once.
+;
+; unsafe extern "sysv64" fn(rounds: u64) -> u64
+;
+;   rayo_<form>_<op>_latency      CHAIN_LINKS times <rounds> operations, each of which needs the result of the last
+;   rayo_<form>_<op>_throughput   as many operations that need nothing of each other
+;   rayo_feedback_latency         as many times what leads a result back to an operand, alone
+;
+;   All give the number of operations in a round.
+;
+;   In a chain of latency FEEDBACK leads the result back, so that every operation has the same operands, whatever it
+;   computes: nothing overflows, and divisions and roots meet ordinary numbers. What FEEDBACK costs is measured alone,
+;   to be taken off. In a chain of throughput every operation loads its operands anew, as the macros overwrite them.
+;
+;   requires       SSE3; rounds >= 1
+
+%define ISA sse41
+%include "include/isa.inc"
+%include "include/layout.inc"
+%include "include/vec3_aos.inc"
+%include "include/sphere_aos.inc"
+%include "include/triangle_aos.inc"
+%include "include/lambert_aos.inc"
+%include "include/constants.inc"
+
+%assign CHAIN_LINKS 8                   ; operations in a round
+
+section .rodata align=64
+align 16
+vector_a:   dd 0.5, -0.75, 1.25, 0.0
+vector_b:   dd 1.5, 0.625, -0.25, 0.0
+scalar:     dd 0.875, 0.0, 0.0, 0.0
+ray:        dd 0.0625, -0.125, 1.0, 0.0
+sphere:
+istruc Sphere
+    at .centre, dd 0.25, -0.5, 4.0, 0.0
+    at .colour, dd 1.0, 0.5, 0.25, 0.0
+    at .radius, dd 1.5
+iend
+triangle:
+istruc Triangle
+    at .v1,     dd -1.0, -1.0, 3.0, 0.0
+    at .v2,     dd 1.0, -1.0, 3.5, 0.0
+    at .v3,     dd 0.25, 1.0, 4.0, 0.0
+    at .colour, dd 1.0, 0.5, 0.25, 0.0
+iend
+light:
+istruc Light
+    at .position, dd 3.0, 5.0, -2.0, 0.0
+    at .radiance, dd 0.75, 0.5, 0.25, 0.0
+iend
+point:      dd 0.25, -0.5, 2.5, 0.0
+normal:     dd 0.0, 0.6, -0.8, 0.0
+colour:     dd 1.0, 0.5, 0.25, 0.0
+
+; FEEDBACK - d = a, by way of r: the latency of an and and an or, and of a copy, which most CPUs rename away.
+%macro FEEDBACK 4
+%define %%d %1          ; [out]       register: the operand of the next operation
+%define %%r %2          ; [clobbered] register: the result of the one before
+%define %%zero %3       ; [in]        register of zeros
+%define %%a %4          ; [in]        register: the operand
+    andps   %%r, %%zero
+    orps    %%r, %%a
+%ifnidni %%d, %%r
+    movaps  %%d, %%r
+%endif
+%endmacro
+
+; LOAD_OPERANDS - the operands that are in registers.
+%macro LOAD_OPERANDS 4
+%define %%operand %1    ; [out] register
+%define %%value %2      ; [in]  label: what it is loaded with
+%define %%other %3      ; [out] register, or none
+%define %%with %4       ; [in]  label: what that is loaded with, or none
+    movaps  %%operand, [%%value]
+%ifnidni %%other, none
+    movaps  %%other, [%%with]
+%endif
+%endmacro
+
+; SET_UP - all operands, and the zeros and addresses that the macros ask for.
+%macro SET_UP 4
+%define %%operand %1    ; [out] as LOAD_OPERANDS has it
+%define %%value %2      ; [in]  as LOAD_OPERANDS has it
+%define %%other %3      ; [out] as LOAD_OPERANDS has it
+%define %%with %4       ; [in]  as LOAD_OPERANDS has it
+    LOAD_OPERANDS %%operand, %%value, %%other, %%with
+    xorps   xmm13, xmm13
+    lea     rsi, [sphere]
+    lea     rdx, [triangle]
+    lea     rcx, [light]
+%endmacro
+
+; CHAINS - both chains of an operation.
+%macro CHAINS 7
+%define %%name %1       ; [in]  the operation
+%define %%operand %2    ; [in]  register of the operand to which the result is led back
+%define %%value %3      ; [in]  label: the value of that operand
+%define %%other %4      ; [in]  register of the other operand, or none
+%define %%with %5       ; [in]  label: its value, or none
+%define %%result %6     ; [in]  register of the result
+%define %%operation %7  ; [in]  the macro with its arguments; may jump to .miss, and does not with these operands
+FUNC AOS_NAME(%%name) %+ _latency
+    SET_UP  %%operand, %%value, %%other, %%with
+    movaps  xmm14, %%operand
+    xorps   xmm15, xmm15
+align 32
+.round:
+%rep CHAIN_LINKS
+    %%operation
+    FEEDBACK %%operand, %%result, xmm15, xmm14
+%endrep
+    dec     rdi
+    jnz     .round
+.miss:
+    mov     eax, CHAIN_LINKS
+ENDFUNC
+
+FUNC AOS_NAME(%%name) %+ _throughput
+    SET_UP  %%operand, %%value, %%other, %%with
+align 32
+.round:
+%rep CHAIN_LINKS
+    LOAD_OPERANDS %%operand, %%value, %%other, %%with
+    %%operation
+%endrep
+    dec     rdi
+    jnz     .round
+.miss:
+    mov     eax, CHAIN_LINKS
+ENDFUNC
+%endmacro
+
+FUNC feedback_latency
+    xorps   xmm15, xmm15
+    movaps  xmm14, [vector_a]
+    movaps  xmm0, xmm14
+align 32
+.round:
+%rep CHAIN_LINKS
+    FEEDBACK xmm0, xmm0, xmm15, xmm14
+%endrep
+    dec     rdi
+    jnz     .round
+    mov     eax, CHAIN_LINKS
+ENDFUNC
+
+; ALL_CHAINS - the chains of one form.
+%macro ALL_CHAINS 0
+CHAINS add, xmm0, vector_a, xmm1, vector_b, xmm0, {VEC_ADD xmm0, xmm1}
+CHAINS sub, xmm0, vector_a, xmm1, vector_b, xmm0, {VEC_SUB xmm0, xmm1}
+CHAINS scale, xmm0, vector_a, xmm1, scalar, xmm0, {VEC_SCALE xmm0, xmm1}
+CHAINS dot, xmm0, vector_a, xmm1, vector_b, xmm0, {VEC_DOT xmm0, xmm1, xmm2}
+CHAINS norm, xmm0, vector_a, none, none, xmm0, {VEC_NORM xmm0, xmm1}
+CHAINS cross, xmm1, vector_a, xmm2, vector_b, xmm0, {VEC_CROSS xmm0, xmm1, xmm2, xmm3, xmm4}
+CHAINS normalise, xmm0, vector_a, none, none, xmm0, {VEC_NORMALISE xmm0, xmm1, xmm2}
+CHAINS sphere, xmm0, ray, none, none, xmm1, {SPHERE_HIT xmm1, xmm0, rsi, .miss, xmm2, xmm3, xmm4, xmm5, xmm13}
+CHAINS triangle, xmm0, ray, none, none, xmm1, \
+    {TRIANGLE_HIT xmm1, xmm2, xmm3, xmm0, rdx, .miss, xmm13, xmm5, xmm6, xmm7, xmm8, xmm9, xmm10}
+CHAINS lambert, xmm1, point, xmm2, normal, xmm0, \
+    {LAMBERT xmm0, rcx, xmm1, xmm2, [colour], 1, xmm13, xmm4, xmm5, xmm6}
+%endmacro
+
+%assign AOS_BEST 0
+%define AOS_NAME(name) paper_ %+ name
+ALL_CHAINS
+
+%assign AOS_BEST 1
+%define AOS_NAME(name) aos_ %+ name
+ALL_CHAINS

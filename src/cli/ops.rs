@@ -1,0 +1,104 @@
+//! `rayo ops`: instructions of every operation in every implementation, and what they cost.
+
+#[cfg(rayo_asm)]
+mod listing;
+#[cfg(rayo_asm)]
+mod markdown;
+#[cfg(rayo_asm)]
+mod table;
+
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::Failure;
+
+/// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
+///
+/// Counts come from the code of this build: of C and NASM from the objects it was linked from, of Rust from the running
+/// program. The document docs/instruction-counts.md is what `rayo ops --executed --markdown` prints.
+#[derive(Debug, Args)]
+pub struct OpsArgs {
+    /// One operation, with the kinds of its instructions: add, sub, scale, dot, norm, cross, normalise, sphere, triangle
+    /// or lambert
+    #[arg(long, value_name = "NAME")]
+    op: Option<String>,
+    /// Some implementations, separated by commas: printed-c, printed-simd, c-O0 to c-O3, c-native, rust, glam, paper, aos,
+    /// sse41, avx2, avx512; `c` is all of C, `printed` both of the paper's columns
+    #[arg(long, value_name = "E", value_delimiter = ',')]
+    engine: Vec<String>,
+    /// Print the listings side by side, in Intel's syntax
+    #[arg(long)]
+    asm: bool,
+    /// Count executed instructions too, by single-stepping: every operation on each of its paths, and a small picture
+    #[arg(long)]
+    executed: bool,
+    /// Print one JSON document: everything that is known
+    #[arg(long, conflicts_with_all = ["asm", "markdown"])]
+    json: bool,
+    /// Print docs/instruction-counts.md
+    #[arg(long, conflicts_with_all = ["asm", "op", "engine"])]
+    markdown: bool,
+}
+
+/// Counts and prints.
+#[cfg(rayo_asm)]
+pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
+    use super::{print, print_json};
+    use crate::experiments::ops::{self, Options, Report};
+
+    #[derive(serde::Serialize)]
+    struct Document {
+        schema: u32,
+        #[serde(flatten)]
+        report: Report,
+    }
+
+    let options = Options {
+        op: args.op.clone(),
+        implementations: implementations(&args.engine)?,
+        executed: args.executed,
+        cost: !args.asm,
+    };
+    let report = ops::run(&options).map_err(Failure::input)?;
+    if args.json {
+        print_json(&Document { schema: 1, report })?;
+    } else if args.asm {
+        print(&listing::text(&report))?;
+    } else if args.markdown {
+        print(&markdown::text(&report))?;
+    } else {
+        print(&table::text(&report, args.op.is_some(), args.executed))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Without assembly there is nothing to count.
+#[cfg(not(rayo_asm))]
+pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
+    let OpsArgs { op: _, engine: _, asm: _, executed: _, json: _, markdown: _ } = args;
+    Err(Failure::input("this build has no kernels in assembly or C to count: it was built without the feature `asm`"))
+}
+
+/// The implementations that are meant; None for all.
+#[cfg(rayo_asm)]
+fn implementations(engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
+    use crate::experiments::ops::IMPLEMENTATIONS;
+
+    let mut wanted = Vec::new();
+    for engine in engines {
+        let prefix = format!("{engine}-");
+        let group = ["c", "printed"].contains(&engine.as_str());
+        let before = wanted.len();
+        wanted.extend(
+            IMPLEMENTATIONS.iter().filter(|i| *i == engine || group && i.starts_with(&prefix)).map(|i| i.to_string()),
+        );
+        if wanted.len() == before {
+            let list = IMPLEMENTATIONS.join(", ");
+            return Err(Failure::input(format!(
+                "there is no implementation `{engine}` of single operations; there are: {list}; and c, printed for groups"
+            )));
+        }
+    }
+    Ok((!wanted.is_empty()).then_some(wanted))
+}

@@ -1,0 +1,244 @@
+//! The table of `rayo ops` for a terminal of 120 columns.
+
+use std::fmt::Write as _;
+
+use crate::experiments::ops::{IMPLEMENTATIONS, OPS, Report, Row};
+use crate::measure::instructions::Mix;
+
+/// What goes into a line of an operation.
+type Cell = fn(&Row) -> Option<String>;
+
+const LABEL: usize = 12;
+
+/// The heading of a column above its own, and its own.
+fn heading(implementation: &str) -> (&'static str, &str) {
+    match implementation.split_once('-') {
+        Some(("printed", name)) => ("paper", if name == "c" { "C" } else { "SIMD" }),
+        Some((_, level)) => ("C, at", level),
+        None => match implementation {
+            "rust" | "glam" => ("Rust", implementation),
+            "paper" | "aos" => ("NASM", implementation),
+            _ => ("packets", implementation),
+        },
+    }
+}
+
+fn width(implementation: &str) -> usize {
+    if implementation.starts_with("printed") { 5 } else { 8 }
+}
+
+/// Two digits or three that mean something.
+pub fn short(cycles: f64) -> String {
+    if cycles < 9.95 { format!("{:.1}", cycles.max(0.0)) } else { format!("{cycles:.0}") }
+}
+
+fn pair(latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
+    Some(format!("{}/{}", short(latency?), short(throughput?)))
+}
+
+/// The whole text; `detail`: one operation alone, with kinds of instructions and paths.
+pub fn text(report: &Report, detail: bool, executed: bool) -> String {
+    let has: fn(&Row) -> bool = |row| row.body.or(row.function).is_some();
+    let any =
+        |name: &str, what: fn(&Row) -> bool| report.rows.iter().any(|row| row.implementation == name && what(row));
+    let (columns, empty): (Vec<&str>, Vec<&str>) =
+        IMPLEMENTATIONS.into_iter().filter(|name| any(name, |_| true)).partition(|name| any(name, has));
+    let mut text = String::new();
+    head(&mut text, &columns);
+
+    let mut lines: Vec<(&str, Cell)> =
+        vec![("body", |row| row.body.map(|n| n.to_string())), ("function", |row| row.function.map(|n| n.to_string()))];
+    if report.rows.iter().any(|row| row.vectors > Some(1)) {
+        lines.push(("per vector", |row| row.per_vector.map(|n| format!("{n:.2}").trim_end_matches(".00").into())));
+    }
+    if executed {
+        lines.push(("executed", |row| match (row.executed, row.function, row.implementation) {
+            (Some(n), ..) => Some(n.to_string()),
+            (None, Some(_), name) if !name.starts_with("printed") => Some("n/a".into()),
+            _ => None,
+        }));
+    }
+    lines.push(("body cycles", |row| pair(row.latency, row.throughput).filter(|_| row.cost_of == Some("body"))));
+    if report.rows.iter().any(|row| row.model.is_some()) {
+        lines.push(("llvm-mca", |row| row.model.as_ref().and_then(|m| pair(Some(m.cycles), Some(m.throughput)))));
+    }
+    lines.push(("call cycles", |row| pair(row.call_latency, row.call_throughput)));
+
+    for op in OPS {
+        let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        writeln!(text, "{op}").unwrap();
+        for (label, cell) in &lines {
+            let cells: Vec<_> = columns
+                .iter()
+                .map(|name| rows.iter().find(|row| row.implementation == *name).and_then(|row| cell(row)))
+                .collect();
+            if cells.iter().any(Option::is_some) {
+                let cells = columns.iter().zip(cells).map(|(name, cell)| (width(name), cell));
+                line(&mut text, &format!(" {label}"), cells);
+            }
+        }
+    }
+    if detail {
+        kinds(&mut text, report);
+        paths(&mut text, report);
+    }
+    critical_paths(&mut text, report);
+    frames(&mut text, report);
+    notes(&mut text, report, executed, &empty);
+    text
+}
+
+fn line(text: &mut String, label: &str, cells: impl Iterator<Item = (usize, Option<String>)>) {
+    let mut line = format!("{label:<LABEL$}");
+    for (width, cell) in cells {
+        write!(line, "{:>width$}", cell.as_deref().unwrap_or("-")).unwrap();
+    }
+    writeln!(text, "{}", line.trim_end()).unwrap();
+}
+
+fn head(text: &mut String, columns: &[&str]) {
+    let mut last = "";
+    let groups = columns.iter().map(|name| {
+        let (group, _) = heading(name);
+        let shown = if group == last { "" } else { group };
+        last = group;
+        (width(name), Some(shown.to_owned()))
+    });
+    line(text, "", groups.collect::<Vec<_>>().into_iter());
+    line(text, "", columns.iter().map(|name| (width(name), Some(heading(name).1.to_owned()))));
+}
+
+/// The kinds of instructions of one operation.
+fn kinds(text: &mut String, report: &Report) {
+    writeln!(
+        text,
+        "\n{:<22}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
+        "", "all", "bytes", "arith", "shuffle", "load", "store", "branch", "move", "other", "scalar", "packed", "reads"
+    )
+    .unwrap();
+    for row in &report.rows {
+        for (what, mix) in [("body", &row.body_mix), ("function", &row.function_mix)] {
+            let Some(m) = mix else { continue };
+            let Mix { instructions, bytes, arithmetic, shuffle, load, store, branch, r#move, other, .. } = m;
+            writeln!(
+                text,
+                "{:<22}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
+                 {:>7}{:>7}{:>6}  {}",
+                format!("{} {what}", row.implementation),
+                m.scalar,
+                m.packed,
+                m.reads,
+                m.features.iter().filter(|name| beyond_x86_64(name)).cloned().collect::<Vec<_>>().join(" "),
+            )
+            .unwrap();
+        }
+    }
+}
+
+/// Whether a feature is more than what every CPU of the architecture has, or at least one of its vectors.
+fn beyond_x86_64(feature: &str) -> bool {
+    !feature.starts_with("INTEL") && !["X64", "CMOV", "MULTIBYTENOP"].contains(&feature)
+}
+
+/// Executed instructions of one operation, by path.
+fn paths(text: &mut String, report: &Report) {
+    let Some(longest) = report.rows.iter().max_by_key(|row| row.paths.len()).filter(|row| row.paths.len() > 1) else {
+        return;
+    };
+    writeln!(text, "\nexecuted in a call, by path").unwrap();
+    let rows: Vec<_> = report.rows.iter().filter(|row| !row.paths.is_empty()).collect();
+    let mut heading = format!("{:<24}", "");
+    for row in &rows {
+        write!(heading, "{:>9}", row.implementation).unwrap();
+    }
+    writeln!(text, "{heading}").unwrap();
+    for path in &longest.paths {
+        write!(text, "{:<24}", path.path).unwrap();
+        for row in &rows {
+            let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
+            write!(text, "{:>9}", executed.as_deref().unwrap_or("-")).unwrap();
+        }
+        writeln!(text).unwrap();
+    }
+}
+
+fn critical_paths(text: &mut String, report: &Report) {
+    let mut first = true;
+    for row in &report.rows {
+        if let Some(path) = &row.critical_path {
+            if std::mem::take(&mut first) {
+                writeln!(text, "\nCritical paths").unwrap();
+            }
+            writeln!(text, "  {:<10}{:<8}{path}", row.op, row.implementation).unwrap();
+        }
+    }
+}
+
+fn frames(text: &mut String, report: &Report) {
+    let Some(first) = report.frames.first() else { return };
+    writeln!(
+        text,
+        "\nA whole picture: the paper's sphere, {}x{} pixels, a ray each      executed   per pixel     per ray",
+        first.width, first.height
+    )
+    .unwrap();
+    for frame in &report.frames {
+        writeln!(
+            text,
+            "  {:<60}{:>10}{:>12.1}{:>12.1}",
+            frame.engine, frame.instructions, frame.per_pixel, frame.per_ray
+        )
+        .unwrap();
+    }
+}
+
+fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
+    let mut note = |line: &str| writeln!(text, "{line}").unwrap();
+    note("");
+    note("body      instructions of the macro between loading its operands and storing its result");
+    note(
+        "function  the whole symbol, with loads, stores and ret; C takes and gives vectors by value; not what it calls",
+    );
+    if executed {
+        note(
+            "executed  from the function's entry to its return, with what it calls, on the common path; by single-stepping",
+        );
+    }
+    note(
+        "cycles    latency/throughput in cycles of the core's own clock, the fewest of many measurements: of the body in a",
+    );
+    note(
+        "          chain (throughput with loads of the operands), and of a call, its operand's address made of the last",
+    );
+    note("          result (latency) or not (throughput), with the loop around it");
+    if report.rows.iter().any(|row| row.model.is_some()) {
+        note(
+            "llvm-mca  a model, not a measurement: cycles of a pass after pass, and of its block throughput, without loads",
+        );
+    }
+    if let (Some(per_tick), Some(feedback)) = (report.core_cycles_per_tick, report.feedback_cycles) {
+        note(&format!(
+            "          the core makes {per_tick:.3} cycles in a tick of the time-stamp counter; leading a result back took \
+             {feedback:.2}",
+        ));
+        note("          cycles, which are taken off the latency of bodies");
+    }
+    note("-         does not apply, or is not in this build");
+    if !empty.is_empty() {
+        note(&format!("          no functions of single operations in this build: {}", empty.join(", ")));
+    }
+    if let Some(reason) = &report.executed_unavailable {
+        note(&format!("n/a       executed instructions cannot be counted here: {reason}"));
+    }
+    let mut reasons: Vec<_> =
+        report.rows.iter().filter_map(|row| Some((row.implementation, row.unavailable.as_ref()?))).collect();
+    reasons.sort_unstable();
+    reasons.dedup();
+    for (implementation, reason) in reasons {
+        note(&format!("n/a       {implementation}: {reason}"));
+    }
+    note(&format!("built by  {}; {}; {}", report.compilers.nasm, report.compilers.cc, report.compilers.rustc));
+}

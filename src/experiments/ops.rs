@@ -1,0 +1,446 @@
+//! Section 4 of the paper, counted: instructions of every operation in every implementation, and what they cost.
+
+mod kept;
+mod model;
+mod subjects;
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::kernels::step::{self, Unavailable};
+use crate::kernels::{self, Chains, FEEDBACK, sys};
+use crate::measure::instructions::{Code, Instruction, Mix};
+use crate::measure::{core_cycles, core_cycles_per_tick};
+use crate::render::{Engine, Film, PixelFormat};
+use crate::scene;
+pub use model::Model;
+use subjects::{Subject, subject};
+
+/// The operations: the six of the paper, and what its tracer makes of them.
+pub const OPS: [&str; 10] =
+    ["add", "sub", "scale", "dot", "norm", "cross", "normalise", "sphere", "triangle", "lambert"];
+
+/// The implementations, in the order of the table's columns.
+pub const IMPLEMENTATIONS: [&str; 14] = [
+    "printed-c",
+    "printed-simd",
+    "c-O0",
+    "c-O1",
+    "c-O2",
+    "c-O3",
+    "c-native",
+    "rust",
+    "glam",
+    "paper",
+    "aos",
+    "sse41",
+    "avx2",
+    "avx512",
+];
+
+/// The paper's table: C and SIMD, for the first six of [`OPS`].
+const PRINTED: [(usize, usize); 6] = [(35, 1), (35, 1), (25, 2), (25, 3), (26, 4), (44, 7)];
+
+/// Rounds of a chain, and calls of a function, in a measurement.
+const ROUNDS: u64 = 200;
+/// Measurements of which the fastest is taken.
+const REPEATS: u32 = 25;
+
+/// The picture that is traced step by step.
+const FRAME: (u32, u32) = (32, 24);
+
+/// What to count.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// One of [`OPS`]; None for all.
+    pub op: Option<String>,
+    /// Some of [`IMPLEMENTATIONS`]; None for all.
+    pub implementations: Option<Vec<String>>,
+    /// Whether to count executed instructions too.
+    pub executed: bool,
+    /// Whether to measure latency and throughput.
+    pub cost: bool,
+}
+
+/// What was counted: the `ops` document without its schema.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// A row for every operation and implementation that was asked for.
+    pub rows: Vec<Row>,
+    /// A whole small picture by each engine; empty where executed instructions were not asked for or cannot be counted.
+    pub frames: Vec<FrameRow>,
+    /// Why there are no executed counts although they were asked for.
+    pub executed_unavailable: Option<String>,
+    /// Core cycles in a tick of the time-stamp counter when the costs were measured.
+    pub core_cycles_per_tick: Option<f64>,
+    /// Core cycles of what the chains of latency add to each operation; taken off the latencies of bodies.
+    pub feedback_cycles: Option<f64>,
+    /// The assembler, the C compiler and the Rust compiler of this build.
+    pub compilers: Compilers,
+}
+
+/// What the counted code was made with.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Compilers {
+    /// NASM's version.
+    pub nasm: &'static str,
+    /// The C compiler's.
+    pub cc: &'static str,
+    /// rustc's.
+    pub rustc: &'static str,
+}
+
+impl Compilers {
+    /// Those of this build.
+    pub fn this() -> Self {
+        Compilers { nasm: env!("RAYO_NASM"), cc: env!("RAYO_CC"), rustc: env!("RAYO_RUSTC") }
+    }
+}
+
+/// An operation in an implementation. What does not apply, or could not be had here, is None.
+#[derive(Debug, Serialize)]
+pub struct Row {
+    /// One of [`OPS`].
+    pub op: &'static str,
+    /// One of [`IMPLEMENTATIONS`].
+    pub implementation: &'static str,
+    /// Instructions of the macro between loading operands and storing the result.
+    pub body: Option<usize>,
+    /// Instructions of the whole symbol: loads, stores and `ret` too, but not what it calls.
+    pub function: Option<usize>,
+    /// Vectors that a pass of the body serves.
+    pub vectors: Option<usize>,
+    /// Instructions of the body for each vector; of the function where there is no body.
+    pub per_vector: Option<f64>,
+    /// Instructions executed from the function's entry to its return, with what it calls, on its first path.
+    pub executed: Option<u64>,
+    /// Core cycles from operand to result: of the body where there is a chain of it, else of a call.
+    pub latency: Option<f64>,
+    /// Core cycles for each operation when many are independent: of the body or of a call, as `latency`.
+    pub throughput: Option<f64>,
+    /// What `latency` and `throughput` are of: `body` or `call`.
+    pub cost_of: Option<&'static str>,
+    /// Core cycles of a call from one result to the next, led back as the address of the next operand.
+    pub call_latency: Option<f64>,
+    /// Core cycles of a call among independent ones.
+    pub call_throughput: Option<f64>,
+    /// The longest chain of operations, in words; as the macro's comment has it.
+    pub critical_path: Option<String>,
+    /// Kinds of instructions in the body.
+    pub body_mix: Option<Mix>,
+    /// Kinds of instructions in the function.
+    pub function_mix: Option<Mix>,
+    /// Instructions executed on each path.
+    pub paths: Vec<Path>,
+    /// What llvm-mca makes of a body without jumps: a model, not a measurement.
+    pub model: Option<Model>,
+    /// Why there is nothing to run here, where there is code.
+    pub unavailable: Option<String>,
+    /// The function, line by line.
+    pub listing: Vec<Line>,
+}
+
+/// A path through an operation.
+#[derive(Debug, Serialize)]
+pub struct Path {
+    /// What the operands are.
+    pub path: &'static str,
+    /// Instructions executed in a call, with what it calls.
+    pub executed: u64,
+    /// Of those, in the body.
+    pub body: Option<u64>,
+}
+
+/// A line of a listing.
+#[derive(Debug, Serialize)]
+pub struct Line {
+    /// Bytes from the beginning of the function.
+    pub offset: usize,
+    /// In Intel's syntax.
+    pub text: String,
+    /// Whether it is part of the body.
+    pub body: bool,
+    /// How often a call on the first path executes it, where that was counted.
+    pub executed: Option<u64>,
+}
+
+/// A picture by an engine.
+#[derive(Debug, Serialize)]
+pub struct FrameRow {
+    /// The engine.
+    pub engine: &'static str,
+    /// Its width.
+    pub width: u32,
+    /// Its height.
+    pub height: u32,
+    /// Rays: one for each pixel, also where the engine knows without tracing what it hits.
+    pub rays: u64,
+    /// Instructions executed for all of it; preparing the scene is not among them.
+    pub instructions: u64,
+    /// Instructions for each pixel.
+    pub per_pixel: f64,
+    /// Instructions for each ray.
+    pub per_ray: f64,
+}
+
+/// A name that is not there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnknownOp(pub String);
+
+impl fmt::Display for UnknownOp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "there is no operation `{}`; there are: {}", self.0, OPS.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownOp {}
+
+/// Counts, and measures where that is asked for; the calling thread stays on its core from then on.
+pub fn run(options: &Options) -> Result<Report, UnknownOp> {
+    if let Some(op) = options.op.as_deref().filter(|op| !OPS.contains(op)) {
+        return Err(UnknownOp(op.into()));
+    }
+    let mut executed_unavailable = None;
+    let mut step = options.executed;
+    if step && let Err(reason) = step::count_instructions(|| ()) {
+        executed_unavailable = Some(reason.to_string());
+        step = false;
+    }
+    let mut feedback_cycles = None;
+    if options.cost {
+        // Unpinned figures are noisier, not wrong.
+        let _ = sys::pin_to_this_core();
+        feedback_cycles = Some(chain_cycles(FEEDBACK));
+    }
+    let mut rows = Vec::new();
+    for op in OPS.into_iter().filter(|op| options.op.as_ref().is_none_or(|wanted| wanted == op)) {
+        for implementation in IMPLEMENTATIONS {
+            if options.implementations.as_ref().is_none_or(|wanted| wanted.iter().any(|w| w == implementation)) {
+                rows.push(row(op, implementation, step, feedback_cycles));
+            }
+        }
+    }
+    let frames = if step && options.op.is_none() { frames() } else { Ok(Vec::new()) };
+    let frames = frames.unwrap_or_else(|reason| {
+        executed_unavailable = Some(reason.to_string());
+        Vec::new()
+    });
+    let core_cycles_per_tick = options.cost.then(core_cycles_per_tick);
+    let compilers = Compilers::this();
+    Ok(Report { rows, frames, executed_unavailable, core_cycles_per_tick, feedback_cycles, compilers })
+}
+
+/// One cell of the table. `feedback_cycles`: what to take off chains of latency; None for no costs.
+fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<f64>) -> Row {
+    let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
+    let mut row = Row {
+        op,
+        implementation,
+        body: None,
+        function: None,
+        vectors: None,
+        per_vector: None,
+        executed: None,
+        latency: None,
+        throughput: None,
+        cost_of: None,
+        call_latency: None,
+        call_throughput: None,
+        critical_path: None,
+        body_mix: None,
+        function_mix: None,
+        paths: Vec::new(),
+        model: None,
+        unavailable: None,
+        listing: Vec::new(),
+    };
+    match (implementation, printed) {
+        // What the paper counted as C looks like whole functions, its SIMD is its macros.
+        ("printed-c", printed) => row.function = printed.map(|(c, _)| c),
+        ("printed-simd", printed) => row.body = printed.map(|(_, simd)| simd),
+        _ => {
+            let subject = subject(op, implementation);
+            if let Some(code) = code(op, implementation, subject.as_ref().ok()) {
+                row.count(&code);
+                match &subject {
+                    Ok(subject) => row.execute(&code, subject, step, feedback_cycles.is_some()),
+                    Err(reason) => row.unavailable = Some(reason.clone()),
+                }
+                if let Some(feedback) = feedback_cycles {
+                    row.chain(feedback);
+                    row.model = code.body_instructions().and_then(model::estimate);
+                }
+            }
+        }
+    }
+    let vectors = row.vectors.or(row.body.or(row.function).map(|_| 1));
+    row.vectors = vectors;
+    row.per_vector = row.body.or(row.function).zip(vectors).map(|(count, vectors)| count as f64 / vectors as f64);
+    row
+}
+
+/// The symbol of an operation in the objects.
+fn symbol(op: &str, implementation: &str) -> String {
+    match implementation.strip_prefix("c-") {
+        Some(level) => format!("rayo_c_{level}_{op}"),
+        None if lanes(implementation).is_some() => format!("rayo_{implementation}_{op}3"),
+        None => format!("rayo_{implementation}_{op}"),
+    }
+}
+
+/// Vectors in a packet of an ISA.
+fn lanes(implementation: &str) -> Option<usize> {
+    match implementation {
+        "sse41" => Some(4),
+        "avx2" => Some(8),
+        "avx512" => Some(16),
+        _ => None,
+    }
+}
+
+/// The code of an operation: out of the objects, or for Rust out of this process.
+fn code(op: &str, implementation: &str, subject: Option<&Subject>) -> Option<Code> {
+    match implementation {
+        "rust" | "glam" => Code::of_function(&format!("{implementation} {op}"), subject?.address),
+        _ => Code::of_symbol(&symbol(op, implementation)),
+    }
+}
+
+impl Row {
+    fn count(&mut self, code: &Code) {
+        self.body_mix = code.body();
+        self.function_mix = Some(code.function());
+        self.body = self.body_mix.as_ref().map(|mix| mix.instructions);
+        self.function = self.function_mix.as_ref().map(|mix| mix.instructions);
+        self.vectors = lanes(self.implementation);
+        self.critical_path = critical_path(self.op, self.implementation);
+        let in_body = |i: &Instruction| code.body.as_ref().is_some_and(|body| body.contains(&i.offset));
+        self.listing = code
+            .instructions
+            .iter()
+            .map(|i| Line { offset: i.offset, text: i.text.clone(), body: in_body(i), executed: None })
+            .collect();
+    }
+
+    fn execute(&mut self, code: &Code, subject: &Subject, step: bool, cost: bool) {
+        if step {
+            for (case, path) in subject.paths.iter().enumerate() {
+                let visits = step::count_function(subject.address, code.bytes(), || {
+                    (subject.run)(case);
+                });
+                let visits = match visits {
+                    Ok(visits) if visits.calls == 1 => visits,
+                    Ok(visits) => {
+                        self.unavailable = Some(format!("one call was made and {} were seen", visits.calls));
+                        return;
+                    }
+                    Err(reason) => {
+                        self.unavailable = Some(reason.to_string());
+                        return;
+                    }
+                };
+                let body = code.body.clone().map(|body| visits.at[body].iter().sum());
+                self.paths.push(Path { path, executed: visits.instructions, body });
+                if case == 0 {
+                    self.executed = Some(visits.instructions);
+                    for line in &mut self.listing {
+                        line.executed = Some(visits.at[line.offset]);
+                    }
+                }
+            }
+        }
+        if cost {
+            let [latency, throughput] = (subject.cost)();
+            (self.call_latency, self.call_throughput) = (Some(latency), Some(throughput));
+            (self.latency, self.throughput, self.cost_of) = (Some(latency), Some(throughput), Some("call"));
+        }
+    }
+
+    /// Where there are chains of the body, they are what the row tells.
+    fn chain(&mut self, feedback: f64) {
+        let chains = match self.implementation {
+            "paper" => kernels::chains_of_paper(),
+            "aos" => kernels::chains_of_aos(),
+            _ => None,
+        };
+        let Some(Chains { latency, throughput, .. }) = chains.and_then(|c| c.iter().find(|c| c.op == self.op)) else {
+            return;
+        };
+        self.latency = Some(chain_cycles(*latency) - feedback);
+        self.throughput = Some(chain_cycles(*throughput));
+        self.cost_of = Some("body");
+    }
+}
+
+/// Core cycles for each operation of a chain.
+fn chain_cycles(chain: kernels::Chain) -> f64 {
+    let mut operations = 0;
+    let cycles = core_cycles(REPEATS, || operations = chain.run(ROUNDS));
+    cycles / operations as f64
+}
+
+/// What the comment above a macro says of its critical path, in the form that `implementation` takes.
+fn critical_path(op: &str, implementation: &str) -> Option<String> {
+    let (aos, packet) = match op {
+        "add" => ("VEC_ADD", "ADD3"),
+        "sub" => ("VEC_SUB", "SUB3"),
+        "scale" => ("VEC_SCALE", "SCALE3"),
+        "dot" => ("VEC_DOT", "DOT3"),
+        "norm" => ("VEC_NORM", "NORM3"),
+        "cross" => ("VEC_CROSS", "CROSS3"),
+        "normalise" => ("VEC_NORMALISE", "NORMALISE3"),
+        "sphere" => ("SPHERE_HIT", "SPHERE_HIT3"),
+        "triangle" => ("TRIANGLE_HIT", "TRIANGLE_HIT3"),
+        _ => ("LAMBERT", "LAMBERT3"),
+    };
+    let (name, second) = match implementation {
+        "paper" => (aos, false),
+        "aos" => (aos, true),
+        "sse41" => (packet, false),
+        "avx2" | "avx512" => (packet, true),
+        _ => return None,
+    };
+    let header = format!("; {name} - ");
+    let sources = [
+        include_str!("../../asm/include/vec3_aos.inc"),
+        include_str!("../../asm/include/sphere_aos.inc"),
+        include_str!("../../asm/include/triangle_aos.inc"),
+        include_str!("../../asm/include/lambert_aos.inc"),
+        include_str!("../../asm/include/vec3.inc"),
+        include_str!("../../asm/include/lambert.inc"),
+    ];
+    let comment = sources.iter().find_map(|source| source.split_once(&header))?.1;
+    let line = comment.lines().find_map(|line| line.split_once("critical path"))?.1;
+    // Two forms stand in two columns.
+    let forms: Vec<_> = line.split("   ").map(str::trim).filter(|form| !form.is_empty()).collect();
+    forms.get(usize::from(second)).or(forms.first()).map(|form| form.to_string())
+}
+
+/// The paper's picture, small, by each engine that runs here.
+fn frames() -> Result<Vec<FrameRow>, Unavailable> {
+    let (width, height) = FRAME;
+    let scene =
+        scene::parse(include_bytes!("../../scenes/sphere.in"), "sphere.in").expect("the scene of the paper is good");
+    let camera = scene::Camera::new(width, height, scene.camera.focal(), scene.camera.film()).expect("a good camera");
+    let rays = camera.pixels();
+    let mut frames = Vec::new();
+    for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
+        let tracer = engine.prepare(None, &scene, &camera).expect("the engine runs here, in its own precision");
+        let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");
+        // Once before: what is computed or bound at the first call is not the picture's.
+        tracer.rows(0..height, film.as_mut());
+        let instructions = step::count_instructions(|| tracer.rows(0..height, film.as_mut()))?;
+        let per_pixel = instructions as f64 / rays as f64;
+        frames.push(FrameRow {
+            engine: engine.name(),
+            width,
+            height,
+            rays,
+            instructions,
+            per_pixel,
+            per_ray: per_pixel,
+        });
+    }
+    Ok(frames)
+}

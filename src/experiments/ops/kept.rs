@@ -1,0 +1,106 @@
+//! Every operation in Rust as a function that is kept whole, with the signature of those in NASM: out, a, b.
+
+/// The scalar twin of the paper's macros: four floats, one after the other, as far as the compiler leaves them so.
+pub mod rust {
+    use crate::reference::aos::{self, Form, Lanes, Light, Sphere, Surface, Triangle};
+
+    type V = Lanes<f32>;
+
+    macro_rules! kept {
+        ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
+            $(#[inline(never)]
+            pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
+                *out = $value;
+            })*
+        };
+    }
+
+    kept! {
+        add(a: V, b: V) -> V { aos::add(*a, *b) }
+        sub(a: V, b: V) -> V { aos::sub(*a, *b) }
+        scale(a: V, b: f32) -> V { aos::scale(*a, *b) }
+        dot(a: V, b: V) -> f32 { aos::dot(Form::Paper, *a, *b) }
+        norm(a: V, _b: V) -> f32 { aos::norm(Form::Paper, *a) }
+        cross(a: V, b: V) -> V { aos::cross(*a, *b) }
+        normalise(a: V, _b: V) -> V { aos::normalise(Form::Paper, *a) }
+        sphere(a: V, b: Sphere<f32>) -> f32 { aos::sphere(Form::Paper, *a, b) }
+        triangle(a: V, b: Triangle<f32>) -> f32 { aos::triangle(Form::Paper, *a, b) }
+        lambert(a: Surface<f32>, b: Light<f32>) -> V { aos::lambert(Form::Paper, 1, a, b) }
+    }
+}
+
+/// glam's `Vec3A`, a vector in one register with the operations of a library.
+pub mod glam {
+    use glam::Vec3A;
+
+    /// As [`crate::reference::aos::Sphere`].
+    pub struct Sphere {
+        pub centre: Vec3A,
+        pub radius: f32,
+    }
+
+    /// As [`crate::reference::aos::Surface`].
+    pub struct Surface {
+        pub point: Vec3A,
+        pub normal: Vec3A,
+        pub colour: Vec3A,
+    }
+
+    /// As [`crate::reference::aos::Light`].
+    pub struct Light {
+        pub position: Vec3A,
+        pub radiance: Vec3A,
+    }
+
+    macro_rules! kept {
+        ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
+            $(#[inline(never)]
+            pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
+                *out = $value;
+            })*
+        };
+    }
+
+    kept! {
+        add(a: Vec3A, b: Vec3A) -> Vec3A { *a + *b }
+        sub(a: Vec3A, b: Vec3A) -> Vec3A { *a - *b }
+        scale(a: Vec3A, b: f32) -> Vec3A { *a * *b }
+        dot(a: Vec3A, b: Vec3A) -> f32 { a.dot(*b) }
+        norm(a: Vec3A, _b: Vec3A) -> f32 { a.length() }
+        cross(a: Vec3A, b: Vec3A) -> Vec3A { a.cross(*b) }
+        normalise(a: Vec3A, _b: Vec3A) -> Vec3A { a.normalize() }
+        sphere(ray: Vec3A, s: Sphere) -> f32 { sphere_hit(*ray, s) }
+        triangle(ray: Vec3A, s: [Vec3A; 3]) -> f32 { triangle_hit(*ray, s) }
+        lambert(s: Surface, l: Light) -> Vec3A {
+            (l.position - s.point).normalize_or_zero().dot(s.normal).max(0.0) * l.radiance * s.colour
+        }
+    }
+
+    #[inline(always)]
+    fn sphere_hit(ray: Vec3A, s: &Sphere) -> f32 {
+        let (a, h) = (ray.length_squared(), ray.dot(s.centre));
+        let disc = h * h - (s.centre.length_squared() - s.radius * s.radius) * a;
+        if disc >= 0.0 {
+            let root = disc.sqrt();
+            for t in [(h - root) / a, (h + root) / a] {
+                if t > 0.0 {
+                    return t;
+                }
+            }
+        }
+        f32::INFINITY
+    }
+
+    #[inline(always)]
+    fn triangle_hit(ray: Vec3A, &[v1, v2, v3]: &[Vec3A; 3]) -> f32 {
+        let n = (v1 - v2).cross(v1 - v3);
+        let t = v1.dot(n) / ray.dot(n);
+        let p = t * ray;
+        let same_side = |a: Vec3A, b: Vec3A, c: Vec3A| (b - a).cross(p - a).dot((b - a).cross(c - a)) >= 0.0;
+        if t > 0.0 && same_side(v1, v2, v3) && same_side(v2, v3, v1) && same_side(v3, v1, v2) {
+            t
+        } else {
+            f32::INFINITY
+        }
+    }
+}

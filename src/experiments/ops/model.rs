@@ -1,0 +1,52 @@
+//! llvm-mca's estimate of a body, where the program is installed: a model of the CPU, to be held against measurement.
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use serde::Serialize;
+
+use crate::measure::instructions::{Class, Instruction};
+
+/// Passes through the body that the model simulates.
+const ITERATIONS: u32 = 100;
+
+/// What llvm-mca says of a body in a loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct Model {
+    /// Cycles of a pass when each follows the one before, as the registers have it.
+    pub cycles: f64,
+    /// Cycles of a pass that its use of the CPU's parts allows at best.
+    pub throughput: f64,
+}
+
+/// The estimate for this machine's CPU; None without llvm-mca, and for bodies that jump, which it cannot follow.
+pub fn estimate(body: &[Instruction]) -> Option<Model> {
+    if body.is_empty() || body.iter().any(|i| i.class == Class::Branch) {
+        return None;
+    }
+    let mut source = String::from(".intel_syntax noprefix\n");
+    for i in body {
+        // A symbol is written as an operand in memory.
+        source += &match i.text.split_once(" <") {
+            Some(_) => return None,
+            None => i.text.clone(),
+        };
+        source.push('\n');
+    }
+    let mut child = Command::new("llvm-mca")
+        .args(["-mcpu=native", "-mtriple=x86_64", &format!("-iterations={ITERATIONS}")])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .ok()?;
+    // A pipe that is closed early shows in the output.
+    let _ = child.stdin.take()?.write_all(source.as_bytes());
+    let output = child.wait_with_output().ok().filter(|output| output.status.success())?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let value = |name: &str| {
+        let rest = text.lines().find_map(|line| line.strip_prefix(name))?;
+        rest.trim().parse::<f64>().ok()
+    };
+    Some(Model { cycles: value("Total Cycles:")? / f64::from(ITERATIONS), throughput: value("Block RThroughput:")? })
+}

@@ -1,0 +1,104 @@
+//! The paper's C as small functions that take vectors by value, at each optimisation level: to be counted, by no engine.
+
+use super::types::{Light, Sphere, Triangle, Vec4};
+
+/// A ray as the paper's C has it.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+pub struct Ray {
+    /// r_o.
+    pub origin: Vec4,
+    /// r_d.
+    pub direction: Vec4,
+}
+
+/// What a level may use beyond x86-64, in the order of the bits in by_value.c.
+fn feature_usable(bit: u32) -> bool {
+    match bit {
+        0 => is_x86_feature_detected!("sse4.1"),
+        1 => is_x86_feature_detected!("avx"),
+        2 => is_x86_feature_detected!("avx2"),
+        3 => is_x86_feature_detected!("fma"),
+        4 => is_x86_feature_detected!("bmi2"),
+        5 => is_x86_feature_detected!("avx512f"),
+        6 => is_x86_feature_detected!("avx512vl"),
+        7 => is_x86_feature_detected!("avx512dq"),
+        8 => is_x86_feature_detected!("avx512bw"),
+        _ => false,
+    }
+}
+
+macro_rules! by_value {
+    ($list:tt $($level:literal)*) => {
+        by_value!(@table $list);
+        static LEVELS: &[ByValue] = &[$(by_value!(@level $level $list)),*];
+    };
+    (@table {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {
+        /// The functions at one level.
+        pub struct ByValue {
+            /// The level as build.rs names it: O0, O1, O2, O3, or native for -O3 -march=native.
+            pub level: &'static str,
+            features: &'static u32,
+            $($name: unsafe extern "sysv64" fn($($arg: $type),*) -> $out,)*
+        }
+
+        impl ByValue {
+            /// Where a function is, by the name of its operation.
+            pub fn address(&self, name: &str) -> Option<usize> {
+                match name {
+                    $(stringify!($name) => Some(self.$name as usize),)*
+                    _ => None,
+                }
+            }
+
+            $($(#[$doc])*
+            #[inline]
+            pub fn $name(&self, $($arg: $type),*) -> $out {
+                // SAFETY: values, and references that prove their addresses; by_value() has checked the CPU.
+                unsafe { (self.$name)($($arg),*) }
+            })*
+        }
+    };
+    (@level $level:literal {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {{
+        unsafe extern "sysv64" {
+            #[link_name = concat!("rayo_c_", $level, "_features")]
+            safe static FEATURES: u32;
+            $(#[link_name = concat!("rayo_c_", $level, "_", stringify!($name))]
+            fn $name($($arg: $type),*) -> $out;)*
+        }
+        ByValue { level: $level, features: &FEATURES, $($name,)* }
+    }};
+}
+
+by_value! {
+    {
+        /// a + b.
+        fn add(a: Vec4, b: Vec4) -> Vec4;
+        /// a - b.
+        fn sub(a: Vec4, b: Vec4) -> Vec4;
+        /// a times the scalar s.
+        fn scale(a: Vec4, s: f32) -> Vec4;
+        /// a . b.
+        fn dot(a: Vec4, b: Vec4) -> f32;
+        /// ||a||.
+        fn norm(a: Vec4) -> f32;
+        /// a x b.
+        fn cross(a: Vec4, b: Vec4) -> Vec4;
+        /// a / ||a||.
+        fn normalise(a: Vec4) -> Vec4;
+        /// Whether the ray meets the sphere; then t is where.
+        fn sphere(ray: Ray, sphere: &Sphere, t: &mut f32) -> bool;
+        /// Whether the ray meets the triangle; then t is where.
+        fn triangle(ray: Ray, triangle: &Triangle, t: &mut f32) -> bool;
+        /// What the light adds at the point with that normal.
+        fn lambert(light: &Light, point: Vec4, normal: Vec4, colour: Vec4, two_sided: bool) -> Vec4;
+    }
+    "O0" "O1" "O2" "O3" "native"
+}
+
+/// The functions at a level. None where the CPU lacks what they were compiled for, or where there is no such level.
+pub fn by_value(level: &str) -> Option<&'static ByValue> {
+    let functions = LEVELS.iter().find(|functions| functions.level == level)?;
+    let usable = (0..u32::BITS).all(|bit| functions.features >> bit & 1 == 0 || feature_usable(bit));
+    usable.then_some(functions)
+}

@@ -1,0 +1,382 @@
+//! Executed instructions, counted exactly: the trap flag makes the CPU stop after each one, and a handler counts.
+//!
+//! While the flag is set in the flags register of a thread, the CPU raises a debug exception after every instruction
+//! that the thread executes in user mode, which the operating system delivers as SIGTRAP. That needs no privilege and no
+//! hardware counter, works for any instruction set, and costs some microseconds a step.
+//!
+//! What is counted: every instruction, once. A string instruction with a repeat prefix is one, however often it repeats.
+//! A system call and the instruction after it count as one, since the CPU clears the flag on the way into the kernel.
+
+use std::fmt;
+
+/// Why instructions cannot be counted here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unavailable {
+    /// Not Linux on x86-64.
+    Platform,
+    /// Another process traces this one and would get the traps instead.
+    Traced {
+        /// The tracing process.
+        by: u32,
+    },
+    /// The flag was set and nothing happened, as in an emulator that does not know it.
+    NoTrap,
+    /// Traps came, but not one for each instruction of a known sequence.
+    Inexact {
+        /// Instructions in the sequence.
+        executed: u64,
+        /// Traps that came.
+        counted: u64,
+    },
+    /// The traps ceased before the end: what was called, or the hypervisor, cleared the flag.
+    Lost,
+    /// The operating system refused the handler.
+    Handler {
+        /// Its error number.
+        errno: i32,
+    },
+}
+
+impl fmt::Display for Unavailable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Unavailable::Platform => f.write_str("single-stepping is written for Linux on x86-64"),
+            Unavailable::Traced { by } => {
+                write!(f, "process {by} traces this one (a debugger?) and would get the traps; run without it")
+            }
+            Unavailable::NoTrap => {
+                f.write_str("the trap flag has no effect here, as under valgrind and some emulators")
+            }
+            Unavailable::Inexact { executed, counted } => {
+                write!(f, "the trap flag is not exact here: {counted} traps for {executed} instructions")
+            }
+            Unavailable::Lost => f.write_str("the traps ceased before the end: something cleared the trap flag"),
+            Unavailable::Handler { errno } => {
+                let error = std::io::Error::from_raw_os_error(*errno);
+                write!(f, "the handler of SIGTRAP could not be installed: {error}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for Unavailable {}
+
+/// What the calls of one function executed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Visits {
+    /// How often the function was called.
+    pub calls: u64,
+    /// Instructions from its entry to its return, both included, with those of all that it called.
+    pub instructions: u64,
+    /// How often the instruction at each byte of the function was executed; 0 for bytes at which none begins.
+    pub at: Vec<u64>,
+}
+
+/// The instructions that the thread executes in `action`, the call of the closure itself included.
+///
+/// # Errors
+/// Where single-stepping is not available or not exact.
+///
+/// # Panics
+/// Where `action` panics, and where it counts instructions itself.
+pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
+    imp::self_test()?;
+    imp::run(0, 0, action).map(|counts| counts.total)
+}
+
+/// The instructions of the function of `bytes` bytes at `address` and of what it calls, over all its calls in `action`.
+///
+/// An `address` at which no function begins gives no calls.
+///
+/// # Errors
+/// Where single-stepping is not available or not exact.
+///
+/// # Panics
+/// As [`count_instructions`].
+pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Result<Visits, Unavailable> {
+    imp::self_test()?;
+    imp::run(address, bytes, action).map(|counts| counts.visits)
+}
+
+/// What one run counted.
+struct Counts {
+    total: u64,
+    visits: Visits,
+}
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod imp {
+    use std::any::Any;
+    use std::arch::{asm, naked_asm};
+    use std::cell::Cell;
+    use std::ffi::{c_int, c_void};
+    use std::mem::MaybeUninit;
+    use std::panic::{self, AssertUnwindSafe};
+    use std::ptr;
+    use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering::Relaxed};
+    use std::sync::{Mutex, OnceLock};
+
+    use super::{Counts, Unavailable, Visits};
+
+    const TRAP_FLAG: u64 = 0x100;
+
+    /// What the handler and the thread that it interrupts share. They are one thread, so that the order of relaxed
+    /// accesses is that of the program.
+    struct Shared {
+        /// The address of the instruction that is being executed; 0 before the first.
+        current: AtomicUsize,
+        /// Where counting ends.
+        stop: AtomicUsize,
+        stopped: AtomicBool,
+        traps: AtomicU64,
+        total: AtomicU64,
+        /// The function to watch, 0 for none.
+        entry: AtomicUsize,
+        bytes: AtomicUsize,
+        /// `bytes` counters.
+        at: AtomicPtr<u64>,
+        /// The stack pointer at its entry while it runs; 0 while it does not.
+        frame: AtomicUsize,
+        calls: AtomicU64,
+        instructions: AtomicU64,
+    }
+
+    static SHARED: Shared = Shared {
+        current: AtomicUsize::new(0),
+        stop: AtomicUsize::new(0),
+        stopped: AtomicBool::new(false),
+        traps: AtomicU64::new(0),
+        total: AtomicU64::new(0),
+        entry: AtomicUsize::new(0),
+        bytes: AtomicUsize::new(0),
+        at: AtomicPtr::new(ptr::null_mut()),
+        frame: AtomicUsize::new(0),
+        calls: AtomicU64::new(0),
+        instructions: AtomicU64::new(0),
+    };
+
+    /// The one thread that counts; the handler belongs to the whole process.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+    thread_local! {
+        static COUNTING: Cell<bool> = const { Cell::new(false) };
+    }
+
+    /// Adds 1; one thread writes, so that no locked instruction is needed.
+    fn increment(counter: &AtomicU64) {
+        counter.store(counter.load(Relaxed) + 1, Relaxed);
+    }
+
+    /// Comes after every instruction: counts the one before, and takes the flag away at the end.
+    extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
+        // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t.
+        if unsafe { (*info).si_code } != libc::TRAP_TRACE {
+            // Somebody's breakpoint: what would have happened without us.
+            // SAFETY: both functions may be called in a handler, and the signal number is the one that came.
+            unsafe {
+                libc::signal(signal, libc::SIG_DFL);
+                libc::raise(signal);
+            }
+            return;
+        }
+        // SAFETY: the third argument is the interrupted context, a ucontext_t that nobody else holds.
+        let registers = unsafe { &mut (*context.cast::<libc::ucontext_t>()).uc_mcontext.gregs };
+        let rip = registers[libc::REG_RIP as usize] as usize;
+        let rsp = registers[libc::REG_RSP as usize] as usize;
+        let s = &SHARED;
+        increment(&s.traps);
+        let done = s.current.load(Relaxed);
+        // SAFETY: `rip` is about to be executed, so the bytes of its instruction are there to read.
+        if done == rip && unsafe { repeats(rip as *const u8) } {
+            return;
+        }
+        s.current.store(rip, Relaxed);
+        if done != 0 {
+            increment(&s.total);
+            if s.frame.load(Relaxed) != 0 {
+                increment(&s.instructions);
+                let offset = done.wrapping_sub(s.entry.load(Relaxed));
+                if offset < s.bytes.load(Relaxed) {
+                    // SAFETY: `at` points to `bytes` counters that outlive the stepping and that only we touch in it.
+                    unsafe { *s.at.load(Relaxed).add(offset) += 1 };
+                }
+                if rsp > s.frame.load(Relaxed) {
+                    s.frame.store(0, Relaxed); // its return address has been taken from the stack
+                }
+            }
+        }
+        if s.frame.load(Relaxed) == 0 && rip == s.entry.load(Relaxed) {
+            s.frame.store(rsp, Relaxed);
+            increment(&s.calls);
+        }
+        let stop = rip == s.stop.load(Relaxed);
+        // A panic ends the counting: to step through the making of a backtrace would take minutes.
+        if stop || std::thread::panicking() {
+            registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
+            s.stopped.store(stop, Relaxed);
+        }
+    }
+
+    /// Whether the instruction has a repeat prefix: then a trap that finds it again is its next iteration.
+    ///
+    /// # Safety
+    /// An instruction begins at `code`.
+    unsafe fn repeats(code: *const u8) -> bool {
+        // SAFETY: an instruction has at least one byte, and one that begins with the prefix 66 has a second.
+        let first = unsafe {
+            match *code {
+                0x66 => *code.add(1),
+                byte => byte,
+            }
+        };
+        matches!(first, 0xf2 | 0xf3)
+    }
+
+    /// A closure on its way through `extern "sysv64"`, and what became of it.
+    struct Action<F> {
+        run: Option<F>,
+        panicked: Option<Box<dyn Any + Send>>,
+    }
+
+    extern "sysv64" fn call<F: FnOnce()>(action: &mut Action<F>) {
+        if let Some(run) = action.run.take() {
+            action.panicked = panic::catch_unwind(AssertUnwindSafe(run)).err();
+        }
+    }
+
+    /// Runs `action` with the trap flag set.
+    pub fn run(entry: usize, bytes: usize, action: impl FnOnce()) -> Result<Counts, Unavailable> {
+        fn call_of<F: FnOnce()>(_: &Action<F>) -> extern "sysv64" fn(&mut Action<F>) {
+            call::<F>
+        }
+        if let Some(by) = tracer() {
+            return Err(Unavailable::Traced { by });
+        }
+        assert!(!COUNTING.get(), "what is counted must not count instructions itself");
+        let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        COUNTING.set(true);
+        let mut at = vec![0; bytes];
+        let mut action = Action { run: Some(action), panicked: None };
+        let call = call_of(&action);
+        let s = &SHARED;
+        s.current.store(0, Relaxed);
+        s.stopped.store(false, Relaxed);
+        s.frame.store(0, Relaxed);
+        for counter in [&s.traps, &s.total, &s.calls, &s.instructions] {
+            counter.store(0, Relaxed);
+        }
+        s.entry.store(entry, Relaxed);
+        s.bytes.store(bytes, Relaxed);
+        s.at.store(at.as_mut_ptr(), Relaxed);
+        let handled = with_handler(|| {
+            // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp; flags are pushed and
+            // popped in pairs; `call` takes its argument in rdi and keeps to the convention whose clobbers are listed.
+            // The first trap comes after the call instruction, the last at the label behind it, where the handler
+            // takes the flag away.
+            unsafe {
+                asm!(
+                    "lea rax, [rip + 2f]",
+                    "mov [rcx], rax",
+                    "pushfq",
+                    "or qword ptr [rsp], {flag}",
+                    "popfq",
+                    "call rdx",
+                    "2:",
+                    flag = const TRAP_FLAG,
+                    out("rax") _,
+                    inout("rcx") s.stop.as_ptr() => _,
+                    inout("rdx") call => _,
+                    inout("rdi") &raw mut action => _,
+                    clobber_abi("sysv64"),
+                );
+            }
+        });
+        COUNTING.set(false);
+        s.entry.store(0, Relaxed);
+        s.bytes.store(0, Relaxed);
+        if let Some(panic) = action.panicked {
+            panic::resume_unwind(panic);
+        }
+        handled?;
+        if s.traps.load(Relaxed) == 0 {
+            return Err(Unavailable::NoTrap);
+        }
+        if !s.stopped.load(Relaxed) {
+            return Err(Unavailable::Lost);
+        }
+        let visits = Visits { calls: s.calls.load(Relaxed), instructions: s.instructions.load(Relaxed), at };
+        Ok(Counts { total: s.total.load(Relaxed), visits })
+    }
+
+    /// Runs `action` while SIGTRAP comes to [`on_trap`] and is not blocked, and puts both back as they were.
+    fn with_handler(action: impl FnOnce()) -> Result<(), Unavailable> {
+        let refused = || Unavailable::Handler { errno: std::io::Error::last_os_error().raw_os_error().unwrap_or(0) };
+        // SAFETY: a structure of numbers and bits, for which all 0 is a value.
+        let mut handler: libc::sigaction = unsafe { std::mem::zeroed() };
+        let on_trap: extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void) = on_trap;
+        handler.sa_sigaction = on_trap as usize;
+        handler.sa_flags = libc::SA_SIGINFO;
+        let mut old_handler = MaybeUninit::uninit();
+        let (mut trap, mut old_mask) = (MaybeUninit::uninit(), MaybeUninit::uninit());
+        // SAFETY: the sets and actions are ours, and each is written before it is read: sigemptyset, sigaction and
+        // pthread_sigmask fill what they are given. The handler has the signature that SA_SIGINFO asks for and calls
+        // nothing that a handler may not call.
+        unsafe {
+            libc::sigemptyset(trap.as_mut_ptr());
+            libc::sigaddset(trap.as_mut_ptr(), libc::SIGTRAP);
+            if libc::sigaction(libc::SIGTRAP, &handler, old_handler.as_mut_ptr()) != 0 {
+                return Err(refused());
+            }
+            // A trap that is blocked would end the process.
+            libc::pthread_sigmask(libc::SIG_UNBLOCK, trap.as_ptr(), old_mask.as_mut_ptr());
+        }
+        action();
+        // SAFETY: both were filled above.
+        unsafe {
+            libc::pthread_sigmask(libc::SIG_SETMASK, old_mask.as_ptr(), ptr::null_mut());
+            libc::sigaction(libc::SIGTRAP, old_handler.as_ptr(), ptr::null_mut());
+        }
+        Ok(())
+    }
+
+    /// The process that traces this one.
+    fn tracer() -> Option<u32> {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("TracerPid:"))?;
+        line.trim().parse().ok().filter(|&by| by != 0)
+    }
+
+    const KNOWN: u64 = 8;
+
+    /// Seven instructions that do nothing, and the return.
+    #[unsafe(naked)]
+    extern "sysv64" fn known() {
+        naked_asm!("nop", "nop", "nop", "nop", "nop", "nop", "nop", "ret")
+    }
+
+    /// Counts a known sequence, once in the life of the process.
+    pub fn self_test() -> Result<(), Unavailable> {
+        static RESULT: OnceLock<Result<(), Unavailable>> = OnceLock::new();
+        if let Some(by) = tracer() {
+            return Err(Unavailable::Traced { by }); // may be gone at the next call
+        }
+        *RESULT.get_or_init(|| {
+            let known: extern "sysv64" fn() = known;
+            let counted = run(known as usize, 0, || std::hint::black_box(known)())?.visits.instructions;
+            if counted == KNOWN { Ok(()) } else { Err(Unavailable::Inexact { executed: KNOWN, counted }) }
+        })
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
+mod imp {
+    use super::{Counts, Unavailable};
+
+    pub fn run(_: usize, _: usize, _: impl FnOnce()) -> Result<Counts, Unavailable> {
+        Err(Unavailable::Platform)
+    }
+
+    pub fn self_test() -> Result<(), Unavailable> {
+        Err(Unavailable::Platform)
+    }
+}

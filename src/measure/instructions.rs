@@ -1,0 +1,310 @@
+//! Instructions of built code, decoded and counted: of a symbol of an object, or of a function of this process.
+
+use std::ops::Range;
+
+use iced_x86::{
+    Decoder, DecoderOptions, FlowControl, Formatter, InstructionInfoFactory, IntelFormatter, MemorySizeOptions,
+    Mnemonic, OpAccess, OpKind,
+};
+use object::{Object, ObjectSection, ObjectSymbol};
+use serde::Serialize;
+
+use crate::kernels;
+
+/// What an instruction is there for. Arithmetic may read an operand from memory: [`Instruction::reads`] tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Class {
+    /// Computes, compares or converts.
+    Arithmetic,
+    /// Moves elements about within registers.
+    Shuffle,
+    /// Copies from memory to a register.
+    Load,
+    /// Copies from a register to memory.
+    Store,
+    /// Goes elsewhere: jumps, calls, returns.
+    Branch,
+    /// Copies from register to register.
+    Move,
+    /// Does nothing to data: `endbr64`, `nop`, `vzeroupper`.
+    Other,
+}
+
+/// What an instruction works on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Width {
+    /// General registers.
+    General,
+    /// One element of a vector register.
+    Scalar,
+    /// All elements of a vector register.
+    Packed,
+}
+
+/// A decoded instruction.
+#[derive(Clone, Debug)]
+pub struct Instruction {
+    /// Bytes from the beginning of its function.
+    pub offset: usize,
+    /// Its length.
+    pub bytes: usize,
+    /// As text, in Intel's syntax.
+    pub text: String,
+    /// What it is there for.
+    pub class: Class,
+    /// What it works on.
+    pub width: Width,
+    /// Whether it reads memory.
+    pub reads: bool,
+    /// The CPUID features it needs, as Intel's manual names them.
+    pub features: Vec<String>,
+}
+
+/// The instructions of a function.
+#[derive(Clone, Debug)]
+pub struct Code {
+    /// Its symbol.
+    pub symbol: String,
+    /// In the order of their addresses.
+    pub instructions: Vec<Instruction>,
+    /// The bytes between its labels `.body` and `.body_end`, where it has them.
+    pub body: Option<Range<usize>>,
+}
+
+/// Instructions by kind.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Mix {
+    /// All of them.
+    pub instructions: usize,
+    /// Their length.
+    pub bytes: usize,
+    /// Of [`Class::Arithmetic`].
+    pub arithmetic: usize,
+    /// Of [`Class::Shuffle`].
+    pub shuffle: usize,
+    /// Of [`Class::Load`].
+    pub load: usize,
+    /// Of [`Class::Store`].
+    pub store: usize,
+    /// Of [`Class::Branch`].
+    pub branch: usize,
+    /// Of [`Class::Move`].
+    pub r#move: usize,
+    /// Of [`Class::Other`].
+    pub other: usize,
+    /// Of [`Width::Scalar`].
+    pub scalar: usize,
+    /// Of [`Width::Packed`].
+    pub packed: usize,
+    /// Those that read memory, loads and others.
+    pub reads: usize,
+    /// The CPUID features that they need, sorted.
+    pub features: Vec<String>,
+}
+
+impl Code {
+    /// The function `symbol` of an object of build.rs; None where no object has it.
+    pub fn of_symbol(symbol: &str) -> Option<Code> {
+        kernels::OBJECTS.iter().find_map(|(_, data)| Code::in_object(data, symbol))
+    }
+
+    /// The function `symbol` of the ELF object `data`, its length being that of the symbol.
+    pub fn in_object(data: &[u8], symbol: &str) -> Option<Code> {
+        let file = object::File::parse(data).ok()?;
+        let function = file.symbols().find(|s| s.name() == Ok(symbol) && s.is_definition())?;
+        let section = file.section_by_index(function.section_index()?).ok()?;
+        let start = function.address() as usize - section.address() as usize;
+        let bytes = section.data().ok()?.get(start..start + function.size() as usize)?;
+        let label = |name: &str| {
+            let name = format!(".L{symbol}.{name}");
+            let label = file.symbols().find(|s| s.name() == Ok(&name))?;
+            Some((label.address() - function.address()) as usize)
+        };
+        let mut code = Code {
+            symbol: symbol.into(),
+            instructions: decode(bytes, 0).collect(),
+            body: label("body").zip(label("body_end")).map(|(start, end)| start..end),
+        };
+        // A call in an object has no target yet: the relocation has its name.
+        for (at, relocation) in section.relocations() {
+            let object::RelocationTarget::Symbol(target) = relocation.target() else { continue };
+            let Ok(target) = file.symbol_by_index(target) else { continue };
+            let Some(at) = (at as usize).checked_sub(start) else { continue };
+            let hit = code.instructions.iter_mut().find(|i| (i.offset..i.offset + i.bytes).contains(&at));
+            if let (Some(instruction), Ok(name)) = (hit, target.name())
+                && !name.is_empty()
+            {
+                instruction.text = format!("{} <{name}>", instruction.text.split_once(' ').map_or("", |(op, _)| op));
+            }
+        }
+        Some(code)
+    }
+
+    /// The function of this process that begins at `address`; None where its code cannot be read.
+    ///
+    /// It ends where nothing before goes on or jumps beyond.
+    pub fn of_function(symbol: &str, address: usize) -> Option<Code> {
+        let bytes = kernels::code_at(address)?;
+        let mut instructions = Vec::new();
+        let mut furthest = 0;
+        for (instruction, raw) in decode_raw(bytes, 0) {
+            let end = instruction.offset + instruction.bytes;
+            let ends = match raw.flow_control() {
+                FlowControl::Return | FlowControl::Exception | FlowControl::IndirectBranch => true,
+                FlowControl::UnconditionalBranch | FlowControl::ConditionalBranch => {
+                    let target = raw.near_branch_target() as usize;
+                    // Far away is another function: a tail call.
+                    if target > instruction.offset && target < end + 4096 {
+                        furthest = furthest.max(target);
+                    }
+                    raw.flow_control() == FlowControl::UnconditionalBranch
+                }
+                _ => false,
+            };
+            instructions.push(instruction);
+            if ends && furthest < end {
+                break;
+            }
+        }
+        Some(Code { symbol: symbol.into(), instructions, body: None })
+    }
+
+    /// Its length.
+    pub fn bytes(&self) -> usize {
+        self.instructions.last().map_or(0, |last| last.offset + last.bytes)
+    }
+
+    /// All of it.
+    pub fn function(&self) -> Mix {
+        Mix::of(&self.instructions)
+    }
+
+    /// What is between the labels, where it has them.
+    pub fn body(&self) -> Option<Mix> {
+        self.body_instructions().map(Mix::of)
+    }
+
+    /// The instructions between the labels, where it has them.
+    pub fn body_instructions(&self) -> Option<&[Instruction]> {
+        let body = self.body.as_ref()?;
+        let first = self.instructions.partition_point(|i| i.offset < body.start);
+        let end = self.instructions.partition_point(|i| i.offset < body.end);
+        Some(&self.instructions[first..end])
+    }
+}
+
+impl Mix {
+    /// The kinds of `instructions`.
+    pub fn of<'a>(instructions: impl IntoIterator<Item = &'a Instruction>) -> Mix {
+        let mut mix = Mix::default();
+        for i in instructions {
+            mix.instructions += 1;
+            mix.bytes += i.bytes;
+            *match i.class {
+                Class::Arithmetic => &mut mix.arithmetic,
+                Class::Shuffle => &mut mix.shuffle,
+                Class::Load => &mut mix.load,
+                Class::Store => &mut mix.store,
+                Class::Branch => &mut mix.branch,
+                Class::Move => &mut mix.r#move,
+                Class::Other => &mut mix.other,
+            } += 1;
+            mix.scalar += usize::from(i.width == Width::Scalar);
+            mix.packed += usize::from(i.width == Width::Packed);
+            mix.reads += usize::from(i.reads);
+            mix.features.extend(i.features.iter().cloned());
+        }
+        mix.features.sort();
+        mix.features.dedup();
+        mix
+    }
+}
+
+/// Decodes `bytes` as if they lay at `address`.
+pub fn decode(bytes: &[u8], address: u64) -> impl Iterator<Item = Instruction> {
+    decode_raw(bytes, address).map(|(instruction, _)| instruction)
+}
+
+fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, iced_x86::Instruction)> {
+    let mut decoder = Decoder::with_ip(64, bytes, address, DecoderOptions::NONE);
+    let mut info = InstructionInfoFactory::new();
+    let mut formatter = IntelFormatter::new();
+    formatter.options_mut().set_space_after_operand_separator(true);
+    formatter.options_mut().set_memory_size_options(MemorySizeOptions::Never); // the registers tell
+    std::iter::from_fn(move || {
+        let raw = decoder.can_decode().then(|| decoder.decode())?;
+        let mut text = String::new();
+        formatter.format(&raw, &mut text);
+        let memory: Vec<_> = info.info(&raw).used_memory().iter().map(|memory| memory.access()).collect();
+        let reads = memory
+            .iter()
+            .any(|a| matches!(a, OpAccess::Read | OpAccess::CondRead | OpAccess::ReadWrite | OpAccess::ReadCondWrite));
+        let writes = memory.iter().any(|a| {
+            matches!(a, OpAccess::Write | OpAccess::CondWrite | OpAccess::ReadWrite | OpAccess::ReadCondWrite)
+        });
+        let features = raw.cpuid_features().iter().map(|feature| format!("{feature:?}"));
+        let instruction = Instruction {
+            offset: (raw.ip() - address) as usize,
+            bytes: raw.len(),
+            text,
+            class: class(&raw, reads, writes),
+            width: width(&raw),
+            reads,
+            features: features.collect(),
+        };
+        Some((instruction, raw))
+    })
+}
+
+fn mnemonic(raw: &iced_x86::Instruction) -> String {
+    let name = format!("{:?}", raw.mnemonic()).to_lowercase();
+    // The VEX form of an instruction is that of the same name with a v before it.
+    match raw.mnemonic() {
+        Mnemonic::Verr | Mnemonic::Verw => name,
+        _ => name.strip_prefix('v').map_or(name.clone(), str::to_owned),
+    }
+}
+
+fn class(raw: &iced_x86::Instruction, reads: bool, writes: bool) -> Class {
+    const SHUFFLES: [&str; 20] = [
+        "shuf", "pshuf", "unpck", "punpck", "movhlps", "movlhps", "movshdup", "movsldup", "movddup", "insert",
+        "extract", "pinsr", "pextr", "perm", "blend", "pblend", "align", "palign", "compress", "expand",
+    ];
+    let name = mnemonic(raw);
+    if raw.flow_control() != FlowControl::Next {
+        return Class::Branch;
+    }
+    if ["endbr64", "nop", "zeroupper", "zeroall", "int3"].contains(&name.as_str()) {
+        return Class::Other;
+    }
+    if SHUFFLES.iter().any(|shuffle| name.starts_with(shuffle)) {
+        return Class::Shuffle;
+    }
+    // `cmov` and `movmsk` compute; `mov`, `movaps`, `movss`, `movzx` and so on copy.
+    let copies = name.starts_with("mov") && !name.starts_with("movmsk") || ["push", "pop", "leave"].contains(&&*name);
+    match () {
+        () if copies && writes => Class::Store,
+        () if (copies || name.starts_with("broadcast")) && reads => Class::Load,
+        () if copies => Class::Move,
+        () if name.starts_with("broadcast") => Class::Shuffle,
+        () => Class::Arithmetic,
+    }
+}
+
+fn width(raw: &iced_x86::Instruction) -> Width {
+    let vector =
+        (0..raw.op_count()).any(|i| raw.op_kind(i) == OpKind::Register && raw.op_register(i).is_vector_register());
+    if !vector {
+        return Width::General;
+    }
+    let name = mnemonic(raw);
+    if name.starts_with("broadcast") {
+        return Width::Packed;
+    }
+    let scalar = name.ends_with("ss") || name.ends_with("sd") || ["movd", "movq"].contains(&name.as_str());
+    let scalar =
+        scalar || name.starts_with("cvt") && (name.contains("2ss") || name.contains("2sd") || name.contains("s2si"));
+    if scalar { Width::Scalar } else { Width::Packed }
+}
