@@ -11,7 +11,7 @@ use std::process::Command;
 use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, OBJECTS};
+use rayo::kernels::{self, BROKEN, OBJECTS, OpRef};
 
 /// What a unit of kernels may be made of.
 struct Unit {
@@ -313,6 +313,11 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
         expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
     }
     expected.extend(kernels::packet_symbols().into_iter().map(str::to_owned));
+    // The paper's vector operations on packets have the names of those on one vector.
+    let on_vectors = |op| matches!(op, OpRef::Vector(_) | OpRef::Scale(_) | OpRef::Scalar(_));
+    for (name, _) in kernels::c().ops().filter(|(_, op)| on_vectors(*op)) {
+        expected.extend(UNITS.iter().map(|unit| format!("rayo_{}_{name}3", unit.name)));
+    }
     let mut found = BTreeSet::new();
     for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
         for name in Code64::of(unit).exported() {
@@ -431,7 +436,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 75] = [
+const PACKET_SNIPPETS: [Snippet; 78] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -496,6 +501,9 @@ const PACKET_SNIPPETS: [Snippet; 75] = [
     ("SUB3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
     ("SCALE3", "", "v0, v1, v2, v0, v1, v2, v3"),
     ("SCALE3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6"),
+    ("NORM3", "", "v0, v1, v2, v3, v4"),
+    ("CROSS3", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
+    ("NORMALISE3", "", "v0, v1, v2, v3, v4"),
     ("RECIPROCAL", "", "v0, v1"),
     ("SPHERE_DEN", "", "v0, v1, v2, v3"),
     ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),

@@ -236,3 +236,84 @@ fn the_fourth_value_is_0_in_floats_and_255_in_bytes() {
         }
     }
 }
+
+/// The packet engines of a precision that run here, by their names.
+#[cfg(rayo_asm)]
+fn packets(precision: &str) -> Vec<contenders::Contender> {
+    let of = |contender: &contenders::Contender| {
+        ["sse41", "avx2", "avx512"].contains(&contender.engine.name()) && contender.precision.name() == precision
+    };
+    contenders().into_iter().filter(of).collect()
+}
+
+/// Random scenes, under one light as the short form needs it and under two, from outside and from inside a sphere.
+#[cfg(rayo_asm)]
+fn lit_scenes() -> Vec<(String, Scene)> {
+    let mut scenes = Vec::new();
+    for (spheres, triangles, seed) in [(40, 0, 21), (0, 40, 22), (25, 25, 23), (200, 50, 24), (1, 0, 25), (3, 1, 26)] {
+        for (lights, inside) in [(1, false), (2, false), (2, true)] {
+            let mut scene =
+                Scene { camera: Camera::new(211, 157, 1.0, 1.0).unwrap(), ..many(spheres, triangles, seed) };
+            scene.lights.truncate(lights);
+            if let (true, Some(&first)) = (inside, scene.spheres.first()) {
+                scene.spheres.push(scene::Sphere { centre: [3.0, -2.0, 5.0].into(), radius: 400.0, ..first });
+            }
+            scenes
+                .push((format!("many({spheres}, {triangles}, seed {seed}), {lights} lights, inside: {inside}"), scene));
+        }
+    }
+    scenes
+}
+
+/// Both fuse, and have the same operations in the same order: only the width differs.
+#[cfg(rayo_asm)]
+#[test]
+fn the_packets_of_avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
+    for precision in ["single", "double"] {
+        let fused: Vec<_> = packets(precision).into_iter().filter(|c| c.engine.name() != "sse41").collect();
+        let [one, other] = &fused[..] else { return };
+        for (name, scene) in lit_scenes() {
+            let bits = |pixels: Vec<[f32; 4]>| pixels.into_iter().map(|pixel| pixel.map(f32::to_bits));
+            assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{precision}, {name}");
+        }
+    }
+}
+
+/// What an estimate may move a cosine by, see SPHERE_LIT. Outlines do not depend on any: a pixel of another object, or
+/// of none, would be further off.
+#[cfg(rayo_asm)]
+const COSINE_ERROR: f32 = 1.0 / 1024.0;
+
+#[cfg(rayo_asm)]
+#[test]
+fn estimates_move_no_cosine_by_2_to_the_minus_10_and_no_byte_by_more_than_a_level() {
+    let (exact, fast) = (packets("single"), packets("fast"));
+    for (exact, fast) in exact.iter().zip(&fast) {
+        assert_eq!(exact.engine, fast.engine);
+        let mut worst = 0.0_f32;
+        for (name, scene) in lit_scenes() {
+            // The brightest that a pixel can be.
+            let white: f32 = scene.lights.iter().map(|light| light.radiance().max_element()).sum();
+            let truth = Truth::new(&scene);
+            let (floats, estimates) = (exact.floats(&scene), fast.floats(&scene));
+            let bytes = [exact.bytes(&scene), fast.bytes(&scene)];
+            for (i, (float, estimate)) in floats.iter().zip(&estimates).enumerate() {
+                let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
+                let what = || format!("{exact}, {name}: {float:?} and {estimate:?} of {:?}", truth.object(row, col));
+                let error = float.iter().zip(estimate).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / white;
+                assert!(error < COSINE_ERROR, "{}", what());
+                worst = worst.max(error);
+                for bytes in &bytes {
+                    assert!(
+                        contenders::difference(contenders::levels(*float), bytes[i]) <= 1,
+                        "{}, {:?}",
+                        what(),
+                        bytes[i]
+                    );
+                }
+            }
+        }
+        println!("{}: a cosine is off by 2^{:.1} at most", exact.engine, worst.log2());
+        assert!(worst > 0.0, "{}: these are no estimates", exact.engine);
+    }
+}

@@ -589,7 +589,9 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
     compared
 }
 
-fn check_lit<E: Element + Real>(kernels: &SpanKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
+fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
+    // In f32, and with AVX-512 in f64 too, the bytes come from estimates.
+    let exact = size_of::<E>() == 8 && isa != Isa::Avx512;
     let mut compared = Compared::default();
     for case in 0..PACKET_CASES * Numbers::ALL.len() {
         let numbers = Numbers::ALL[case % Numbers::ALL.len()];
@@ -604,7 +606,7 @@ fn check_lit<E: Element + Real>(kernels: &SpanKernels<E>, rounding: Rounding, rn
             let j = E::from_u32(i as u32) + span.j;
             let colour = rounding.lit(&twin_of_lit_span(&span), j);
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
-            if size_of::<E>() == 8 {
+            if exact {
                 compared.levels(rgba8[i], levels(colour, false), &what);
                 compared.levels(greys[i], levels(rounding.lit(&twin_of_lit_span(&grey), j), false), &what);
             }
@@ -617,7 +619,7 @@ fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u6
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
     let rng = &mut Rng::new(seed);
     for (name, compared) in [
-        ("lit", check_lit(kernels, rounding, rng)),
+        ("lit", check_lit(isa, kernels, rounding, rng)),
         (
             "outside",
             check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
