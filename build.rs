@@ -122,7 +122,16 @@ mod native {
         nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
         nasm.files(UNITS.map(|unit| format!("asm/{unit}.asm")));
         let objects = nasm.compile_objects().unwrap_or_else(|error| {
-            fail(if error.contains("asm/") { "NASM refused a kernel, see above" } else { NASM_MISSING }, &error)
+            // nasm-rs says of NASM itself only how it ended; what it found is in the output above.
+            let ended = error.contains("exit status");
+            fail(
+                if ended {
+                    "NASM refused a kernel: see its words in the output of the build script"
+                } else {
+                    NASM_MISSING
+                },
+                &error,
+            )
         });
         // nasm-rs names objects after their sources alone and can lose one without an error.
         assert_eq!(objects.len(), UNITS.len(), "NASM did not make every object: {objects:?}");

@@ -8,9 +8,10 @@ use std::ops::Range;
 use std::path::Path;
 use std::process::Command;
 
+use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, Isa, OBJECTS};
+use rayo::kernels::{self, BROKEN, OBJECTS};
 
 /// What a unit of kernels may be made of.
 struct Unit {
@@ -23,22 +24,10 @@ struct Unit {
 
 /// Every unit of asm/ that has kernels.
 const UNITS: [Unit; 3] = [
-    Unit { name: "sse41", features: &[CpuidFeature::SSE3, CpuidFeature::SSSE3, CpuidFeature::SSE4_1], vex: false },
-    Unit { name: "avx2", features: &[CpuidFeature::AVX, CpuidFeature::AVX2, CpuidFeature::FMA], vex: true },
-    Unit {
-        name: "avx512",
-        features: &[
-            CpuidFeature::AVX,
-            CpuidFeature::AVX2,
-            CpuidFeature::FMA,
-            CpuidFeature::AVX512F,
-            CpuidFeature::AVX512VL,
-            CpuidFeature::AVX512DQ,
-            CpuidFeature::AVX512BW,
-            CpuidFeature::BMI2,
-        ],
-        vex: true,
-    },
+    Unit { name: "sse41", features: &[SSE3, SSSE3, SSE4_1], vex: false },
+    Unit { name: "avx2", features: &[AVX, AVX2, FMA], vex: true },
+    // A CPU with AVX-512 has all of AVX2, FMA, BMI1 and BMI2.
+    Unit { name: "avx512", features: &[AVX, AVX2, FMA, BMI1, BMI2, AVX512F, AVX512VL, AVX512DQ, AVX512BW], vex: true },
 ];
 
 /// The harness of the checked calls, the broken kernels in it: it has instructions of every width.
@@ -286,6 +275,9 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
                 .iter()
                 .find(|i| (i.ip()..i.next_ip()).contains(&offset))
                 .expect("an instruction that the relocation is in");
+            if instruction.flow_control() == FlowControl::Call {
+                continue;
+            }
             let (section, base) = match relocation.target() {
                 RelocationTarget::Symbol(index) => {
                     let symbol = code.file.symbol_by_index(index).unwrap();
@@ -311,29 +303,6 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
     }
 }
 
-/// The symbols of the packet kernels, in the lists of src/kernels/packet.rs.
-fn packets() -> BTreeSet<String> {
-    let mut names = BTreeSet::new();
-    for isa in Isa::ALL {
-        names.insert(format!("rayo_{isa}_fill"));
-        for (element, fast) in [("single", "_fast"), ("double", "")] {
-            let mut kernel = |name: String| names.insert(format!("rayo_{isa}_{element}_{name}"));
-            for body in ["outside", "inside", "triangle"] {
-                for output in ["f32x4", "rgba8", "planes", "depth"] {
-                    kernel(format!("{body}_{output}"));
-                }
-                kernel(format!("{body}_f32x4{fast}"));
-                kernel(format!("{body}_planes{fast}"));
-            }
-            for name in ["lit_f32x4", "lit_rgba8", "grey_rgba8", "emit_f32x4", "emit_rgba8"] {
-                kernel(name.to_owned());
-            }
-            kernel(format!("lit_f32x4{fast}"));
-        }
-    }
-    names
-}
-
 #[test]
 fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
     let mut expected = BTreeSet::from(["rayo_checked_call".to_owned(), CALLS.to_owned()]);
@@ -343,41 +312,34 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
         let ops = kernels::c().ops().map(|(name, _)| name);
         expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
     }
-    expected.extend(packets());
+    expected.extend(kernels::packet_symbols().into_iter().map(str::to_owned));
     let mut found = BTreeSet::new();
     for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
         for name in Code64::of(unit).exported() {
             assert!(found.insert(name.to_owned()), "{name} is there twice");
         }
     }
-    assert_eq!(found, expected);
+    let difference: Vec<_> = found.symmetric_difference(&expected).collect();
+    assert!(difference.is_empty(), "in the objects or in the list alone: {difference:?}");
 }
 
 /// A documented number of instructions: `(macro, form, of what)`, where the form is empty if there is one for all, and
 /// `of what` is empty for the whole.
 type Count = (String, String, String);
 
-/// The numbers in the comments above the paper's macros, `*_aos.inc`, and those that begin and end a function.
+/// The numbers in the comments above the macros of asm/include.
 ///
 /// After the word `instructions` come forms, apart by two spaces or by lines, each as
 /// `<name>[, <name>...] <number>[, <number> <of what>...] [(<which ones>)]`, without a name where all forms have it.
 fn documented() -> BTreeMap<Count, usize> {
     let mut counts = BTreeMap::new();
     for entry in fs::read_dir(asm().join("include")).unwrap() {
-        let path = entry.unwrap().path();
-        let file = path.file_name().unwrap().to_str().unwrap();
-        if file != "isa.inc" && !file.ends_with("_aos.inc") {
-            continue;
-        }
-        let text = fs::read_to_string(&path).unwrap();
+        let text = fs::read_to_string(entry.unwrap().path()).unwrap();
         let lines: Vec<_> = text.lines().collect();
         for (at, line) in lines.iter().enumerate() {
             let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) else {
                 continue;
             };
-            if file == "isa.inc" && !["FUNC", "ENDFUNC", "END"].contains(&name) {
-                continue;
-            }
             let above = lines[..at].iter().rev().take_while(|line| line.starts_with(';')).count();
             let comment = &lines[at - above..at];
             let from = comment.iter().position(|line| line.starts_with(";   instructions "));
@@ -450,25 +412,121 @@ const OPERATIONS: [(&str, &str, &str); 11] = [
     ("LAMBERT", "lambert2", "with two sides"),
 ];
 
-/// The other macros, each used once in a function of its own.
-const SNIPPETS: [(&str, &str); 6] = [
-    ("OPERATION", "OPERATION\nEND_OPERATION"),
-    ("END_OPERATION", "OPERATION\nEND_OPERATION"),
-    ("DISTINCT", "DISTINCT xmm0, xmm1"),
-    ("VEC_SUM", "VEC_SUM xmm0, xmm1"),
-    ("PLANE_NORMAL", "PLANE_NORMAL xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
-    ("SAME_SIDE", "SAME_SIDE [rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
+/// The other macros of the paper's engine, each used once in a function of its own.
+const AOS_SNIPPETS: [Snippet; 5] = [
+    ("VEC_SUM", "", "xmm0, xmm1"),
+    ("PLANE_NORMAL", "", "xmm0, rdx, xmm1, xmm2, xmm3, xmm4"),
+    ("SAME_SIDE", "", "[rdx], [rdx + 16], [rdx + 32], xmm0, .body_end, xmm1, xmm2, xmm3, xmm4, xmm5, xmm6, xmm7"),
+    ("OPERATION", "", ""),
+    ("END_OPERATION", "", ""),
 ];
 
-/// Assembles macro calls, each in a function rayo_<name>, in the form that `best` says.
-fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
-    let mut source = String::from("%define ISA sse41\n");
-    for include in ["isa", "layout", "vec3_aos", "sphere_aos", "triangle_aos", "lambert_aos", "constants"] {
-        source += &format!("%include \"include/{include}.inc\"\n");
-    }
-    source += &format!("%assign AOS_BEST {}\n", u8::from(best));
-    for (name, call) in calls {
-        source += &format!("FUNC {name}\n.body:\n{call}\n.body_end:\nENDFUNC\n");
+/// A macro, under which circumstances it is used (empty for the usual ones), and with which operands.
+type Snippet = (&'static str, &'static str, &'static str);
+
+/// What is counted of a macro that takes a number of constants: how many more instructions one more makes.
+const EACH: &str = "more for each constant";
+
+/// Circumstances in which ESTIMATE is 1.
+const ESTIMATES: &str = "with estimates";
+
+/// The macros of the packets, each in every circumstance that may change the number of its instructions.
+const PACKET_SNIPPETS: [Snippet; 75] = [
+    ("ELEMENT", "", "ELEM"),
+    ("DISTINCT", "", "v0, v1"),
+    ("CONSTANTS", "", "0"),
+    ("CONSTANTS", EACH, "1"),
+    ("KLOAD", "", "v0, 0"),
+    ("UNCONSTANTS", "", ""),
+    ("VOP", "", "sqrt, v0, v1"),
+    ("VMOV", "", "v0, v1"),
+    ("VMOV", "where they are the same register", "v0, v0"),
+    ("VARITH", "", "add, 1, v0, v0, v1"),
+    ("VARITH", "where d is b", "add, 1, v0, v1, v0"),
+    ("VARITH", "where d is neither a nor b", "add, 1, v0, v1, v2"),
+    ("VADD", "", "v0, v0, v1"),
+    ("VADD", "where d is b", "v0, v1, v0"),
+    ("VADD", "where d is neither a nor b", "v0, v1, v2"),
+    ("VMUL", "", "v0, v0, v1"),
+    ("VMUL", "where d is b", "v0, v1, v0"),
+    ("VMUL", "where d is neither a nor b", "v0, v1, v2"),
+    ("VSUB", "", "v0, v0, v1"),
+    ("VSUB", "where d is not a", "v0, v1, v2"),
+    ("VDIV", "", "v0, v0, v1"),
+    ("VDIV", "where d is not a", "v0, v1, v2"),
+    ("VMIN", "", "v0, v0, v1"),
+    ("VMIN", "where d is not a", "v0, v1, v2"),
+    ("VMAX", "", "v0, v0, v1"),
+    ("VMAX", "where d is not a", "v0, v1, v2"),
+    ("VZERO", "", "v0"),
+    ("VSQRT", "", "v0, v1"),
+    ("VFMA", "", "v0, v1, v2, v3"),
+    ("VFNMA", "", "v0, v1, v2, v3"),
+    ("VFMSUB", "", "v0, K(0), v1"),
+    ("VAFFINE", "", "v0, v1, 0, 1"),
+    ("VRSQRT", "in f32", "v0, v1, v2, v3"),
+    ("VRSQRT", "in f64", "v0, v1, v2, v3"),
+    ("VSPREAD_INTEGER", "", "0, rax"),
+    ("MASK_GREATER", "", "v0, v1"),
+    ("MASK_AND_LESS", "", "v0, K(0), v1"),
+    ("MASK_EQUAL", "", "v0, K(0)"),
+    ("VSELECT", "", "v0, v1"),
+    ("VLOAD", "", "v0, [rdi]"),
+    ("VSTORE", "", "[rdi], v0"),
+    ("VSPREAD", "", "v0, [rdi]"),
+    ("VMOV_TO", "", "[rdi], v0"),
+    ("IOP", "", "por, x0, x0, x1"),
+    ("IOP", "where d is not a", "por, x0, x1, x2"),
+    ("IOR", "", "x0, x0, x1"),
+    ("IOR", "where d is not a", "x0, x1, x2"),
+    ("LEVELS", "", "0"),
+    ("PACK_RGBA8", "", "0, 1, 2, 0"),
+    ("PACK_RGBA8", "with the clamp", "0, 1, 2, 1"),
+    ("PACK_GREY", "", "0"),
+    ("TURN_F32X4", "", "0, 1, 2, 3, 7, 8"),
+    ("NARROW", "in f64", "0"),
+    ("STORE_RGBA8", "", "rdi, 0"),
+    ("STORE_F32X4", "", "rdi, 0, movups"),
+    ("STORE_F32X4", "past the cache", "rdi, 0, movntps"),
+    ("STORE_NATURAL_F32X4", "", "rdi, 0"),
+    ("DOT3", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
+    ("ADD3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
+    ("ADD3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("SUB3", "", "v0, v1, v2, v0, v1, v2, v3, v4, v5"),
+    ("SUB3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("SCALE3", "", "v0, v1, v2, v0, v1, v2, v3"),
+    ("SCALE3", "where d is not a", "v0, v1, v2, v3, v4, v5, v6"),
+    ("RECIPROCAL", "", "v0, v1"),
+    ("SPHERE_DEN", "", "v0, v1, v2, v3"),
+    ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
+    ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4"),
+    ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5"),
+    ("SPHERE_LIT", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("SPHERE_LIT", ESTIMATES, "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
+    ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
+    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, 1, v6, v7, v8, v9, v10, v11"),
+];
+
+/// The bytes of the packets' elements, f32 and f64.
+const ELEMENTS: [u32; 2] = [4, 8];
+
+/// Assembles lines, each in a function rayo_<number> in the unit `isa` with elements of so many bytes, AOS_BEST being
+/// `best`. The labels .begin, .body, .body_end and .leave are at the ends of what FUNC, the line and ENDFUNC make.
+fn assemble(isa: &str, element: u32, best: bool, lines: &[String]) -> Result<Vec<u8>, String> {
+    let includes = |file: &str| {
+        let text = fs::read_to_string(asm().join(file)).unwrap();
+        let kept = |line: &&str| line.starts_with("%define ISA ") || line.starts_with("%include \"include/");
+        text.lines().filter(kept).flat_map(|line| [line, "\n"]).collect::<String>()
+    };
+    let constants = "%include \"include/packet_constants.inc\"\n";
+    let packets = includes("include/packets.inc").replace(constants, "");
+    let mut source = includes(&format!("{isa}.asm")).replace("%include \"include/packets.inc\"\n", &packets);
+    source += &format!("    ELEMENT {element}\n{constants}%assign AOS_BEST {}\n", u8::from(best));
+    for (number, line) in lines.iter().enumerate() {
+        source += &format!("FUNC {number}\n.begin:\n    CONSTANTS 1\n.body:\n{line}\n");
+        source += ".body_end:\n    UNCONSTANTS\n.leave:\nENDFUNC\n";
     }
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("snippets.asm"), folder.path().join("snippets.o"));
@@ -483,6 +541,64 @@ fn assemble(best: bool, calls: &[(&str, &str)]) -> Result<Vec<u8>, String> {
         .output()
         .expect("NASM, which the kernels were built with: name it in the variable NASM");
     if done.status.success() { Ok(fs::read(output).unwrap()) } else { Err(String::from_utf8(done.stderr).unwrap()) }
+}
+
+/// How many instructions each snippet takes; first those of FUNC, ENDFUNC and END.
+fn count_snippets(isa: &str, element: u32, best: bool, snippets: &[Snippet]) -> BTreeMap<(String, String), usize> {
+    let line = |(name, of, operands): &Snippet| {
+        format!("%assign ESTIMATE {}\n    {name} {operands}", u8::from(of.contains(ESTIMATES)))
+    };
+    let bytes = assemble(isa, element, best, &snippets.iter().map(line).collect::<Vec<_>>()).unwrap();
+    let code = Code64::new(&bytes);
+    let mut counts = BTreeMap::new();
+    for (number, (name, of, _)) in snippets.iter().enumerate() {
+        let symbol = code.file.symbol_by_name(&format!("rayo_{number}")).unwrap();
+        let (start, end) = (symbol.address(), symbol.address() + symbol.size());
+        let label = |label| code.address(&format!(".Lrayo_{number}.{label}"));
+        let leaving = code.decode(label("leave")..end);
+        let after = leaving.iter().skip_while(|i| i.flow_control() != FlowControl::Return).skip(1);
+        let mut count = |name: &str, of: &str, count| counts.insert((name.to_owned(), of.to_owned()), count);
+        count("FUNC", "", code.decode(start..label("begin")).len());
+        count("ENDFUNC", "", leaving.len());
+        count("END", "", after.count());
+        count(name, of, code.decode(label("body")..label("body_end")).len());
+    }
+    counts
+}
+
+/// The instructions of the macros of the packets in one unit: the usual number, and others where they differ from it.
+fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
+    let [usual, wide] = ELEMENTS.map(|element| {
+        // AVX-512 alone has estimates to begin with in f64, and the short form alone uses them.
+        let refined = |name| isa == "avx512" && ["VRSQRT", "SPHERE_LIT"].contains(&name);
+        let has = |(name, of, _): &&Snippet| match *of {
+            "in f64" if *name == "VRSQRT" => element == 8 && refined(name),
+            ESTIMATES => element == 4 || refined(name),
+            "in f32" => element == 4,
+            "in f64" => element == 8,
+            _ => true,
+        };
+        let snippets: Vec<_> = PACKET_SNIPPETS.iter().filter(has).copied().collect();
+        let mut counts = count_snippets(isa, element, false, &snippets);
+        let none = counts[&("CONSTANTS".to_owned(), String::new())];
+        *counts.get_mut(&("CONSTANTS".to_owned(), EACH.to_owned())).unwrap() -= none;
+        counts
+    });
+    let mut counts: BTreeMap<_, _> = wide.clone().into_iter().filter(|((_, of), _)| of == "in f64").collect();
+    for ((name, of), count) in &usual {
+        let plain = usual.get(&(name.clone(), String::new()));
+        let differs = of.is_empty() || plain != Some(count);
+        if differs {
+            counts.insert((name.clone(), of.clone()), *count);
+        }
+        // What f64 is to differ from is what is said of f32.
+        let Some(in_wide) = wide.get(&(name.clone(), of.clone())) else { continue };
+        let said = if differs { Some(count) } else { wide.get(&(name.clone(), String::new())) };
+        if said != Some(in_wide) {
+            counts.insert((name.clone(), format!("{of} in f64").trim_start().to_owned()), *in_wide);
+        }
+    }
+    counts
 }
 
 /// The instructions of every macro, counted in the code.
@@ -509,18 +625,13 @@ fn counted() -> BTreeMap<Count, usize> {
                 count(name, form, "to the near wall", until(&|target| target == end));
             }
         }
-        let bytes = assemble(form == "best", &SNIPPETS).unwrap();
-        let snippets = Code64::new(&bytes);
-        for (name, _) in SNIPPETS {
-            count(name, form, "", snippets.body(&format!("rayo_{name}")).len());
+        for ((name, of), instructions) in count_snippets("sse41", 4, form == "best", &AOS_SNIPPETS) {
+            count(&name, form, &of, instructions);
         }
-        for function in snippets.functions() {
-            let label = |label| snippets.address(&format!(".L{}.{label}", function.name));
-            count("FUNC", form, "", snippets.decode(function.addresses.start..label("body")).len());
-            let end = snippets.decode(label("body_end")..function.addresses.end);
-            count("ENDFUNC", form, "", end.len());
-            let after_return = end.iter().skip_while(|i| i.flow_control() != FlowControl::Return).skip(1);
-            count("END", form, "", after_return.count());
+    }
+    for unit in &UNITS {
+        for ((name, of), instructions) in count_packets(unit.name) {
+            count(&name, unit.name, &of, instructions);
         }
     }
     counts
@@ -584,8 +695,40 @@ fn a_macro_refuses_registers_that_must_not_be_the_same() {
         (true, "VEC_NORMALISE xmm1, xmm2, xmm1"),
         (true, "VEC_NORMALISE xmm1, xmm2, xmm2"),
     ] {
-        let Err(message) = assemble(best, &[("refused", call)]) else { panic!("{call} is not refused") };
+        let Err(message) = assemble("sse41", 4, best, &[call.into()]) else { panic!("{call} is not refused") };
         assert!(message.contains("this macro needs two different registers"), "{call}: {message}");
     }
-    assemble(true, &[("fine", "VEC_DOT xmm1, xmm1, xmm2")]).unwrap();
+    assemble("sse41", 4, true, &["VEC_DOT xmm1, xmm1, xmm2".into()]).unwrap();
+}
+
+/// What legacy SSE cannot do, or would need one more copy for, no unit may.
+#[test]
+fn a_macro_of_the_packets_refuses_in_every_unit_what_one_of_them_cannot_do() {
+    let fine = ["VADD v0, v1, v0", "VMUL v0, v1, v0", "VSUB v0, v0, v0", "VSUB v0, v0, v1", "IOP pslld, x0, x0, 8"];
+    let fine: Vec<_> = fine.iter().map(|call| call.to_string()).collect();
+    for (unit, element) in UNITS.iter().flat_map(|unit| ELEMENTS.map(|element| (unit, element))) {
+        for call in [
+            "VSUB v0, v1, v0",
+            "VDIV v0, v1, v0",
+            "VMIN v0, v1, v0",
+            "VMAX v0, v1, v0",
+            "SUB3 v0, v1, v2, v3, v4, v5, v6, v7, v2",
+            "VFMA v0, v1, v2, v0",
+            "VFMA v0, v1, v2, v1",
+            "VFNMA v0, v1, v2, v2",
+            "VFMSUB v0, K(0), v0",
+            "VAFFINE v0, v0, 0, 1",
+            "VSELECT v0, v0",
+            "RECIPROCAL v0, v0",
+            "DOT3 v0, v1, v0, v2, v3, v4, v5, v6",
+            "DOT3 v0, v1, v2, v3, v4, v5, v6, v6",
+            "IOP por, x0, x1, x0",
+        ] {
+            let Err(message) = assemble(unit.name, element, false, &[call.into()]) else {
+                panic!("{}: {call} is not refused", unit.name)
+            };
+            assert!(message.contains("this macro needs two different registers"), "{}: {call}: {message}", unit.name);
+        }
+        assemble(unit.name, element, false, &fine).unwrap();
+    }
 }

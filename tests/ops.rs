@@ -317,12 +317,70 @@ mod by_value {
     }
 }
 
+mod packets {
+    use rayo::kernels::{Isa, packet_ops};
+    use rayo::scene::Rng;
+
+    /// The operation on one vector, its order of operations that of the macros, `fused` where they have FMA.
+    fn twin(op: &str, fused: bool, a: [f32; 3], b: &[f32]) -> Vec<f32> {
+        let add_product = |sum: f32, x: f32, y: f32| if fused { x.mul_add(y, sum) } else { sum + x * y };
+        let dot = |a: [f32; 3], b: &[f32]| add_product(add_product(a[0] * b[0], a[1], b[1]), a[2], b[2]);
+        let cross = |i: usize, j: usize| add_product(a[i] * b[j], -a[j], b[i]);
+        match op {
+            "add" => (0..3).map(|i| a[i] + b[i]).collect(),
+            "sub" => (0..3).map(|i| a[i] - b[i]).collect(),
+            "scale" => a.iter().map(|a| a * b[0]).collect(),
+            "dot" => vec![dot(a, b)],
+            "norm" => vec![dot(a, &a).sqrt()],
+            "cross" => vec![cross(1, 2), cross(2, 0), cross(0, 1)],
+            "normalise" => a.iter().map(|x| x / dot(a, &a).sqrt()).collect(),
+            _ => panic!("{op} has no twin"),
+        }
+    }
+
+    #[test]
+    fn packet_operations_equal_their_scalar_twins_to_the_last_bit_and_keep_the_calling_convention() {
+        let mut rng = Rng::new(11);
+        for isa in Isa::ALL {
+            for op in packet_ops(isa).into_iter().flatten() {
+                for packets in 0..4 {
+                    let vectors = packets * op.lanes;
+                    let mut numbers = |count: usize| (0..count).map(|_| rng.between(-3.0, 3.0)).collect::<Vec<_>>();
+                    let (a, b) = (numbers(3 * vectors), numbers(op.b_numbers * vectors));
+                    let mut out = vec![f32::NAN; op.out_numbers * vectors];
+                    assert_eq!(op.call_checked(&mut out, &a, &b), Ok(()), "{isa} {}", op.name);
+                    for vector in 0..vectors {
+                        let (packet, lane) = (vector / op.lanes, vector % op.lanes);
+                        let of = |numbers: &[f32], count: usize| -> Vec<f32> {
+                            (0..count).map(|i| numbers[(packet * count + i) * op.lanes + lane]).collect()
+                        };
+                        let vector: [f32; 3] = of(&a, 3).try_into().unwrap();
+                        let expected = twin(op.name, isa != Isa::Sse41, vector, &of(&b, op.b_numbers));
+                        let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
+                        assert_eq!(bits(of(&out, op.out_numbers)), bits(expected), "{isa} {} of {vector:?}", op.name);
+                    }
+                    let mut again = vec![0.0; out.len()];
+                    op.call(&mut again, &a, &b);
+                    assert_eq!(again, out);
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "whole packets")]
+    fn parts_of_packets_are_refused() {
+        let op = packet_ops(Isa::Sse41).expect("every CPU that runs these tests has SSE4.1")[0];
+        op.call(&mut [0.0; 12], &[0.0; 12], &[0.0; 11]);
+    }
+}
+
 mod callgrind {
     use std::collections::BTreeMap;
     use std::process::Command;
 
     use rayo::kernels::step::count_function;
-    use rayo::kernels::{self, KNOWN, Light, OpRef, Sphere, Surface, Triangle, Vec4};
+    use rayo::kernels::{self, Isa, KNOWN, Light, OpRef, Sphere, Surface, Triangle, Vec4, packet_ops};
     use rayo::measure::instructions::Code;
 
     /// Functions by their symbols: where each is, and a call of it.
@@ -347,6 +405,14 @@ mod callgrind {
                     OpRef::Lambert(op) => (op.address(), Box::new(move || _ = op.call(&surface, &light))),
                 };
                 functions.insert(format!("rayo_{form}_{name}"), (address, call));
+            }
+        }
+        // Valgrind knows no AVX-512.
+        for isa in [Isa::Sse41, Isa::Avx2] {
+            for op in packet_ops(isa).into_iter().flatten() {
+                let (a, b) = (vec![1.5; 6 * op.lanes], vec![0.5; 2 * op.b_numbers * op.lanes]);
+                let call = move || op.call(&mut vec![0.0; 2 * op.out_numbers * op.lanes], &a, &b);
+                functions.insert(format!("rayo_{isa}_{}3", op.name), (op.address(), Box::new(call)));
             }
         }
         for known in KNOWN {
@@ -409,7 +475,7 @@ mod callgrind {
             assert_eq!(own.get(name.as_str()).copied(), Some(times * stepped), "{name}");
             compared += 1;
         }
-        assert!(compared >= KNOWN.len() + 20, "{compared}");
+        assert!(compared >= KNOWN.len() + 22 + 7, "{compared}");
     }
 }
 

@@ -280,14 +280,12 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
     row
 }
 
-/// The symbols under which an object may have the code.
-fn symbols(op: &str, implementation: &str) -> Vec<String> {
+/// The symbol of an operation in the objects.
+fn symbol(op: &str, implementation: &str) -> String {
     match implementation.strip_prefix("c-") {
-        Some(level) => vec![format!("rayo_c_{level}_{op}")],
-        None if lanes(implementation).is_some() => {
-            ["{op}3", "{op}"].map(|name| format!("rayo_{implementation}_{}", name.replace("{op}", op))).to_vec()
-        }
-        None => vec![format!("rayo_{implementation}_{op}")],
+        Some(level) => format!("rayo_c_{level}_{op}"),
+        None if lanes(implementation).is_some() => format!("rayo_{implementation}_{op}3"),
+        None => format!("rayo_{implementation}_{op}"),
     }
 }
 
@@ -305,7 +303,7 @@ fn lanes(implementation: &str) -> Option<usize> {
 fn code(op: &str, implementation: &str, subject: Option<&Subject>) -> Option<Code> {
     match implementation {
         "rust" | "glam" => Code::of_function(&format!("{implementation} {op}"), subject?.address),
-        _ => symbols(op, implementation).iter().find_map(|symbol| Code::of_symbol(symbol)),
+        _ => Code::of_symbol(&symbol(op, implementation)),
     }
 }
 

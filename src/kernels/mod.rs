@@ -22,6 +22,8 @@ mod spans;
 pub mod step;
 pub mod sys;
 mod types;
+#[cfg(rayo_asm)]
+mod vec3;
 
 #[cfg(rayo_asm)]
 pub use by_value::{ByValue, Ray, by_value};
@@ -36,9 +38,13 @@ pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
-pub use packet::{Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packets};
+pub use packet::{
+    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
+};
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+#[cfg(rayo_asm)]
+pub use vec3::{PacketOp, packet_ops};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
 #[cfg(rayo_asm)]

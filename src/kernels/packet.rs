@@ -1,5 +1,6 @@
 //! The packet kernels: a table of them per ISA and element type, and safe calls.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use super::checked::{self, Fault};
@@ -16,26 +17,31 @@ pub type Rgba8 = [u8; 4];
 /// Shades a span: `S` is its record, `P` the pixels it makes.
 pub struct Shade<S, E, P> {
     code: unsafe extern "sysv64" fn(*const S, *const Lit<E>, u64, *mut P, u64, u64),
+    symbol: &'static str,
 }
 
 /// Shades, of a span in a row of buffers, the pixels that are its own.
 pub struct Planes<S, E> {
     code: unsafe extern "sysv64" fn(*const S, *const Lit<E>, u64, *mut E, u64, u64),
+    symbol: &'static str,
 }
 
 /// Makes a span's pixels in a row of buffers its own where it is nearest.
 pub struct Depth<S, E> {
     code: unsafe extern "sysv64" fn(*const S, *mut E, u64, u64),
+    symbol: &'static str,
 }
 
 /// Writes a row of buffers out.
 pub struct Emit<E, P> {
     code: unsafe extern "sysv64" fn(*const E, u64, *mut P, u64),
+    symbol: &'static str,
 }
 
 /// Writes one pattern over many pixels.
 pub struct Fill {
     code: unsafe extern "sysv64" fn(*mut u32, u64, u32, u64),
+    symbol: &'static str,
 }
 
 /// What one kind of object has in all forms and outputs.
@@ -88,7 +94,41 @@ pub struct PacketKernels {
     pub fill: Fill,
 }
 
+impl<S, E> Bodies<S, E> {
+    fn symbols(&self) -> [&'static str; 6] {
+        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth } = self;
+        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol]
+    }
+}
+
+impl<E> SpanKernels<E> {
+    fn symbols(&self) -> Vec<&'static str> {
+        #[rustfmt::skip]
+        let SpanKernels {
+            lanes: _, lit_f32x4, lit_f32x4_fast, lit_rgba8, grey_rgba8, outside, inside, triangle, emit_f32x4, emit_rgba8,
+        } = self;
+        let mut symbols = vec![lit_f32x4.symbol, lit_f32x4_fast.symbol, lit_rgba8.symbol, grey_rgba8.symbol];
+        symbols.extend(outside.symbols().into_iter().chain(inside.symbols()).chain(triangle.symbols()));
+        symbols.extend([emit_f32x4.symbol, emit_rgba8.symbol]);
+        symbols
+    }
+}
+
+/// The symbols of all packet kernels in this build, whether this CPU runs them or not.
+pub fn packet_symbols() -> BTreeSet<&'static str> {
+    let of = |kernels: &PacketKernels| {
+        let PacketKernels { single, double, fill } = kernels;
+        [single.symbols(), double.symbols(), vec![fill.symbol]].concat()
+    };
+    [&SSE41, &AVX2, &AVX512].into_iter().flat_map(of).collect()
+}
+
 impl<S, E, P> Shade<S, E, P> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
     /// Writes the span's pixels to `out`, which has exactly as many. `streaming`: past the cache, where the output can.
     pub fn call(&self, span: &S, lits: &[Lit<E>], out: &mut [P], streaming: bool) {
         if !out.is_empty() {
@@ -253,7 +293,7 @@ macro_rules! span_kernels {
                     #[link_name = concat!($prefix, $body, $output)]
                     fn kernel(s: *const $span, l: *const Lit<$element>, n: u64, out: *mut $pixel, p: u64, f: u64);
                 }
-                Shade { code: kernel }
+                Shade { code: kernel, symbol: concat!($prefix, $body, $output) }
             }};
         }
         macro_rules! planes {
@@ -262,7 +302,7 @@ macro_rules! span_kernels {
                     #[link_name = concat!($prefix, $body, "_planes", $fast_name)]
                     fn kernel(s: *const $span, l: *const Lit<$element>, n: u64, row: *mut $element, p: u64, f: u64);
                 }
-                Planes { code: kernel }
+                Planes { code: kernel, symbol: concat!($prefix, $body, "_planes", $fast_name) }
             }};
         }
         macro_rules! bodies {
@@ -277,7 +317,7 @@ macro_rules! span_kernels {
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
                     planes: planes!($body, $span, ""),
                     planes_fast: planes!($body, $span, $fast),
-                    depth: Depth { code: kernel },
+                    depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
                 }
             }};
         }
@@ -287,7 +327,7 @@ macro_rules! span_kernels {
                     #[link_name = concat!($prefix, "emit_", $output)]
                     fn kernel(row: *const $element, stride: u64, out: *mut $pixel, pixels: u64);
                 }
-                Emit { code: kernel }
+                Emit { code: kernel, symbol: concat!($prefix, "emit_", $output) }
             }};
         }
         SpanKernels {
@@ -315,7 +355,7 @@ macro_rules! packet_kernels {
             PacketKernels {
                 single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast"),
                 double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), ""),
-                fill: Fill { code: fill },
+                fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
             }
         };
     };

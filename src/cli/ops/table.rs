@@ -49,7 +49,7 @@ pub fn text(report: &Report, detail: bool, executed: bool) -> String {
     let mut lines: Vec<(&str, Cell)> =
         vec![("body", |row| row.body.map(|n| n.to_string())), ("function", |row| row.function.map(|n| n.to_string()))];
     if report.rows.iter().any(|row| row.vectors > Some(1)) {
-        lines.push(("per vector", |row| row.per_vector.map(|n| format!("{n:.2}"))));
+        lines.push(("per vector", |row| row.per_vector.map(|n| format!("{n:.2}").trim_end_matches(".00").into())));
     }
     if executed {
         lines.push(("executed", |row| match (row.executed, row.function, row.implementation) {

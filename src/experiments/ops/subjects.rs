@@ -6,7 +6,9 @@ use std::rc::Rc;
 use ::glam::Vec3A;
 
 use super::kept;
-use crate::kernels::{self, ByValue, Isa, Light, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value};
+use crate::kernels::{
+    self, ByValue, Isa, Light, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value, packet_ops,
+};
 use crate::measure::core_cycles;
 use crate::reference::aos as twin;
 
@@ -53,6 +55,9 @@ impl Subject {
         }
     }
 }
+
+/// Vectors in the largest packet.
+const MOST_LANES: usize = 16;
 
 const ANY: &[&str] = &["any operands"];
 const A: [f32; 3] = [0.5, -0.75, 1.25];
@@ -187,17 +192,31 @@ pub fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
                 let functions = by_value(level).ok_or("this CPU lacks what the compiler was allowed to use")?;
                 Ok(c(op, functions))
             }
-            None => Err(packet(implementation)),
+            None => {
+                let isa = Isa::ALL.into_iter().find(|isa| isa.name() == implementation);
+                packet(op, isa.ok_or_else(|| format!("there is no implementation `{implementation}`"))?)
+            }
         },
     }
 }
 
-/// Why a packet operation cannot be called alone.
-fn packet(implementation: &str) -> String {
-    match Isa::ALL.iter().find(|isa| isa.name() == implementation) {
-        Some(isa) if !isa.usable() => format!("this CPU does not run {isa}"),
-        _ => "its operations are counted, and not called by themselves".into(),
-    }
+/// An operation on one packet, all lanes alike.
+fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
+    let ops = packet_ops(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
+    let op = *ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
+    let spread = |values: [f32; 3]| values.iter().flat_map(|&value| vec![value; op.lanes]).collect::<Vec<_>>();
+    let b = match op.b_numbers {
+        0 => Vec::new(),
+        1 => vec![SCALAR; op.lanes],
+        _ => spread(B),
+    };
+    let operands: Box<[_]> = Box::new([(spread(A), b)]);
+    Ok(Subject::new(op.address(), ANY, move |path| {
+        let (a, b) = &operands[path];
+        let mut out = [0.0; 3 * MOST_LANES];
+        op.call(&mut out[..op.out_numbers * op.lanes], a, b);
+        out[0].bits()
+    }))
 }
 
 fn kernel<A: Plain, B: Plain, O: Plain + Bits>(
