@@ -111,7 +111,7 @@ pub(super) fn headline(document: &Document) -> String {
     let ratios = PAPER.map(|row| row.ratio());
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
     format!(
-        "C/SIMD over all sizes: {} (median of the pairs, 95 % interval); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
+        "C/SIMD over all sizes: {} (median of the pairs; 95 % interval, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
         interval(&document.c_by_simd),
         paper_mean_ratio(),
     )
