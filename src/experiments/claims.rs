@@ -287,9 +287,7 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
     let (floor, figure) = (evidence.speedup.noise_floor, figures.join("; "));
     match () {
         () if straight => (Verdict::Reproduced, figure),
-        () if floor > STRAIGHT => {
-            (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor))
-        }
+        () if floor > QUIET => (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor)),
         () => (Verdict::NotReproduced, figure),
     }
 }

@@ -431,15 +431,23 @@ mod tests {
         document
     }
 
+    /// Held against the file of that name in tests/snapshots.
+    fn snapshot(name: &str, text: &str) {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/snapshots");
+        insta::with_settings!({ snapshot_path => path, prepend_module_to_snapshot => false, omit_expression => true }, {
+            insta::assert_snapshot!(name, text);
+        });
+    }
+
     #[test]
     fn the_text_is_laid_out_as_agreed() {
-        insta::assert_snapshot!(text(&document(), true));
+        snapshot("experiment_text", &text(&document(), true));
     }
 
     #[test]
     fn the_csv_has_a_line_for_each_engine_and_size_and_as_many_cells_in_each() {
         let csv = csv(&document());
-        insta::assert_snapshot!(csv);
+        snapshot("experiment_csv", &csv);
         let cells = |line: &str| line.split(',').count();
         assert!(csv.lines().all(|line| cells(line) == cells(csv.lines().next().unwrap())));
     }
