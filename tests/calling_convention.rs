@@ -239,7 +239,7 @@ fn check_writes<P: Pixel>(
         call(pixels, &mut expected);
         assert!(expected.iter().all(|pixel| pixel.whole()), "{symbol}: {pixels} pixels are not all written");
         for misaligned in MISALIGNED {
-            let mut film = vec![P::CANARY; WIDTH + 20];
+            let mut film = [P::CANARY; WIDTH + 20];
             let span = 16 + misaligned..16 + misaligned + pixels;
             let what = format!("{symbol}, {pixels} pixels, {misaligned} off");
             assert_eq!(checked(pixels, &mut film[span.clone()]), Ok(()), "{what}");
@@ -261,7 +261,7 @@ fn check_writes<P: Pixel>(
 }
 
 fn check_shade<S: Plain, E: Element, P: Pixel>(kernel: &Shade<S, E, P>, span: impl Fn(usize) -> S, lits: &[Lit<E>]) {
-    let spans: Vec<_> = COUNTS.map(|pixels| span(pixels)).collect();
+    let spans: Vec<_> = COUNTS.map(span).collect();
     let span = |pixels: usize| &spans[pixels - COUNTS.start];
     for lits in [&lits[..0], &lits[..1], lits] {
         for streaming in [false, true] {
@@ -433,4 +433,36 @@ fn check_fill(fill: &Fill) {
         |_, out| fill.rgba8_checked(out).inspect(|()| assert!(out.iter().all(|p| *p == [0, 0, 0, 255]))),
         |_, out: &mut [Rgba8]| fill.rgba8(out),
     );
+}
+
+/// An `Rgba8` is four bytes, which Rust aligns to one.
+#[test]
+fn pixels_of_bytes_may_begin_at_any_address() {
+    let mut rng = Rng::new(seed());
+    for (_, kernels) in packet_kernels() {
+        for pixels in COUNTS {
+            let span = kernel_cases::triangle_span(Numbers::Ordinary, 1.0, pixels, &mut rng);
+            let lits = [kernel_cases::lit(Numbers::Ordinary, &mut rng)];
+            let kernel = &kernels.single.triangle.rgba8;
+            let mut row = Row::<f32>::new(WIDTH);
+            row.clear(0..WIDTH);
+            let mut writes: [(&str, &mut dyn FnMut(&mut [Rgba8])); 3] = [
+                (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, false)),
+                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out)),
+                (kernels.single.emit_rgba8.symbol(), &mut |out| kernels.single.emit_rgba8.call(&mut row, 0, out)),
+            ];
+            for (symbol, write) in &mut writes {
+                let mut expected = vec![Rgba8::CANARY; pixels];
+                write(&mut expected);
+                for offset in 0..8 {
+                    let mut bytes = [7; 4 * WIDTH];
+                    let end = offset + 4 * pixels;
+                    write(bytes[offset..end].as_chunks_mut().0);
+                    assert_eq!(bytes[offset..end], *expected.as_flattened(), "{symbol}: {pixels} pixels at {offset}");
+                    let beside = [&bytes[..offset], &bytes[end..]].concat();
+                    assert!(beside.iter().all(|byte| *byte == 7), "{symbol}: {pixels} pixels at {offset}");
+                }
+            }
+        }
+    }
 }

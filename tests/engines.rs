@@ -282,11 +282,13 @@ fn the_packets_of_avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
 /// What an estimate may move a cosine by, see SPHERE_LIT. Outlines do not depend on any: a pixel of another object, or
 /// of none, would be further off.
 #[cfg(rayo_asm)]
-const COSINE_ERROR: f32 = 1.0 / 1024.0;
+fn cosine_error(engine: rayo::render::Engine) -> f32 {
+    if engine.name() == "avx512" { 1.0 / 4096.0 } else { 1.0 / 1024.0 }
+}
 
 #[cfg(rayo_asm)]
 #[test]
-fn estimates_move_no_cosine_by_2_to_the_minus_10_and_no_byte_by_more_than_a_level() {
+fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_level() {
     let (exact, fast) = (packets("single"), packets("fast"));
     for (exact, fast) in exact.iter().zip(&fast) {
         assert_eq!(exact.engine, fast.engine);
@@ -301,7 +303,7 @@ fn estimates_move_no_cosine_by_2_to_the_minus_10_and_no_byte_by_more_than_a_leve
                 let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
                 let what = || format!("{exact}, {name}: {float:?} and {estimate:?} of {:?}", truth.object(row, col));
                 let error = float.iter().zip(estimate).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / white;
-                assert!(error < COSINE_ERROR, "{}", what());
+                assert!(error < cosine_error(exact.engine), "{}", what());
                 worst = worst.max(error);
                 for bytes in &bytes {
                     assert!(

@@ -15,11 +15,11 @@ use rayo::kernels::{
     Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, Objects, OpRef, OutsideSpan, Rgba8, Row, Shade,
     SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
-use rayo::plan::Packed;
+use rayo::plan::{Packed, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
 use rayo::reference::packet::{self, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
-use rayo::scene::{Camera, Rng, many};
+use rayo::scene::{Camera, Rng, Scene, many};
 
 /// What an implementation must equal.
 #[derive(Clone, Copy, Debug)]
@@ -642,5 +642,77 @@ fn every_packet_kernel_without_estimates_equals_its_twin_to_the_last_bit() {
     for (isa, kernels) in packet_kernels() {
         check_packets(isa, &kernels.single, seed);
         check_packets(isa, &kernels.double, seed);
+    }
+}
+
+/// Compares what a kernel makes of a planned span with what its twin does.
+struct Planned<'a, E: 'static> {
+    kernels: &'static SpanKernels<E>,
+    rounding: Rounding,
+    lits: &'a [Lit<E>],
+    pixels: usize,
+    compared: &'a mut Compared,
+}
+
+impl<E: Element + Real> Planned<'_, E> {
+    fn check<S: Record<E>>(&mut self, kernel: &Shade<S, E, Vec4>, span: &S) {
+        let lights = twin_of_lits(self.lits);
+        let found = shaded(kernel, span, self.lits, self.pixels, Vec4::default());
+        for (i, pixel) in found.into_iter().enumerate() {
+            let colour = span.colour(self.rounding, &lights, E::from_u32(i as u32) + span.first());
+            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
+        }
+    }
+}
+
+impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
+    type Result = ();
+
+    fn lit(self, span: &LitSpan<E>) {
+        let found = shaded(&self.kernels.lit_f32x4, span, &[], self.pixels, Vec4::default());
+        for (i, pixel) in found.into_iter().enumerate() {
+            let colour = self.rounding.lit(&twin_of_lit_span(span), E::from_u32(i as u32) + span.j);
+            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
+        }
+    }
+    fn outside(mut self, span: &OutsideSpan<E>) {
+        self.check(&self.kernels.outside.f32x4, span);
+    }
+    fn inside(mut self, span: &InsideSpan<E>) {
+        self.check(&self.kernels.inside.f32x4, span);
+    }
+    fn triangle(mut self, span: &TriangleSpan<E>) {
+        self.check(&self.kernels.triangle.f32x4, span);
+    }
+}
+
+fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) {
+    let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
+    let mut compared = Compared::default();
+    for (lights, short) in [(1, true), (1, false), (2, false)] {
+        let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
+        scene.lights.truncate(lights);
+        // One sphere has the camera in it.
+        scene.spheres[0].radius = 400.0;
+        let spans = Spans::<E>::new(&scene, &scene.camera, 1.0);
+        for row in 0..scene.camera.height() {
+            for object in spans.seen_in(&(row..row + 1)) {
+                let Some(span) = spans.row(object, row) else { continue };
+                let (lits, pixels) = (spans.lits(object), (span.end - span.start) as usize);
+                let user = Planned { kernels, rounding, lits, pixels, compared: &mut compared };
+                spans.with_record(&span, row, 1.0, short, user);
+            }
+        }
+    }
+    let Compared { all, ordinary } = compared;
+    println!("{isa}, {} bytes: {all} compared, {ordinary} ordinary numbers", size_of::<E>());
+    assert!(ordinary > all / 4, "{isa}: {ordinary} of {all} are ordinary numbers");
+}
+
+#[test]
+fn the_spans_of_a_scene_are_shaded_as_their_twins_to_the_last_bit() {
+    for (isa, kernels) in packet_kernels() {
+        check_planned(isa, &kernels.single);
+        check_planned(isa, &kernels.double);
     }
 }

@@ -255,8 +255,11 @@ impl Fill {
 
     /// Black levels.
     pub fn rgba8(&self, out: &mut [Rgba8]) {
-        // SAFETY: as many 32-bit numbers as `out` has. x86 asks for no alignment of the stores that are used where
-        // `out` is not aligned to 4: the kernel aligns its middle by the address itself.
+        if !out.as_ptr().cast::<u32>().is_aligned() {
+            // The kernel's middle is aligned to registers, where the pattern would begin in the middle of a pixel.
+            return out.fill([0, 0, 0, 255]);
+        }
+        // SAFETY: as many 32-bit numbers as `out` has, aligned to 4 as just checked.
         unsafe { (self.code)(out.as_mut_ptr().cast(), out.len() as u64, u32::from_le_bytes([0, 0, 0, 255]), 0) }
     }
 
@@ -268,7 +271,11 @@ impl Fill {
     }
 
     /// As [`Fill::rgba8`], with a look at whether the kernel keeps the calling convention.
+    ///
+    /// # Panics
+    /// Where `out` is not aligned to 4, and the kernel would not be called.
     pub fn rgba8_checked(&self, out: &mut [Rgba8]) -> Result<(), Vec<Fault>> {
+        assert!(out.as_ptr().cast::<u32>().is_aligned());
         let pattern = u32::from_le_bytes([0, 0, 0, 255]);
         let args = [out.as_mut_ptr() as u64, out.len() as u64, pattern.into(), 0, 0, 0];
         // SAFETY: as in rgba8.
