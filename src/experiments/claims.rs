@@ -84,6 +84,8 @@ const OBJECT_WORK: u64 = 300;
 const LIGHT_WORK: u64 = 60;
 /// A line fits where its residual is less.
 const STRAIGHT: f64 = 0.05;
+/// A noise floor above this could have bent a line that is straight.
+const QUIET: f64 = 0.01;
 
 fn runs(quick: bool) -> usize {
     if quick { 15 } else { 50 }

@@ -196,7 +196,7 @@ impl fmt::Display for UnknownOp {
 
 impl std::error::Error for UnknownOp {}
 
-/// Counts, and measures where that is asked for; the calling thread stays on its core from then on.
+/// Counts, and measures where that is asked for, with the calling thread on one core.
 pub fn run(options: &Options) -> Result<Report, UnknownOp> {
     if let Some(op) = options.op.as_deref().filter(|op| !OPS.contains(op)) {
         return Err(UnknownOp(op.into()));
@@ -208,8 +208,10 @@ pub fn run(options: &Options) -> Result<Report, UnknownOp> {
         step = false;
     }
     let mut feedback_cycles = None;
+    let mut cores = None;
     if options.cost {
         // Unpinned figures are noisier, not wrong.
+        cores = sys::Cores::of_this_thread().ok();
         let _ = sys::pin_to_this_core();
         feedback_cycles = Some(chain_cycles(FEEDBACK));
     }
@@ -227,6 +229,10 @@ pub fn run(options: &Options) -> Result<Report, UnknownOp> {
         Vec::new()
     });
     let core_cycles_per_tick = options.cost.then(core_cycles_per_tick);
+    if let Some(cores) = cores {
+        // It was allowed before; if it no longer is, the thread stays where it is.
+        let _ = cores.allow();
+    }
     let compilers = Compilers::this();
     Ok(Report { rows, frames, executed_unavailable, core_cycles_per_tick, feedback_cycles, compilers })
 }
