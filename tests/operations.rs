@@ -1,8 +1,8 @@
-//! Every operation and tracer of one vector per register, and every packet kernel, against its scalar twin, to the last
-//! bit.
+//! Every operation, tracer and packet kernel against its scalar twin, to the last bit.
 //!
 //! All of them use + - x / and roots alone, correctly rounded, in an order that the twin follows, so that there is one
-//! right answer; only where packets take estimates there is none. The payload of a NaN is left open: any NaN equals any NaN.
+//! right answer; only where packets take estimates there is none. The payload of a NaN is left open: any NaN equals any
+//! NaN.
 
 #![cfg(rayo_asm)]
 
