@@ -435,6 +435,9 @@ fn check_fill(fill: &Fill) {
     );
 }
 
+/// A kernel's symbol, and a call of it.
+type Write<'a> = (&'a str, &'a mut dyn FnMut(&mut [Rgba8]));
+
 /// An `Rgba8` is four bytes, which Rust aligns to one.
 #[test]
 fn pixels_of_bytes_may_begin_at_any_address() {
@@ -446,7 +449,7 @@ fn pixels_of_bytes_may_begin_at_any_address() {
             let kernel = &kernels.single.triangle.rgba8;
             let mut row = Row::<f32>::new(WIDTH);
             row.clear(0..WIDTH);
-            let mut writes: [(&str, &mut dyn FnMut(&mut [Rgba8])); 3] = [
+            let mut writes: [Write; 3] = [
                 (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, false)),
                 (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out)),
                 (kernels.single.emit_rgba8.symbol(), &mut |out| kernels.single.emit_rgba8.call(&mut row, 0, out)),

@@ -1,5 +1,6 @@
-//! The twin of the packet macros: one lane of them, the same operations in the same order, without estimates.
+//! The twin of the packet macros: one lane of them, where they take no estimates.
 //!
+//! These are the operations of `asm/include/{sphere,triangle,lambert}.inc`, in the same order.
 //! Everything is a function of j, the pixel of the span. The names are those of `asm/include/layout.inc`, which says what
 //! each number is.
 
