@@ -4,6 +4,9 @@
 ;
 ;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0.
 ;
+;   A cache line is stored to in one of the two ways alone: one that is in the cache would have to leave it before a store
+;   past the cache.
+;
 ;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
 ;   requires    the CPUID features of the ISA
 
@@ -23,6 +26,8 @@ FUNC ISA %+ _fill
 %define STORE(op) op
 %endif
     lea     rsi, [rdi + 4 * rsi]
+    test    rcx, rcx
+    jnz     .lines
     lea     rax, [rdi + VBYTES]
     cmp     rax, rsi
     ja      .few
@@ -34,8 +39,6 @@ FUNC ISA %+ _fill
     and     rax, -VBYTES
     cmp     rdi, rax
     jae     .done
-    test    rcx, rcx
-    jnz     .stream
 align 16
 .store:
     STORE(movaps) [rdi], v0
@@ -43,13 +46,25 @@ align 16
     cmp     rdi, rax
     jb      .store
     jmp     .done
+.to_line:
+    mov     [rdi], edx
+    add     rdi, 4
+.lines:
+    cmp     rdi, rsi
+    jae     .done
+    test    dil, 63
+    jnz     .to_line
+    mov     rax, rsi
+    and     rax, -64
+    cmp     rdi, rax
+    jae     .few
 align 16
 .stream:
     STORE(movntps) [rdi], v0
     add     rdi, VBYTES
     cmp     rdi, rax
     jb      .stream
-    jmp     .done
+    jmp     .few
 .one:
     mov     [rdi], edx
     add     rdi, 4

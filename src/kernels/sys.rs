@@ -44,6 +44,13 @@ pub fn current_core() -> Option<usize> {
     None
 }
 
+/// Lets other threads see what was stored past the cache before what is stored from here on.
+#[cfg(target_arch = "x86_64")]
+pub fn store_fence() {
+    // SAFETY: every x86-64 CPU has SSE.
+    unsafe { std::arch::x86_64::_mm_sfence() }
+}
+
 /// Keeps the calling thread on the core it is on, and says which that is.
 #[cfg(target_os = "linux")]
 pub fn pin_to_this_core() -> io::Result<usize> {

@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use super::{FilmMut, PixelFormat, Tracer};
+use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
     SpanKernels, TriangleSpan, Vec4,
@@ -264,7 +265,12 @@ impl<E: Element> Tracer for PacketTracer<E> {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         match out {
-            FilmMut::F32x4(out) => self.trace(&self.linear, rows, out),
+            FilmMut::F32x4(out) => {
+                self.trace(&self.linear, rows, out);
+                if self.streaming {
+                    sys::store_fence();
+                }
+            }
             FilmMut::Rgba8(out) => self.trace(&self.levels, rows, out),
         }
     }
