@@ -2,8 +2,8 @@
 ;
 ; unsafe extern "sysv64" fn(out: *mut u32, count: u64, pattern: u32, streaming: u64)
 ;
-;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0. A cache line
-;   is then stored to in one of the two ways alone: one that is in the cache would have to leave it first.
+;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0. A cache
+;   line is then stored to in one of the two ways alone: one that is in the cache would have to leave it first.
 ;
 ;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
 ;   requires    the CPUID features of the ISA
