@@ -59,7 +59,7 @@ fn help(subcommand: &[&str]) -> String {
 }
 
 /// A new directory with the project's scenes in it.
-fn workplace() -> TempDir {
+fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir(directory.path().join("scenes")).unwrap();
     for scene in ["sphere.in", "tetrahedron.in"] {
@@ -82,7 +82,7 @@ fn exists(pattern: &str) -> bool {
 
 #[test]
 fn every_command_of_the_readme_succeeds() {
-    let directory = workplace();
+    let directory = scratch_folder();
     for mut command in commands() {
         if cfg!(not(rayo_asm)) {
             command.iter_mut().filter(|word| *word == "paper").for_each(|engine| *engine = "rust".to_owned());
@@ -132,7 +132,7 @@ fn every_engine_of_the_readme_is_one_of_the_programs_and_the_other_way_round() {
 fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
     let blocks = blocks("README.md", "text");
     let [scene, error] = blocks.as_slice() else { panic!("expected a scene and an error") };
-    let directory = workplace();
+    let directory = scratch_folder();
     let render = |name: &str, scene: &str| {
         fs::write(directory.path().join(name), scene).unwrap();
         rayo(&["render", name, "--size", "8x6"], directory.path())
@@ -146,7 +146,7 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
 
 #[test]
 fn the_pictures_of_the_readme_are_what_the_program_renders() {
-    let directory = workplace();
+    let directory = scratch_folder();
     for scene in ["sphere", "tetrahedron"] {
         let file = format!("scenes/{scene}.in");
         let picture = format!("{scene}.png");

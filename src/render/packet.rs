@@ -181,15 +181,20 @@ impl<E: Element> PacketTracer<E> {
         let mut buffers = None;
         // The pixels of `out` that are written: nothing is written twice, and what no span covers in one piece.
         let mut done = 0;
+        // What is in front of `span` since the last one, and the span, which is alone in its pixels.
+        let shade_alone = |span: &RowSpan, row: u32, start: usize, done: &mut usize, out: &mut [P]| {
+            let (first, end) = (start + span.start as usize, start + span.end as usize);
+            P::fill(self, &mut out[*done..first]);
+            let alone = Alone { tracer: self, lits: plan.lits(span.object), out: &mut out[first..end] };
+            plan.with_record(span, row, 0.0, true, alone);
+            *done = end;
+        };
+        // One object has nothing to overlap with, and its span need not pass through the list.
         if let [object] = seen[..] {
             for row in rows.clone() {
                 let start = (row - rows.start) as usize * self.width;
                 if let Some(span) = plan.row(object, row) {
-                    let (first, end) = (start + span.start as usize, start + span.end as usize);
-                    P::fill(self, &mut out[done..first]);
-                    let alone = Alone { tracer: self, lits: plan.lits(object), out: &mut out[first..end] };
-                    plan.with_record(&span, row, 0.0, true, alone);
-                    done = end;
+                    shade_alone(&span, row, start, &mut done, out);
                 }
             }
             P::fill(self, &mut out[done..]);
@@ -208,11 +213,7 @@ impl<E: Element> PacketTracer<E> {
                 P::emit(self).call(buffers, columns.start, &mut out[start + columns.start..done]);
             } else {
                 for span in &spans {
-                    let (first, end) = (start + span.start as usize, start + span.end as usize);
-                    P::fill(self, &mut out[done..first]);
-                    let alone = Alone { tracer: self, lits: plan.lits(span.object), out: &mut out[first..end] };
-                    plan.with_record(span, row, 0.0, true, alone);
-                    done = end;
+                    shade_alone(span, row, start, &mut done, out);
                 }
             }
         }
