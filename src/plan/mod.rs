@@ -4,4 +4,4 @@ mod packed;
 mod spans;
 
 pub use packed::Packed;
-pub use spans::{RowSpan, Spans, UseRecord};
+pub use spans::{RowSpan, ShortForm, Spans, UseRecord};

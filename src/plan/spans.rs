@@ -8,11 +8,17 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::kernels::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
+use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, OutsideSpan, TriangleSpan};
 use crate::scene::{Camera, Grid, Light, Scene};
 
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
 const SHORT_FORM_LOSS: f64 = 64.0;
+
+/// Elements count columns exactly up to here.
+const SHORT_FORM_WIDTH: u32 = 1 << 24;
+
+/// Half of a silhouette may have so many columns; one column inside of it, p is then far above its rounding.
+const SHORT_FORM_COLUMNS: f64 = 1048576.0;
 
 /// A row of more spans than this is left to the depth of each pixel.
 const MOST_CUT: usize = 16;
@@ -48,15 +54,15 @@ struct Sphere {
     short: Option<ShortForm>,
 }
 
-/// The constants of the short form, SPHERE_LIT.
-struct ShortForm {
-    /// From the centre to the light.
-    light: DVec3,
-    /// What sqrt D is over the root of (j - left) (right - j), in units of x.
-    slope: f64,
-    kn: f64,
-    ke: f64,
-    weights: DVec3,
+/// A sphere from outside under one light, for SPHERE_LIT.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortForm {
+    /// What its rows are made of.
+    pub setup: LitSetup<f64>,
+    /// What its rows share.
+    pub sphere: LitSphere<f64>,
+    /// Whether its red, green and blue are equal.
+    pub grey: bool,
 }
 
 struct Triangle {
@@ -88,8 +94,8 @@ pub struct RowSpan {
 pub trait UseRecord<E> {
     /// What comes of it.
     type Result;
-    /// A sphere from outside under one light, in the short form.
-    fn lit(self, record: &LitSpan<E>) -> Self::Result;
+    /// A row of a sphere from outside under one light, in the short form; the first column is column 0.
+    fn lit(self, sphere: &ShortForm, row: &LitRow<E>) -> Self::Result;
     /// A sphere from outside.
     fn outside(self, record: &OutsideSpan<E>) -> Self::Result;
     /// A sphere from inside.
@@ -105,7 +111,7 @@ impl<E: Element> Spans<E> {
         let lights = &scene.lights[..];
         let spheres = scene.spheres.iter().filter_map(|sphere| {
             let colour = white * sphere.colour.as_dvec3();
-            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights);
+            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights, camera);
             let rows = shape.rows(&grid, camera.height())?;
             let lits = lights.iter().map(|light| {
                 lit((light.position.as_dvec3() - sphere.centre.as_dvec3()) / shape.radius, 0.0, colour, light)
@@ -130,6 +136,14 @@ impl<E: Element> Spans<E> {
     pub fn seen_in(&self, rows: &Range<u32>) -> Vec<usize> {
         let meets = |object: &Object<E>| object.rows.start < rows.end && rows.start < object.rows.end;
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
+    }
+
+    /// The short form of an object, if it has one.
+    pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
+        match &self.objects[object].shape {
+            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Triangle(_) => None,
+        }
     }
 
     /// The lights of an object.
@@ -218,8 +232,8 @@ impl<E: Element> Spans<E> {
             }
             Shape::Sphere(sphere) => match &sphere.short {
                 Some(form) if short => {
-                    let record = sphere.lit(form, step, self.columns_per_x, d, &span.silhouette);
-                    user.lit(&LitSpan { j, end, id, ..record }.round())
+                    let row = sphere.lit_row(form, span, d);
+                    user.lit(form, &LitRow { start: 0.0, end: end - j, ..row }.round())
                 }
                 _ => user.outside(&OutsideSpan { j, end, id, ..sphere.outside(step, d, &span.silhouette) }.round()),
             },
@@ -284,24 +298,79 @@ struct Silhouette {
     sign: f64,
 }
 
+impl ShortForm {
+    /// For the centre c and the light l, also seen from the centre, all in units of the radius. None where its terms
+    /// would cancel too much, or where it would have to clamp.
+    fn new(
+        c: DVec3,
+        k: f64,
+        l: DVec3,
+        towards: DVec3,
+        weights: DVec3,
+        white: f64,
+        camera: &Camera,
+    ) -> Option<Self> {
+        let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
+        let (far, gap) = (c.length() + 1.0, towards.length() - 1.0);
+        let products = far * towards.length();
+        let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+        let m = c.y * c.y + c.z * c.z - 1.0;
+        let grid = camera.grid::<f64>();
+        let columns = 1.0 / grid.step;
+        // sqrt(k (g - across^2)) / m is half the width of the silhouette.
+        let [_, y, z] = grid.ray(0, 0);
+        let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
+        let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && weights.max_element() <= white;
+        if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
+            return None;
+        }
+        // sqrt D in units of a column.
+        let scale = columns / m.sqrt();
+        let weight = weights.max_element();
+        let gain = 0.25 * weight * weight;
+        let relative = if weight > 0.0 { weights / weight } else { DVec3::ZERO };
+        let setup = LitSetup {
+            step: grid.step,
+            half_width: grid.half_width,
+            half_height: grid.half_height,
+            columns,
+            width: camera.width().into(),
+            cx: c.x,
+            cy: c.y,
+            cz: c.z,
+            k,
+            m,
+            nx: 1.0 - c.x * c.x,
+            zz: z * z,
+            cyz: c.y * z,
+            czz: c.z * z,
+            h: scale,
+            q: 2.0 * gain * k * scale,
+            lx: towards.x,
+            ly: towards.y,
+            lzz: towards.z * z,
+        };
+        let sphere = LitSphere {
+            h1: setup.cx * grid.step * setup.h,
+            q1: setup.lx * grid.step * setup.q,
+            kn: 2.0 * gain * kn,
+            ke: gain * ke,
+            red: relative.x,
+            green: relative.y,
+            blue: relative.z,
+        };
+        Some(ShortForm { setup, sphere, grey: weights.min_element() == weight })
+    }
+}
+
 impl Sphere {
-    fn new(centre: DVec3, radius: f64, colour: DVec3, white: f64, lights: &[Light]) -> Self {
+    fn new(centre: DVec3, radius: f64, colour: DVec3, white: f64, lights: &[Light], camera: &Camera) -> Self {
         let k = (centre.dot(centre) - radius * radius) / (radius * radius);
         let c = centre / radius;
         let short = match lights {
             [light] if k > 0.0 => {
-                let l = light.position.as_dvec3() / radius;
-                let light_from_centre = (light.position.as_dvec3() - centre) / radius;
-                let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
-                let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
-                let products = far * light_from_centre.length();
-                let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * weights(light, colour);
-                let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
-                // It does not clamp.
-                let dim = weights.max_element() <= 0.5 * white;
-                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
-                fine.then_some(ShortForm { light: light_from_centre, slope, kn, ke, weights })
+                let towards = (light.position.as_dvec3() - centre) / radius;
+                ShortForm::new(c, k, light.position.as_dvec3() / radius, towards, weights(light, colour), white, camera)
             }
             _ => None,
         };
@@ -388,25 +457,22 @@ impl Sphere {
         }
     }
 
-    fn lit(&self, form: &ShortForm, step: f64, columns_per_x: f64, d: DVec3, s: &Silhouette) -> LitSpan<f64> {
-        // Scaled so that sqrt D is the root of (j - left) (right - j).
-        let scale = columns_per_x / form.slope;
-        LitSpan {
-            j: 0.0,
-            end: 0.0,
-            id: 0.0,
-            near: 0.0,
-            left: (s.left - d.x) * columns_per_x,
-            right: (s.right - d.x) * columns_per_x,
-            h1: self.centre.x * step * scale,
-            h0: (s.h + self.centre.x * d.x) * scale,
-            q1: 2.0 * self.k * form.light.x * step * scale,
-            q0: 2.0 * self.k * form.light.dot(d) * scale,
-            kn: 2.0 * form.kn,
-            ke: form.ke,
-            red: form.weights.x,
-            green: form.weights.y,
-            blue: form.weights.z,
+    /// A row of the short form; d is the ray in the middle of the span. Kernels make many of them by the same operations,
+    /// see asm/tracers/lit_rows.asm.
+    fn lit_row(&self, form: &ShortForm, span: &RowSpan, d: DVec3) -> LitRow<f64> {
+        let (setup, s) = (&form.setup, &span.silhouette);
+        let (start, end) = (f64::from(span.start), f64::from(span.end));
+        let middle = (0.5 * (start + end)).floor();
+        let half_width = 0.5 * (s.right - s.left) * setup.columns;
+        LitRow {
+            start,
+            end,
+            j: start - middle,
+            stop: end - middle,
+            m: (0.5 * (s.left + s.right) - d.x) * setup.columns,
+            a: half_width * half_width,
+            h0: (s.h + setup.cx * d.x) * setup.h,
+            q0: (setup.lx * d.x + setup.ly * d.y + setup.lzz) * setup.q,
         }
     }
 

@@ -6,10 +6,10 @@ use std::ops::Range;
 use super::{FilmMut, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
-    SpanKernels, TriangleSpan, Vec4,
+    Bodies, Element, Emit, InsideSpan, LIT_ROWS, Lit, LitBodies, LitRow, LitRows, OutsideSpan, PacketKernels, Planes,
+    Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
-use crate::plan::{RowSpan, Spans, UseRecord};
+use crate::plan::{RowSpan, ShortForm, Spans, UseRecord};
 use crate::scene::{Camera, Scene};
 
 /// Float pictures larger than this do not stay in any cache, and are stored past it.
@@ -51,10 +51,10 @@ impl<E: Element> PacketTracer<E> {
 }
 
 /// What differs between the outputs.
-trait Output<E: 'static>: Sized {
+trait Output<E: 'static>: Copy {
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
-    /// The kernel that shades a sphere in the short form.
-    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self>;
+    /// The kernel that makes rows of a sphere in the short form.
+    fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self>;
     /// The kernel that shades a span that is alone.
     fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self>;
     /// The kernel that shades where spans overlap.
@@ -67,8 +67,8 @@ impl<E: Element> Output<E> for Vec4 {
         tracer.kernels.fill.f32x4(out, tracer.streaming);
     }
 
-    fn lit<'a>(tracer: &'a PacketTracer<E>, _: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
-        if tracer.fast { &tracer.spans.lit_f32x4_fast } else { &tracer.spans.lit_f32x4 }
+    fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
     }
 
     fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
@@ -89,9 +89,8 @@ impl<E: Element> Output<E> for Rgba8 {
         tracer.kernels.fill.rgba8(out);
     }
 
-    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
-        let grey = record.red == record.green && record.green == record.blue;
-        if grey { &tracer.spans.grey_rgba8 } else { &tracer.spans.lit_rgba8 }
+    fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+        &bodies.rgba8
     }
 
     fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
@@ -117,8 +116,11 @@ struct Alone<'a, E: 'static, P> {
 impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
     type Result = ();
 
-    fn lit(self, record: &LitSpan<E>) {
-        P::lit(self.tracer, record).call(record, self.lits, self.out, self.tracer.streaming);
+    fn lit(self, form: &ShortForm, row: &LitRow<E>) {
+        let mut rows = LitRows::default();
+        rows.set_row(0, row);
+        let width = self.out.len();
+        self.tracer.lit::<P>(form).call(&form.sphere.round(), &rows, self.out, width, self.tracer.streaming);
     }
     fn outside(self, record: &OutsideSpan<E>) {
         let kernel = P::shade(self.tracer, &self.tracer.spans.outside);
@@ -156,7 +158,7 @@ impl<E: Element, P: Output<E>> Overlapping<'_, E, P> {
 impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
     type Result = ();
 
-    fn lit(self, _: &LitSpan<E>) {
+    fn lit(self, _: &ShortForm, _: &LitRow<E>) {
         unreachable!("the short form is not asked for where spans overlap");
     }
     fn outside(self, record: &OutsideSpan<E>) {
@@ -174,6 +176,21 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
 }
 
 impl<E: Element> PacketTracer<E> {
+    /// The kernel for a sphere in the short form.
+    fn lit<P: Output<E>>(&self, form: &ShortForm) -> &ShadeRows<E, P> {
+        P::lit(self, if form.grey { &self.spans.grey } else { &self.spans.lit })
+    }
+
+    /// Makes rows in which there is nothing but one sphere under one light.
+    fn trace_lit<P: Output<E>>(&self, form: &ShortForm, rows: Range<u32>, out: &mut [P]) {
+        let (kernel, sphere) = (self.lit(form), form.sphere.round());
+        let mut lit_rows = LitRows::default();
+        for (first, out) in rows.step_by(LIT_ROWS).zip(out.chunks_mut(LIT_ROWS * self.width)) {
+            self.spans.lit_rows.call(&form.setup, first, out.len() / self.width, &mut lit_rows);
+            kernel.call(&sphere, &lit_rows, out, self.width, self.streaming);
+        }
+    }
+
     fn trace<P: Output<E>>(&self, plan: &Spans<E>, rows: Range<u32>, out: &mut [P]) {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let seen = plan.seen_in(&rows);
@@ -191,6 +208,9 @@ impl<E: Element> PacketTracer<E> {
         };
         // One object has nothing to overlap with, and its span need not pass through the list.
         if let [object] = seen[..] {
+            if let Some(form) = plan.short_form(object) {
+                return self.trace_lit(form, rows, out);
+            }
             for row in rows.clone() {
                 let start = (row - rows.start) as usize * self.width;
                 if let Some(span) = plan.row(object, row) {
