@@ -1,8 +1,8 @@
 ; lit.asm - whole rows of a picture in which one light shines on one sphere: black, the sphere's span, and black again.
 ;
-; The rows come from lit_rows.asm. A span is shaded packet by packet from where the memory is aligned to one, so its first
-; and its last packet hold black pixels too: these edge packets are masked, those between are not. Rounding wants a
-; divider, and black pixels want nothing but stores, so that the two go side by side: while a span is shaded, what is
+; The rows come from lit_rows.asm. A span is shaded packet by packet from where the memory is aligned to one, so its
+; first and its last packet hold black pixels too: these edge packets are masked, those between are not. Shading wants
+; arithmetic and black pixels want nothing but stores, so that the two go side by side: while a span is shaded, what is
 ; black between it and the next row's span is stored along the way.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
@@ -21,8 +21,8 @@
 ;   out         *mut of the first pixel, aligned to 4: `count` rows of `width` pixels are written and nothing else
 ;   streaming   u64: not 0 for stores that go past the cache; f32x4 only
 ;
-;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes of
-;               a row, r9 streaming, r10 where pixels are not yet written, r11 the end of all pixels
+;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
+;               of a row, r9 streaming, r10 where pixels are not yet written, r11 the end of all pixels
 ;               r12 the packet, rbx the end of the span's last one, r13 the next span's first one (0 if not known)
 ;               rax lanes of the packet that are written already
 ;               v0 j, v1 v2 v3 the colour, v11 black, the LIT_ constants
@@ -66,7 +66,7 @@
     PACK_RGBA8 1, 2, 3, 0
 %endmacro
 %macro LIT_PIXELS_GREY_F32X4 0
-    SPREAD_F32X4 1, 4
+    SPREAD_F32X4 1, 4, edi, k2
 %endmacro
 %macro LIT_PIXELS_GREY_RGBA8 0
     PACK_GREY 1
@@ -243,7 +243,11 @@ align 16
     mov     r13d, LANES
     cmp     rdi, r13
     cmova   rdi, r13
-    PART_ %+ %%format r12, rax, rdi, r13
+%ifidn %%format, F32X4
+    PART_F32X4 r12, 4, rax, rdi, r13, k1, 1
+%else
+    PART_RGBA8 r12, 1, rax, rdi, r13, k1, 2
+%endif
     xor     eax, eax
     xor     r13d, r13d                  ; leave what is black to the next row
     jmp     .edge_stored

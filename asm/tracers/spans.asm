@@ -151,7 +151,11 @@ align 16
     mov     r11d, LANES
     cmp     r8, r11
     cmovb   r11, r8
-    PART_ %+ %%format rcx, r10, r11, rax
+%ifidn %%format, F32X4
+    PART_F32X4 rcx, 4, r10, r11, rax, k1, 1
+%else
+    PART_RGBA8 rcx, 1, r10, r11, rax, k1, 2
+%endif
     xor     r10d, r10d
     jmp     .next
     END
@@ -250,7 +254,7 @@ FUNC NAME(emit, %%output)
 .part:
     STORE_NATURAL %%format, SCRATCH
     xor     r10d, r10d
-    COPY_PART %%format, rcx, r10, r8, rax
+    COPY_PART %%format, rcx, r10, r8, rax, 1
     UNCONSTANTS
 ENDFUNC
 %endmacro

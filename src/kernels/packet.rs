@@ -5,9 +5,7 @@ use std::ops::Range;
 
 use super::checked::{self, Fault};
 use super::isa::Isa;
-use super::spans::{
-    Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, OutsideSpan, TriangleSpan,
-};
+use super::spans::{Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, OutsideSpan, TriangleSpan};
 use super::types::Vec4;
 
 /// More elements than any packet has.
@@ -256,13 +254,7 @@ impl<E: Element, P: Copy> ShadeRows<E, P> {
         unsafe { checked::call(self.code as *const (), args) }
     }
 
-    fn arguments(
-        sphere: &LitSphere<E>,
-        rows: &LitRows<E>,
-        out: &mut [P],
-        width: usize,
-        streaming: bool,
-    ) -> [u64; 6] {
+    fn arguments(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) -> [u64; 6] {
         assert!(out.as_ptr().cast::<u32>().is_aligned(), "pixels must be aligned to 4 bytes");
         let count = out.len() / width;
         assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());

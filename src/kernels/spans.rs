@@ -77,7 +77,7 @@ records! {
 }
 
 /// Rows of a [`LitSphere`], a field after another: as the kernels read them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 #[repr(C)]
 #[expect(missing_docs, reason = "layout.inc says what each field is")]
 pub struct LitRows<E> {
@@ -113,17 +113,31 @@ impl<E: Element> LitRows<E> {
     /// Sets a row.
     pub fn set_row(&mut self, row: usize, of: &LitRow<E>) {
         let LitRows { start, end, j, stop, m, a, h0, q0 } = self;
-        for (field, value) in
-            [(start, of.start), (end, of.end), (j, of.j), (stop, of.stop), (m, of.m), (a, of.a), (h0, of.h0), (q0, of.q0)]
-        {
+        for (field, value) in [
+            (start, of.start),
+            (end, of.end),
+            (j, of.j),
+            (stop, of.stop),
+            (m, of.m),
+            (a, of.a),
+            (h0, of.h0),
+            (q0, of.q0),
+        ] {
             field[row] = value;
         }
     }
 }
 
-impl<E: Element> Default for LitRows<E> {
-    fn default() -> Self {
+// SAFETY: nothing but elements, which fill it, as the offsets asserted in types.rs show.
+unsafe impl<E: Element> Plain for LitRows<E> {
+    const ZERO: Self = {
         let none = [E::ZERO; LIT_ROWS];
         LitRows { start: none, end: none, j: none, stop: none, m: none, a: none, h0: none, q0: none }
+    };
+}
+
+impl<E: Element> Default for LitRows<E> {
+    fn default() -> Self {
+        Self::ZERO
     }
 }

@@ -301,15 +301,7 @@ struct Silhouette {
 impl ShortForm {
     /// For the centre c and the light l, also seen from the centre, all in units of the radius. None where its terms
     /// would cancel too much, or where it would have to clamp.
-    fn new(
-        c: DVec3,
-        k: f64,
-        l: DVec3,
-        towards: DVec3,
-        weights: DVec3,
-        white: f64,
-        camera: &Camera,
-    ) -> Option<Self> {
+    fn new(c: DVec3, k: f64, l: DVec3, towards: DVec3, weights: DVec3, white: f64, camera: &Camera) -> Option<Self> {
         let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
         let (far, gap) = (c.length() + 1.0, towards.length() - 1.0);
         let products = far * towards.length();
