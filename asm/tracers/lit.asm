@@ -29,8 +29,7 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      reference::packet, to the last bit where there is no estimate
 
-; LIT_BODY_LIT, LIT_BODY_GREY - the colour in v1, v2, v3 of the pixels j in v0; grey in v1 alone. No other of v0 and
-; v11 to v15 changes.
+; LIT_BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. v0 and v11 to v14 stay.
 %macro LIT_BODY_LIT 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
     SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8, v9, v10
@@ -42,6 +41,7 @@
     VMUL    v1, v1, LIT_red
 %endmacro
 
+; LIT_BODY_GREY - the same where red, green and blue are equal: in v1 alone.
 %macro LIT_BODY_GREY 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
     SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8, v9, v10
@@ -58,16 +58,22 @@
     VKEEP   v%[%%n]
 %endmacro
 
-; The pixels of those colours in w1, or in w4 and up.
+; LIT_PIXELS_LIT_F32X4 - the pixels of LIT_BODY_LIT in w4 and up.
 %macro LIT_PIXELS_LIT_F32X4 0
     TURN_F32X4 1, 2, 3, 4, 8, 9
 %endmacro
+
+; LIT_PIXELS_LIT_RGBA8 - the pixels of LIT_BODY_LIT in w1.
 %macro LIT_PIXELS_LIT_RGBA8 0
     PACK_RGBA8 1, 2, 3, 0
 %endmacro
+
+; LIT_PIXELS_GREY_F32X4 - the pixels of LIT_BODY_GREY in w4 and up.
 %macro LIT_PIXELS_GREY_F32X4 0
     SPREAD_F32X4 1, 4, edi, k2
 %endmacro
+
+; LIT_PIXELS_GREY_RGBA8 - the pixels of LIT_BODY_GREY in w1.
 %macro LIT_PIXELS_GREY_RGBA8 0
     PACK_GREY 1
 %endmacro
