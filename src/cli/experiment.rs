@@ -1,6 +1,8 @@
 //! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
 
 #[cfg(rayo_asm)]
+mod one_run;
+#[cfg(rayo_asm)]
 mod run;
 #[cfg(rayo_asm)]
 mod table;
@@ -39,12 +41,18 @@ pub struct ExperimentArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+    /// Measure one run of the table and print each size, as `run` asks it of processes that it starts
+    #[arg(long, value_name = "NUMBER", hide = true)]
+    one_run: Option<usize>,
 }
 
-/// Measures, prints and writes.
+/// Measures, prints and writes; or is one run of the table.
 #[cfg(rayo_asm)]
 pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    run::run(args)
+    match args.one_run {
+        Some(number) => one_run::measure(args, number),
+        None => run::run(args),
+    }
 }
 
 /// The engines that the paper compares are not in this build.

@@ -384,7 +384,8 @@ mod tests {
             noise_floor,
             control_overall: estimate(1.0),
             c_by_simd: estimate(c_by_simd),
-            sizes_asked: PAPER.len(),
+            runs: 1,
+            asked: (PAPER.len(), 1),
         }
     }
 

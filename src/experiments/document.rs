@@ -50,7 +50,7 @@ pub struct Document {
 pub struct Conditions {
     /// The core that the thread was pinned to; None where it could not be.
     pub core: Option<usize>,
-    /// Runs of each size.
+    /// Runs of each size, each in a process of its own.
     pub runs: usize,
     /// Whether everything that was asked for is there.
     pub complete: bool,

@@ -175,9 +175,9 @@ impl Planned {
     /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
     /// through, and where [`step::count_instructions`] does not work.
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
-        let ((width, height), step_by) = match &self.tracing {
+        let Counted { size: (width, height), step_by, twice } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
-            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_ROWS,
+            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_SPANS,
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
@@ -190,11 +190,14 @@ impl Planned {
             let film = films.of(ready.output).as_mut().take(rows.len() * width as usize);
             step::count_instructions(|| (ready.trace)(rows, film)).ok()
         };
+        // What two calls for a row each take more than one for both.
+        let rows = [twice..twice + 1, twice + 1..twice + 2, twice..twice + 2].map(&mut count);
+        let [Some(one), Some(other), Some(both)] = rows else { return Ok(None) };
+        let call = (one + other).saturating_sub(both);
         let (mut sum, mut pixels) = (0, 0);
         for row in (step_by as u32 / 2..height).step_by(step_by) {
-            // What two rows take more than the first of them: the call and its set-up are in both.
-            let (Some(two), Some(first)) = (count(row - 1..row + 1), count(row - 1..row)) else { return Ok(None) };
-            sum += two - first;
+            let Some(row) = count(row..row + 1) else { return Ok(None) };
+            sum += row - call;
             pixels += u64::from(width);
         }
         Ok(Some(sum as f64 / pixels as f64))
@@ -316,10 +319,22 @@ pub fn run(
     Ok(Some(rungs(&planned, &measured, &instructions, camera.pixels() as f64)))
 }
 
-/// The pictures whose instructions are counted, and one row in how many: each instruction is a trap. Where pixels are
-/// traced one by one a few tell all; where a row shares what it needs, rows have to be as long as those that are timed.
-const COUNTED_ONE_BY_ONE: ((u32, u32), usize) = ((16, 12), 3);
-const COUNTED_BY_ROWS: ((u32, u32), usize) = (SIZE, 32);
+/// The picture whose instructions are counted: each is a trap, so that little has to do.
+struct Counted {
+    size: (u32, u32),
+    /// One row in how many is counted.
+    step_by: usize,
+    /// The first of two rows that tell what a call costs beyond its rows.
+    twice: u32,
+}
+
+/// Pixel by pixel, a few tell all: of these as many are hit as of the picture that is timed. Rows above the sphere cost
+/// the least.
+const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, twice: 0 };
+/// Where all pixels of a row go the same way, a few rows do.
+const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, twice: 0 };
+/// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
+const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, twice: SIZE.1 / 2 };
 
 fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], pixels: f64) -> Vec<Rung> {
     let mut rng = Rng::new(SEED);
@@ -331,7 +346,7 @@ fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], p
             None => before,
         };
         let ratios = |of: usize| pairwise_ratios(&measured[of].ticks, &runs.ticks);
-        let gain = median_with_interval(&[&ratios(over.unwrap_or(index))], &mut || rng.next_u64());
+        let gain = median_with_interval(ratios(over.unwrap_or(index)).chunks(1), &mut || rng.next_u64());
         rungs.push(Rung {
             rung: rung.rung.into(),
             change: rung.change.clone(),
@@ -359,7 +374,7 @@ pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
     let mut rng = Rng::new(SEED);
     let ratios = pairwise_ratios(&find(a)?.samples, &find(b)?.samples);
-    Some(median_with_interval(&[&ratios], &mut || rng.next_u64()))
+    Some(median_with_interval(ratios.chunks(1), &mut || rng.next_u64()))
 }
 
 /// The two factors that the paper's explanations are about, taken apart: from the C that calls its functions, and from

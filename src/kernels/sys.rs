@@ -151,6 +151,26 @@ pub fn thread_cpu_time() -> std::time::Duration {
     std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
 }
 
+/// The time that the processes which this one has started and waited for had a core.
+#[cfg(unix)]
+pub fn children_cpu_time() -> std::time::Duration {
+    // SAFETY: numbers, for which all bits 0 are a value.
+    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
+    unsafe { libc::getrusage(libc::RUSAGE_CHILDREN, &mut usage) };
+    let seconds = |time: libc::timeval| {
+        let (seconds, micros) = (time.tv_sec.try_into().unwrap_or(0), time.tv_usec.try_into().unwrap_or(0));
+        std::time::Duration::from_secs(seconds) + std::time::Duration::from_micros(micros)
+    };
+    seconds(usage.ru_utime) + seconds(usage.ru_stime)
+}
+
+/// The time of other processes is not known here.
+#[cfg(not(unix))]
+pub fn children_cpu_time() -> std::time::Duration {
+    std::time::Duration::ZERO
+}
+
 /// The time of a thread is not known here.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> std::time::Duration {

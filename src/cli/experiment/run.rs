@@ -10,23 +10,22 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{ExperimentArgs, table};
+use super::{ExperimentArgs, one_run, table};
 use crate::cli::{Failure, print, print_json};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
-use crate::experiments::speedup::{self, Settings, SpeedupError};
+use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError, Turn};
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
-/// Runs of the rungs: those of a ladder, and of the few that the claims need.
+/// Runs of the rungs: those of a ladder, quick or not, and of the few that the claims need.
 const LADDER_RUNS: usize = 101;
 const FEW_RUNS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), args.engines.as_deref());
-    let settings = settings.map_err(Failure::input)?;
-    let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
+    let settings = settings(args)?;
+    let mut clock = clock()?;
     fs::create_dir_all(&args.out)
         .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
     let stop = stop_on_ctrl_c()?;
@@ -51,6 +50,15 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
+    let runs = args.runs.map(|runs| runs as usize);
+    Settings::new(args.quick, runs, args.engines.as_deref()).map_err(Failure::input)
+}
+
+pub(super) fn clock() -> Result<TscClock, Failure> {
+    TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))
+}
+
 /// The parts one after the other, until the user asks for an end.
 fn measure(
     args: &ExperimentArgs,
@@ -64,17 +72,19 @@ fn measure(
     let quick = args.quick;
     let rung_runs = match (args.ladder, args.runs) {
         (true, Some(runs)) => runs as usize,
-        (true, None) if !quick => LADDER_RUNS,
+        (true, None) => LADDER_RUNS,
         _ => FEW_RUNS,
     };
-    let (start, cpu) = (Instant::now(), sys::thread_cpu_time());
+    let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
+    let (start, cpu) = (Instant::now(), cpu_time());
     let mut clock = Totalled::new(clock);
     let bar = bar(settings.work() + ladder::work(rung_runs) + jumps::work(quick) + claims::work(quick));
     let mut proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
     };
-    let measured = speedup::run(settings, &mut clock, &mut proceed).map_err(failure)?;
+    let (measured, ticks) = table(args, settings, &mut proceed)?;
+    clock.total += ticks;
     let mut complete = measured.complete();
     let mut rungs = None;
     let mut sweeps = None;
@@ -91,10 +101,10 @@ fn measure(
     complete &= jumps.is_some();
     bar.finish_and_clear();
 
-    let (seconds, cpu) = (start.elapsed().as_secs_f64(), (sys::thread_cpu_time() - cpu).as_secs_f64());
+    let (seconds, cpu) = (start.elapsed().as_secs_f64(), (cpu_time() - cpu).as_secs_f64());
     let conditions = Conditions {
         core,
-        runs: settings.runs,
+        runs: measured.runs,
         complete,
         seconds,
         timed_share: machine.tsc_hz.map(|hz| clock.total as f64 / hz / seconds),
@@ -119,6 +129,29 @@ fn measure(
         }
     }
     Ok(document)
+}
+
+/// The table, each run of it by a process of its own, and the ticks of all that was timed.
+fn table(
+    args: &ExperimentArgs,
+    settings: &Settings,
+    proceed: &mut speedup::Progress<'_>,
+) -> Result<(Speedup, u64), Failure> {
+    speedup::check(settings).map_err(failure)?;
+    let (mut runs, mut total) = (Vec::new(), 0);
+    let mut go_on = true;
+    for number in 0..settings.runs {
+        let mut finished = |index: usize, turns: &[Turn]| {
+            total += turns.iter().map(|turn| turn.ticks).sum::<u64>();
+            go_on = proceed(settings.work_at(index));
+            go_on
+        };
+        runs.push(one_run::in_own_process(args, settings, number, &mut finished)?);
+        if !go_on {
+            break;
+        }
+    }
+    Ok((Speedup::of(settings, &runs).map_err(failure)?, total))
 }
 
 fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
@@ -165,7 +198,7 @@ fn bar(length: u64) -> ProgressBar {
     bar
 }
 
-fn failure(error: SpeedupError) -> Failure {
+pub(super) fn failure(error: SpeedupError) -> Failure {
     match error {
         SpeedupError::Engine(_) | SpeedupError::Memory { .. } | SpeedupError::Threads(_) => Failure::input(error),
         SpeedupError::Picture { .. } | SpeedupError::System { .. } | SpeedupError::Nothing => Failure::output(error),

@@ -89,8 +89,8 @@ pub(super) fn preamble(document: &Document) -> String {
         CPU: {cpu}, {cores} cores; {core}; time stamps {clock}, {promise}\n\
         C: {cc}; {cflags}\n\
         NASM: {nasm}; Rust: {rustc}\n\
-        Runs: {runs} of each size, interleaved; of {all} runs {migrated} migrated to another core and {off} were off by \
-        more than {OFF_BY_MAD} MAD; all are kept\n\
+        Runs: {runs} of each size, each in a process of its own, interleaved; of {all} pictures {migrated} migrated to \
+        another core and {off} were off by more than {OFF_BY_MAD} MAD; all are kept\n\
         Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
@@ -111,7 +111,7 @@ pub(super) fn headline(document: &Document) -> String {
     let ratios = PAPER.map(|row| row.ratio());
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
     format!(
-        "C/SIMD over all sizes: {} (median of the pairs; 95 % interval, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
+        "C/SIMD over all sizes: {} (median of the pairs; 95 % interval over runs, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
         interval(&document.c_by_simd),
         paper_mean_ratio(),
     )
@@ -371,15 +371,15 @@ mod tests {
     use super::*;
     use crate::experiments::claims::{Claim, Verdict};
     use crate::experiments::ladder::{Rung, Share};
-    use crate::experiments::speedup::{self, Settings};
-    use crate::measure::{Cache, Scripted};
+    use crate::experiments::speedup::{self, Settings, Speedup};
+    use crate::measure::Cache;
 
     /// Two sizes of three engines on a machine that is nobody's.
     fn document() -> Document {
         let engines = [BASELINE, CONTROL, "rust"].map(|name| name.parse().unwrap()).to_vec();
         let settings = Settings { sizes: vec![0, 19], runs: 3, engines };
-        let mut clock = Scripted::new(&[47_000_000, 7_400_000, 7_500_000, 5_000_000], 3);
-        let measured = speedup::run(&settings, &mut clock, &mut |_| true).unwrap();
+        let runs = speedup::scripted_runs(&settings, &[47_000_000, 7_400_000, 7_500_000, 5_000_000]);
+        let measured = Speedup::of(&settings, &runs).unwrap();
         let machine = Machine {
             cpu: Some("a CPU".into()),
             cores: 4,
