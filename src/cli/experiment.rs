@@ -41,12 +41,18 @@ pub struct ExperimentArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
-    /// Measure one run of the table and print each size, as `run` asks it of processes that it starts
-    #[arg(long, value_name = "NUMBER", hide = true)]
+    /// Measure run NUMBER alone and print it, as this command asks it of processes that it starts
+    #[arg(long, value_name = "NUMBER", hide = true, requires = "rounds")]
     one_run: Option<usize>,
+    /// With --one-run: the first of its rounds of the ladder, and the one after the last
+    #[arg(long, value_name = "ROUND", num_args = 2, hide = true)]
+    rounds: Vec<usize>,
+    /// With --one-run: the core to stay on
+    #[arg(long, value_name = "NUMBER", hide = true)]
+    core: Option<usize>,
 }
 
-/// Measures, prints and writes; or is one run of the table.
+/// Measures, prints and writes; or is one run of it.
 #[cfg(rayo_asm)]
 pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     match args.one_run {

@@ -324,8 +324,8 @@ pub fn check(settings: &Settings) -> Result<(), SpeedupError> {
     Ok(())
 }
 
-/// Measures run `number`: every contestant once at each size, one right after the other; in every other run the last of
-/// them first. `finished` gets each size, and where it says no that was all.
+/// Measures run `number`: every contestant once at each size, one right after the other; in runs of odd numbers the last
+/// of them first. `finished` gets each size, and where it says no that was all.
 ///
 /// Each run should be a process of its own, as each of the paper's was: where the operating system puts code and data may
 /// make a difference, and does so for as long as the process lasts.
@@ -341,10 +341,6 @@ pub fn measure_run(
     let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.insert(first + 1, first);
-    let backwards = number % 2 == 1;
-    if backwards {
-        order.reverse();
-    }
     let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
     let films = RefCell::new(Films::new(most)?);
     let mut warm = false;
@@ -363,12 +359,9 @@ pub fn measure_run(
             // What a new process does at the first call, the first contestant does not pay for.
             contestants.iter_mut().for_each(|contestant| contestant());
         }
-        let runs = interleave(clock, &mut contestants, 1, &mut || true).expect("nobody stops it");
+        let runs = interleave(clock, &mut contestants, number..number + 1, &mut || true).expect("nobody stops it");
         let turn = |runs: Runs| Turn { ticks: runs.ticks[0] as u64, migrated: runs.migrations > 0 };
         let mut turns: Vec<Turn> = runs.into_iter().map(turn).collect();
-        if backwards {
-            turns.reverse();
-        }
         let again = turns.remove(first + 1);
         turns.push(again);
         if !finished(turns) {

@@ -52,9 +52,14 @@ pub fn store_fence() {
 }
 
 /// Keeps the calling thread on the core it is on, and says which that is.
-#[cfg(target_os = "linux")]
 pub fn pin_to_this_core() -> io::Result<usize> {
-    let core = current_core().ok_or_else(io::Error::last_os_error)?;
+    let core = current_core().ok_or_else(|| io::Error::other("which core this is cannot be known"))?;
+    pin_to(core).map(|()| core)
+}
+
+/// Keeps the calling thread on that core.
+#[cfg(target_os = "linux")]
+pub fn pin_to(core: usize) -> io::Result<()> {
     // SAFETY: a set of bits, for which all 0 is a value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
     if core >= 8 * size_of_val(&set) {
@@ -64,14 +69,14 @@ pub fn pin_to_this_core() -> io::Result<usize> {
     unsafe { libc::CPU_SET(core, &mut set) };
     // SAFETY: 0 is the calling thread, the set is ours and its size is given.
     match unsafe { libc::sched_setaffinity(0, size_of_val(&set), &set) } {
-        0 => Ok(core),
+        0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }
 }
 
 /// Pinning is not known here.
 #[cfg(not(target_os = "linux"))]
-pub fn pin_to_this_core() -> io::Result<usize> {
+pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
@@ -91,6 +96,12 @@ impl Cores {
             0 => Ok(Cores(set)),
             _ => Err(io::Error::last_os_error()),
         }
+    }
+
+    /// How many there are, at least 1.
+    pub fn count(&self) -> usize {
+        // SAFETY: the set was filled when it was made.
+        (unsafe { libc::CPU_COUNT(&self.0) }).try_into().unwrap_or(1).max(1)
     }
 
     /// Lets the calling thread, and those that it will start, run on them.
@@ -113,6 +124,11 @@ impl Cores {
     /// All of them.
     pub fn of_this_thread() -> io::Result<Self> {
         Ok(Cores(()))
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        std::thread::available_parallelism().map_or(1, usize::from)
     }
 
     /// Nothing to do.

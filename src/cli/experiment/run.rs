@@ -10,28 +10,28 @@ use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{ExperimentArgs, one_run, table};
+use super::one_run::{self, Message, Which};
+use super::{ExperimentArgs, table};
 use crate::cli::{Failure, print, print_json};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
-use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError, Turn};
+use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
-/// Runs of the rungs: those of a ladder, quick or not, and of the few that the claims need.
-const LADDER_RUNS: usize = 101;
-const FEW_RUNS: usize = 25;
+/// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
+const LADDER_ROUNDS: usize = 100;
+const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
-    let mut clock = clock()?;
+    let mut clock = TscClock::new().ok_or_else(no_clock)?;
     fs::create_dir_all(&args.out)
         .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
-    let cores = sys::Cores::of_this_thread()
-        .map_err(|error| Failure::output(format!("cannot ask for the cores of this thread: {error}")))?;
+    let cores = cores()?;
     let core = sys::pin_to_this_core();
     if let Err(error) = &core {
         say(&format!("warning: the thread is not pinned to a core: {error}"));
@@ -55,8 +55,14 @@ pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
     Settings::new(args.quick, runs, args.engines.as_deref()).map_err(Failure::input)
 }
 
-pub(super) fn clock() -> Result<TscClock, Failure> {
-    TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))
+pub(super) fn no_clock() -> Failure {
+    Failure::input("this machine has no time-stamp counter")
+}
+
+/// The cores that threads may run on.
+pub(super) fn cores() -> Result<sys::Cores, Failure> {
+    let failed = |error| Failure::output(format!("cannot ask for the cores of this thread: {error}"));
+    sys::Cores::of_this_thread().map_err(failed)
 }
 
 /// The parts one after the other, until the user asks for an end.
@@ -70,28 +76,30 @@ fn measure(
     stop: &AtomicBool,
 ) -> Result<Document, Failure> {
     let quick = args.quick;
-    let rung_runs = match (args.ladder, args.runs) {
-        (true, Some(runs)) => runs as usize,
-        (true, None) => LADDER_RUNS,
-        _ => FEW_RUNS,
+    let rounds = match (args.ladder, args.runs) {
+        (true, Some(_)) => 1,
+        (true, None) => LADDER_ROUNDS.div_ceil(settings.runs),
+        (false, _) => FEW_ROUNDS.div_ceil(settings.runs),
     };
     let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
     let (start, cpu) = (Instant::now(), cpu_time());
     let mut clock = Totalled::new(clock);
-    let bar = bar(settings.work() + ladder::work(rung_runs) + jumps::work(quick) + claims::work(quick));
+    let of_rungs = (settings.runs * rounds) as u64 * ladder::WORK;
+    let bar = bar(settings.work() + of_rungs + jumps::work(quick) + claims::work(quick));
     let mut proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
     };
-    let (measured, ticks) = table(args, settings, &mut proceed)?;
-    clock.total += ticks;
-    let mut complete = measured.complete();
-    let mut rungs = None;
+    speedup::check(settings).map_err(failure)?;
+    let instructions = ladder::check(args.ladder, cores, &mut proceed).map_err(failure)?;
+    let measured = runs(args, settings, core, cores, rounds, &mut proceed)?;
+    clock.total += measured.ticks;
+    let of_rungs = measured.rungs;
+    let measured = Speedup::of(settings, &measured.sizes).map_err(failure)?;
+    let mut complete = measured.complete() && of_rungs.len() == settings.runs;
+    let rungs = instructions.filter(|_| complete).map(|counts| ladder::of(args.ladder, cores, &counts, &of_rungs));
     let mut sweeps = None;
     let mut jumps = None;
-    if complete {
-        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut proceed).map_err(failure)?;
-    }
     if rungs.is_some() {
         sweeps = claims::sweeps(quick, &mut clock, &mut proceed).map_err(failure)?;
     }
@@ -124,6 +132,7 @@ fn measure(
     if let Some(rungs) = rungs {
         document.explanations = ladder::explain(&rungs);
         if args.ladder {
+            document.against_compiler = ladder::against_compiler(&rungs);
             document.ladder = rungs;
             document.uncounted = ladder::uncounted();
         }
@@ -131,27 +140,51 @@ fn measure(
     Ok(document)
 }
 
-/// The table, each run of it by a process of its own, and the ticks of all that was timed.
-fn table(
+/// What the processes of the runs measured.
+#[derive(Default)]
+struct Measured {
+    sizes: Vec<speedup::Run>,
+    rungs: Vec<ladder::Rounds>,
+    /// All that was timed.
+    ticks: u64,
+}
+
+/// Each run, with so many rounds of the ladder, by a process of its own.
+fn runs(
     args: &ExperimentArgs,
     settings: &Settings,
+    core: Option<usize>,
+    cores: &sys::Cores,
+    rounds: usize,
     proceed: &mut speedup::Progress<'_>,
-) -> Result<(Speedup, u64), Failure> {
-    speedup::check(settings).map_err(failure)?;
-    let (mut runs, mut total) = (Vec::new(), 0);
-    let mut go_on = true;
+) -> Result<Measured, Failure> {
+    let mut measured = Measured::default();
+    let mut go_on = proceed(0);
     for number in 0..settings.runs {
-        let mut finished = |index: usize, turns: &[Turn]| {
-            total += turns.iter().map(|turn| turn.ticks).sum::<u64>();
-            go_on = proceed(settings.work_at(index));
-            go_on
-        };
-        runs.push(one_run::in_own_process(args, settings, number, &mut finished)?);
         if !go_on {
             break;
         }
+        let which = Which { args, settings, core, number, rounds: number * rounds..(number + 1) * rounds };
+        let mut sizes = speedup::Run::new();
+        one_run::in_own_process(&which, cores, &mut |message| {
+            let work = match message {
+                Message::Size(turns) => {
+                    measured.ticks += turns.iter().map(|turn| turn.ticks).sum::<u64>();
+                    sizes.push(turns);
+                    settings.work_at(sizes.len() - 1)
+                }
+                Message::Rungs(of_run) => {
+                    measured.ticks += of_run.iter().flatten().sum::<f64>() as u64;
+                    measured.rungs.push(of_run);
+                    rounds as u64 * ladder::WORK
+                }
+            };
+            go_on = proceed(work);
+            go_on
+        })?;
+        measured.sizes.push(sizes);
     }
-    Ok((Speedup::of(settings, &runs).map_err(failure)?, total))
+    Ok(measured)
 }
 
 fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {

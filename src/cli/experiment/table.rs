@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::experiments::document::{Conditions, Document};
 use crate::experiments::jumps::Jumps;
-use crate::experiments::ladder::{self, Explanation};
+use crate::experiments::ladder::{self, AgainstCompiler, Explanation};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
@@ -224,6 +224,20 @@ fn ladder_table(document: &Document) -> String {
     table.text()
 }
 
+/// The packet engines against the compiler.
+fn against_compiler(document: &Document) -> String {
+    let line = |against: &AgainstCompiler| {
+        let AgainstCompiler { engine, compiled, ratio, low, high } = against;
+        format!("`{engine}` is {ratio:.2} [{low:.2}, {high:.2}] times as fast as `{compiled}`\n")
+    };
+    let lines: String = document.against_compiler.iter().map(line).collect();
+    if lines.is_empty() {
+        lines
+    } else {
+        format!("Packets against the best C, compiled for their instructions:\n\n{lines}")
+    }
+}
+
 /// Which share of the factor is what.
 fn explanation(document: &Document) -> String {
     let mut text = String::new();
@@ -311,6 +325,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
             "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
         ));
         parts.push(ladder_table(document));
+        parts.push(against_compiler(document));
         if let Some(reason) = &document.uncounted {
             parts.push(format!("Instructions are not counted: {reason}\n"));
         }
@@ -416,9 +431,12 @@ mod tests {
             gain_high: 1.1 * gain,
             gain_total: gain,
             samples: vec![cycles],
+            samples_per_run: 1,
         };
         document.ladder =
             vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];
+        document.against_compiler =
+            vec![AgainstCompiler { engine: "high", compiled: "low", ratio: 4.0, low: 3.6, high: 4.4 }];
         let share = |cause, factor, share| Share { cause, factor, share };
         document.explanations = vec![Explanation {
             from: "low",
