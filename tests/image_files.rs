@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use rayo::kernels::Vec4;
 use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::{Format, ImageError, ImageWriter, read};
+use rayo::render::{Format, ImageError, ImageWriter, OutputError, read};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -229,7 +229,7 @@ fn what_exists_is_kept_when_a_new_file_is_asked_for() {
     write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
     writer.finish().unwrap();
     let error = ImageWriter::create_new(&path, Format::Ppm, 4, 4).err().unwrap();
-    assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
     assert!(error.to_string().contains("--force"), "{error}");
     assert_eq!(read(&path).unwrap(), expected(Format::Ppm, 4, 4));
 }
@@ -242,7 +242,7 @@ fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
     write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
     fs::write(&path, "faster").unwrap();
     let error = writer.finish().unwrap_err();
-    assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
     assert_eq!(fs::read(&path).unwrap(), b"faster");
     assert_eq!(names(&directory), ["a.ppm"]);
 }
@@ -251,14 +251,17 @@ fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
 fn a_missing_directory_is_named() {
     let directory = tempfile::tempdir().unwrap();
     let error = ImageWriter::create(&directory.path().join("no/a.png"), Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(&error, ImageError::NoDirectory { directory: d, .. } if d.ends_with("no")), "{error}");
+    assert!(
+        matches!(&error, ImageError::Output(OutputError::NoDirectory { directory: d, .. }) if d.ends_with("no")),
+        "{error}"
+    );
 }
 
 #[test]
 fn a_directory_is_no_file_to_write() {
     let directory = tempfile::tempdir().unwrap();
     let error = ImageWriter::create(directory.path(), Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(error, ImageError::Write { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
     assert_eq!(names(&directory), [""; 0]);
 }
 
@@ -271,7 +274,7 @@ fn a_write_protected_file_is_not_replaced() {
     permissions.set_readonly(true);
     fs::set_permissions(&path, permissions).unwrap();
     let error = ImageWriter::create(&path, Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(error, ImageError::ReadOnly { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::ReadOnly { .. })), "{error}");
 }
 
 #[test]
@@ -344,7 +347,7 @@ mod unix {
         let link = directory.path().join("link.ppm");
         symlink("target.ppm", &link).unwrap();
         let error = ImageWriter::create_new(&link, Format::Ppm, 4, 4).err().unwrap();
-        assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+        assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
         write(&link, Format::Ppm, (4, 4), 4).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(names(&directory), ["link.ppm", "target.ppm"]);
@@ -356,7 +359,7 @@ mod unix {
         symlink("b.ppm", directory.path().join("a.ppm")).unwrap();
         symlink("a.ppm", directory.path().join("b.ppm")).unwrap();
         let error = ImageWriter::create(&directory.path().join("a.ppm"), Format::Ppm, 1, 1).err().unwrap();
-        assert!(matches!(error, ImageError::Write { .. }), "{error}");
+        assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
     }
 
     #[test]
@@ -431,7 +434,10 @@ mod unix {
         // The superuser may write there all the same.
         if fs::write(closed.join("probe"), "").is_err() {
             let error = ImageWriter::create(&closed.join("a.png"), Format::Png, 1, 1).err().unwrap();
-            assert!(matches!(&error, ImageError::Directory { directory, .. } if *directory == closed), "{error}");
+            assert!(
+                matches!(&error, ImageError::Output(OutputError::Directory { directory, .. }) if *directory == closed),
+                "{error}"
+            );
         }
     }
 }

@@ -1,10 +1,9 @@
 //! Image files: written band by band, so that no image needs to be in memory whole, and read back.
 
-mod destination;
 mod encode;
 mod read;
 
-use destination::{Destination, Existing};
+use super::output::{self, Destination, Existing, OutputError};
 use encode::Encode;
 pub use read::read;
 use std::io;
@@ -70,37 +69,9 @@ pub enum ImageError {
     #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
         path = path.display())]
     NoPixels { path: PathBuf, width: u32, height: u32 },
-    /// There is something of that name, and it must not be replaced.
-    #[error("{path} already exists: add --force to replace it, or name another file", path = path.display())]
-    Exists { path: PathBuf },
-    /// The file to replace is write-protected.
-    #[error("{path} is write-protected: make it writable, or name another file", path = path.display())]
-    ReadOnly { path: PathBuf },
-    /// The directory of the file does not exist.
-    #[error("cannot write {path}: there is no directory {directory}; create it first",
-        path = path.display(), directory = directory.display())]
-    NoDirectory {
-        path: PathBuf,
-        /// The one that is missing.
-        directory: PathBuf,
-    },
-    /// The directory of the file takes no new files.
-    #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
-        name one that you may write to", path = path.display(), directory = directory.display())]
-    Directory {
-        path: PathBuf,
-        /// The one that refuses.
-        directory: PathBuf,
-        /// What the system says.
-        error: io::ErrorKind,
-    },
-    /// Creating, writing, renaming or closing failed.
-    #[error("cannot write {path}: {error}{}", advice(.error), path = path.display())]
-    Write {
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
+    /// The file could not be begun, written or given its name.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// [`ImageWriter::finish`] was called before all rows had come.
     #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = path.display())]
     RowsMissing {
@@ -151,22 +122,9 @@ fn extensions() -> String {
     }
 }
 
-/// What to do about a failed write, where there is something to say.
-fn advice(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
-        io::ErrorKind::BrokenPipe => "; whatever was reading it has stopped",
-        io::ErrorKind::IsADirectory => "; name a file in it",
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "; name a file that you may write to",
-        _ => "",
-    }
-}
-
 /// An image file in the making: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
 ///
-/// Until then it is a hidden file beside the target, and dropping the writer removes that. Three kinds of target differ:
-/// a symbolic link stays and the file that it points to is replaced; what is no regular file (`/dev/null`, a FIFO) is
-/// written to directly; and so is the program's own standard output under the name `/dev/stdout`.
+/// What that means for links, devices and pipes is told at [`OutputFile`](super::OutputFile).
 pub struct ImageWriter {
     path: PathBuf,
     format: Format,
@@ -192,7 +150,7 @@ impl ImageWriter {
     /// What appears there while the image is being rendered is not replaced either: then [`finish`](Self::finish) fails.
     ///
     /// # Errors
-    /// As [`create`](Self::create), and [`ImageError::Exists`].
+    /// As [`create`](Self::create), and [`OutputError::Exists`].
     pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::new(path, format, width, height, Existing::Keep)
     }
@@ -201,9 +159,8 @@ impl ImageWriter {
         if width == 0 || height == 0 {
             return Err(ImageError::NoPixels { path: path.into(), width, height });
         }
-        let (destination, sink) = destination::open(path, existing, encode::needs_seeking(format))?;
-        let encoder = encode::encoder(format, sink, width, height)
-            .map_err(|error| ImageError::Write { path: path.into(), error: destination.failure().unwrap_or(error) })?;
+        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
+        let encoder = encode::encoder(format, sink, width, height).map_err(|error| destination.explain(path, error))?;
         Ok(ImageWriter { path: path.into(), format, width, height, rows: 0, encoder, destination })
     }
 
@@ -258,10 +215,7 @@ impl ImageWriter {
         assert!(pixels.is_multiple_of(width), "{pixels} pixels are no whole rows of {width}");
         let left = self.height - self.rows;
         assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
-        write(self.encoder.as_mut()).map_err(|error| {
-            let error = self.destination.failure().unwrap_or(error);
-            ImageError::Write { path: self.path.clone(), error }
-        })?;
+        write(self.encoder.as_mut()).map_err(|error| self.destination.explain(&self.path, error))?;
         self.rows += (pixels / width) as u32;
         Ok(())
     }
@@ -277,12 +231,8 @@ impl ImageWriter {
             return Err(ImageError::RowsMissing { path, rows, height });
         }
         if let Err(error) = encoder.finish() {
-            let error = destination.failure().unwrap_or(error);
-            return Err(ImageError::Write { path, error });
+            return Err(destination.explain(&path, error).into());
         }
-        destination.finish().map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => ImageError::Exists { path },
-            _ => ImageError::Write { path, error },
-        })
+        Ok(destination.finish(path)?)
     }
 }

@@ -1,9 +1,9 @@
 //! One encoder per format: rows in, bytes out.
 
 use super::Format;
-use super::destination::Sink;
 use crate::kernels::Vec4;
-use std::io::{self, Write};
+use crate::render::output::Sink;
+use std::io::{self, Seek, SeekFrom, Write};
 
 /// Turns rows from the top, whole ones and never too many, into the bytes of a file.
 pub(super) trait Encode: Send {
@@ -171,7 +171,7 @@ impl Encode for Pfm {
     fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
         let rows = rows.chunks_exact(self.width);
         self.end -= rows.len() as u64 * Self::bytes_per_row(self.width);
-        self.sink.seek_to(self.end)?;
+        self.sink.seek(SeekFrom::Start(self.end))?;
         for pixels in rows.rev() {
             self.row.clear();
             self.row.extend(pixels.iter().flat_map(|v| [v.x, v.y, v.z]).flat_map(|value| value.to_le_bytes()));
