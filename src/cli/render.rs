@@ -24,8 +24,8 @@ const MAX_THREADS: usize = 4096;
 pub struct RenderArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     scene: PathBuf,
-    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it) or .pfm (linear floats).
-    /// Replaces what is there. Default: the name in the scene, in this directory
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
+    /// with linear floats. Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs

@@ -2,6 +2,7 @@
 
 mod encode;
 mod read;
+mod threaded;
 
 use super::output::{self, Destination, Existing, OutputError};
 use encode::Encode;
@@ -15,7 +16,8 @@ use crate::kernels::Vec4;
 
 /// A format that images are written in.
 ///
-/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], and its encoder in `encode.rs`.
+/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder in `encode.rs`, and its decoder in
+/// `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -26,6 +28,14 @@ pub enum Format {
     PpmText,
     /// PFM: linear floats as they are, little endian.
     Pfm,
+    /// OpenEXR: linear floats as they are, compressed without loss.
+    Exr,
+    /// Radiance HDR: linear values from 0 in 8 bits each with a common exponent.
+    Hdr,
+    /// TIFF: 8 bits per channel, compressed without loss. BigTIFF where the image could need more than 4 GiB.
+    Tiff,
+    /// QOI: 8 bits per channel, compressed without loss; held in memory until it is whole.
+    Qoi,
 }
 
 impl Format {
@@ -36,6 +46,11 @@ impl Format {
         // By its name a grey image; but scenes from the paper's time name their P3 colour images so.
         ("pgm", Format::PpmText),
         ("pfm", Format::Pfm),
+        ("exr", Format::Exr),
+        ("hdr", Format::Hdr),
+        ("tiff", Format::Tiff),
+        ("tif", Format::Tiff),
+        ("qoi", Format::Qoi),
     ];
 
     /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none.
@@ -52,8 +67,8 @@ impl Format {
     /// ([`ImageWriter::write_f32x4`]).
     pub fn is_8bit(self) -> bool {
         match self {
-            Format::Png | Format::Ppm | Format::PpmText => true,
-            Format::Pfm => false,
+            Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => true,
+            Format::Pfm | Format::Exr | Format::Hdr => false,
         }
     }
 }
@@ -69,6 +84,11 @@ pub enum ImageError {
     #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
         path = path.display())]
     NoPixels { path: PathBuf, width: u32, height: u32 },
+    /// More pixels than are held in memory, in a format that cannot be written row by row.
+    #[error("{path}: an image of {width}x{height} takes {need} MiB of memory in this format, which is written as a \
+        whole, and {limit} MiB are allowed: name it .png, .tiff, .ppm, .exr or .pfm, which are written row by row",
+        path = path.display(), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
+    Whole { path: PathBuf, width: u32, height: u32 },
     /// The file could not be begun, written or given its name.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -89,8 +109,8 @@ pub enum ImageError {
         error: io::Error,
     },
     /// The content begins like no format that can be read.
-    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5) and PFM are",
-        path = path.display())]
+    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and QOI \
+        are", path = path.display())]
     NotAnImage { path: PathBuf },
     /// It begins like an image, but is cut off, damaged or absurd.
     #[error("{path} is damaged or incomplete: {what}", path = path.display())]
@@ -140,7 +160,8 @@ impl ImageWriter {
     /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
     ///
     /// # Errors
-    /// If a side is zero, or if nothing can be written there.
+    /// If a side is zero, if nothing can be written there, or if the format is held in memory and there would be too much
+    /// of it ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::new(path, format, width, height, Existing::Replace)
     }
@@ -158,6 +179,9 @@ impl ImageWriter {
     fn new(path: &Path, format: Format, width: u32, height: u32, existing: Existing) -> Result<Self, ImageError> {
         if width == 0 || height == 0 {
             return Err(ImageError::NoPixels { path: path.into(), width, height });
+        }
+        if encode::is_whole(format) && encode::whole_bytes(width, height) > encode::MAX_WHOLE {
+            return Err(ImageError::Whole { path: path.into(), width, height });
         }
         let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
         let encoder = encode::encoder(format, sink, width, height).map_err(|error| destination.explain(path, error))?;
