@@ -268,10 +268,13 @@ impl Reader<'_> {
             return stand_in;
         };
         let name = fields.name("vertices");
-        let Some([a, b, c]) =
-            value.get_ref().as_array().and_then(|array| array.get(..)).filter(|array| array.len() == 3)
-        else {
+        let Some(points) = value.get_ref().as_array() else {
             self.note(value.span(), &format!("{name} are {}", kind(value.get_ref())), expected);
+            return stand_in;
+        };
+        let Some([a, b, c]) = points.get(..) else {
+            let message = format!("{} has {} of its three vertices", fields.owner, points.len());
+            self.note(value.span(), &message, expected);
             return stand_in;
         };
         let mut number = 0;
