@@ -436,7 +436,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 78] = [
+const PACKET_SNIPPETS: [Snippet; 79] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -487,7 +487,8 @@ const PACKET_SNIPPETS: [Snippet; 78] = [
     ("LEVELS", "", "0"),
     ("PACK_RGBA8", "", "0, 1, 2, 0"),
     ("PACK_RGBA8", "with the clamp", "0, 1, 2, 1"),
-    ("PACK_GREY", "", "0"),
+    ("PACK_GREY", "", "0, 0"),
+    ("PACK_GREY", "with the clamp", "0, 1"),
     ("TURN_F32X4", "", "0, 1, 2, 3, 7, 8"),
     ("NARROW", "in f64", "0"),
     ("STORE_RGBA8", "", "rdi, 0"),

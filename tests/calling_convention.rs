@@ -343,6 +343,7 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
     check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
     check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
     check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgba8_dim, |pixels| spans[pixels], lits);
     let (mut won, mut recoloured, mut tried) = (0, 0, 0);
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -382,10 +383,24 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let numbers = Numbers::Ordinary;
     let lits: Vec<_> = (0..3).map(|_| kernel_cases::lit(numbers, rng)).collect();
     let spans: Vec<_> = (0..COUNTS.end).map(|pixels| kernel_cases::lit_span(numbers, 2.0, pixels, rng)).collect();
-    check_shade(&kernels.lit_f32x4, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.lit_f32x4_fast, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.lit_rgba8, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.grey_rgba8, |pixels| spans[pixels], &lits);
+    let lit = &kernels.lit;
+    for kernel in [&lit.f32x4, &lit.f32x4_fast] {
+        check_shade(kernel, |pixels| spans[pixels], &lits);
+    }
+    for kernel in [&lit.rgba8, &lit.rgba8_dim, &lit.grey, &lit.grey_dim] {
+        check_shade(kernel, |pixels| spans[pixels], &lits);
+    }
+    let mut recoloured = 0;
+    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
+        let x = start..start + pixels;
+        let mut row = row(&kernels.outside, &lits, &kernel_cases::outside_span(numbers, 1.0, WIDTH, rng));
+        let nearer = kernel_cases::outside_span(numbers, 2.0, pixels, rng);
+        kernels.outside.depth.call(&nearer, &mut row, x.clone());
+        for kernel in [&lit.planes, &lit.planes_fast] {
+            recoloured += check_planes(kernel, &lits, &row, &spans[pixels], x.clone());
+        }
+    }
+    assert!(recoloured > 0, "{}: no pixel is coloured", lit.planes.symbol());
     check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
     check_bodies(&kernels.inside, &lits, |id, pixels| kernel_cases::inside_span(numbers, id, pixels, rng));
     check_bodies(&kernels.triangle, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));

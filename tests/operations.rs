@@ -565,6 +565,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         // In f32 the bytes come from estimates.
         let exact = size_of::<E>() == 8;
         let rgba8 = shaded(&bodies.rgba8, &span, &lits, pixels, [0; 4]);
+        let rgba8_dim = shaded(&bodies.rgba8_dim, &span, &lits, pixels, [0; 4]);
         let mut row = Row::new(pixels);
         bodies.depth.call(&span, &mut row, 0..pixels);
         bodies.planes.call(&span, &lits, &mut row, 0..pixels);
@@ -573,6 +574,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
             if exact {
                 compared.levels(rgba8[i], levels(colour, true), &what);
+                compared.levels(rgba8_dim[i], levels(colour, false), &what);
             }
             let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
             let den = span.den(rounding, j(i)) * span.near();
@@ -598,21 +600,44 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
         let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
         let span: LitSpan<E> = kernel_cases::lit_span(numbers, 1.0, pixels, rng);
         let grey = LitSpan { green: span.red, blue: span.red, ..span };
-        let f32x4 = shaded(&kernels.lit_f32x4, &span, &[], pixels, Vec4::default());
-        let rgba8 = shaded(&kernels.lit_rgba8, &span, &[], pixels, [0; 4]);
-        let greys = shaded(&kernels.grey_rgba8, &grey, &[], pixels, [0; 4]);
+        let lit = &kernels.lit;
+        let f32x4 = shaded(&lit.f32x4, &span, &[], pixels, Vec4::default());
+        let bytes = |kernel, span| shaded(kernel, span, &[], pixels, [0; 4]);
+        let (rgba8, rgba8_dim) = (bytes(&lit.rgba8, &span), bytes(&lit.rgba8_dim, &span));
+        let (greys, greys_dim) = (bytes(&lit.grey, &grey), bytes(&lit.grey_dim, &grey));
+        let mut row = owned(kernels, span.j, span.end, pixels);
+        lit.planes.call(&span, &[], &mut row, 0..pixels);
         for i in 0..pixels {
             let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {span:?}");
             let j = E::from_u32(i as u32) + span.j;
             let colour = rounding.lit(&twin_of_lit_span(&span), j);
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
+            let in_row = [1, 2, 3].map(|plane| row.plane(plane)[i]);
+            compared.floats(float_pixel(in_row), float_pixel(colour), &what);
             if exact {
-                compared.levels(rgba8[i], levels(colour, false), &what);
-                compared.levels(greys[i], levels(rounding.lit(&twin_of_lit_span(&grey), j), false), &what);
+                let grey = rounding.lit(&twin_of_lit_span(&grey), j);
+                for (found, colour, clamp) in [
+                    (rgba8[i], colour, true),
+                    (rgba8_dim[i], colour, false),
+                    (greys[i], grey, true),
+                    (greys_dim[i], grey, false),
+                ] {
+                    compared.levels(found, levels(colour, clamp), &what);
+                }
             }
         }
     }
     compared
+}
+
+/// A row in which all pixels are those of object 1: a sphere with 1/t = 1 everywhere.
+fn owned<E: Element>(kernels: &SpanKernels<E>, j: E, end: E, pixels: usize) -> Row<E> {
+    let [zero, one] = [0.0, 1.0].map(E::from_f64);
+    let everywhere = OutsideSpan { j, end, id: one, near: one, h0: one, ..OutsideSpan::<f64>::default().round() };
+    let mut row = Row::new(pixels);
+    kernels.outside.depth.call(&everywhere, &mut row, 0..pixels);
+    assert!(row.plane(0)[..pixels].iter().all(|who| *who != zero));
+    row
 }
 
 fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u64) {
@@ -669,7 +694,7 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
     type Result = ();
 
     fn lit(self, span: &LitSpan<E>) {
-        let found = shaded(&self.kernels.lit_f32x4, span, &[], self.pixels, Vec4::default());
+        let found = shaded(&self.kernels.lit.f32x4, span, &[], self.pixels, Vec4::default());
         for (i, pixel) in found.into_iter().enumerate() {
             let colour = self.rounding.lit(&twin_of_lit_span(span), E::from_u32(i as u32) + span.j);
             self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));

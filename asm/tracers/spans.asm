@@ -12,14 +12,14 @@
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
 ;   rayo_<p>_emit_<output>          unsafe extern "sysv64" fn(row, stride, out, pixels)
 ;
-;   <object>    lit         a sphere from outside, one light, in the short form (no planes, no depth); no clamp: the
-;                           light is known not to exceed white
-;               grey        the same where red, green and blue are equal (rgba8 only)
+;   <object>    lit         a sphere from outside, one light, in the short form; its depth is that of `outside`
+;               grey        the same where red, green and blue are equal (bytes only)
 ;               outside     a sphere from outside
 ;               inside      a sphere from inside
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               rgba8       levels of red, green, blue, and 255
+;               rgba8_dim   the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
@@ -119,9 +119,14 @@
     PACK_RGBA8 1, 2, 3, 0
 %endmacro
 
-; PIXELS_GREY - from the colour in v1 to pixels in w1, for BODY_GREY.
+; PIXELS_GREY - from the colour in v1 to pixels in w1, for BODY_GREY, none brighter than white.
 %macro PIXELS_GREY 0
-    PACK_GREY 1
+    PACK_GREY 1, 1
+%endmacro
+
+; PIXELS_GREY_DIM - the same where none is brighter than white to begin with.
+%macro PIXELS_GREY_DIM 0
+    PACK_GREY 1, 0
 %endmacro
 
 ; The outputs: bytes of a pixel, their logarithm, and the order of lanes that their stores want.
@@ -371,6 +376,7 @@ ENDFUNC
     SHADE   outside, f32x4, OUTSIDE, F32X4, F32X4, 19
     SHADE   inside, f32x4, INSIDE, F32X4, F32X4, 15
     SHADE   triangle, f32x4, TRIANGLE, F32X4, F32X4, 12
+    PLANES  lit, planes, LIT, 15
     PLANES  outside, planes, OUTSIDE, 19
     PLANES  inside, planes, INSIDE, 15
     PLANES  triangle, planes, TRIANGLE, 12
@@ -392,12 +398,20 @@ ENDFUNC
 %if ELEM == 8 && HAS_MASKS
 %assign ESTIMATE 1                      ; with Newton steps to the end
 %endif
-    SHADE   lit, rgba8, LIT, DIM, RGBA8, 15
+%if ESTIMATE
+    PLANES  lit, planes_fast, LIT, 15
+%endif
+    SHADE   lit, rgba8, LIT, RGBA8, RGBA8, 15
+    SHADE   lit, rgba8_dim, LIT, DIM, RGBA8, 15
     SHADE   grey, rgba8, GREY, GREY, RGBA8, 13
+    SHADE   grey, rgba8_dim, GREY, GREY_DIM, RGBA8, 13
 %assign ESTIMATE ELEM == 4
     SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
+    SHADE   outside, rgba8_dim, OUTSIDE, DIM, RGBA8, 19
     SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
+    SHADE   inside, rgba8_dim, INSIDE, DIM, RGBA8, 15
     SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
+    SHADE   triangle, rgba8_dim, TRIANGLE, DIM, RGBA8, 12
 
 ; This file is assembled once per element type.
 %unmacro LIGHTS 1
@@ -413,6 +427,7 @@ ENDFUNC
 %unmacro PIXELS_RGBA8 0
 %unmacro PIXELS_DIM 0
 %unmacro PIXELS_GREY 0
+%unmacro PIXELS_GREY_DIM 0
 %unmacro SHADE 6
 %unmacro PART_F32X4 0
 %unmacro PART_RGBA8 0

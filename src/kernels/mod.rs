@@ -39,7 +39,8 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
+    Bodies, Depth, Emit, Fill, LitBodies, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols,
+    packets,
 };
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};

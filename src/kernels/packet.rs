@@ -52,26 +52,42 @@ pub struct Bodies<S, E> {
     pub f32x4_fast: Shade<S, E, Vec4>,
     /// To 8-bit levels (in f32: with estimates).
     pub rgba8: Shade<S, E, Rgba8>,
+    /// The same where all light together does not exceed white: not clamped.
+    pub rgba8_dim: Shade<S, E, Rgba8>,
     /// To a row of buffers.
     pub planes: Planes<S, E>,
-    /// To a row of buffers, with estimates (in f64: as `planes`).
+    /// To a row of buffers as `rgba8` (in f64: as `planes`).
     pub planes_fast: Planes<S, E>,
     /// Finds the nearest.
     pub depth: Depth<S, E>,
+}
+
+/// A sphere from outside under one light, in the short form. What finds the nearest is that of any sphere from outside.
+pub struct LitBodies<E> {
+    /// To linear floats.
+    pub f32x4: Shade<LitSpan<E>, E, Vec4>,
+    /// To linear floats with estimates (in f64: as `f32x4`).
+    pub f32x4_fast: Shade<LitSpan<E>, E, Vec4>,
+    /// To 8-bit levels (with estimates in f32, and where AVX-512 has them in f64).
+    pub rgba8: Shade<LitSpan<E>, E, Rgba8>,
+    /// The same where the light does not exceed white: not clamped. Its weights are at most 127.5 then.
+    pub rgba8_dim: Shade<LitSpan<E>, E, Rgba8>,
+    /// As `rgba8`, where the three weights are equal.
+    pub grey: Shade<LitSpan<E>, E, Rgba8>,
+    /// As `rgba8_dim`, where the three weights are equal.
+    pub grey_dim: Shade<LitSpan<E>, E, Rgba8>,
+    /// To a row of buffers.
+    pub planes: Planes<LitSpan<E>, E>,
+    /// To a row of buffers as `rgba8`.
+    pub planes_fast: Planes<LitSpan<E>, E>,
 }
 
 /// All packet kernels of an ISA for one element type.
 pub struct SpanKernels<E: 'static> {
     /// Rays in lockstep.
     pub lanes: usize,
-    /// A sphere from outside under one light, short form, to linear floats.
-    pub lit_f32x4: Shade<LitSpan<E>, E, Vec4>,
-    /// The same with estimates (in f64: without).
-    pub lit_f32x4_fast: Shade<LitSpan<E>, E, Vec4>,
-    /// The same to 8-bit levels; the weights are at most 127.5, so that nothing exceeds white.
-    pub lit_rgba8: Shade<LitSpan<E>, E, Rgba8>,
-    /// The same where the three weights are equal.
-    pub grey_rgba8: Shade<LitSpan<E>, E, Rgba8>,
+    /// Spheres from outside under one light, in the short form.
+    pub lit: LitBodies<E>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
     /// Spheres from inside.
@@ -95,22 +111,26 @@ pub struct PacketKernels {
 }
 
 impl<S, E> Bodies<S, E> {
-    fn symbols(&self) -> [&'static str; 6] {
-        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth } = self;
-        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol]
+    fn symbols(&self) -> Vec<&'static str> {
+        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth } = self;
+        let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol];
+        [&shades[..], &[planes.symbol, planes_fast.symbol, depth.symbol]].concat()
+    }
+}
+
+impl<E> LitBodies<E> {
+    fn symbols(&self) -> Vec<&'static str> {
+        let LitBodies { f32x4, f32x4_fast, rgba8, rgba8_dim, grey, grey_dim, planes, planes_fast } = self;
+        let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol, grey.symbol, grey_dim.symbol];
+        [&shades[..], &[planes.symbol, planes_fast.symbol]].concat()
     }
 }
 
 impl<E> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
-        #[rustfmt::skip]
-        let SpanKernels {
-            lanes: _, lit_f32x4, lit_f32x4_fast, lit_rgba8, grey_rgba8, outside, inside, triangle, emit_f32x4, emit_rgba8,
-        } = self;
-        let mut symbols = vec![lit_f32x4.symbol, lit_f32x4_fast.symbol, lit_rgba8.symbol, grey_rgba8.symbol];
-        symbols.extend(outside.symbols().into_iter().chain(inside.symbols()).chain(triangle.symbols()));
-        symbols.extend([emit_f32x4.symbol, emit_rgba8.symbol]);
-        symbols
+        let SpanKernels { lanes: _, lit, outside, inside, triangle, emit_f32x4, emit_rgba8 } = self;
+        let bodies = [lit.symbols(), outside.symbols(), inside.symbols(), triangle.symbols()];
+        [bodies.concat(), vec![emit_f32x4.symbol, emit_rgba8.symbol]].concat()
     }
 }
 
@@ -321,7 +341,7 @@ impl<E: Element> Row<E> {
 
 /// Declares the kernels of one ISA and element type, and makes their table.
 macro_rules! span_kernels {
-    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal) => {{
+    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal, $lit_fast:literal) => {{
         macro_rules! shade {
             ($body:literal, $span:ty, $output:expr, $pixel:ty) => {{
                 unsafe extern "sysv64" {
@@ -350,6 +370,7 @@ macro_rules! span_kernels {
                     f32x4: shade!($body, $span, "_f32x4", Vec4),
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
+                    rgba8_dim: shade!($body, $span, "_rgba8_dim", Rgba8),
                     planes: planes!($body, $span, ""),
                     planes_fast: planes!($body, $span, $fast),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
@@ -367,10 +388,16 @@ macro_rules! span_kernels {
         }
         SpanKernels {
             lanes: $lanes,
-            lit_f32x4: shade!("lit", LitSpan<$element>, "_f32x4", Vec4),
-            lit_f32x4_fast: shade!("lit", LitSpan<$element>, concat!("_f32x4", $fast), Vec4),
-            lit_rgba8: shade!("lit", LitSpan<$element>, "_rgba8", Rgba8),
-            grey_rgba8: shade!("grey", LitSpan<$element>, "_rgba8", Rgba8),
+            lit: LitBodies {
+                f32x4: shade!("lit", LitSpan<$element>, "_f32x4", Vec4),
+                f32x4_fast: shade!("lit", LitSpan<$element>, concat!("_f32x4", $fast), Vec4),
+                rgba8: shade!("lit", LitSpan<$element>, "_rgba8", Rgba8),
+                rgba8_dim: shade!("lit", LitSpan<$element>, "_rgba8_dim", Rgba8),
+                grey: shade!("grey", LitSpan<$element>, "_rgba8", Rgba8),
+                grey_dim: shade!("grey", LitSpan<$element>, "_rgba8_dim", Rgba8),
+                planes: planes!("lit", LitSpan<$element>, ""),
+                planes_fast: planes!("lit", LitSpan<$element>, $lit_fast),
+            },
             outside: bodies!("outside", OutsideSpan<$element>),
             inside: bodies!("inside", InsideSpan<$element>),
             triangle: bodies!("triangle", TriangleSpan<$element>),
@@ -381,24 +408,25 @@ macro_rules! span_kernels {
 }
 
 macro_rules! packet_kernels {
-    ($static:ident, $isa:literal, $single:literal, $double:literal) => {
+    ($static:ident, $isa:literal, $single:literal, $double:literal, $lit_fast:literal) => {
         static $static: PacketKernels = {
             unsafe extern "sysv64" {
                 #[link_name = concat!("rayo_", $isa, "_fill")]
                 fn fill(out: *mut u32, count: u64, pattern: u32, streaming: u64);
             }
             PacketKernels {
-                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast"),
-                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), ""),
+                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast", "_fast"),
+                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
             }
         };
     };
 }
 
-packet_kernels!(SSE41, "sse41", 4, 2);
-packet_kernels!(AVX2, "avx2", 8, 4);
-packet_kernels!(AVX512, "avx512", 16, 8);
+// The last is what the short form with estimates in f64 is called: AVX-512 alone has these.
+packet_kernels!(SSE41, "sse41", 4, 2, "");
+packet_kernels!(AVX2, "avx2", 8, 4, "");
+packet_kernels!(AVX512, "avx512", 16, 8, "_fast");
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {

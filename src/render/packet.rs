@@ -68,7 +68,7 @@ impl<E: Element> Output<E> for Vec4 {
     }
 
     fn lit<'a>(tracer: &'a PacketTracer<E>, _: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
-        if tracer.fast { &tracer.spans.lit_f32x4_fast } else { &tracer.spans.lit_f32x4 }
+        if tracer.fast { &tracer.spans.lit.f32x4_fast } else { &tracer.spans.lit.f32x4 }
     }
 
     fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
@@ -91,7 +91,7 @@ impl<E: Element> Output<E> for Rgba8 {
 
     fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
         let grey = record.red == record.green && record.green == record.blue;
-        if grey { &tracer.spans.grey_rgba8 } else { &tracer.spans.lit_rgba8 }
+        if grey { &tracer.spans.lit.grey_dim } else { &tracer.spans.lit.rgba8_dim }
     }
 
     fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
