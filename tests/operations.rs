@@ -15,7 +15,7 @@ use rayo::kernels::{
     Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, Objects, OpRef, OutsideSpan, Rgba8, Row, Shade,
     SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
-use rayo::plan::{Packed, Spans, UseRecord};
+use rayo::plan::{Keep, Omission, Packed, Scale, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
 use rayo::reference::packet::{self, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
@@ -714,18 +714,18 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
 fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) {
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
     let mut compared = Compared::default();
-    for (lights, short) in [(1, true), (1, false), (2, false)] {
+    for (lights, keep) in [(1, Keep::NOTHING), (1, Keep::only(Omission::Loop)), (2, Keep::NOTHING)] {
         let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
         scene.lights.truncate(lights);
         // One sphere has the camera in it.
         scene.spheres[0].radius = 400.0;
-        let spans = Spans::<E>::new(&scene, &scene.camera, 1.0);
+        let spans = Spans::<E>::new(&scene, &scene.camera, Some(Scale::Linear), keep);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {
                 let Some(span) = spans.row(object, row) else { continue };
-                let (lits, pixels) = (spans.lits(object), (span.end - span.start) as usize);
+                let (lits, pixels) = (spans.lits(object, Scale::Linear), (span.end - span.start) as usize);
                 let user = Planned { kernels, rounding, lits, pixels, compared: &mut compared };
-                spans.with_record(&span, row, 1.0, short, user);
+                spans.with_record(&span, row, 1.0, Some(Scale::Linear), user);
             }
         }
     }

@@ -4,6 +4,8 @@ use super::types::Plain;
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialEq + Send + Sync {
+    /// From 1 to the next number: twice the largest relative error of a rounding.
+    const EPSILON: f64;
     /// Rounded to nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.
@@ -11,6 +13,7 @@ pub trait Element: Plain + Default + PartialEq + Send + Sync {
 }
 
 impl Element for f32 {
+    const EPSILON: f64 = f32::EPSILON as f64;
     fn from_f64(x: f64) -> Self {
         x as f32
     }
@@ -20,6 +23,7 @@ impl Element for f32 {
 }
 
 impl Element for f64 {
+    const EPSILON: f64 = f64::EPSILON;
     fn from_f64(x: f64) -> Self {
         x
     }
