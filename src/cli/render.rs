@@ -1,6 +1,5 @@
 //! `rayo render`: a scene file in, a picture out.
 
-use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -11,9 +10,9 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::{Failure, print, print_json};
+use super::{Failure, colour_on_stderr, print, print_json, remove_part_files_on_signals, say};
 use crate::render::{Engine, Format, Frame, ImageWriter, Precision, RenderError, Settings, Stats, reference, render};
-use crate::scene::{self, Camera, Scene};
+use crate::scene::{Camera, Opened, Scene, open};
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -23,10 +22,10 @@ const MAX_THREADS: usize = 4096;
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// The scene, in the paper's format (.in)
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     scene: PathBuf,
-    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it) or .pfm (linear floats).
-    /// Replaces what is there. Default: the name in the scene, in this directory
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
+    /// with linear floats. Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
@@ -109,17 +108,22 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
 
     let clock = Instant::now();
-    let scene = scene::read(&args.scene).map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let opened = open(&args.scene, &camera(args, &Camera::default())?);
+    let Opened { scene, notes } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     let parse = clock.elapsed();
+    for note in notes.iter().filter(|_| !args.quiet) {
+        say(note);
+    }
 
     let clock = Instant::now();
-    let camera = camera(args, &scene)?;
+    let camera = camera(args, &scene.camera)?;
     let tracer = engine.prepare(precision, &scene, &camera).map_err(Failure::input)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 
+    remove_part_files_on_signals()?;
     let (path, mut image) = open_output(args, &scene, &camera)?;
     let progress = Progress::new(camera.height(), args.quiet);
     let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;
@@ -139,11 +143,11 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn camera(args: &RenderArgs, scene: &Scene) -> Result<Camera, Failure> {
-    let of_scene = &scene.camera;
-    let size = args.size.unwrap_or(Size { width: of_scene.width(), height: of_scene.height() });
-    let focal = args.focal.unwrap_or(of_scene.focal());
-    let film = args.film.unwrap_or(of_scene.film());
+/// A camera with what the arguments replace.
+fn camera(args: &RenderArgs, camera: &Camera) -> Result<Camera, Failure> {
+    let size = args.size.unwrap_or(Size { width: camera.width(), height: camera.height() });
+    let focal = args.focal.unwrap_or(camera.focal());
+    let film = args.film.unwrap_or(camera.film());
     Camera::new(size.width, size.height, focal, film).map_err(Failure::input)
 }
 
@@ -227,15 +231,6 @@ fn failure(error: RenderError) -> Failure {
         RenderError::Image(_) => Failure::output(error),
         RenderError::Memory { .. } | RenderError::Threads { .. } => Failure::input(error),
     }
-}
-
-fn colour_on_stderr() -> bool {
-    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
-}
-
-fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
 }
 
 /// A bar on standard error, if that is a terminal and the picture takes its time.

@@ -6,6 +6,7 @@ mod engine;
 mod film;
 mod frame;
 mod image_file;
+mod output;
 #[cfg(rayo_asm)]
 mod packet;
 pub mod reference;
@@ -15,6 +16,7 @@ pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Film, FilmMut, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
 pub use image_file::{Format, ImageError, ImageWriter, read};
+pub use output::{Existing, OutputError, OutputFile, remove_unfinished};
 
 use std::ops::Range;
 

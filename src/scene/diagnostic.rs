@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use super::parse::is_line_end;
+use super::MeshError;
+use super::log::is_line_end;
 
 /// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small
 /// however long the line is.
@@ -73,6 +74,9 @@ pub enum SceneError {
         /// How many more there were beyond those that are kept.
         more: usize,
     },
+    /// The file is a mesh, and no good one.
+    #[error("{}", self.render(false))]
+    Mesh(MeshError),
 }
 
 impl Diagnostic {
@@ -122,7 +126,7 @@ impl SceneError {
     /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
-            SceneError::Read { .. } => &[],
+            SceneError::Read { .. } | SceneError::Mesh(_) => &[],
             SceneError::Invalid { diagnostics, .. } => diagnostics,
         }
     }
@@ -130,7 +134,8 @@ impl SceneError {
     /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts what was left out.
     pub fn lines(&self) -> Vec<String> {
         match self {
-            SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
+            SceneError::Read { path, cause } => vec![unreadable("scene", &path.to_string_lossy(), cause)],
+            SceneError::Mesh(error) => vec![error.to_string()],
             SceneError::Invalid { name, diagnostics, more } => {
                 let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
                 if *more > 0 {
@@ -148,8 +153,16 @@ impl SceneError {
         let mut parts = Vec::new();
         match self {
             SceneError::Read { path, cause } => {
-                let message = unreadable(&path.to_string_lossy(), cause);
+                let message = unreadable("scene", &path.to_string_lossy(), cause);
                 parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+            }
+            SceneError::Mesh(error) => {
+                let path = printable(&error.path.to_string_lossy());
+                let title = Level::ERROR.primary_title(error.message.as_str());
+                let place = Origin::path(path.as_str());
+                let place = if let Some(line) = error.line { place.line(line) } else { place };
+                let help = error.expected.as_ref().map(|it| Level::NOTE.message(format!("expected {it}")));
+                parts.push(renderer.render(&[title.element(place).elements(help)]));
             }
             SceneError::Invalid { name, diagnostics, more } => {
                 let name = printable(name);
@@ -214,17 +227,18 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
 }
 
 /// `text` with its control characters spelled out, so that a file cannot steer the terminal.
-fn printable(text: &str) -> String {
+pub(super) fn printable(text: &str) -> String {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
 }
 
-fn unreadable(path: &str, cause: &io::Error) -> String {
+/// Why a file of a `kind` ("scene", "mesh") could not be read.
+pub(super) fn unreadable(kind: &str, path: &str, cause: &io::Error) -> String {
     let path = printable(path);
     match cause.kind() {
-        ErrorKind::NotFound => format!("there is no scene file `{path}`"),
-        ErrorKind::IsADirectory => format!("`{path}` is a directory, and a scene is a file"),
-        ErrorKind::PermissionDenied => format!("the scene file `{path}` may not be read: check its permissions"),
-        _ => format!("the scene file `{path}` cannot be read: {cause}"),
+        ErrorKind::NotFound => format!("there is no {kind} file `{path}`"),
+        ErrorKind::IsADirectory => format!("`{path}` is a directory, and a {kind} is a file"),
+        ErrorKind::PermissionDenied => format!("the {kind} file `{path}` may not be read: check its permissions"),
+        _ => format!("the {kind} file `{path}` cannot be read: {cause}"),
     }
 }
