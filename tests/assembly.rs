@@ -436,7 +436,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 98] = [
+const PACKET_SNIPPETS: [Snippet; 99] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -482,6 +482,7 @@ const PACKET_SNIPPETS: [Snippet; 98] = [
     ("VTRUNCATE", "", "rax, [rdi]"),
     ("VLOAD", "", "v0, [rdi]"),
     ("VSTORE", "", "[rdi], v0"),
+    ("VSTORE_MASKED", "", "rdi, v0, v1"),
     ("VSPREAD", "", "v0, [rdi]"),
     ("VMOV_TO", "", "[rdi], v0"),
     ("IOP", "", "por, x0, x0, x1"),

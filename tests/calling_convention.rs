@@ -312,6 +312,27 @@ fn check_shade_rows<E: Element, P: Pixel>(kernel: &ShadeRows<E, P>, sphere: &Lit
     }
 }
 
+/// Pixels that are the row's own, among those of another object.
+fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[Lit<E>], rng: &mut Rng) {
+    let mut recoloured = 0;
+    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
+        let x = start..start + pixels;
+        let mut row = row(&kernels.outside, lits, &kernel_cases::outside_span(Numbers::Ordinary, 1.0, WIDTH, rng));
+        let nearer = kernel_cases::outside_span(Numbers::Ordinary, 2.0, pixels, rng);
+        kernels.outside.depth.call(&nearer, &mut row, x.clone());
+        let sphere = kernel_cases::lit_sphere(Numbers::Ordinary, rng);
+        let lit_row = LitRow { id: nearer.id, ..kernel_cases::lit_row(Numbers::Ordinary, pixels, rng) };
+        let mut rows = Guarded::new(&[LitRows::default()], Side::After).unwrap();
+        rows[0].set_row(0, &lit_row);
+        for kernel in [&kernels.lit_planes, &kernels.lit_planes_fast] {
+            let checked = |row: &mut Row<E>, x| kernel.call_checked(&sphere, &rows[0], row, x);
+            let call = |row: &mut Row<E>, x| kernel.call(&sphere, &rows[0], row, x);
+            recoloured += check_own(kernel.symbol(), &row, x.clone(), checked, call);
+        }
+    }
+    assert!(recoloured > 0, "{}: no pixel is coloured", kernels.lit_planes.symbol());
+}
+
 /// Any number of rows, the setup and the rows between guard pages.
 fn check_row_setup<E: Element>(kernel: &RowSetup<E>, rng: &mut Rng) {
     let mut setup = LitSetup::<f64>::default();
@@ -371,10 +392,22 @@ fn check_planes<S: Plain, E: Element>(
     span: &S,
     x: Range<usize>,
 ) -> usize {
+    let checked = |row: &mut Row<E>, x| kernel.call_checked(span, lits, row, x);
+    check_own(kernel.symbol(), row, x, checked, |row, x| kernel.call(span, lits, row, x))
+}
+
+/// How many of the pixels `x` of the row are coloured by a kernel, all of which must be the second object's.
+fn check_own<E: Element>(
+    symbol: &str,
+    row: &Row<E>,
+    x: Range<usize>,
+    checked: impl FnOnce(&mut Row<E>, Range<usize>) -> Result<(), Vec<Fault>>,
+    call: impl FnOnce(&mut Row<E>, Range<usize>),
+) -> usize {
     let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
-    let what = format!("{} at {x:?}", kernel.symbol());
-    assert_eq!(kernel.call_checked(span, lits, &mut after, x.clone()), Ok(()), "{what}");
-    kernel.call(span, lits, &mut unchecked, x.clone());
+    let what = format!("{symbol} at {x:?}");
+    assert_eq!(checked(&mut after, x.clone()), Ok(()), "{what}");
+    call(&mut unchecked, x.clone());
     let changed = planes(&after);
     assert_eq!(changed, planes(&unchecked), "{what}");
     assert_eq!((&changed[0], &changed[4]), (&before[0], &before[4]), "{what} changes who is where");
@@ -391,6 +424,7 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
     check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
     check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
     check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgba8_dim, |pixels| spans[pixels], lits);
     let (mut won, mut recoloured, mut tried) = (0, 0, 0);
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -447,6 +481,7 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
         check_shade_rows(&bodies.rgba8, &sphere, rng);
     }
     check_row_setup(&kernels.lit_rows, rng);
+    check_lit_planes(kernels, &lits, rng);
     // A light of weights from 0 to 300, so that levels are clamped.
     let [red, green, blue] = [300.0, 200.0, 100.0].map(E::from_f64);
     let light = Lit { red, green, blue, ..lits[0] };

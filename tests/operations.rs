@@ -15,7 +15,7 @@ use rayo::kernels::{
     Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, Objects, OpRef,
     OutsideSpan, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
-use rayo::plan::{Packed, ShortForm, Spans, UseRecord};
+use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
 use rayo::reference::packet::{self, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
@@ -565,6 +565,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         // In f32 the bytes come from estimates.
         let exact = size_of::<E>() == 8;
         let rgba8 = shaded(&bodies.rgba8, &span, &lits, pixels, [0; 4]);
+        let rgba8_dim = shaded(&bodies.rgba8_dim, &span, &lits, pixels, [0; 4]);
         let mut row = Row::new(pixels);
         bodies.depth.call(&span, &mut row, 0..pixels);
         bodies.planes.call(&span, &lits, &mut row, 0..pixels);
@@ -573,6 +574,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
             if exact {
                 compared.levels(rgba8[i], levels(colour, true), &what);
+                compared.levels(rgba8_dim[i], levels(colour, false), &what);
             }
             let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
             let den = span.den(rounding, j(i)) * span.near();
@@ -648,6 +650,18 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
             for (i, (pixel, twin)) in f32x4.iter().zip(twins).enumerate() {
                 compared.floats(pixel.lanes(), float_pixel(twin.unwrap_or(black)), &|| what(i));
             }
+            let row = &rows[0];
+            let pixels = (row.end.to_f64() - row.start.to_f64()).max(0.0) as usize;
+            let mut in_row = owned(kernels, row.j, row.stop, pixels);
+            let mut of_row = LitRows::default();
+            of_row.set_row(0, row);
+            kernels.lit_planes.call(sphere, &of_row, &mut in_row, 0..pixels);
+            for i in 0..pixels {
+                let found = [1, 2, 3].map(|plane| in_row.plane(plane)[i]);
+                let j = E::from_u32(i as u32) + row.j;
+                let twin = rounding.lit(&twin_of_lit(sphere, row), j, true);
+                compared.floats(float_pixel(found), float_pixel(twin), &|| what(i));
+            }
             let (rgba8, packets) = lit_rows(&bodies.rgba8, kernels.lanes, sphere, &rows, width, [0; 4]);
             let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
             for (i, (pixel, twin)) in rgba8.iter().zip(twins).enumerate() {
@@ -658,6 +672,16 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
         }
     }
     compared
+}
+
+/// A row in which all pixels are those of object 1: a sphere with 1/t = 1 everywhere.
+fn owned<E: Element>(kernels: &SpanKernels<E>, j: E, end: E, pixels: usize) -> Row<E> {
+    let [zero, one] = [0.0, 1.0].map(E::from_f64);
+    let everywhere = OutsideSpan { j, end, id: one, near: one, h0: one, ..OutsideSpan::<f64>::default().round() };
+    let mut row = Row::new(pixels);
+    kernels.outside.depth.call(&everywhere, &mut row, 0..pixels);
+    assert!(row.plane(0)[..pixels].iter().all(|who| *who != zero));
+    row
 }
 
 fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u64) {
@@ -714,9 +738,9 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
     type Result = ();
 
     fn lit(self, form: &ShortForm, row: &LitRow<E>) {
-        let (sphere, width) = (form.sphere.round(), self.pixels);
-        let bodies = if form.grey { &self.kernels.grey } else { &self.kernels.lit };
+        let (sphere, width) = (form.sphere(Scale::Linear).round(), self.pixels);
         let rows = [*row];
+        let bodies = &self.kernels.lit;
         let (found, packets) = lit_rows(&bodies.f32x4, self.kernels.lanes, &sphere, &rows, width, Vec4::default());
         let twins = twins_of_lit(self.rounding, &sphere, &rows, width, packets);
         for (i, (pixel, twin)) in found.into_iter().zip(twins).enumerate() {
@@ -738,18 +762,18 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
 fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) {
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
     let mut compared = Compared::default();
-    for (lights, short) in [(1, true), (1, false), (2, false)] {
+    for (lights, keep) in [(1, Keep::NOTHING), (1, Keep::only(Omission::Loop)), (2, Keep::NOTHING)] {
         let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
         scene.lights.truncate(lights);
         // One sphere has the camera in it.
         scene.spheres[0].radius = 400.0;
-        let spans = Spans::<E>::new(&scene, &scene.camera, 1.0);
+        let spans = Spans::<E>::new(&scene, &scene.camera, Some(Scale::Linear), keep);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {
                 let Some(span) = spans.row(object, row) else { continue };
-                let (lits, pixels) = (spans.lits(object), (span.end - span.start) as usize);
+                let (lits, pixels) = (spans.lits(object, Scale::Linear), (span.end - span.start) as usize);
                 let user = Planned { kernels, rounding, lits, pixels, compared: &mut compared };
-                spans.with_record(&span, row, 1.0, short, user);
+                spans.with_record(&span, row, 1.0, Some(Scale::Linear), user);
             }
         }
     }
@@ -784,7 +808,7 @@ fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &S
             unreachable!("the object has a short form")
         }
     }
-    let plan = Spans::<E>::new(scene, &scene.camera, 1.0);
+    let plan = Spans::<E>::new(scene, &scene.camera, Some(Scale::Linear), Keep::default());
     let height = scene.camera.height();
     let mut compared = 0;
     for object in plan.seen_in(&(0..height)) {
@@ -792,15 +816,16 @@ fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &S
         for first in (0..height).step_by(LIT_ROWS - 1) {
             let mut found = LitRows::default();
             let count = (height - first).min(LIT_ROWS as u32 - 1);
-            kernels.lit_rows.call(&form.setup, first, count as usize, &mut found);
+            kernels.lit_rows.call(form.setup(Scale::Linear), first, count as usize, &mut found);
             for row in 0..count {
                 let what = format!("row {} of object {object}", first + row);
-                let found = found.row(row as usize);
+                // Who it is, is not the kernel's to say.
+                let found = LitRow { id: E::from_u32(1), ..found.row(row as usize) };
                 let Some(span) = plan.row(object, first + row) else {
                     assert!(found.start >= found.end, "{what}: {found:?} instead of nothing");
                     continue;
                 };
-                let expected = plan.with_record(&span, first + row, 1.0, true, Row);
+                let expected = plan.with_record(&span, first + row, 1.0, Some(Scale::Linear), Row);
                 // Where it is alone, its first column is column 0.
                 let [start, end] = [span.start, span.end].map(E::from_u32);
                 assert_eq!(found, LitRow { start, end, ..expected }, "{what}");

@@ -9,6 +9,8 @@
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(sphere, rows, count, out, width, streaming)
 ;
+;   rayo_<p>_lit_planes             unsafe extern "sysv64" fn(sphere, rows, unused, row, pixels, stride)
+;
 ;   <object>    lit         any colours; no clamp: the light is known not to exceed white
 ;               grey        red, green and blue are equal
 ;   <output>    f32x4       linear red, green, blue, 0
@@ -20,6 +22,7 @@
 ;   rows        *const LitRows, of which the first `count` are read
 ;   out         *mut of the first pixel, aligned to 4: `count` rows of `width` pixels are written and nothing else
 ;   streaming   u64: not 0 for stores that go past the cache; f32x4 only
+;   row, pixels, stride     as in spans.asm
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
 ;               of a row, r9 streaming, r10 where pixels are not yet written, r11 the end of all pixels
@@ -260,7 +263,38 @@ align 16
     END
 %endmacro
 
+; LIT_PLANES - a function that shades, of a row's span in the row of buffers of spans.asm, the pixels that are the
+; span's own. The row is the first of `rows`.
+%macro LIT_PLANES 1
+%define %%output %1     ; [in]       part of the function's name
+FUNC NAME(lit, %%output)
+    LIT_SPHERE_CONSTANTS
+    LIT_ROW_CONSTANTS
+    VSPREAD v13, [rsi + ELEM * LitRows.id]
+    VMOV    v0, LIT_j
+    VADD    v0, v0, [PACKET(natural)]
+    lea     r10, [r9 + 2 * r9]
+align 16
+.packet:
+    SPHERE_LIT v1, v0, 1, v4, v5, v6, v7, v8, v9, v10
+    VMUL    v2, v1, LIT_green
+    VMUL    v3, v1, LIT_blue
+    VMUL    v1, v1, LIT_red
+    VLOAD   v14, [rcx]
+    MASK_EQUAL v14, v13
+    VSTORE_MASKED rcx + r9, v1, v4
+    VSTORE_MASKED rcx + 2 * r9, v2, v4
+    VSTORE_MASKED rcx + r10, v3, v4
+    VADD    v0, v0, [PACKET(step)]
+    add     rcx, VBYTES
+    sub     r8, LANES
+    ja      .packet
+    LIT_UNCONSTANTS
+ENDFUNC
+%endmacro
+
 %assign ESTIMATE 0
+    LIT_PLANES planes
     LIT     lit, f32x4, LIT, F32X4
     LIT     grey, f32x4, GREY, F32X4
 %if ELEM == 4
@@ -269,6 +303,9 @@ align 16
     LIT     grey, f32x4_fast, GREY, F32X4
 %elif HAS_MASKS
 %assign ESTIMATE 1                      ; with Newton steps to the end
+%endif
+%if ESTIMATE
+    LIT_PLANES planes_fast
 %endif
     LIT     lit, rgba8, LIT, RGBA8
     LIT     grey, rgba8, GREY, RGBA8
@@ -285,3 +322,4 @@ align 16
 %unmacro LIT_BLACK 1
 %unmacro LIT_NEXT 1
 %unmacro LIT 4
+%unmacro LIT_PLANES 1

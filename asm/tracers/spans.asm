@@ -17,6 +17,7 @@
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               rgba8       levels of red, green, blue, and 255
+;               rgba8_dim   the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
@@ -93,6 +94,11 @@
 ; PIXELS_RGBA8 - from colours in v1, v2, v3 to pixels in w1, none brighter than white.
 %macro PIXELS_RGBA8 0
     PACK_RGBA8 1, 2, 3, 1
+%endmacro
+
+; PIXELS_DIM - the same where none is brighter than white to begin with.
+%macro PIXELS_DIM 0
+    PACK_RGBA8 1, 2, 3, 0
 %endmacro
 
 ; SHADE - a function that shades the pixels of a span one packet after another.
@@ -177,24 +183,15 @@ align 16
     VLOAD   v14, [rcx]
     MASK_EQUAL v14, K(Span.id)
     BODY_ %+ %%body
-    OWN     rcx + r9, v1
-    OWN     rcx + 2 * r9, v2
-    OWN     rcx + r10, v3
+    VSTORE_MASKED rcx + r9, v1, v4
+    VSTORE_MASKED rcx + 2 * r9, v2, v4
+    VSTORE_MASKED rcx + r10, v3, v4
     VADD    v0, v0, [PACKET(step)]
     add     rcx, VBYTES
     sub     r8, LANES
     ja      .packet
     UNCONSTANTS
 ENDFUNC
-%endmacro
-
-; OWN - stores a register in the lanes of the mask. Clobbers v4.
-%macro OWN 2
-%define %%m %1          ; [in]       address
-%define %%v %2          ; [in]       vreg
-    VLOAD   v4, [%%m]
-    VSELECT v4, %%v
-    VSTORE  [%%m], v4
 %endmacro
 
 ; DEPTH - a function that makes a span's pixels its own where nothing in the row of buffers is as near.
@@ -293,8 +290,11 @@ ENDFUNC
 %endif
 %assign ESTIMATE ELEM == 4
     SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
+    SHADE   outside, rgba8_dim, OUTSIDE, DIM, RGBA8, 19
     SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
+    SHADE   inside, rgba8_dim, INSIDE, DIM, RGBA8, 15
     SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
+    SHADE   triangle, rgba8_dim, TRIANGLE, DIM, RGBA8, 12
 
 ; This file is assembled once per element type.
 %unmacro LIGHTS 1
@@ -306,9 +306,9 @@ ENDFUNC
 %unmacro DEN_TRIANGLE 0
 %unmacro PIXELS_F32X4 0
 %unmacro PIXELS_RGBA8 0
+%unmacro PIXELS_DIM 0
 %unmacro SHADE 6
 %unmacro PLANES 4
-%unmacro OWN 2
 %unmacro DEPTH 3
 %unmacro EMIT 2
 %unmacro STORE_NATURAL 2

@@ -39,8 +39,8 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, LitBodies, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows, SpanKernels,
-    packet_symbols, packets,
+    Bodies, Depth, Emit, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows,
+    SpanKernels, packet_symbols, packets,
 };
 pub use spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, OutsideSpan, Span, TriangleSpan,

@@ -26,6 +26,12 @@ pub struct Planes<S, E> {
     symbol: &'static str,
 }
 
+/// The same for the first row of a sphere under one light.
+pub struct LitPlanes<E> {
+    code: unsafe extern "sysv64" fn(*const LitSphere<E>, *const LitRows<E>, u64, *mut E, u64, u64),
+    symbol: &'static str,
+}
+
 /// Makes a span's pixels in a row of buffers its own where it is nearest.
 pub struct Depth<S, E> {
     code: unsafe extern "sysv64" fn(*const S, *mut E, u64, u64),
@@ -64,9 +70,11 @@ pub struct Bodies<S, E> {
     pub f32x4_fast: Shade<S, E, Vec4>,
     /// To 8-bit levels (in f32: with estimates).
     pub rgba8: Shade<S, E, Rgba8>,
+    /// The same where all light together does not exceed white: not clamped.
+    pub rgba8_dim: Shade<S, E, Rgba8>,
     /// To a row of buffers.
     pub planes: Planes<S, E>,
-    /// To a row of buffers, with estimates (in f64: as `planes`).
+    /// To a row of buffers as `rgba8` (in f64: as `planes`).
     pub planes_fast: Planes<S, E>,
     /// Finds the nearest.
     pub depth: Depth<S, E>,
@@ -92,6 +100,10 @@ pub struct SpanKernels<E: 'static> {
     pub lit: LitBodies<E>,
     /// The same where the three weights are equal.
     pub grey: LitBodies<E>,
+    /// Shades a span of such a row in a row of buffers. What finds the nearest is that of any sphere from outside.
+    pub lit_planes: LitPlanes<E>,
+    /// The same as `rgba8` does.
+    pub lit_planes_fast: LitPlanes<E>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
     /// Spheres from inside.
@@ -115,27 +127,29 @@ pub struct PacketKernels {
 }
 
 impl<S, E> Bodies<S, E> {
-    fn symbols(&self) -> [&'static str; 6] {
-        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth } = self;
-        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol]
+    fn symbols(&self) -> Vec<&'static str> {
+        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth } = self;
+        let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol];
+        [&shades[..], &[planes.symbol, planes_fast.symbol, depth.symbol]].concat()
     }
 }
 
 impl<E> LitBodies<E> {
-    fn symbols(&self) -> [&'static str; 3] {
+    fn symbols(&self) -> Vec<&'static str> {
         let LitBodies { f32x4, f32x4_fast, rgba8 } = self;
-        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol]
+        vec![f32x4.symbol, f32x4_fast.symbol, rgba8.symbol]
     }
 }
 
 impl<E> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
-        let SpanKernels { lanes: _, lit_rows, lit, grey, outside, inside, triangle, emit_f32x4, emit_rgba8 } = self;
-        let mut symbols = vec![lit_rows.symbol];
-        symbols.extend(lit.symbols().into_iter().chain(grey.symbols()));
-        symbols.extend(outside.symbols().into_iter().chain(inside.symbols()).chain(triangle.symbols()));
-        symbols.extend([emit_f32x4.symbol, emit_rgba8.symbol]);
-        symbols
+        #[rustfmt::skip]
+        let SpanKernels {
+            lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, inside, triangle, emit_f32x4, emit_rgba8,
+        } = self;
+        let bodies = [lit.symbols(), grey.symbols(), outside.symbols(), inside.symbols(), triangle.symbols()];
+        let rows = vec![lit_rows.symbol, lit_planes.symbol, lit_planes_fast.symbol];
+        [bodies.concat(), rows, vec![emit_f32x4.symbol, emit_rgba8.symbol]].concat()
     }
 }
 
@@ -300,6 +314,37 @@ impl<S, E: Element> Planes<S, E> {
     }
 }
 
+impl<E: Element> LitPlanes<E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
+    /// Shades the pixels `span_x` of the row that carry the id of the first of `rows`.
+    pub fn call(&self, sphere: &LitSphere<E>, rows: &LitRows<E>, row: &mut Row<E>, span_x: Range<usize>) {
+        if !span_x.is_empty() {
+            let (first, pixels, stride) = row.part(span_x);
+            // SAFETY: as in Planes::call; the references prove the addresses of the sphere and its rows.
+            unsafe { (self.code)(sphere, rows, 0, first, pixels, stride) }
+        }
+    }
+
+    /// As [`LitPlanes::call`], with a look at whether the kernel keeps the calling convention.
+    pub fn call_checked(
+        &self,
+        sphere: &LitSphere<E>,
+        rows: &LitRows<E>,
+        row: &mut Row<E>,
+        span_x: Range<usize>,
+    ) -> Result<(), Vec<Fault>> {
+        assert!(!span_x.is_empty());
+        let (first, pixels, stride) = row.part(span_x);
+        let (sphere, rows) = (std::ptr::from_ref(sphere) as u64, std::ptr::from_ref(rows) as u64);
+        // SAFETY: as in call; these are the arguments of its signature.
+        unsafe { checked::call(self.code as *const (), [sphere, rows, 0, first as u64, pixels, stride]) }
+    }
+}
+
 impl<S, E: Element> Depth<S, E> {
     /// The symbol of its code.
     pub fn symbol(&self) -> &'static str {
@@ -430,7 +475,7 @@ impl<E: Element> Row<E> {
 
 /// Declares the kernels of one ISA and element type, and makes their table.
 macro_rules! span_kernels {
-    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal) => {{
+    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal, $lit_fast:literal) => {{
         macro_rules! shade {
             ($body:literal, $span:ty, $output:expr, $pixel:ty) => {{
                 unsafe extern "sysv64" {
@@ -459,6 +504,7 @@ macro_rules! span_kernels {
                     f32x4: shade!($body, $span, "_f32x4", Vec4),
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
+                    rgba8_dim: shade!($body, $span, "_rgba8_dim", Rgba8),
                     planes: planes!($body, $span, ""),
                     planes_fast: planes!($body, $span, $fast),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
@@ -490,6 +536,22 @@ macro_rules! span_kernels {
                 ShadeRows { code: kernel, symbol: concat!($prefix, $body, $output) }
             }};
         }
+        macro_rules! lit_planes {
+            ($fast_name:literal) => {{
+                unsafe extern "sysv64" {
+                    #[link_name = concat!($prefix, "lit_planes", $fast_name)]
+                    fn kernel(
+                        sphere: *const LitSphere<$element>,
+                        rows: *const LitRows<$element>,
+                        unused: u64,
+                        row: *mut $element,
+                        p: u64,
+                        f: u64,
+                    );
+                }
+                LitPlanes { code: kernel, symbol: concat!($prefix, "lit_planes", $fast_name) }
+            }};
+        }
         macro_rules! lit_bodies {
             ($body:literal) => {
                 LitBodies {
@@ -508,6 +570,8 @@ macro_rules! span_kernels {
             lit_rows: RowSetup { code: lit_rows, symbol: concat!($prefix, "lit_rows") },
             lit: lit_bodies!("lit"),
             grey: lit_bodies!("grey"),
+            lit_planes: lit_planes!(""),
+            lit_planes_fast: lit_planes!($lit_fast),
             outside: bodies!("outside", OutsideSpan<$element>),
             inside: bodies!("inside", InsideSpan<$element>),
             triangle: bodies!("triangle", TriangleSpan<$element>),
@@ -518,24 +582,25 @@ macro_rules! span_kernels {
 }
 
 macro_rules! packet_kernels {
-    ($static:ident, $isa:literal, $single:literal, $double:literal) => {
+    ($static:ident, $isa:literal, $single:literal, $double:literal, $lit_fast:literal) => {
         static $static: PacketKernels = {
             unsafe extern "sysv64" {
                 #[link_name = concat!("rayo_", $isa, "_fill")]
                 fn fill(out: *mut u32, count: u64, pattern: u32, streaming: u64);
             }
             PacketKernels {
-                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast"),
-                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), ""),
+                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast", "_fast"),
+                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
             }
         };
     };
 }
 
-packet_kernels!(SSE41, "sse41", 4, 2);
-packet_kernels!(AVX2, "avx2", 8, 4);
-packet_kernels!(AVX512, "avx512", 16, 8);
+// The last is what the short form with estimates in f64 is called: AVX-512 alone has these.
+packet_kernels!(SSE41, "sse41", 4, 2, "");
+packet_kernels!(AVX2, "avx2", 8, 4, "");
+packet_kernels!(AVX512, "avx512", 16, 8, "_fast");
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {

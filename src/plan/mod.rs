@@ -1,7 +1,10 @@
-//! What a scene becomes before the first ray: the packed arrays that kernels read.
+//! What a scene becomes before the first ray: the packed arrays that kernels read, and what is left out of them.
 
+mod light;
+mod omission;
 mod packed;
 mod spans;
 
+pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
-pub use spans::{RowSpan, ShortForm, Spans, UseRecord};
+pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};

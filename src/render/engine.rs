@@ -3,15 +3,16 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::Tracer;
 #[cfg(rayo_asm)]
 use super::aos::AosTracer;
 #[cfg(rayo_asm)]
 use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
+use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
+use crate::plan::Keep;
 use crate::scene::{Camera, Scene};
 
 /// Who computes the picture.
@@ -30,6 +31,17 @@ pub enum Engine {
     /// NASM packets, one ray in each lane.
     #[cfg(rayo_asm)]
     Packet(Isa),
+}
+
+/// What an engine is got ready for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Purpose {
+    /// In what numbers; None: the engine's own.
+    pub precision: Option<Precision>,
+    /// The one format that it will write; None: any.
+    pub format: Option<PixelFormat>,
+    /// What is not to be left out.
+    pub keep: Keep,
 }
 
 /// In what numbers an engine computes.
@@ -141,14 +153,19 @@ impl Engine {
         }
     }
 
-    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own).
+    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
     pub fn prepare(
         self,
         precision: Option<Precision>,
         scene: &Scene,
         camera: &Camera,
     ) -> Result<Box<dyn Tracer>, EngineError> {
-        let precision = precision.unwrap_or(self.precision());
+        self.prepare_for(Purpose { precision, ..Purpose::default() }, scene, camera)
+    }
+
+    /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
+    pub fn prepare_for(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Box<dyn Tracer>, EngineError> {
+        let precision = purpose.precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));
         }
@@ -165,10 +182,12 @@ impl Engine {
             #[cfg(rayo_asm)]
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
-                match precision {
-                    Precision::Single => Box::new(PacketTracer::new(kernels, &kernels.single, false, scene, camera)),
-                    Precision::Fast => Box::new(PacketTracer::new(kernels, &kernels.single, true, scene, camera)),
-                    Precision::Double => Box::new(PacketTracer::new(kernels, &kernels.double, false, scene, camera)),
+                let Purpose { format, keep, .. } = purpose;
+                let fast = precision == Precision::Fast;
+                if precision == Precision::Double {
+                    Box::new(PacketTracer::new(kernels, &kernels.double, fast, scene, camera, format, keep))
+                } else {
+                    Box::new(PacketTracer::new(kernels, &kernels.single, fast, scene, camera, format, keep))
                 }
             }
         })

@@ -12,7 +12,7 @@ mod packet;
 pub mod reference;
 mod rust;
 
-pub use engine::{Engine, EngineError, Precision};
+pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Film, FilmMut, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
 pub use image_file::{Format, ImageError, ImageWriter, read};

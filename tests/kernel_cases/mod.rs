@@ -66,7 +66,7 @@ pub fn lit_row<E: Element>(numbers: Numbers, width: usize, rng: &mut Rng) -> Lit
     let middle = (start + end) / 2;
     let [start, end, middle] = [start, end, middle].map(|column| column as f64);
     let [m, a, h0, q0] = [0; 4].map(|_| numbers.next(rng).into());
-    LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0 }.round()
+    LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0, id: 1.0 }.round()
 }
 
 /// A light on an object, with a random number in every field.
