@@ -100,6 +100,7 @@ mod tests {
 
     #[test]
     fn a_light_behind_a_sphere_or_in_it_does_not_reach_what_is_seen_of_it() {
+        let white = lamp(Vec3::ONE);
         // The camera sees the points about (0, 0, -1) of a sphere two radii away: those within 60 degrees.
         let centre = dvec3(0.0, 0.0, 2.0);
         for (light, reaches) in [
@@ -115,27 +116,29 @@ mod tests {
             (1e6 * dvec3(0.48, 0.0, 0.877), false),
             (dvec3(f64::NAN, 0.0, 0.0), true),
         ] {
-            let on = LightOn::on_sphere(centre, light, WHITE, &lamp(Vec3::ONE));
+            let on = LightOn::on_sphere(centre, light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
 
     #[test]
     fn from_inside_a_sphere_each_light_outside_is_seen_and_none_within() {
+        let white = lamp(Vec3::ONE);
         for (light, reaches) in
             [(dvec3(0.0, 0.0, 0.9), false), (dvec3(0.0, 3.0, 0.0), true), (dvec3(0.0, 0.0, -3.0), true)]
         {
-            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, WHITE, &lamp(Vec3::ONE));
+            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
 
     #[test]
     fn a_light_reaches_both_sides_of_a_triangle_but_not_from_its_plane() {
+        let white = lamp(Vec3::ONE);
         for (light, reaches) in
             [(dvec3(1.0, 2.0, 3.0), true), (dvec3(1.0, 2.0, -3.0), true), (dvec3(1.0, 2.0, 0.0), false)]
         {
-            let on = LightOn::on_triangle::<f32>(DVec3::Z, light, WHITE, &lamp(Vec3::ONE));
+            let on = LightOn::on_triangle::<f32>(DVec3::Z, light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }

@@ -3,8 +3,10 @@
 mod light;
 mod omission;
 mod packed;
+mod report;
 mod spans;
 
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
+pub use report::{Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};

@@ -313,10 +313,11 @@ impl<E: Element> Spans<E> {
         let light: DVec3 = reaching().map(|light| light.weights(Scale::Linear, colour)).sum();
         let idle = on.iter().filter(|light| !light.reaches && !light.is_dark()).count();
         self.leave_out(Omission::IdleLights, idle);
+        let lit = reaching().next().is_some();
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
-            unlit: made(Omission::Unlit, reaching().next().is_none()),
-            dim: made(Omission::Clamp, light.max_element() <= 1.0),
+            unlit: made(Omission::Unlit, !lit),
+            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();
@@ -333,9 +334,48 @@ impl<E: Element> Spans<E> {
         self.objects.push(Object { rows, shape, lits: start..end, shading });
     }
 
-    /// What is left out after all.
+    /// What is not left out.
     pub fn keep(&self) -> Keep {
         self.keep
+    }
+
+    /// How much of an object, a light or its shading is left out, or would be but for [`Spans::keep`].
+    pub fn left_out(&self, omission: Omission) -> u64 {
+        self.left_out[omission as usize]
+    }
+
+    /// Spheres and triangles that are kept.
+    pub fn counts(&self) -> (usize, usize) {
+        let spheres = self.objects.iter().filter(|object| matches!(object.shape, Shape::Sphere(_))).count();
+        (spheres, self.objects.len() - spheres)
+    }
+
+    /// Pixels of the picture.
+    pub fn pixels(&self) -> u64 {
+        self.camera.pixels()
+    }
+
+    /// Rays of a row against all objects.
+    pub fn tests_in_row(&self) -> u64 {
+        u64::from(self.camera.width()) * self.objects.len() as u64
+    }
+
+    /// Each row with the objects that it may see, in the scene's order.
+    pub fn rows_and_objects(&self) -> impl Iterator<Item = (u32, Vec<usize>)> {
+        let mut to_come: Vec<usize> = (0..self.objects.len()).collect();
+        to_come.sort_by_key(|object| std::cmp::Reverse(self.objects[*object].rows.start));
+        let mut seen: Vec<usize> = Vec::new();
+        (0..self.camera.height()).map(move |row| {
+            seen.retain(|object| row < self.objects[*object].rows.end);
+            let before = seen.len();
+            while let Some(object) = to_come.pop_if(|object| self.objects[*object].rows.start <= row) {
+                seen.push(object);
+            }
+            if seen.len() > before {
+                seen.sort_unstable();
+            }
+            (row, seen.clone())
+        })
     }
 
     /// The objects that some of `rows` may see, in the scene's order.

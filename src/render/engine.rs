@@ -12,7 +12,7 @@ use super::rust::RustTracer;
 use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
-use crate::plan::Keep;
+use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, Scene};
 
 /// Who computes the picture.
@@ -165,10 +165,7 @@ impl Engine {
 
     /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
     pub fn prepare_for(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Box<dyn Tracer>, EngineError> {
-        let precision = purpose.precision.unwrap_or(self.precision());
-        if !self.precisions().contains(&precision) {
-            return Err(EngineError::NoPrecision(self, precision));
-        }
+        let precision = self.precision_for(purpose)?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
             Engine::Rust => Box::new(RustTracer::new(scene, camera)),
@@ -191,6 +188,59 @@ impl Engine {
                 }
             }
         })
+    }
+}
+
+impl Engine {
+    /// What it leaves out of a scene.
+    pub fn omissions(self) -> &'static [Omission] {
+        match self {
+            Engine::Reference => &[Omission::Hidden],
+            // In f32, eq. 9 would see the rounding of what is never hit.
+            Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
+            #[cfg(rayo_asm)]
+            Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => &Omission::ALL,
+        }
+    }
+
+    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats.
+    pub fn format_for(self, bytes: bool) -> PixelFormat {
+        let writes_bytes = match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        };
+        if bytes && writes_bytes { PixelFormat::Rgba8 } else { PixelFormat::F32x4 }
+    }
+
+    /// What it would keep and leave out of `scene` as `camera` sees it. Where no format is given, bytes.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPrecision`].
+    pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
+        let precision = self.precision_for(purpose)?;
+        let bytes = purpose.format != Some(PixelFormat::F32x4);
+        let scale = if bytes { Scale::Levels } else { Scale::Linear };
+        // What is not a packet engine's to keep or leave out is as it is.
+        let switches = self.omissions().contains(&Omission::Outside);
+        let keep = if switches { purpose.keep } else { Keep::NOTHING };
+        Ok(if precision == Precision::Double {
+            Report::new(scene, &Spans::<f64>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        } else {
+            Report::new(scene, &Spans::<f32>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        })
+    }
+
+    /// The precision that is asked for, if it has that.
+    fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
+        let precision = purpose.precision.unwrap_or(self.precision());
+        if !self.precisions().contains(&precision) {
+            return Err(EngineError::NoPrecision(self, precision));
+        }
+        Ok(precision)
     }
 }
 

@@ -23,6 +23,8 @@ pub struct PacketTracer<E: 'static> {
     fast: bool,
     width: usize,
     streaming: bool,
+    /// The one format that it is ready for; None: any.
+    format: Option<PixelFormat>,
     plan: Spans<E>,
 }
 
@@ -47,6 +49,7 @@ impl<E: Element> PacketTracer<E> {
             fast,
             width: camera.width() as usize,
             streaming: camera.pixels() * size_of::<Vec4>() as u64 > STREAMING_BYTES,
+            format,
             plan: Spans::new(scene, camera, scale, keep),
         }
     }
@@ -359,11 +362,16 @@ fn columns(spans: &[RowSpan]) -> Range<usize> {
 }
 
 impl<E: Element> Tracer for PacketTracer<E> {
-    fn writes(&self, _: PixelFormat) -> bool {
-        true
+    fn writes(&self, format: PixelFormat) -> bool {
+        self.format.is_none_or(|own| own == format)
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        let format = match &out {
+            FilmMut::F32x4(_) => PixelFormat::F32x4,
+            FilmMut::Rgba8(_) => PixelFormat::Rgba8,
+        };
+        assert!(self.writes(format), "the plan is for {} alone", self.format.map_or("", PixelFormat::name));
         match out {
             FilmMut::F32x4(out) => {
                 self.trace(rows, out);
