@@ -2,6 +2,7 @@
 
 mod camera;
 mod diagnostic;
+pub mod families;
 mod parse;
 mod random;
 mod write;
