@@ -10,11 +10,13 @@ mod image_file;
 mod packet;
 pub mod reference;
 mod rust;
+mod truth;
 
 pub use engine::{Engine, EngineError, Precision};
 pub use film::{Film, FilmMut, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
 pub use image_file::{Format, ImageError, ImageWriter, read};
+pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;
 
