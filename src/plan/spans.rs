@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::kernels::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
-use crate::scene::{Camera, Grid, Light, Scene};
+use crate::scene::{self, Camera, Grid, Light, Scene};
 
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
 const SHORT_FORM_LOSS: f64 = 64.0;
@@ -28,6 +28,7 @@ pub struct Spans<E> {
 
 /// An object that some row of the picture may see.
 struct Object<E> {
+    source: scene::Object,
     rows: Range<u32>,
     shape: Shape,
     /// Its lights, weighted for floats.
@@ -103,16 +104,18 @@ impl<E: Element> Spans<E> {
     pub fn new(scene: &Scene, camera: &Camera, white: f64) -> Self {
         let grid = camera.grid::<f64>();
         let lights = &scene.lights[..];
-        let spheres = scene.spheres.iter().filter_map(|sphere| {
+        let spheres = scene.spheres.iter().enumerate().filter_map(|(i, sphere)| {
+            let source = scene::Object::Sphere(i);
             let colour = white * sphere.colour.as_dvec3();
             let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights);
             let rows = shape.rows(&grid, camera.height())?;
             let lits = lights.iter().map(|light| {
                 lit((light.position.as_dvec3() - sphere.centre.as_dvec3()) / shape.radius, 0.0, colour, light)
             });
-            Some(Object { rows, lits: lits.collect(), shape: Shape::Sphere(shape) })
+            Some(Object { source, rows, lits: lits.collect(), shape: Shape::Sphere(shape) })
         });
-        let triangles = scene.triangles.iter().filter_map(|triangle| {
+        let triangles = scene.triangles.iter().enumerate().filter_map(|(i, triangle)| {
+            let source = scene::Object::Triangle(i);
             let vertices = triangle.vertices.map(|v| v.as_dvec3());
             let colour = white * triangle.colour.as_dvec3();
             let (shape, normal) = Triangle::new(vertices)?;
@@ -121,7 +124,7 @@ impl<E: Element> Spans<E> {
                 let to_light = (light.position.as_dvec3() - shape.vertex) / shape.size;
                 lit(to_light, normal.dot(to_light).abs(), colour, light)
             });
-            Some(Object { rows, lits: lits.collect(), shape: Shape::Triangle(shape) })
+            Some(Object { source, rows, lits: lits.collect(), shape: Shape::Triangle(shape) })
         });
         Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects: spheres.chain(triangles).collect() }
     }
@@ -130,6 +133,11 @@ impl<E: Element> Spans<E> {
     pub fn seen_in(&self, rows: &Range<u32>) -> Vec<usize> {
         let meets = |object: &Object<E>| object.rows.start < rows.end && rows.start < object.rows.end;
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
+    }
+
+    /// Which of the scene's objects it is.
+    pub fn source(&self, object: usize) -> scene::Object {
+        self.objects[object].source
     }
 
     /// The lights of an object.

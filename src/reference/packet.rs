@@ -130,12 +130,17 @@ impl Rounding {
         self.outside_den_and_root(sphere, j).0
     }
 
-    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
-    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+    /// SPHERE_OUTSIDE: the unit normal at pixel j.
+    pub fn outside_normal<T: Real>(self, sphere: &Outside<T>, j: T) -> [T; 3] {
         let (den, root) = self.outside_den_and_root(sphere, j);
         let t = T::ONE / den;
         let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
-        self.lights(lights, [0, 1, 2].map(along), false)
+        [0, 1, 2].map(along)
+    }
+
+    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
+    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        self.lights(lights, self.outside_normal(sphere, j), false)
     }
 
     /// SPHERE_FAR_WALL: t at pixel j, and d.x.
@@ -150,11 +155,16 @@ impl Rounding {
         T::ONE / self.far_wall(sphere, j).0
     }
 
-    /// SPHERE_INSIDE and its lights: the colour at pixel j.
-    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+    /// SPHERE_INSIDE: the unit normal at pixel j.
+    pub fn inside_normal<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
         let (t, x) = self.far_wall(sphere, j);
         let [cx, cy, cz] = sphere.c;
-        self.lights(lights, [x * t - cx, t * sphere.y - cy, t * sphere.z - cz], false)
+        [x * t - cx, t * sphere.y - cy, t * sphere.z - cz]
+    }
+
+    /// SPHERE_INSIDE and its lights: the colour at pixel j.
+    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        self.lights(lights, self.inside_normal(sphere, j), false)
     }
 
     /// 1/t at pixel j.

@@ -1,9 +1,11 @@
 //! The engines `sse41`, `avx2` and `avx512`: packets of rays along the spans of each row.
 
+mod hits;
+
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
@@ -274,5 +276,9 @@ impl<E: Element> Tracer for PacketTracer<E> {
             }
             FilmMut::Rgba8(out) => self.trace(&self.levels, rows, out),
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        self.found(rows)
     }
 }

@@ -1,0 +1,99 @@
+//! What the packets hit: the spans that are traced, their 1/t and their normals as the kernels have them.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::{PacketTracer, overlap};
+use crate::kernels::{Bodies, Element, InsideSpan, LitSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
+use crate::plan::{RowSpan, UseRecord};
+use crate::render::{Distance, Found};
+
+/// What is asked about a span.
+#[derive(Clone, Copy)]
+enum Question {
+    /// Who is nearest.
+    Depth,
+    /// The normals of those that are.
+    Normals,
+}
+
+/// A span to ask about, in a row of buffers.
+struct Asked<'a, E: 'static> {
+    kernels: &'static SpanKernels<E>,
+    row: &'a mut Row<E>,
+    x: Range<usize>,
+    question: Question,
+}
+
+impl<E: Element> Asked<'_, E> {
+    fn ask<S>(self, bodies: &Bodies<S, E>, record: &S) {
+        match (self.question, &bodies.normals) {
+            (Question::Depth, _) => bodies.depth.call(record, self.row, self.x),
+            (Question::Normals, Some(normals)) => normals.call(record, &[], self.row, self.x),
+            (Question::Normals, None) => {}
+        }
+    }
+}
+
+impl<E: Element> UseRecord<E> for Asked<'_, E> {
+    type Result = ();
+
+    fn lit(self, _: &LitSpan<E>) {
+        unreachable!("the short form has neither t nor a normal, and is not asked");
+    }
+    fn outside(self, record: &OutsideSpan<E>) {
+        let bodies = &self.kernels.outside;
+        self.ask(bodies, record);
+    }
+    fn inside(self, record: &InsideSpan<E>) {
+        let bodies = &self.kernels.inside;
+        self.ask(bodies, record);
+    }
+    fn triangle(self, record: &TriangleSpan<E>) {
+        let bodies = &self.kernels.triangle;
+        self.ask(bodies, record);
+    }
+}
+
+impl<E: Element> PacketTracer<E> {
+    /// As [`super::super::Tracer::hits`].
+    pub(super) fn found(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let plan = &self.linear;
+        let seen = plan.seen_in(&rows);
+        let mut buffers = Row::new(self.width);
+        let mut found = Vec::with_capacity(rows.len() * self.width);
+        let mut spans: Vec<RowSpan> = Vec::new();
+        for row in rows {
+            spans.clear();
+            spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
+            let by_depth = overlap(&mut spans) && !plan.cut_hidden(row, &mut spans);
+            spans.sort_unstable_by_key(|span| span.object);
+            buffers.clear(0..self.width);
+            for question in [Question::Depth, Question::Normals] {
+                for (id, span) in (1..).zip(&spans) {
+                    let x = span.start as usize..span.end as usize;
+                    let asked = Asked { kernels: self.spans, row: &mut buffers, x, question };
+                    plan.with_record(span, row, id.into(), false, asked);
+                }
+            }
+            let plane = |plane: usize, x: usize| buffers.plane(plane)[x].to_f64();
+            let mut owners = vec![None; self.width];
+            for (id, span) in (1..).zip(&spans) {
+                for x in span.start as usize..span.end as usize {
+                    // A span that is alone in its pixels is shaded there without a look at its depth.
+                    if !by_depth || plane(0, x) == f64::from(id) {
+                        owners[x] = Some((id, plan.source(span.object)));
+                    }
+                }
+            }
+            found.extend(owners.into_iter().enumerate().map(|(x, owner)| {
+                let (id, object) = owner?;
+                let normal = DVec3::new(plane(1, x), plane(2, x), plane(3, x));
+                let known = plane(0, x) == f64::from(id) && normal != DVec3::ZERO;
+                Some(Found { object, distance: Distance::Inverse(plane(4, x)), normal: known.then_some(normal) })
+            }));
+        }
+        found
+    }
+}
