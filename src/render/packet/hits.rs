@@ -80,17 +80,16 @@ impl<E: Element> PacketTracer<E> {
             let plane = |plane: usize, x: usize| buffers.plane(plane)[x].to_f64();
             let mut owners = vec![None; self.width];
             for (id, span) in (1..).zip(&spans) {
-                for x in span.start as usize..span.end as usize {
-                    // A span that is alone in its pixels is shaded there without a look at its depth.
-                    if !by_depth || plane(0, x) == f64::from(id) {
-                        owners[x] = Some((id, plan.source(span.object)));
-                    }
-                }
+                let (x, who) = (span.start as usize..span.end as usize, f64::from(id));
+                // A span that is alone in its pixels is shaded there without a look at its depth.
+                let own = |at: &E| !by_depth || at.to_f64() == who;
+                let pixels = owners[x.clone()].iter_mut().zip(&buffers.plane(0)[x]);
+                pixels.filter(|(_, at)| own(at)).for_each(|(owner, _)| *owner = Some((who, plan.source(span.object))));
             }
             found.extend(owners.into_iter().enumerate().map(|(x, owner)| {
-                let (id, object) = owner?;
+                let (who, object) = owner?;
                 let normal = DVec3::new(plane(1, x), plane(2, x), plane(3, x));
-                let known = plane(0, x) == f64::from(id) && normal != DVec3::ZERO;
+                let known = plane(0, x) == who && normal != DVec3::ZERO;
                 Some(Found { object, distance: Distance::Inverse(plane(4, x)), normal: known.then_some(normal) })
             }));
         }
