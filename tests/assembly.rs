@@ -437,7 +437,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 78] = [
+const PACKET_SNIPPETS: [Snippet; 80] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -510,12 +510,14 @@ const PACKET_SNIPPETS: [Snippet; 78] = [
     ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
     ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4"),
     ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5"),
+    ("SPHERE_NEAR", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("SPHERE_LIT", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", ESTIMATES, "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
     ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
-    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
-    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
-    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, 1, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, ON_PLANE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", "from the camera", "v0, v1, v2, v3, v4, v5, rdi, FROM_CAMERA, v6, v7, v8, v9, v10, v11, 0"),
 ];
 
 /// The bytes of the packets' elements, f32 and f64.

@@ -422,6 +422,7 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     check_shade(&kernels.lit_rgba8, |pixels| spans[pixels], &lits);
     check_shade(&kernels.grey_rgba8, |pixels| spans[pixels], &lits);
     check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.near, &lits, |id, pixels| kernel_cases::near_span(numbers, id, pixels, rng));
     check_bodies(&kernels.inside, &lits, |id, pixels| kernel_cases::inside_span(numbers, id, pixels, rng));
     check_bodies(&kernels.triangle, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
     // A light of weights from 0 to 300, so that levels are clamped.

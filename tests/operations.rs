@@ -12,8 +12,8 @@ use std::ops::Range;
 
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, Objects, OpRef, OutsideSpan, Rgba8, Row, Shade,
-    SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+    Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, NearSpan, Objects, OpRef, OutsideSpan, Rgba8, Row,
+    Shade, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
 use rayo::plan::{Packed, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
@@ -480,6 +480,15 @@ record!(OutsideSpan, s => packet::Outside {
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
     c: [s.cx, s.cy, s.cz],
 }, outside, outside_den, outside_normal);
+record!(NearSpan, s => packet::Near {
+    a: linear(s.a1, s.a0),
+    b: linear(s.b1, s.b0),
+    h: linear(s.h1, s.h0),
+    x: linear(s.x1, s.x0),
+    y: s.y,
+    z: s.z,
+    c: [s.cx, s.cy, s.cz],
+}, near, near_den, near_normal);
 record!(InsideSpan, s => packet::Inside {
     x: linear(s.x1, s.x0),
     y: s.y,
@@ -641,6 +650,7 @@ fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u6
             "outside",
             check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
         ),
+        ("near", check_bodies(&kernels.near, rounding, |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng), rng)),
         ("inside", check_bodies(&kernels.inside, rounding, |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng), rng)),
         (
             "triangle",
@@ -695,6 +705,9 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
     fn outside(mut self, span: &OutsideSpan<E>) {
         self.check(&self.kernels.outside.f32x4, span);
     }
+    fn near(mut self, span: &NearSpan<E>) {
+        self.check(&self.kernels.near.f32x4, span);
+    }
     fn inside(mut self, span: &InsideSpan<E>) {
         self.check(&self.kernels.inside.f32x4, span);
     }
@@ -709,8 +722,9 @@ fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) 
     for (lights, short) in [(1, true), (1, false), (2, false)] {
         let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
         scene.lights.truncate(lights);
-        // One sphere has the camera in it.
+        // One sphere has the camera in it, and one nearly.
         scene.spheres[0].radius = 400.0;
+        scene.spheres[1].radius = 0.9 * scene.spheres[1].centre.length();
         let spans = Spans::<E>::new(&scene, &scene.camera, 1.0);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {

@@ -41,7 +41,7 @@ pub use known::{KNOWN, Known};
 pub use packet::{
     Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
 };
-pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
+pub use spans::{Element, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, Span, TriangleSpan};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
 pub use vec3::{PacketOp, packet_ops};

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::checked::{self, Fault};
 use super::isa::Isa;
-use super::spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
+use super::spans::{Element, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, TriangleSpan};
 use super::types::Vec4;
 
 /// More elements than any packet has.
@@ -76,6 +76,8 @@ pub struct SpanKernels<E: 'static> {
     pub grey_rgba8: Shade<LitSpan<E>, E, Rgba8>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
+    /// Spheres from outside at less than sqrt 2 radii.
+    pub near: Bodies<NearSpan<E>, E>,
     /// Spheres from inside.
     pub inside: Bodies<InsideSpan<E>, E>,
     /// Triangles.
@@ -108,10 +110,11 @@ impl<E> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
         #[rustfmt::skip]
         let SpanKernels {
-            lanes: _, lit_f32x4, lit_f32x4_fast, lit_rgba8, grey_rgba8, outside, inside, triangle, emit_f32x4, emit_rgba8,
+            lanes: _, lit_f32x4, lit_f32x4_fast, lit_rgba8, grey_rgba8, outside, near, inside, triangle, emit_f32x4,
+            emit_rgba8,
         } = self;
         let mut symbols = vec![lit_f32x4.symbol, lit_f32x4_fast.symbol, lit_rgba8.symbol, grey_rgba8.symbol];
-        symbols.extend(outside.symbols().into_iter().chain(inside.symbols()).chain(triangle.symbols()));
+        symbols.extend([outside.symbols(), near.symbols(), inside.symbols(), triangle.symbols()].concat());
         symbols.extend([emit_f32x4.symbol, emit_rgba8.symbol]);
         symbols
     }
@@ -380,6 +383,7 @@ macro_rules! span_kernels {
                 OutsideSpan<$element>,
                 Some(planes!("outside", OutsideSpan<$element>, "_normals"))
             ),
+            near: bodies!("near", NearSpan<$element>, Some(planes!("near", NearSpan<$element>, "_normals"))),
             inside: bodies!("inside", InsideSpan<$element>, Some(planes!("inside", InsideSpan<$element>, "_normals"))),
             triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),

@@ -8,7 +8,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::kernels::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
+use crate::kernels::{Element, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, TriangleSpan};
+use crate::reference::geometry;
 use crate::scene::{self, Camera, Grid, Light, Scene};
 
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
@@ -17,19 +18,40 @@ const SHORT_FORM_LOSS: f64 = 64.0;
 /// A row of more spans than this is left to the depth of each pixel.
 const MOST_CUT: usize = 16;
 
+/// A sphere with less than this for k is less than sqrt 2 radii away: lights are seen from the camera then.
+const NEAR: f64 = 1.0;
+
+/// A triangle with edges of less than this share of its distance is seen from one of its vertices.
+const SMALL_TRIANGLE: f64 = 0.25;
+
+/// Lights further than this, in the unit of their object, are brought to this distance: L is the same for all points of
+/// the object to the last bit of f64, and |L|^2 is within the range of f32.
+const FAR_LIGHT: f64 = (1u64 << 60) as f64;
+
+/// Powers of two that numbers must keep between for f32 to hold them, their squares and what these are multiplied by.
+const SQUARED: f64 = (1u64 << 50) as f64;
+const LINEAR: f64 = SQUARED * SQUARED;
+/// The same for the numbers of the short form, of which it multiplies three.
+const CUBED: f64 = (1u64 << 40) as f64;
+
 /// A scene's objects as one camera sees them.
 pub struct Spans<E> {
     camera: Camera,
+    /// The camera's rays times `unit`.
     grid: Grid<f64>,
     /// 1 / grid.step.
     columns_per_x: f64,
     objects: Vec<Object<E>>,
+    /// The rows of the objects whose numbers f32 does not hold.
+    wide: Vec<Range<u32>>,
 }
 
 /// An object that some row of the picture may see.
 struct Object<E> {
     source: scene::Object,
     rows: Range<u32>,
+    /// Whether f32 holds the numbers of its records.
+    fits: bool,
     shape: Shape,
     /// Its lights, weighted for floats.
     lits: Vec<Lit<E>>,
@@ -45,7 +67,10 @@ struct Sphere {
     centre: DVec3,
     /// |c|^2 - 1: negative for a camera inside.
     k: f64,
-    radius: f64,
+    /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
+    scale: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
     short: Option<ShortForm>,
 }
 
@@ -63,10 +88,13 @@ struct ShortForm {
 struct Triangle {
     /// The planes through the camera and each edge; a ray inside is on the positive side of all or on one of them.
     edges: [DVec3; 3],
-    vertex: DVec3,
+    /// Where its points are seen from: a vertex if it is far for its size, else the camera.
+    origin: DVec3,
     /// n / (n . v): 1/t is its product with the ray.
     plane: DVec3,
     size: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
 }
 
 /// The pixels of one row that one object covers.
@@ -93,6 +121,8 @@ pub trait UseRecord<E> {
     fn lit(self, record: &LitSpan<E>) -> Self::Result;
     /// A sphere from outside.
     fn outside(self, record: &OutsideSpan<E>) -> Self::Result;
+    /// A sphere from outside at less than sqrt 2 radii.
+    fn near(self, record: &NearSpan<E>) -> Self::Result;
     /// A sphere from inside.
     fn inside(self, record: &InsideSpan<E>) -> Self::Result;
     /// A triangle.
@@ -102,31 +132,48 @@ pub trait UseRecord<E> {
 impl<E: Element> Spans<E> {
     /// Plans `scene` for `camera`; `white` is what full light is in the output: 1, or 255 for bytes.
     pub fn new(scene: &Scene, camera: &Camera, white: f64) -> Self {
+        // Rays of about length 1 keep their squares within the range of f32. The factor is exact.
         let grid = camera.grid::<f64>();
+        let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
+        let Grid { step, half_width, half_height, focal } = grid;
+        let grid = Grid {
+            step: unit * step,
+            half_width: unit * half_width,
+            half_height: unit * half_height,
+            focal: unit * focal,
+        };
         let lights = &scene.lights[..];
         let spheres = scene.spheres.iter().enumerate().filter_map(|(i, sphere)| {
             let source = scene::Object::Sphere(i);
             let colour = white * sphere.colour.as_dvec3();
-            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights);
+            let radius = f64::from(sphere.radius);
+            let shape = Sphere::new(sphere.centre.as_dvec3(), radius, unit, &grid, colour, white, lights);
             let rows = shape.rows(&grid, camera.height())?;
+            let origin = if shape.k < NEAR { DVec3::ZERO } else { sphere.centre.as_dvec3() };
             let lits = lights.iter().map(|light| {
-                lit((light.position.as_dvec3() - sphere.centre.as_dvec3()) / shape.radius, 0.0, colour, light)
+                let to_light = (light.position.as_dvec3() - origin) / radius;
+                lit(to_light, 0.0, weights(light, colour, lights.len()))
             });
-            Some(Object { source, rows, lits: lits.collect(), shape: Shape::Sphere(shape) })
+            Some(Object { source, rows, fits: shape.fits(), lits: lits.collect(), shape: Shape::Sphere(shape) })
         });
         let triangles = scene.triangles.iter().enumerate().filter_map(|(i, triangle)| {
             let source = scene::Object::Triangle(i);
             let vertices = triangle.vertices.map(|v| v.as_dvec3());
             let colour = white * triangle.colour.as_dvec3();
-            let (shape, normal) = Triangle::new(vertices)?;
+            let (shape, normal) = Triangle::new(vertices, unit)?;
             let rows = rows_of_triangle(vertices, &grid, camera.height())?;
             let lits = lights.iter().map(|light| {
-                let to_light = (light.position.as_dvec3() - shape.vertex) / shape.size;
-                lit(to_light, normal.dot(to_light).abs(), colour, light)
+                let light_at = light.position.as_dvec3();
+                let height = normal.dot(light_at - vertices[0]).abs() / shape.size;
+                lit((light_at - shape.origin) / shape.size, height, weights(light, colour, lights.len()))
             });
-            Some(Object { source, rows, lits: lits.collect(), shape: Shape::Triangle(shape) })
+            let fits = shape.fits(&vertices);
+            Some(Object { source, rows, fits, lits: lits.collect(), shape: Shape::Triangle(shape) })
         });
-        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects: spheres.chain(triangles).collect() }
+        let objects: Vec<Object<E>> = spheres.chain(triangles).collect();
+        let deep = grid.focal * SQUARED > 1.0;
+        let wide = objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone()).collect();
+        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects, wide }
     }
 
     /// The objects that some of `rows` may see, in the scene's order.
@@ -138,6 +185,16 @@ impl<E: Element> Spans<E> {
     /// Which of the scene's objects it is.
     pub fn source(&self, object: usize) -> scene::Object {
         self.objects[object].source
+    }
+
+    /// Whether any object's numbers are beyond f32, so that there are rows to trace in f64.
+    pub fn any_wide(&self) -> bool {
+        !self.wide.is_empty()
+    }
+
+    /// Whether `row` may see an object whose numbers are beyond f32.
+    pub fn is_wide(&self, row: u32) -> bool {
+        self.wide.iter().any(|rows| rows.contains(&row))
     }
 
     /// The lights of an object.
@@ -154,7 +211,8 @@ impl<E: Element> Spans<E> {
         }
         let width = self.camera.width();
         let (columns, silhouette) = match shape {
-            Shape::Sphere(sphere) if sphere.k <= 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k < 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k == 0.0 => (sphere.half(&self.grid, row, width), Silhouette::default()),
             Shape::Sphere(sphere) => {
                 let [_, y, z] = self.grid.ray(row, 0);
                 let silhouette = sphere.silhouette(y, z)?;
@@ -229,6 +287,9 @@ impl<E: Element> Spans<E> {
                     let record = sphere.lit(form, step, self.columns_per_x, d, &span.silhouette);
                     user.lit(&LitSpan { j, end, id, ..record }.round())
                 }
+                _ if sphere.k < NEAR => {
+                    user.near(&NearSpan { j, end, id, ..sphere.near(step, d, &span.silhouette) }.round())
+                }
                 _ => user.outside(&OutsideSpan { j, end, id, ..sphere.outside(step, d, &span.silhouette) }.round()),
             },
             Shape::Triangle(triangle) => {
@@ -250,8 +311,10 @@ impl<E: Element> Spans<E> {
     }
 }
 
-fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = weights(light, colour);
+/// The light as its object sees it: where, and at which height above the object's plane.
+fn lit<E: Element>(to_light: DVec3, height: f64, weights: DVec3) -> Lit<E> {
+    let near = FAR_LIGHT / to_light.abs().max_element().max(FAR_LIGHT);
+    let (to_light, cosine) = (near * to_light, near * height);
     Lit {
         x: to_light.x,
         y: to_light.y,
@@ -265,9 +328,9 @@ fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -
     .round()
 }
 
-/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
-fn weights(light: &Light, colour: DVec3) -> DVec3 {
-    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
+/// I_L C, so that the sum over all `lights` is finite in f32 too.
+fn weights(light: &Light, colour: DVec3, lights: usize) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f64::from(f32::MAX) / (lights + 1) as f64))
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -293,8 +356,16 @@ struct Silhouette {
 }
 
 impl Sphere {
-    fn new(centre: DVec3, radius: f64, colour: DVec3, white: f64, lights: &[Light]) -> Self {
-        let k = (centre.dot(centre) - radius * radius) / (radius * radius);
+    fn new(
+        centre: DVec3,
+        radius: f64,
+        unit: f64,
+        grid: &Grid<f64>,
+        colour: DVec3,
+        white: f64,
+        lights: &[Light],
+    ) -> Self {
+        let k = geometry::power(centre, radius) / (radius * radius);
         let c = centre / radius;
         let short = match lights {
             [light] if k > 0.0 => {
@@ -304,16 +375,26 @@ impl Sphere {
                 let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
                 let products = far * light_from_centre.length();
                 let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * weights(light, colour);
+                let weights = 0.5 * weights(light, colour, 1);
                 let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
                 // It does not clamp.
                 let dim = weights.max_element() <= 0.5 * white;
-                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
+                let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
+                let pixels = c.length_squared() * reach / (slope * slope * grid.step);
+                let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length()];
+                let in_range = large.into_iter().all(|x| x < CUBED);
+                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim && in_range;
                 fine.then_some(ShortForm { light: light_from_centre, slope, kn, ke, weights })
             }
             _ => None,
         };
-        Sphere { centre: c, k, radius, short }
+        let scale = power_of_two(k.max(1.0).sqrt());
+        Sphere { centre: c, k, scale, near: 1.0 / (radius * unit * scale), short }
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self) -> bool {
+        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
     }
 
     /// The rows that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches.
@@ -367,21 +448,36 @@ impl Sphere {
         }
     }
 
+    /// The columns of a row whose rays leave a sphere that the camera is on: those ahead of it.
+    fn half(&self, grid: &Grid<f64>, row: u32, width: u32) -> Range<u32> {
+        let ahead = |col: u32| self.centre.dot(grid.ray(row, col).into()) > 0.0;
+        if self.centre.x > 0.0 { partition(width, |col| !ahead(col))..width } else { 0..partition(width, ahead) }
+    }
+
+    fn near(&self, step: f64, d: DVec3, s: &Silhouette) -> NearSpan<f64> {
+        let OutsideSpan { near, a1, a0, b1, b0, h1, h0, cx, cy, cz, .. } = self.outside(step, d, s);
+        let (j, end, id) = (0.0, 0.0, 0.0);
+        let DVec3 { x: x0, y, z } = self.scale * d;
+        NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1: self.scale * step, x0, y, z, cx, cy, cz }
+    }
+
     fn outside(&self, step: f64, d: DVec3, s: &Silhouette) -> OutsideSpan<f64> {
         let c = self.centre;
-        // Scaled so that h + sqrt D is 1/t.
+        // Scaled so that h + sqrt D is 1/t, and that is near 1.
         let scale = s.sign / self.k;
-        let (h1, h0) = (c.x * step / self.k, (s.h + c.x * d.x) / self.k);
+        let (step, d, h, q, p) =
+            (self.scale * step, self.scale * d, self.scale * s.h, self.scale * s.q, self.scale * s.p);
+        let (h1, h0) = (c.x * step / self.k, (h + c.x * d.x) / self.k);
         let at_middle = d - h0 * c;
         OutsideSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             a1: -s.m * step * scale,
-            a0: (s.q - s.m * d.x) * scale,
+            a0: (q - s.m * d.x) * scale,
             b1: step * scale,
-            b0: (d.x + s.p) * scale,
+            b0: (d.x + p) * scale,
             h1,
             h0,
             x1: step - h1 * c.x,
@@ -424,7 +520,7 @@ impl Sphere {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             x1: step,
             x0: d.x,
             y: d.y,
@@ -455,16 +551,28 @@ fn rows_of_triangle(vertices: [DVec3; 3], grid: &Grid<f64>, height: u32) -> Opti
 impl Triangle {
     /// With its unit normal. None for a triangle of no area or whose plane passes through the camera, which is never
     /// hit: the rule and the order of operations are those of `reference::geometry::triangle`.
-    fn new([v1, v2, v3]: [DVec3; 3]) -> Option<(Self, DVec3)> {
+    fn new([v1, v2, v3]: [DVec3; 3], unit: f64) -> Option<(Self, DVec3)> {
         let n = (v1 - v2).cross(v1 - v3);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
             return None;
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
+        let plane = n / volume;
+        // From the camera, P = t d is as exact as from a vertex that is as far from P as the camera is.
+        let far = (v2 - v1).length().max((v3 - v1).length()) < SMALL_TRIANGLE * v1.length();
+        let origin = if far { v1 } else { DVec3::ZERO };
+        // Of P, or of the way to the plane.
+        let size = if far { v1.abs().max_element() } else { 1.0 / plane.length() };
         // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
-        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
-        Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
+        let size = power_of_two(size);
+        Some((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit) }, n.normalize()))
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self, vertices: &[DVec3; 3]) -> bool {
+        let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
     }
 
     /// The columns of a row whose rays are between the edges.
@@ -498,22 +606,27 @@ impl Triangle {
 
     fn record(&self, step: f64, d: DVec3) -> TriangleSpan<f64> {
         let (w1, w0) = (self.plane.x * step, self.plane.dot(d));
-        let at_middle = d - w0 * self.vertex;
+        let at_middle = d - w0 * self.origin;
         TriangleSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.size,
+            near: self.near,
             w1: w1 * self.size,
             w0: w0 * self.size,
-            x1: step - w1 * self.vertex.x,
+            x1: step - w1 * self.origin.x,
             x0: at_middle.x,
-            y1: -w1 * self.vertex.y,
+            y1: -w1 * self.origin.y,
             y0: at_middle.y,
-            z1: -w1 * self.vertex.z,
+            z1: -w1 * self.origin.z,
             z0: at_middle.z,
         }
     }
+}
+
+/// The largest power of two that is at most `x`, which is positive and finite.
+fn power_of_two(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & f64::INFINITY.to_bits())
 }
 
 /// The first column for which `before` does not hold, if it holds for all columns up to one and for none after.

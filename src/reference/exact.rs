@@ -272,7 +272,9 @@ impl Sphere {
             return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound, slant };
         }
         let root = disc.sqrt();
-        let near = &(&h - &root) / &a;
+        // As k / (h + sqrt D), which is exactly 0 for a camera on the sphere; (h - sqrt D) / a would be its rounding.
+        let sum = &h + &root;
+        let near = if sum.is_positive() { &self.k / &sum } else { Exact::new(0.0) };
         let hit = if near.is_positive() { near } else { &(&h + &root) / &a };
         Meeting { hit: Some(hit), miss: None, margin: s, bound, slant }
     }

@@ -20,6 +20,30 @@ pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
 }
 
+/// |c|^2 - r^2, the power of the camera: its sign says whether the camera is outside, on or inside of the sphere, and is
+/// right for numbers of f32, however much cancels.
+pub fn power(centre: DVec3, radius: f64) -> f64 {
+    // The squares of 24 bits are exact. Their sum is kept as parts that do not overlap, the largest last: Shewchuk's
+    // expansions.
+    let mut parts = [0.0; 4];
+    for (i, square) in [centre.x, centre.y, centre.z].map(|c| c * c).into_iter().chain([-radius * radius]).enumerate() {
+        let mut sum = square;
+        for part in &mut parts[..i] {
+            let (rounded, rest) = two_sum(sum, *part);
+            (sum, *part) = (rounded, rest);
+        }
+        parts[i] = sum;
+    }
+    parts.iter().sum()
+}
+
+/// a + b as its rounded value and what that leaves out: Knuth's, for any a and b.
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let from_b = sum - a;
+    (sum, (a - (sum - from_b)) + (b - from_b))
+}
+
 /// The unit normal of a sphere at its point `p`, outward.
 pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
     (p - centre).normalize()

@@ -177,9 +177,9 @@ impl Engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 match precision {
-                    Precision::Single => Box::new(PacketTracer::new(kernels, &kernels.single, false, scene, camera)),
-                    Precision::Fast => Box::new(PacketTracer::new(kernels, &kernels.single, true, scene, camera)),
-                    Precision::Double => Box::new(PacketTracer::new(kernels, &kernels.double, false, scene, camera)),
+                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera)),
+                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera)),
+                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera)),
                 }
             }
         })

@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::{FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
+    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
     SpanKernels, TriangleSpan, Vec4,
 };
 use crate::plan::{RowSpan, Spans, UseRecord};
@@ -29,11 +29,13 @@ pub struct PacketTracer<E: 'static> {
     linear: Spans<E>,
     /// Weighted for bytes.
     levels: Spans<E>,
+    /// For the rows that see an object whose numbers are beyond f32.
+    wide: Option<Box<PacketTracer<f64>>>,
 }
 
 impl<E: Element> PacketTracer<E> {
     /// Plans `scene` for the kernels; `spans` is theirs for one element type.
-    pub fn new(
+    fn planned(
         kernels: &'static PacketKernels,
         spans: &'static SpanKernels<E>,
         fast: bool,
@@ -41,6 +43,7 @@ impl<E: Element> PacketTracer<E> {
         camera: &Camera,
     ) -> Self {
         PacketTracer {
+            wide: None,
             kernels,
             spans,
             fast,
@@ -49,6 +52,22 @@ impl<E: Element> PacketTracer<E> {
             linear: Spans::new(scene, camera, 1.0),
             levels: Spans::new(scene, camera, 255.0),
         }
+    }
+}
+
+impl PacketTracer<f32> {
+    /// Plans `scene` for the kernels in f32, with estimates where `fast`.
+    pub fn single(kernels: &'static PacketKernels, fast: bool, scene: &Scene, camera: &Camera) -> Self {
+        let tracer = Self::planned(kernels, &kernels.single, fast, scene, camera);
+        let wide = tracer.linear.any_wide().then(|| Box::new(PacketTracer::double(kernels, scene, camera)));
+        PacketTracer { wide, ..tracer }
+    }
+}
+
+impl PacketTracer<f64> {
+    /// Plans `scene` for the kernels in f64.
+    pub fn double(kernels: &'static PacketKernels, scene: &Scene, camera: &Camera) -> Self {
+        Self::planned(kernels, &kernels.double, false, scene, camera)
     }
 }
 
@@ -126,6 +145,10 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
         let kernel = P::shade(self.tracer, &self.tracer.spans.outside);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
     }
+    fn near(self, record: &NearSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.near);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
     fn inside(self, record: &InsideSpan<E>) {
         let kernel = P::shade(self.tracer, &self.tracer.spans.inside);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
@@ -163,6 +186,10 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
     }
     fn outside(self, record: &OutsideSpan<E>) {
         let bodies = &self.tracer.spans.outside;
+        self.call(bodies, record);
+    }
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.tracer.spans.near;
         self.call(bodies, record);
     }
     fn inside(self, record: &InsideSpan<E>) {
@@ -222,6 +249,19 @@ impl<E: Element> PacketTracer<E> {
         P::fill(self, &mut out[done..]);
     }
 
+    /// Rows whose objects have numbers that the elements hold.
+    fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        match out {
+            FilmMut::F32x4(out) => {
+                self.trace(&self.linear, rows, out);
+                if self.streaming {
+                    sys::store_fence();
+                }
+            }
+            FilmMut::Rgba8(out) => self.trace(&self.levels, rows, out),
+        }
+    }
+
     /// Finds who is nearest at each pixel, and then shades each object's own.
     fn trace_overlapping<P: Output<E>>(
         &self,
@@ -266,15 +306,21 @@ impl<E: Element> Tracer for PacketTracer<E> {
         true
     }
 
-    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        match out {
-            FilmMut::F32x4(out) => {
-                self.trace(&self.linear, rows, out);
-                if self.streaming {
-                    sys::store_fence();
-                }
+    fn rows(&self, rows: Range<u32>, mut out: FilmMut<'_>) {
+        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        let Some(wide) = &self.wide else { return self.narrow_rows(rows, out) };
+        // Row by row, so that no row depends on those it is traced with.
+        for row in rows.clone() {
+            let range = (row - rows.start) as usize * self.width..(row + 1 - rows.start) as usize * self.width;
+            let out = match &mut out {
+                FilmMut::F32x4(out) => FilmMut::F32x4(&mut out[range]),
+                FilmMut::Rgba8(out) => FilmMut::Rgba8(&mut out[range]),
+            };
+            if self.linear.is_wide(row) {
+                wide.rows(row..row + 1, out);
+            } else {
+                self.narrow_rows(row..row + 1, out);
             }
-            FilmMut::Rgba8(out) => self.trace(&self.levels, rows, out),
         }
     }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{PacketTracer, overlap};
-use crate::kernels::{Bodies, Element, InsideSpan, LitSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
+use crate::kernels::{Bodies, Element, InsideSpan, LitSpan, NearSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
 use crate::plan::{RowSpan, UseRecord};
 use crate::render::{Distance, Found};
 
@@ -46,6 +46,10 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
         let bodies = &self.kernels.outside;
         self.ask(bodies, record);
     }
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.kernels.near;
+        self.ask(bodies, record);
+    }
     fn inside(self, record: &InsideSpan<E>) {
         let bodies = &self.kernels.inside;
         self.ask(bodies, record);
@@ -65,6 +69,10 @@ impl<E: Element> PacketTracer<E> {
         let mut found = Vec::with_capacity(rows.len() * self.width);
         let mut spans: Vec<RowSpan> = Vec::new();
         for row in rows {
+            if let Some(wide) = self.wide.as_ref().filter(|_| plan.is_wide(row)) {
+                found.extend(wide.found(row..row + 1));
+                continue;
+            }
             spans.clear();
             spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
             let by_depth = overlap(&mut spans) && !plan.cut_hidden(row, &mut spans);
