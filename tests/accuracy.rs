@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 use rayo::reference::exact::{self, Exact, Rays};
-use rayo::render::reference::{Object, ReferenceTracer};
-use rayo::render::{TrueHit, Truth};
-use rayo::scene::{self, Camera, Light, Rng, Scene, Sphere, Triangle};
+use rayo::render::reference::ReferenceTracer;
+use rayo::render::{Distance, Engine, Film, Found, PixelFormat, TrueHit, Truth};
+use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle};
 
 /// Doubtful for f64: 64 times the rounding of a number.
 const DOUBT_OF_F64: f64 = 64.0 * f64::EPSILON;
@@ -152,5 +152,60 @@ fn a_light_on_the_surface_makes_any_colour_right() {
             (Some(a), Some(b)) => assert!(near(a, b), "{z}: {a}"),
             (a, b) => assert_eq!(a, b, "{z}"),
         }
+    }
+}
+
+#[test]
+fn what_an_engine_says_that_it_hits_is_what_it_draws() {
+    // Each object has a hue of its own, and the light is in the camera, so that nothing that is seen is dark.
+    let mut scene = scene::many(30, 30, 5);
+    scene.lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }];
+    let mut rng = Rng::new(3);
+    let mut hue = || Vec3::new(rng.between(0.2, 1.0), rng.between(0.2, 1.0), rng.between(0.2, 1.0)).normalize();
+    scene.spheres.iter_mut().for_each(|sphere| sphere.colour = hue());
+    scene.triangles.iter_mut().for_each(|triangle| triangle.colour = hue());
+    let camera = camera(&scene, 203, 151);
+    let pixels = camera.pixels() as usize;
+    let tracers = Engine::ALL.iter().filter(|engine| engine.usable()).flat_map(|engine| {
+        engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene, &camera).unwrap()))
+    });
+    for (engine, precision, tracer) in tracers {
+        let mut film = Film::new(PixelFormat::F32x4, pixels).unwrap();
+        tracer.rows(0..151, film.as_mut());
+        let Film::F32x4(film) = film else { unreachable!() };
+        let found = tracer.hits(0..151);
+        assert_eq!(found.len(), pixels);
+        // In two pieces it is the same.
+        assert_eq!([tracer.hits(0..40), tracer.hits(40..151)].concat(), found);
+        let mut hits = 0;
+        for (i, (pixel, found)) in film.iter().zip(&found).enumerate() {
+            let drawn = DVec3::new(pixel.x.into(), pixel.y.into(), pixel.z.into());
+            let what = format!("{engine} {precision} pixel {i}: {found:?}, drawn {drawn}");
+            let Some(Found { object, distance, normal }) = found else {
+                assert_eq!(drawn, DVec3::ZERO, "{what}");
+                continue;
+            };
+            hits += 1;
+            let colour = match object {
+                Object::Sphere(i) => scene.spheres[*i].colour,
+                Object::Triangle(i) => scene.triangles[*i].colour,
+            };
+            // A limb is dark.
+            let dark = drawn.length() < 1e-3;
+            assert!(dark || drawn.normalize().distance(colour.as_dvec3()) < 1e-3, "{what}");
+            let t = match distance {
+                Distance::T(t) => *t,
+                Distance::Inverse(inverse) => 1.0 / inverse,
+            };
+            let d = DVec3::from(camera.grid::<f64>().ray(i as u32 / 203, i as u32 % 203));
+            if let Some(normal) = normal {
+                assert!((normal.length() - 1.0).abs() < 1e-3, "{what}");
+                // The cosine at the point is what was drawn; the limb of a small sphere is a difference of long vectors.
+                let cosine = (-normal.dot(d) / d.length()).abs();
+                assert!((cosine - drawn.length()).abs() < 0.02, "{what}, cosine {cosine}");
+            }
+            assert!((20.0..70.0).contains(&t), "{what}");
+        }
+        assert!(hits > pixels / 4, "{engine} {precision}: {hits} hits");
     }
 }

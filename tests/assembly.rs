@@ -161,7 +161,7 @@ fn returns_with_dirty_registers(function: &Function) -> usize {
 #[test]
 fn every_object_is_under_test() {
     let mut known: BTreeSet<_> = UNITS.iter().map(|unit| unit.name).collect();
-    known.extend([HARNESS, "trace", "ops"]);
+    known.extend([HARNESS, "trace", "ops", "hits"]);
     known.extend(MEASURED);
     assert_eq!(OBJECTS.iter().map(|(name, _)| *name).collect::<BTreeSet<_>>(), known);
 }
@@ -305,7 +305,8 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
 
 #[test]
 fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
-    let mut expected = BTreeSet::from(["rayo_checked_call".to_owned(), CALLS.to_owned()]);
+    let mut expected =
+        BTreeSet::from(["rayo_checked_call", CALLS, "rayo_c_hits", "rayo_paper_hits"].map(str::to_owned));
     let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
     expected.extend(rules.chain(["read".into(), "write".into()]).map(|rule| format!("rayo_broken_{rule}")));
     for implementation in IMPLEMENTATIONS {

@@ -442,11 +442,13 @@ trait Record<E>: Copy + std::fmt::Debug {
     fn near(&self) -> E;
     fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3];
     fn den(&self, rounding: Rounding, j: E) -> E;
+    /// None for a triangle.
+    fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]>;
 }
 
 /// Gives a record its twin: the value that is made of `$s`, and the functions that take it.
 macro_rules! record {
-    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident) => {
+    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident $(, $normal:ident)?) => {
         impl<E: Element + Real> Record<E> for $name<E> {
             fn first(&self) -> E {
                 self.j
@@ -462,6 +464,11 @@ macro_rules! record {
                 let $s = self;
                 rounding.$den(&$twin, j)
             }
+            fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]> {
+                let ($s, _rounding, _j) = (self, rounding, j);
+                let _twin = $twin;
+                [$(_rounding.$normal(&_twin, _j))?].into_iter().next()
+            }
         }
     };
 }
@@ -472,7 +479,7 @@ record!(OutsideSpan, s => packet::Outside {
     h: linear(s.h1, s.h0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
     c: [s.cx, s.cy, s.cz],
-}, outside, outside_den);
+}, outside, outside_den, outside_normal);
 record!(NearSpan, s => packet::Near {
     a: linear(s.a1, s.a0),
     b: linear(s.b1, s.b0),
@@ -481,7 +488,7 @@ record!(NearSpan, s => packet::Near {
     y: s.y,
     z: s.z,
     c: [s.cx, s.cy, s.cz],
-}, near, near_den);
+}, near, near_den, near_normal);
 record!(InsideSpan, s => packet::Inside {
     x: linear(s.x1, s.x0),
     y: s.y,
@@ -490,7 +497,7 @@ record!(InsideSpan, s => packet::Inside {
     h: linear(s.h1, s.h0),
     k: s.k,
     c: [s.cx, s.cy, s.cz],
-}, inside, inside_den);
+}, inside, inside_den, inside_normal);
 record!(TriangleSpan, s => packet::Triangle {
     w: linear(s.w1, s.w0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
@@ -593,6 +600,16 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             let equal = |(a, b): (E, E)| bits(a) == bits(b) || a.to_f64().is_nan() && b.to_f64().is_nan();
             let all = in_row.into_iter().zip(expected).all(equal);
             assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
+            let mut owned = Row::new(pixels);
+            bodies.depth.call(&span, &mut owned, 0..pixels);
+            assert_eq!(bodies.normals.is_some(), span.normal(rounding, j(i)).is_some());
+            if let (Some(kernel), Some(normal)) = (&bodies.normals, span.normal(rounding, j(i))) {
+                kernel.call(&span, &[], &mut owned, 0..pixels);
+                let found = [1, 2, 3].map(|plane| owned.plane(plane)[i]);
+                let expected = if den > zero { normal } else { [zero; 3] };
+                let all = found.into_iter().zip(expected).all(equal);
+                assert!(all, "the normal {found:?} instead of {expected:?}: {}", what());
+            }
         }
     }
     compared

@@ -9,6 +9,7 @@
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(span, lits, lit_count, out, pixels, streaming)
 ;   rayo_<p>_<object>_planes        unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
+;   rayo_<p>_<object>_normals       unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
 ;   rayo_<p>_emit_<output>          unsafe extern "sysv64" fn(row, stride, out, pixels)
 ;
@@ -23,6 +24,8 @@
 ;               rgba8       levels of red, green, blue, and 255
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
+;
+;   ..._normals as planes, with a sphere's unit normal in place of its colour: for who measures errors
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
@@ -84,10 +87,31 @@
     LIGHTS  FROM_CAMERA, NearSpan.cx
 %endmacro
 
+; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_NEAR has it.
+%macro BODY_NEAR_NORMAL 0
+    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
+    VSUB    v1, v1, K(NearSpan.cx)
+    VSUB    v2, v2, K(NearSpan.cy)
+    VSUB    v3, v3, K(NearSpan.cz)
+%endmacro
+
+; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
+%macro BODY_OUTSIDE_NORMAL 0
+    SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
+%endmacro
+
 ; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_INSIDE 0
     SPHERE_INSIDE v4, v5, v6, v0, v7, v8
     LIGHTS  FROM_CAMERA, InsideSpan.cx
+%endmacro
+
+; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_INSIDE has it.
+%macro BODY_INSIDE_NORMAL 0
+    SPHERE_INSIDE v1, v2, v3, v0, v7, v8
+    VSUB    v1, v1, K(InsideSpan.cx)
+    VSUB    v2, v2, K(InsideSpan.cy)
+    VSUB    v3, v3, K(InsideSpan.cz)
 %endmacro
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
@@ -395,6 +419,9 @@ ENDFUNC
     DEPTH   triangle, TRIANGLE, 12
     EMIT    f32x4, F32X4
     EMIT    rgba8, RGBA8
+    PLANES  outside, normals, OUTSIDE_NORMAL, 19
+    PLANES  near, normals, NEAR_NORMAL, 17
+    PLANES  inside, normals, INSIDE_NORMAL, 15
 %if ELEM == 4
 %assign ESTIMATE 1
     SHADE   lit, f32x4_fast, LIT, F32X4, F32X4, 15
@@ -423,8 +450,11 @@ ENDFUNC
 %unmacro BODY_LIT 0
 %unmacro BODY_GREY 0
 %unmacro BODY_OUTSIDE 0
+%unmacro BODY_OUTSIDE_NORMAL 0
 %unmacro BODY_NEAR 0
+%unmacro BODY_NEAR_NORMAL 0
 %unmacro BODY_INSIDE 0
+%unmacro BODY_INSIDE_NORMAL 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
 %unmacro DEN_NEAR 0

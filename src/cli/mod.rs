@@ -1,10 +1,13 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
+mod accuracy;
 mod diff;
 mod experiment;
 mod info;
+mod measuring;
 mod ops;
 mod render;
+mod table;
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -26,6 +29,7 @@ struct Cli {
 enum Command {
     Render(render::RenderArgs),
     Diff(diff::DiffArgs),
+    Accuracy(accuracy::AccuracyArgs),
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
@@ -54,6 +58,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),

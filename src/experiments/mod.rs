@@ -1,5 +1,6 @@
 //! The experiments: each returns rows.
 
+pub mod accuracy;
 #[cfg(rayo_asm)]
 pub mod claims;
 #[cfg(rayo_asm)]
@@ -14,3 +15,4 @@ pub mod ops;
 pub mod plot;
 #[cfg(rayo_asm)]
 pub mod speedup;
+mod svg;

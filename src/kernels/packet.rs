@@ -58,6 +58,8 @@ pub struct Bodies<S, E> {
     pub planes_fast: Planes<S, E>,
     /// Finds the nearest.
     pub depth: Depth<S, E>,
+    /// To a row of buffers with the unit normal in place of the colour. None for a triangle, whose normal is a constant.
+    pub normals: Option<Planes<S, E>>,
 }
 
 /// All packet kernels of an ISA for one element type.
@@ -97,9 +99,10 @@ pub struct PacketKernels {
 }
 
 impl<S, E> Bodies<S, E> {
-    fn symbols(&self) -> [&'static str; 6] {
-        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth } = self;
-        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol]
+    fn symbols(&self) -> Vec<&'static str> {
+        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth, normals } = self;
+        let all = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol];
+        all.into_iter().chain(normals.as_ref().map(|normals| normals.symbol)).collect()
     }
 }
 
@@ -335,16 +338,16 @@ macro_rules! span_kernels {
             }};
         }
         macro_rules! planes {
-            ($body:literal, $span:ty, $fast_name:literal) => {{
+            ($body:literal, $span:ty, $output:expr) => {{
                 unsafe extern "sysv64" {
-                    #[link_name = concat!($prefix, $body, "_planes", $fast_name)]
+                    #[link_name = concat!($prefix, $body, $output)]
                     fn kernel(s: *const $span, l: *const Lit<$element>, n: u64, row: *mut $element, p: u64, f: u64);
                 }
-                Planes { code: kernel, symbol: concat!($prefix, $body, "_planes", $fast_name) }
+                Planes { code: kernel, symbol: concat!($prefix, $body, $output) }
             }};
         }
         macro_rules! bodies {
-            ($body:literal, $span:ty) => {{
+            ($body:literal, $span:ty, $normals:expr) => {{
                 unsafe extern "sysv64" {
                     #[link_name = concat!($prefix, $body, "_depth")]
                     fn kernel(s: *const $span, row: *mut $element, p: u64, f: u64);
@@ -353,9 +356,10 @@ macro_rules! span_kernels {
                     f32x4: shade!($body, $span, "_f32x4", Vec4),
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
-                    planes: planes!($body, $span, ""),
-                    planes_fast: planes!($body, $span, $fast),
+                    planes: planes!($body, $span, "_planes"),
+                    planes_fast: planes!($body, $span, concat!("_planes", $fast)),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
+                    normals: $normals,
                 }
             }};
         }
@@ -374,10 +378,14 @@ macro_rules! span_kernels {
             lit_f32x4_fast: shade!("lit", LitSpan<$element>, concat!("_f32x4", $fast), Vec4),
             lit_rgba8: shade!("lit", LitSpan<$element>, "_rgba8", Rgba8),
             grey_rgba8: shade!("grey", LitSpan<$element>, "_rgba8", Rgba8),
-            outside: bodies!("outside", OutsideSpan<$element>),
-            near: bodies!("near", NearSpan<$element>),
-            inside: bodies!("inside", InsideSpan<$element>),
-            triangle: bodies!("triangle", TriangleSpan<$element>),
+            outside: bodies!(
+                "outside",
+                OutsideSpan<$element>,
+                Some(planes!("outside", OutsideSpan<$element>, "_normals"))
+            ),
+            near: bodies!("near", NearSpan<$element>, Some(planes!("near", NearSpan<$element>, "_normals"))),
+            inside: bodies!("inside", InsideSpan<$element>, Some(planes!("inside", InsideSpan<$element>, "_normals"))),
+            triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),
             emit_rgba8: emit!("rgba8", Rgba8),
         }

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use crate::kernels::{Element, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, TriangleSpan};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Light, Scene};
+use crate::scene::{self, Camera, Grid, Light, Scene};
 
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
 const SHORT_FORM_LOSS: f64 = 64.0;
@@ -48,6 +48,7 @@ pub struct Spans<E> {
 
 /// An object that some row of the picture may see.
 struct Object<E> {
+    source: scene::Object,
     rows: Range<u32>,
     /// Whether f32 holds the numbers of its records.
     fits: bool,
@@ -142,7 +143,8 @@ impl<E: Element> Spans<E> {
             focal: unit * focal,
         };
         let lights = &scene.lights[..];
-        let spheres = scene.spheres.iter().filter_map(|sphere| {
+        let spheres = scene.spheres.iter().enumerate().filter_map(|(i, sphere)| {
+            let source = scene::Object::Sphere(i);
             let colour = white * sphere.colour.as_dvec3();
             let radius = f64::from(sphere.radius);
             let shape = Sphere::new(sphere.centre.as_dvec3(), radius, unit, &grid, colour, white, lights);
@@ -152,9 +154,10 @@ impl<E: Element> Spans<E> {
                 let to_light = (light.position.as_dvec3() - origin) / radius;
                 lit(to_light, 0.0, weights(light, colour, lights.len()))
             });
-            Some(Object { rows, fits: shape.fits(), lits: lits.collect(), shape: Shape::Sphere(shape) })
+            Some(Object { source, rows, fits: shape.fits(), lits: lits.collect(), shape: Shape::Sphere(shape) })
         });
-        let triangles = scene.triangles.iter().filter_map(|triangle| {
+        let triangles = scene.triangles.iter().enumerate().filter_map(|(i, triangle)| {
+            let source = scene::Object::Triangle(i);
             let vertices = triangle.vertices.map(|v| v.as_dvec3());
             let colour = white * triangle.colour.as_dvec3();
             let (shape, normal) = Triangle::new(vertices, unit)?;
@@ -165,7 +168,7 @@ impl<E: Element> Spans<E> {
                 lit((light_at - shape.origin) / shape.size, height, weights(light, colour, lights.len()))
             });
             let fits = shape.fits(&vertices);
-            Some(Object { rows, fits, lits: lits.collect(), shape: Shape::Triangle(shape) })
+            Some(Object { source, rows, fits, lits: lits.collect(), shape: Shape::Triangle(shape) })
         });
         let objects: Vec<Object<E>> = spheres.chain(triangles).collect();
         let deep = grid.focal * SQUARED > 1.0;
@@ -187,6 +190,11 @@ impl<E: Element> Spans<E> {
     /// Whether `row` may see an object whose numbers are beyond f32.
     pub fn is_wide(&self, row: u32) -> bool {
         self.wide.iter().any(|rows| rows.contains(&row))
+    }
+
+    /// Which of the scene's objects it is.
+    pub fn source(&self, object: usize) -> scene::Object {
+        self.objects[object].source
     }
 
     /// The lights of an object.

@@ -54,6 +54,30 @@ impl Exact {
     }
 }
 
+/// A number to about 106 bits, as the sum of two f64: what fast comparisons take in place of an [`Exact`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// The number rounded to nearest.
+    pub high: f64,
+    /// What is left, rounded to nearest.
+    pub low: f64,
+}
+
+impl Split {
+    /// x - self; to all of f64 where x is near.
+    pub fn error_of(self, x: f64) -> f64 {
+        (x - self.high) - self.low
+    }
+}
+
+impl From<&Exact> for Split {
+    fn from(x: &Exact) -> Self {
+        let high = x.to_f64();
+        let low = (x - &Exact::new(high)).to_f64();
+        Split { high, low }
+    }
+}
+
 macro_rules! operation {
     ($trait:ident, $name:ident) => {
         impl $trait for &Exact {
@@ -343,6 +367,16 @@ mod tests {
         // Neither end of f64's range is an end here.
         let square = &Exact::new(f64::MIN_POSITIVE) * &Exact::new(f64::MIN_POSITIVE);
         assert_eq!(square.sqrt().to_f64(), f64::MIN_POSITIVE);
+    }
+
+    #[test]
+    fn a_split_number_shows_differences_below_the_rounding_of_f64() {
+        let third = &Exact::new(1.0) / &Exact::new(3.0);
+        let split = Split::from(&third);
+        let error = (&(&Exact::new(split.high) + &Exact::new(split.low)) - &third).to_f64();
+        assert!(error.abs() < 2f64.powi(-107), "{error:e}");
+        // 1/3 in f64 is a third of a unit of its last place too small: 2^-54 / 3.
+        assert_eq!(split.error_of(1.0 / 3.0), -(2f64.powi(-54) / 3.0));
     }
 
     #[test]

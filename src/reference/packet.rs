@@ -154,12 +154,17 @@ impl Rounding {
         self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
     }
 
-    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
-    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+    /// SPHERE_OUTSIDE: the unit normal at pixel j.
+    pub fn outside_normal<T: Real>(self, sphere: &Outside<T>, j: T) -> [T; 3] {
         let (den, root) = self.den_and_root([sphere.a, sphere.b, sphere.h], j);
         let t = T::ONE / den;
         let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
-        self.lights(lights, [0, 1, 2].map(along), Seen::FromCentre)
+        [0, 1, 2].map(along)
+    }
+
+    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
+    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        self.lights(lights, self.outside_normal(sphere, j), Seen::FromCentre)
     }
 
     /// SPHERE_DEN: 1/t at pixel j.
@@ -167,11 +172,21 @@ impl Rounding {
         self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
     }
 
+    /// SPHERE_NEAR: the point at pixel j, seen from the camera.
+    fn near_point<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
+        let t = T::ONE / self.near_den(sphere, j);
+        [self.affine(sphere.x, j) * t, t * sphere.y, t * sphere.z]
+    }
+
+    /// SPHERE_NEAR: the unit normal at pixel j.
+    pub fn near_normal<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
+        let p = self.near_point(sphere, j);
+        [0, 1, 2].map(|i| p[i] - sphere.c[i])
+    }
+
     /// SPHERE_NEAR and its lights: the colour at pixel j.
     pub fn near<T: Real>(self, sphere: &Near<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        let t = T::ONE / self.near_den(sphere, j);
-        let p = [self.affine(sphere.x, j) * t, t * sphere.y, t * sphere.z];
-        self.lights(lights, p, Seen::FromCamera(sphere.c))
+        self.lights(lights, self.near_point(sphere, j), Seen::FromCamera(sphere.c))
     }
 
     /// SPHERE_FAR_WALL: t at pixel j, and d.x.
@@ -186,10 +201,21 @@ impl Rounding {
         T::ONE / self.far_wall(sphere, j).0
     }
 
+    /// SPHERE_INSIDE: the point at pixel j, seen from the camera.
+    fn inside_point<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
+        let (t, x) = self.far_wall(sphere, j);
+        [x * t, t * sphere.y, t * sphere.z]
+    }
+
+    /// SPHERE_INSIDE: the unit normal at pixel j.
+    pub fn inside_normal<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
+        let p = self.inside_point(sphere, j);
+        [0, 1, 2].map(|i| p[i] - sphere.c[i])
+    }
+
     /// SPHERE_INSIDE and its lights: the colour at pixel j.
     pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        let (t, x) = self.far_wall(sphere, j);
-        self.lights(lights, [x * t, t * sphere.y, t * sphere.z], Seen::FromCamera(sphere.c))
+        self.lights(lights, self.inside_point(sphere, j), Seen::FromCamera(sphere.c))
     }
 
     /// 1/t at pixel j.

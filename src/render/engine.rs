@@ -156,11 +156,12 @@ impl Engine {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
             Engine::Rust => Box::new(RustTracer::new(scene, camera)),
             #[cfg(rayo_asm)]
-            Engine::C => Box::new(AosTracer::new(kernels::c(), scene, camera)),
+            Engine::C => Box::new(AosTracer::new(kernels::c(), kernels::hits_of_c(), scene, camera)),
             #[cfg(rayo_asm)]
             Engine::Paper => {
-                let kernels = kernels::paper().ok_or(EngineError::Unusable(self))?;
-                Box::new(AosTracer::new(kernels, scene, camera))
+                let kernels = kernels::paper().zip(kernels::hits_of_paper());
+                let (kernels, hits) = kernels.ok_or(EngineError::Unusable(self))?;
+                Box::new(AosTracer::new(kernels, hits, scene, camera))
             }
             #[cfg(rayo_asm)]
             Engine::Packet(isa) => {

@@ -1,9 +1,11 @@
 //! The engines `sse41`, `avx2` and `avx512`: packets of rays along the spans of each row.
 
+mod hits;
+
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
@@ -320,5 +322,13 @@ impl<E: Element> Tracer for PacketTracer<E> {
                 self.narrow_rows(row..row + 1, out);
             }
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        rows.flat_map(|row| match &self.wide {
+            Some(wide) if self.linear.is_wide(row) => wide.found(row..row + 1),
+            _ => self.found(row..row + 1),
+        })
+        .collect()
     }
 }

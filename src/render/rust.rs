@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
 use crate::reference::geometry;
-use crate::scene::{self, Camera, Grid, Scene};
+use crate::scene::{self, Camera, Grid, Object, Scene};
 
 struct Light {
     position: Vec3A,
@@ -26,6 +26,8 @@ struct Sphere {
 /// passes through the camera, would itself be a plane. Their normals are [`near_1`], so that no size is beyond the range
 /// of f32.
 struct Triangle {
+    /// Which of the scene's triangles it is.
+    source: usize,
     /// n of eq. 6.
     normal: Vec3A,
     /// v1 . n of eq. 9.
@@ -37,12 +39,13 @@ struct Triangle {
 
 impl Triangle {
     /// None for a triangle that is never hit.
-    fn new(triangle: &scene::Triangle) -> Option<Self> {
+    fn new((source, triangle): (usize, &scene::Triangle)) -> Option<Self> {
         let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
         let volume = geometry::triangle_volume(vertices)?;
         let normal = near_1(geometry::triangle_plane(vertices));
         let edges = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|edge| near_1(edge) * volume.signum());
         Some(Triangle {
+            source,
             normal: normal.as_vec3a(),
             offset: v1.dot(normal) as f32,
             edges: edges.map(|edge| edge.as_vec3a()),
@@ -55,6 +58,15 @@ impl Triangle {
 fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
+}
+
+/// What a ray hits first: the point p = t d, where the unit normal is n.
+struct Hit {
+    object: Object,
+    t: f32,
+    p: Vec3A,
+    n: Vec3A,
+    colour: Vec3A,
 }
 
 /// A scene with its constants.
@@ -83,16 +95,18 @@ impl RustTracer {
             grid: camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
-            triangles: scene.triangles.iter().filter_map(Triangle::new).collect(),
+            triangles: scene.triangles.iter().enumerate().filter_map(Triangle::new).collect(),
         }
     }
 
-    fn pixel(&self, d: Vec3A) -> Vec3A {
+    /// The nearest hit.
+    #[inline]
+    fn hit(&self, d: Vec3A) -> Option<Hit> {
         let mut nearest = f32::INFINITY;
         let mut sphere = None;
         let mut triangle = None;
         let a = d.length_squared();
-        for s in &self.spheres {
+        for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
             let disc = h * h - a * s.constant;
             if disc >= 0.0 {
@@ -101,7 +115,7 @@ impl RustTracer {
                 let t = if near > 0.0 { near } else { (h + root) / a };
                 if t > 0.0 && t < nearest {
                     nearest = t;
-                    sphere = Some(s);
+                    sphere = Some(i);
                 }
             }
         }
@@ -112,16 +126,22 @@ impl RustTracer {
                 triangle = Some(s);
             }
         }
-        let p = nearest * d;
+        let (t, p) = (nearest, nearest * d);
         if let Some(s) = triangle {
-            let n = s.normal.normalize();
-            self.shade(p, s.colour, |l| l.dot(n).abs())
-        } else if let Some(s) = sphere {
+            Some(Hit { object: Object::Triangle(s.source), t, p, n: s.normal.normalize(), colour: s.colour })
+        } else {
+            let (i, s) = sphere.map(|i| (i, &self.spheres[i]))?;
             // A sphere can be smaller than the rounding of P.
             let n = (p - s.centre).normalize_or_zero();
-            self.shade(p, s.colour, |l| l.dot(n).max(0.0))
-        } else {
-            Vec3A::ZERO
+            Some(Hit { object: Object::Sphere(i), t, p, n, colour: s.colour })
+        }
+    }
+
+    fn pixel(&self, d: Vec3A) -> Vec3A {
+        match self.hit(d) {
+            Some(Hit { object: Object::Triangle(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).abs()),
+            Some(Hit { object: Object::Sphere(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).max(0.0)),
+            None => Vec3A::ZERO,
         }
     }
 
@@ -144,5 +164,13 @@ impl Tracer for RustTracer {
                 *out = GlamVec4::from((self.pixel(self.grid.ray(row, col).into()), 0.0)).to_array().into();
             }
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let found = |row, col| {
+            let Hit { object, t, n, .. } = self.hit(self.grid.ray(row, col).into())?;
+            Some(Found { object, distance: Distance::T(t.into()), normal: Some(n.as_dvec3()) })
+        };
+        rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
     }
 }

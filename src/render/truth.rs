@@ -5,10 +5,9 @@
 
 use glam::DVec3;
 
-use super::reference::Object;
 use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Vector};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Scene};
+use crate::scene::{Camera, Grid, Object, Scene};
 
 /// Further than this from being hit, in units of the margin, an object is not looked at in 256 bits. Any margin that is
 /// asked about is smaller.

@@ -56,6 +56,15 @@ pub struct Triangle {
     pub vertices: [Vec3; 3],
 }
 
+/// An object of a scene by its place in its list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Object {
+    /// A sphere.
+    Sphere(usize),
+    /// A triangle.
+    Triangle(usize),
+}
+
 /// A scene file's content: every number rounded once to f32, in the file's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
