@@ -87,17 +87,15 @@
     LIGHTS  FROM_CAMERA, NearSpan.cx
 %endmacro
 
-; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_NEAR has it.
-%macro BODY_NEAR_NORMAL 0
-    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
-    VSUB    v1, v1, K(NearSpan.cx)
-    VSUB    v2, v2, K(NearSpan.cy)
-    VSUB    v3, v3, K(NearSpan.cz)
-%endmacro
-
 ; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
 %macro BODY_OUTSIDE_NORMAL 0
     SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
+%endmacro
+
+; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_NEAR_NORMAL 0
+    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
+    SUB3    v1, v2, v3, v1, v2, v3, K(NearSpan.cx), K(NearSpan.cy), K(NearSpan.cz)
 %endmacro
 
 ; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
@@ -106,12 +104,10 @@
     LIGHTS  FROM_CAMERA, InsideSpan.cx
 %endmacro
 
-; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_INSIDE has it.
+; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
 %macro BODY_INSIDE_NORMAL 0
     SPHERE_INSIDE v1, v2, v3, v0, v7, v8
-    VSUB    v1, v1, K(InsideSpan.cx)
-    VSUB    v2, v2, K(InsideSpan.cy)
-    VSUB    v3, v3, K(InsideSpan.cz)
+    SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
 %endmacro
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.

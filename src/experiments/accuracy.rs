@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Tracer, Truth};
+use crate::scene::Scene;
 use errors::{Errors, Expected, Tally, Written};
 use front::{Point, front};
 use subjects::Subject;
@@ -149,23 +150,42 @@ pub struct Judged {
     pub errors: Errors,
 }
 
-/// What every contender's picture of a scene is worth; no time is taken, and all threads work.
-pub fn judge(subject: &Subject, contenders: &[Contender]) -> Result<Vec<Judged>, AccuracyError> {
-    let camera = subject.scene.camera;
-    let truth = Truth::new(&subject.scene, &camera);
+/// What is true of a scene's picture, row by row; all threads work.
+pub fn expect(scene: &Scene) -> Vec<Expected> {
+    let camera = scene.camera;
+    let truth = Truth::new(scene, &camera);
     let in_row = |row| (0..camera.width()).map(|col| Expected::from(&truth.pixel(row, col))).collect::<Vec<_>>();
-    let expected: Vec<Expected> = (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect();
+    (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect()
+}
+
+/// What a tracer's picture is worth: its `height` rows in the format `output` against what is `expected`, by a tally that
+/// has nothing yet.
+pub fn errors_of(
+    tracer: &dyn Tracer,
+    height: u32,
+    output: PixelFormat,
+    expected: &[Expected],
+    mut tally: Tally,
+) -> Result<Errors, AccuracyError> {
+    let found = tracer.hits(0..height);
+    let mut film = Film::new(output, expected.len())?;
+    tracer.rows(0..height, film.as_mut());
+    for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
+        tally.add(expected, found.as_ref(), written(&film, i));
+    }
+    Ok(tally.errors())
+}
+
+/// What every contender's picture of a scene is worth; no time is taken, and all threads work.
+pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, AccuracyError> {
+    let camera = scene.camera;
+    let expected = expect(scene);
     let judged = contenders.par_iter().map(|contender| {
-        let tracer = contender.engine.prepare(Some(contender.precision), &subject.scene, &camera)?;
-        let found = tracer.hits(0..camera.height());
+        let tracer = contender.engine.prepare(Some(contender.precision), scene, &camera)?;
         let outputs = contender.outputs(tracer.as_ref()).into_iter().map(|output| {
-            let mut film = Film::new(output, expected.len())?;
-            tracer.rows(0..camera.height(), film.as_mut());
-            let mut tally = Tally::new(contender.precision);
-            for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
-                tally.add(expected, found.as_ref(), written(&film, i));
-            }
-            Ok(Judged { entry: Entry { contender: *contender, output }, errors: tally.errors() })
+            let tally = Tally::new(contender.precision, contender.engine.rays_in_f64());
+            let errors = errors_of(tracer.as_ref(), camera.height(), output, &expected, tally)?;
+            Ok(Judged { entry: Entry { contender: *contender, output }, errors })
         });
         outputs.collect::<Result<Vec<_>, AccuracyError>>()
     });
@@ -189,7 +209,7 @@ pub fn measure(
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Vec<Row>>, AccuracyError> {
-    let judged = judge(subject, contenders)?;
+    let judged = judge(&subject.scene, contenders)?;
     if !proceed() {
         return Ok(None);
     }

@@ -182,6 +182,11 @@ impl<E: Element> Spans<E> {
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
     }
 
+    /// Which of the scene's objects it is.
+    pub fn source(&self, object: usize) -> scene::Object {
+        self.objects[object].source
+    }
+
     /// Whether any object's numbers are beyond f32, so that there are rows to trace in f64.
     pub fn any_wide(&self) -> bool {
         !self.wide.is_empty()
@@ -190,11 +195,6 @@ impl<E: Element> Spans<E> {
     /// Whether `row` may see an object whose numbers are beyond f32.
     pub fn is_wide(&self, row: u32) -> bool {
         self.wide.iter().any(|rows| rows.contains(&row))
-    }
-
-    /// Which of the scene's objects it is.
-    pub fn source(&self, object: usize) -> scene::Object {
-        self.objects[object].source
     }
 
     /// The lights of an object.

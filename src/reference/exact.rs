@@ -217,10 +217,13 @@ pub struct Meeting {
     /// The documented bound of |error of t| / t of the robust kernels, in units of their u; meaningful for a hit that is
     /// further than the margin from a miss.
     pub bound: f64,
+    /// 1 / the cosine between the ray and the normal: how many times as much t changes as the ray is turned.
+    pub slant: f64,
 }
 
 impl Meeting {
-    const NEVER: Meeting = Meeting { hit: None, miss: None, margin: f64::INFINITY, bound: f64::INFINITY };
+    const NEVER: Meeting =
+        Meeting { hit: None, miss: None, margin: f64::INFINITY, bound: f64::INFINITY, slant: f64::INFINITY };
 }
 
 /// A sphere.
@@ -253,30 +256,27 @@ impl Sphere {
         let h = ray.d.dot(&self.centre);
         let disc = &(&h * &h) - &(&a * &self.k);
         let s = (&disc / &(&a * &self.squared_radius)).to_f64();
+        let slant = 1.0 / s.abs().sqrt();
         if self.k.is_negative() {
             let hit = &(&h + &disc.sqrt()) / &a;
             let bound = 6.0 + 3.0 / (1.0 - self.kappa).sqrt();
-            return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound };
+            return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound, slant };
         }
         if !h.is_positive() {
             // Both roots are behind the camera, or none is there. On the sphere itself, h^2 may be what rounding leaves.
             let on_the_sphere = !self.k.is_positive();
             return if on_the_sphere { Meeting { margin: s.abs(), ..Meeting::NEVER } } else { Meeting::NEVER };
         }
-        let bound = if self.kappa * self.kappa < 2.0 {
-            6.0 + 12.0 / s.abs().sqrt()
-        } else {
-            5.0 + 6.0 / (self.kappa * s.abs().sqrt())
-        };
+        let bound = if self.kappa * self.kappa < 2.0 { 6.0 + 12.0 * slant } else { 5.0 + 6.0 * slant / self.kappa };
         if disc.is_negative() {
-            return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound };
+            return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound, slant };
         }
         let root = disc.sqrt();
         // As k / (h + sqrt D), which is exactly 0 for a camera on the sphere; (h - sqrt D) / a would be its rounding.
         let sum = &h + &root;
         let near = if sum.is_positive() { &self.k / &sum } else { Exact::new(0.0) };
         let hit = if near.is_positive() { near } else { &(&h + &root) / &a };
-        Meeting { hit: Some(hit), miss: None, margin: s, bound }
+        Meeting { hit: Some(hit), miss: None, margin: s, bound, slant }
     }
 
     /// The unit normal at t d, outward.
@@ -320,7 +320,7 @@ impl Triangle {
         let across = ray.d.dot(&self.plane);
         let ahead = across.is_positive();
         let t = || &self.volume / &across;
-        let cosine = || (&(&across / &self.plane.length()) / &ray.d.length()).to_f64();
+        let cosine = (&(&across / &self.plane.length()) / &ray.d.length()).to_f64();
         let (mut inside, mut outside) = (f64::INFINITY, f64::NEG_INFINITY);
         for edge in &self.edges {
             let side = ray.d.dot(edge);
@@ -333,12 +333,13 @@ impl Triangle {
             }
         }
         let missed = outside >= 0.0;
-        let bound = if ahead { 3.0 + 4.0 / cosine() } else { f64::INFINITY };
+        let slant = if ahead { 1.0 / cosine } else { f64::INFINITY };
+        let bound = 3.0 + 4.0 * slant;
         match (missed, ahead) {
-            (false, true) => Meeting { hit: Some(t()), miss: None, margin: inside, bound },
-            (true, true) => Meeting { hit: None, miss: Some(t()), margin: outside, bound },
+            (false, true) => Meeting { hit: Some(t()), miss: None, margin: inside, bound, slant },
+            (true, true) => Meeting { hit: None, miss: Some(t()), margin: outside, bound, slant },
             // In the plane, or away from it: only rounding could make it a hit.
-            _ => Meeting { hit: None, miss: None, margin: if missed { outside } else { 0.0 }, bound },
+            _ => Meeting { hit: None, miss: None, margin: if missed { outside } else { 0.0 }, bound, slant },
         }
     }
 

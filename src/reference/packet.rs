@@ -172,13 +172,13 @@ impl Rounding {
         self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
     }
 
-    /// SPHERE_NEAR: the point at pixel j, seen from the camera.
+    /// SPHERE_NEAR: the point at pixel j.
     fn near_point<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
         let t = T::ONE / self.near_den(sphere, j);
         [self.affine(sphere.x, j) * t, t * sphere.y, t * sphere.z]
     }
 
-    /// SPHERE_NEAR: the unit normal at pixel j.
+    /// The unit normal that LAMBERT3 takes at pixel j.
     pub fn near_normal<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
         let p = self.near_point(sphere, j);
         [0, 1, 2].map(|i| p[i] - sphere.c[i])
@@ -201,13 +201,13 @@ impl Rounding {
         T::ONE / self.far_wall(sphere, j).0
     }
 
-    /// SPHERE_INSIDE: the point at pixel j, seen from the camera.
+    /// SPHERE_INSIDE: the point at pixel j.
     fn inside_point<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
         let (t, x) = self.far_wall(sphere, j);
         [x * t, t * sphere.y, t * sphere.z]
     }
 
-    /// SPHERE_INSIDE: the unit normal at pixel j.
+    /// The unit normal that LAMBERT3 takes at pixel j.
     pub fn inside_normal<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
         let p = self.inside_point(sphere, j);
         [0, 1, 2].map(|i| p[i] - sphere.c[i])

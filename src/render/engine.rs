@@ -144,6 +144,16 @@ impl Engine {
         }
     }
 
+    /// Whether it computes its rays in f64, whatever its precision.
+    pub fn rays_in_f64(self) -> bool {
+        match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        }
+    }
+
     /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own).
     pub fn prepare(
         self,

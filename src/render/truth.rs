@@ -40,6 +40,8 @@ pub struct TrueHit {
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
+    /// 1 / the cosine between the ray and the normal.
+    pub slant: f64,
 }
 
 struct Light {
@@ -160,11 +162,11 @@ impl Truth {
             };
             margin = margin.min(change);
         }
-        let hit = first.map(|(i, meeting, t)| self.hit(&self.bodies[i], &ray, t.clone(), meeting.bound));
+        let hit = first.map(|(i, meeting, t)| self.hit(&self.bodies[i], &ray, t.clone(), meeting));
         TruePixel { hit, margin }
     }
 
-    fn hit(&self, body: &Body, ray: &Ray, t: Exact, bound: f64) -> TrueHit {
+    fn hit(&self, body: &Body, ray: &Ray, t: Exact, meeting: &Meeting) -> TrueHit {
         let point = ray.d.scale(&t);
         let (normal, two_sided) = match &body.shape {
             Shape::Sphere(sphere) => (sphere.normal(ray, &t).expect("a sphere has a radius"), false),
@@ -181,7 +183,14 @@ impl Truth {
             let cosine = if two_sided { cosine.abs() } else { cosine.max(0.0) };
             colour += cosine * light.radiance * body.colour;
         }
-        TrueHit { object: body.object, t, normal, colour: (!near_light).then_some(colour), bound }
+        TrueHit {
+            object: body.object,
+            t,
+            normal,
+            colour: (!near_light).then_some(colour),
+            bound: meeting.bound,
+            slant: meeting.slant,
+        }
     }
 }
 

@@ -10,6 +10,9 @@ use crate::scene::Object;
 /// The margin within which f32 may answer either way, in units of its u: 2e-6.
 const MARGIN_IN_U: f64 = 2e-6 * 16_777_216.0;
 
+/// What a camera's own rounding adds to the bound, in units of its u: it turns the ray by less, and t follows by the slant.
+const CAMERA: f64 = 4.0;
+
 /// What is true of a pixel, in numbers that are quick to compare with.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
@@ -32,6 +35,8 @@ pub struct Target {
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of u.
     pub bound: f64,
+    /// 1 / the cosine between the ray and the normal.
+    pub slant: f64,
 }
 
 impl From<&TruePixel> for Expected {
@@ -42,6 +47,7 @@ impl From<&TruePixel> for Expected {
             normal: hit.normal.0.each_ref().map(Split::from),
             colour: hit.colour,
             bound: hit.bound,
+            slant: hit.slant,
         });
         Expected { hit, margin: pixel.margin }
     }
@@ -89,7 +95,8 @@ pub struct Errors {
     pub rms_ulp: Option<f64>,
     /// What 99.9 % of them stay below.
     pub p999_ulp: Option<f64>,
-    /// The largest |error of t| / t as a share of the documented bound.
+    /// The largest |error of t| / t as a share of the documented bound, which is of a ray that is exact, and of what the
+    /// camera's own rounding adds to it.
     pub bound_share: Option<f64>,
     /// The largest angle between the engine's normal and the true one, in radians.
     pub max_angle: Option<f64>,
@@ -138,6 +145,8 @@ impl Sum {
 pub struct Tally {
     /// The engine's unit roundoff.
     u: f64,
+    /// That of its camera.
+    camera_u: f64,
     errors: Errors,
     ulps: Vec<f64>,
     t: Sum,
@@ -148,11 +157,16 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Nothing so far, of an engine that computes in `precision`.
-    pub fn new(precision: Precision) -> Self {
-        let digits = if precision == Precision::Double { f64::MANTISSA_DIGITS } else { f32::MANTISSA_DIGITS };
+    /// Nothing so far, of an engine that computes in `precision` and its rays in f64 where `rays_in_f64`.
+    pub fn new(precision: Precision, rays_in_f64: bool) -> Self {
+        let u = |double: bool| {
+            let digits = if double { f64::MANTISSA_DIGITS } else { f32::MANTISSA_DIGITS };
+            2f64.powi(-(digits as i32))
+        };
+        let double = precision == Precision::Double;
         Tally {
-            u: 2f64.powi(-(digits as i32)),
+            u: u(double),
+            camera_u: u(double || rays_in_f64),
             errors: Errors::default(),
             ulps: Vec::new(),
             t: Sum::default(),
@@ -205,7 +219,8 @@ impl Tally {
         let ulps = relative * (target.t.high / power) / (2.0 * self.u);
         self.ulps.push(ulps);
         self.t.add(ulps);
-        self.bound_share = self.bound_share.max(relative / (target.bound * self.u));
+        self.bound_share =
+            self.bound_share.max(relative / (target.bound * self.u + CAMERA * target.slant * self.camera_u));
         if let Some(normal) = found.normal {
             self.angles.add(angle(target.normal, normal));
         }
@@ -270,7 +285,14 @@ mod tests {
 
     fn target(t: f64) -> Target {
         let normal = [0.0, 0.0, -1.0].map(exact);
-        Target { object: Object::Sphere(3), t: exact(t), normal, colour: Some(DVec3::splat(0.5)), bound: 5.0 }
+        Target {
+            object: Object::Sphere(3),
+            t: exact(t),
+            normal,
+            colour: Some(DVec3::splat(0.5)),
+            bound: 5.0,
+            slant: 1.0,
+        }
     }
 
     fn found(t: f64) -> Found {
@@ -281,7 +303,7 @@ mod tests {
     const BLACK: Written = Written::Linear([0.0; 3]);
 
     fn one(margin: f64, hit: Option<Target>, found: Option<Found>, written: Written) -> Errors {
-        let mut tally = Tally::new(Precision::Single);
+        let mut tally = Tally::new(Precision::Single, true);
         tally.add(&Expected { hit, margin }, found.as_ref(), written);
         tally.errors()
     }
@@ -320,7 +342,7 @@ mod tests {
 
     #[test]
     fn the_margin_of_f64_is_as_many_of_its_own_units() {
-        let mut tally = Tally::new(Precision::Double);
+        let mut tally = Tally::new(Precision::Double, true);
         tally.add(&Expected { hit: None, margin: 1e-14 }, Some(&found(3.0)), BLACK);
         assert_eq!(tally.errors().wrong_hits, 1);
     }
@@ -343,8 +365,18 @@ mod tests {
     }
 
     #[test]
+    fn the_rounding_of_a_camera_in_f32_is_a_part_of_the_bound() {
+        let error = 9.0 * f64::from(f32::EPSILON) / 2.0;
+        for (rays_in_f64, share) in [(true, 9.0 / 5.0), (false, 1.0)] {
+            let mut tally = Tally::new(Precision::Single, rays_in_f64);
+            tally.add(&Expected { hit: Some(target(1.0)), margin: FAR }, Some(&found(1.0 + error)), RIGHT);
+            assert!((tally.errors().bound_share.unwrap() - share).abs() < 1e-6);
+        }
+    }
+
+    #[test]
     fn the_mean_and_the_share_of_many_errors_are_those_computed_by_hand() {
-        let mut tally = Tally::new(Precision::Single);
+        let mut tally = Tally::new(Precision::Single, true);
         for i in 0..1000 {
             // 998 are 1 unit, one is 2 and one is 30.
             let ulps = if i == 10 { 30.0 } else { 1.0 + f64::from(i == 20) };

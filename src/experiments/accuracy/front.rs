@@ -3,7 +3,7 @@
 /// An error and a time, both better the smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// The error.
+    /// The error, whose tenth digit nobody sees: it is compared in whole decibels, steps of a quarter.
     pub error: f64,
     /// The time.
     pub time: f64,
@@ -12,7 +12,10 @@ pub struct Point {
 impl Point {
     /// Whether it is at least as good in both and better in one.
     pub fn dominates(self, other: Point) -> bool {
-        self.error <= other.error && self.time <= other.time && (self.error < other.error || self.time < other.time)
+        // The logarithm of 0 is below all others.
+        let decibels = |error: f64| (10.0 * error.log10()).round();
+        let (error, others) = (decibels(self.error), decibels(other.error));
+        error <= others && self.time <= other.time && (error < others || self.time < other.time)
     }
 }
 
@@ -40,6 +43,8 @@ mod tests {
             // Equals are both on it; equal in one and worse in the other is off it.
             (&[(1.0, 1.0), (1.0, 1.0), (1.0, 2.0), (2.0, 1.0)], &[true, true, false, false]),
             (&[(0.0, 3.0), (f64::INFINITY, 1.0)], &[true, true]),
+            // A difference that nobody sees is none.
+            (&[(1.0e-8, 2.0), (1.02e-8, 1.0), (1.3e-8, 0.5)], &[false, true, true]),
             (&[(f64::NAN, 0.0), (1.0, f64::NAN), (1.0, 1.0)], &[false, false, true]),
             (&[], &[]),
         ] {

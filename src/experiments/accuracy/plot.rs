@@ -11,8 +11,8 @@ const PANEL: (i32, i32) = (400, 300);
 const HEAD: i32 = 96;
 /// Errors below this are drawn on it: on a logarithmic axis there is no 0.
 const FLOOR: f64 = 1e-9;
-/// Errors above this too: a picture of NaN.
-const CEILING: f64 = 10.0;
+/// Errors above this too: bright light, or a picture of NaN.
+const CEILING: f64 = 1.0;
 
 /// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
 fn colour(engine: &str) -> RGBColor {
@@ -73,7 +73,7 @@ fn panel(area: &Area<'_>, title: &str, rows: &[&Row], x: std::ops::Range<f64>) -
         .margin(6)
         .x_label_area_size(32)
         .y_label_area_size(48)
-        .build_cartesian_2d(x.log_scale(), (FLOOR / 2.0..2.0 * CEILING).log_scale())
+        .build_cartesian_2d(x.log_scale(), (FLOOR / 2.0..3.0 * CEILING).log_scale())
         .map_err(PlotError::new)?;
     let error = |y: &f64| if *y <= 1.01 * FLOOR { "0".into() } else { format!("{y:.0e}") };
     chart
@@ -98,7 +98,7 @@ fn panel(area: &Area<'_>, title: &str, rows: &[&Row], x: std::ops::Range<f64>) -
     let mut steps: Vec<(f64, f64)> = Vec::new();
     for (x, y) in on {
         // Up to here the one before is the best that there is.
-        let before = steps.last().map_or(2.0 * CEILING, |(_, y)| *y);
+        let before = steps.last().map_or(3.0 * CEILING, |(_, y)| *y);
         steps.extend([(x, before), (x, y)]);
     }
     chart.draw_series(LineSeries::new(steps, BLACK.mix(0.35).stroke_width(5))).map_err(PlotError::new)?;

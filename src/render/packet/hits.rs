@@ -69,6 +69,10 @@ impl<E: Element> PacketTracer<E> {
         let mut found = Vec::with_capacity(rows.len() * self.width);
         let mut spans: Vec<RowSpan> = Vec::new();
         for row in rows {
+            if let Some(wide) = self.wide.as_ref().filter(|_| plan.is_wide(row)) {
+                found.extend(wide.found(row..row + 1));
+                continue;
+            }
             spans.clear();
             spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
             let by_depth = overlap(&mut spans) && !plan.cut_hidden(row, &mut spans);
