@@ -6,15 +6,21 @@ use glam::DVec3;
 
 /// The smallest t > 0 at which the ray is on the sphere, eq. 5.
 ///
-/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers.
+/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers. From
+/// far away h^2 and a k are like numbers too; there a r^2 - |c x d|^2 is the same.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let a = d.dot(d);
     let h = d.dot(centre);
-    let k = centre.dot(centre) - radius * radius;
-    let disc = h * h - a * k;
+    let r2 = radius * radius;
+    let disc = if centre.dot(centre) < 2.0 * r2 {
+        h * h - a * power(centre, radius)
+    } else {
+        a * r2 - centre.cross(d).length_squared()
+    };
     if disc.is_nan() || disc < 0.0 {
         return None;
     }
+    let k = power(centre, radius);
     let q = h + disc.sqrt().copysign(h);
     let hits = [k / q, q / a].into_iter().filter(|t| *t > 0.0);
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())

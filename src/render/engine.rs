@@ -12,7 +12,7 @@ use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, InvalidScene, Scene};
 
 /// Who computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -63,6 +63,9 @@ pub enum EngineError {
     /// The engine has not got that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
+    /// The scene has a number that no scene may have.
+    #[error("the scene cannot be traced: {0}")]
+    Scene(#[from] InvalidScene),
 }
 
 /// The engines that can be used here, in words.
@@ -162,6 +165,7 @@ impl Engine {
         if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));
         }
+        scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
             Engine::Rust => Box::new(RustTracer::new(scene, camera)),

@@ -325,6 +325,10 @@ impl<E: Element> Tracer for PacketTracer<E> {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        self.found(rows)
+        rows.flat_map(|row| match &self.wide {
+            Some(wide) if self.linear.is_wide(row) => wide.found(row..row + 1),
+            _ => self.found(row..row + 1),
+        })
+        .collect()
     }
 }

@@ -120,7 +120,10 @@ impl Tracer for ReferenceTracer {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour(row, col)));
         match out {
-            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| *out = v.as_vec3().into()),
+            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
+                // The brightest lights together are beyond f32.
+                *out = v.min(DVec3::splat(f32::MAX.into())).as_vec3().into();
+            }),
             FilmMut::Rgba8(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
                 *out = [level(v.x), level(v.y), level(v.z), 255];
             }),

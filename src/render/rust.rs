@@ -19,6 +19,10 @@ struct Sphere {
     centre: Vec3A,
     /// |c|^2 - r^2, the constant of eq. 5 for rays from the origin.
     constant: f32,
+    /// r^2.
+    squared_radius: f32,
+    /// Whether it is sqrt 2 radii away or more.
+    far: bool,
     colour: Vec3A,
 }
 
@@ -86,9 +90,15 @@ impl RustTracer {
             .iter()
             .map(|light| Light { position: light.position.into(), radiance: light.radiance().into() });
         let spheres = scene.spheres.iter().map(|sphere| {
-            let centre = Vec3A::from(sphere.centre);
-            let constant = centre.length_squared() - sphere.radius * sphere.radius;
-            Sphere { centre, constant, colour: sphere.colour.into() }
+            let radius = f64::from(sphere.radius);
+            let constant = geometry::power(sphere.centre.as_dvec3(), radius);
+            Sphere {
+                centre: sphere.centre.into(),
+                squared_radius: (radius * radius) as f32,
+                constant: constant as f32,
+                far: constant >= radius * radius,
+                colour: sphere.colour.into(),
+            }
         });
         RustTracer {
             width: camera.width(),
@@ -108,11 +118,13 @@ impl RustTracer {
         let a = d.length_squared();
         for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
-            let disc = h * h - a * s.constant;
+            // The same twice, and from far away only the latter is no difference of like numbers.
+            let disc =
+                if s.far { a * s.squared_radius - s.centre.cross(d).length_squared() } else { h * h - a * s.constant };
             if disc >= 0.0 {
-                let root = disc.sqrt();
-                let near = (h - root) / a;
-                let t = if near > 0.0 { near } else { (h + root) / a };
+                let q = h + disc.sqrt().copysign(h);
+                let near = s.constant / q;
+                let t = if near > 0.0 { near } else { q / a };
                 if t > 0.0 && t < nearest {
                     nearest = t;
                     sphere = Some(i);

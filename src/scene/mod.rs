@@ -5,12 +5,14 @@ mod diagnostic;
 pub mod families;
 mod parse;
 mod random;
+mod validity;
 mod write;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
 pub use parse::{parse, read};
 pub use random::{Rng, many};
+pub use validity::InvalidScene;
 
 use glam::Vec3;
 
