@@ -418,15 +418,20 @@ impl Sphere {
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
         let c = self.centre;
         let g = y * y + z * z;
-        let across = c.y * z - c.z * y;
-        let disc = self.k * (g - across * across);
+        let h = c.y * y + c.z * z;
+        let (m, c0, disc) = if self.k < NEAR {
+            // Near by, k = |c|^2 - 1 is small and known to all of f64; what is small for its sake is made of it.
+            let m = self.k - c.x * c.x;
+            (m, h * h - self.k * g, self.k * (h * h - m * g))
+        } else {
+            let across = c.y * z - c.z * y;
+            let m = c.y * c.y + c.z * c.z - 1.0;
+            (m, (1.0 - c.x * c.x) * g - across * across, self.k * (g - across * across))
+        };
         if disc.is_nan() || disc < 0.0 {
             return None;
         }
-        let h = c.y * y + c.z * z;
-        let m = c.y * c.y + c.z * c.z - 1.0;
         let b = c.x * h;
-        let c0 = (1.0 - c.x * c.x) * g - across * across;
         let q = b + disc.sqrt().copysign(b);
         let p = if q == 0.0 { 0.0 } else { c0 / q };
         if m > 0.0 {
