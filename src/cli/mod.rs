@@ -7,6 +7,7 @@ mod info;
 mod measuring;
 mod ops;
 mod render;
+mod stability;
 mod table;
 
 use std::io::{self, Write};
@@ -33,6 +34,7 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
+    Stability(stability::StabilityArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -62,6 +64,7 @@ pub fn main() -> ExitCode {
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
+        Command::Stability(args) => stability::run(&args),
     };
     result.unwrap_or_else(|failure| {
         // Nothing is left to tell if standard error is closed.

@@ -42,6 +42,8 @@ pub struct Spans<E> {
     /// 1 / grid.step.
     columns_per_x: f64,
     objects: Vec<Object<E>>,
+    /// 1/t of the camera's rays over what kernels compare.
+    depth_unit: f64,
     /// The rows of the objects whose numbers f32 does not hold.
     wide: Vec<Range<u32>>,
 }
@@ -62,6 +64,22 @@ enum Shape {
     Triangle(Triangle),
 }
 
+impl Shape {
+    fn near(&self) -> f64 {
+        match self {
+            Shape::Sphere(sphere) => sphere.near,
+            Shape::Triangle(triangle) => triangle.near,
+        }
+    }
+
+    fn scale_near(&mut self, factor: f64) {
+        match self {
+            Shape::Sphere(sphere) => sphere.near *= factor,
+            Shape::Triangle(triangle) => triangle.near *= factor,
+        }
+    }
+}
+
 /// A sphere in units of its radius.
 struct Sphere {
     centre: DVec3,
@@ -69,7 +87,7 @@ struct Sphere {
     k: f64,
     /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
     scale: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
     short: Option<ShortForm>,
 }
@@ -93,7 +111,7 @@ struct Triangle {
     /// n / (n . v): 1/t is its product with the ray.
     plane: DVec3,
     size: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
 }
 
@@ -170,16 +188,27 @@ impl<E: Element> Spans<E> {
             let fits = shape.fits(&vertices);
             Some(Object { source, rows, fits, lits: lits.collect(), shape: Shape::Triangle(shape) })
         });
-        let objects: Vec<Object<E>> = spheres.chain(triangles).collect();
-        let deep = grid.focal * SQUARED > 1.0;
-        let wide = objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone()).collect();
-        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects, wide }
+        let mut objects: Vec<Object<E>> = spheres.chain(triangles).collect();
+        // Depths are compared with each other alone: a power of two brings the nearest one's to about 1.
+        let nearest = objects.iter().map(|object| object.shape.near()).fold(f64::MIN_POSITIVE, f64::max);
+        let depth_unit = power_of_two(nearest.min(f64::MAX));
+        for object in &mut objects {
+            object.shape.scale_near(1.0 / depth_unit);
+            object.fits &= object.shape.near() * LINEAR > 1.0 && grid.focal * SQUARED > 1.0;
+        }
+        let wide = objects.iter().filter(|object| !object.fits).map(|object| object.rows.clone()).collect();
+        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, depth_unit, objects, wide }
     }
 
     /// The objects that some of `rows` may see, in the scene's order.
     pub fn seen_in(&self, rows: &Range<u32>) -> Vec<usize> {
         let meets = |object: &Object<E>| object.rows.start < rows.end && rows.start < object.rows.end;
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
+    }
+
+    /// 1/t of the camera's rays over what `depth` of the kernels writes.
+    pub fn depth_unit(&self) -> f64 {
+        self.depth_unit
     }
 
     /// Which of the scene's objects it is.
@@ -392,9 +421,9 @@ impl Sphere {
         Sphere { centre: c, k, scale, near: 1.0 / (radius * unit * scale), short }
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self) -> bool {
-        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        self.k < LINEAR
     }
 
     /// The rows that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches.
@@ -414,19 +443,24 @@ impl Sphere {
 
     /// Eq. 5's discriminant along a row, D(x) = (d . c)^2 - k d . d = -m x^2 + 2 b x + c0, and its roots.
     ///
-    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres.
+    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres, and is k (h^2 - m g), which cancels less
+    /// for near ones.
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
-        let c = self.centre;
+        let (c, k) = (self.centre, self.k);
         let g = y * y + z * z;
-        let across = c.y * z - c.z * y;
-        let disc = self.k * (g - across * across);
+        let h = c.y * y + c.z * z;
+        let (m, disc, c0) = if k < NEAR {
+            let m = k - c.x * c.x;
+            (m, k * (h * h - m * g), h * h - k * g)
+        } else {
+            let across = c.y * z - c.z * y;
+            let across = across * across;
+            (c.y * c.y + c.z * c.z - 1.0, k * (g - across), (1.0 - c.x * c.x) * g - across)
+        };
         if disc.is_nan() || disc < 0.0 {
             return None;
         }
-        let h = c.y * y + c.z * z;
-        let m = c.y * c.y + c.z * c.z - 1.0;
         let b = c.x * h;
-        let c0 = (1.0 - c.x * c.x) * g - across * across;
         let q = b + disc.sqrt().copysign(b);
         let p = if q == 0.0 { 0.0 } else { c0 / q };
         if m > 0.0 {
@@ -552,7 +586,7 @@ impl Triangle {
     /// With its unit normal. None for a triangle of no area or whose plane passes through the camera, which is never
     /// hit: the rule and the order of operations are those of `reference::geometry::triangle`.
     fn new([v1, v2, v3]: [DVec3; 3], unit: f64) -> Option<(Self, DVec3)> {
-        let n = (v1 - v2).cross(v1 - v3);
+        let n = geometry::triangle_plane([v1, v2, v3]);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
             return None;
@@ -569,10 +603,10 @@ impl Triangle {
         Some((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit) }, n.normalize()))
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self, vertices: &[DVec3; 3]) -> bool {
         let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        furthest < SQUARED * self.size
     }
 
     /// The columns of a row whose rays are between the edges.
