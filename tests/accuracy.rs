@@ -1,10 +1,21 @@
-//! The truth in 256 bits, against f64 where f64 is beyond doubt and against brute force where it is not.
+//! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
+
+mod schema;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Output;
 
 use glam::{DVec3, Vec3};
+use rayo::experiments::accuracy::errors::{Errors, Tally};
+use rayo::experiments::accuracy::subjects::{self, Subject};
+use rayo::experiments::accuracy::{contenders, errors_of, expect, judge, summary};
 use rayo::reference::exact::{self, Exact, Rays};
 use rayo::render::reference::ReferenceTracer;
-use rayo::render::{Distance, Engine, Film, Found, PixelFormat, TrueHit, Truth};
+use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth};
 use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle};
+use serde_json::Value;
+use tempfile::TempDir;
 
 /// Doubtful for f64: 64 times the rounding of a number.
 const DOUBT_OF_F64: f64 = 64.0 * f64::EPSILON;
@@ -208,4 +219,243 @@ fn what_an_engine_says_that_it_hits_is_what_it_draws() {
         }
         assert!(hits > pixels / 4, "{engine} {precision}: {hits} hits");
     }
+}
+
+/// The reference with something broken.
+struct Broken {
+    right: Box<dyn Tracer>,
+    /// Changes what was found, pixel by pixel.
+    found: fn(usize, &mut Option<Found>),
+    /// Changes what was drawn.
+    drawn: fn(&mut [rayo::kernels::Vec4]),
+}
+
+impl Tracer for Broken {
+    fn writes(&self, format: PixelFormat) -> bool {
+        format == PixelFormat::F32x4
+    }
+
+    fn rows(&self, rows: std::ops::Range<u32>, out: FilmMut<'_>) {
+        let FilmMut::F32x4(out) = out else { unreachable!("it writes floats") };
+        self.right.rows(rows, FilmMut::F32x4(&mut *out));
+        (self.drawn)(out);
+    }
+
+    fn hits(&self, rows: std::ops::Range<u32>) -> Vec<Option<Found>> {
+        let mut found = self.right.hits(rows);
+        found.iter_mut().enumerate().for_each(|(i, found)| (self.found)(i, found));
+        found
+    }
+}
+
+#[test]
+fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
+    fn nothing<T: ?Sized>(_: &mut T) {}
+    fn in_the_middle(i: usize) -> bool {
+        i == 60 * 160 + 80
+    }
+    type Change = (fn(usize, &mut Option<Found>), fn(&mut [rayo::kernels::Vec4]));
+    type Figure = fn(&Errors) -> f64;
+    let moved: fn(usize, &mut Option<Found>) = |i, found| {
+        if let (Some(found), true) = (found, in_the_middle(i)) {
+            let Distance::T(t) = found.distance else { unreachable!() };
+            found.distance = Distance::T(t * (1.0 + 1e-5));
+        }
+    };
+    let turned: fn(usize, &mut Option<Found>) = |i, found| {
+        if let (Some(Found { normal: Some(normal), .. }), true) = (found, in_the_middle(i)) {
+            *normal = (*normal + 1e-3 * normal.any_orthonormal_vector()).normalize();
+        }
+    };
+    let table: [(&str, Change, Figure, std::ops::RangeInclusive<f64>); 8] = [
+        (
+            "a miss",
+            (|i, found| found.take_if(|_| in_the_middle(i)).map_or((), drop), nothing),
+            |e| e.wrong_hits as f64,
+            1.0..=1.0,
+        ),
+        (
+            "another object",
+            (
+                |i, found| found.iter_mut().filter(|_| in_the_middle(i)).for_each(|f| f.object = Object::Sphere(7)),
+                nothing,
+            ),
+            |e| e.wrong_objects as f64,
+            1.0..=1.0,
+        ),
+        ("t", (moved, nothing), |e| e.max_ulp.unwrap(), 80.0..=170.0),
+        ("t by the bound", (moved, nothing), |e| e.bound_share.unwrap(), 5.0..=40.0),
+        ("a normal", (turned, nothing), |e| e.max_angle.unwrap(), 0.99e-3..=1.01e-3),
+        ("two levels", (|_, _| (), |film| film[60 * 160 + 80].y += 2.1 / 255.0), |e| e.off_by_2 as f64, 1.0..=1.0),
+        ("a colour", (|_, _| (), |film| film[60 * 160 + 80].x -= 1e-4), |e| e.max_colour.unwrap(), 0.99e-4..=1.01e-4),
+        ("a row", (|_, _| (), |film| film.rotate_left(160)), |e| e.off_by_2 as f64, 100.0..=1e5),
+    ];
+    let scene = shipped("sphere");
+    let scene = Scene { camera: camera(&scene, 160, 120), ..scene };
+    let expected = expect(&scene);
+    let worth = |(found, drawn): Change| {
+        let right = Engine::Reference.prepare(None, &scene, &scene.camera).unwrap();
+        let broken = Broken { right, found, drawn };
+        // Held against what is expected of f32, it has no error to speak of.
+        let tally = Tally::new(Precision::Single, true);
+        errors_of(&broken, 120, PixelFormat::F32x4, &expected, tally).unwrap()
+    };
+    let right = worth((|_, _| (), nothing));
+    for (what, change, figure, range) in table {
+        let (found, figure_if_right) = (figure(&worth(change)), figure(&right));
+        assert!(range.contains(&found), "{what}: {found}");
+        assert!(figure_if_right < 1e-3 * found, "{what}: {figure_if_right} where nothing is broken");
+    }
+}
+
+/// What the packets promise, on the shipped scenes and at every family's three levels.
+#[test]
+fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
+    let right = |engine: Engine| !["rust", "c", "paper"].contains(&engine.name());
+    let contenders: Vec<_> = contenders().into_iter().filter(|contender| right(contender.engine)).collect();
+    let mut judged = 0;
+    for Subject { name, scene, .. } in subjects::all(true) {
+        for judgement in judge(&scene, &contenders).unwrap() {
+            let (entry, errors) = (judgement.entry, judgement.errors);
+            let what = format!("{name}: {entry:?}: {errors:?}");
+            assert_eq!((errors.wrong_hits, errors.wrong_objects, errors.off_by_2), (0, 0, 0), "{what}");
+            assert!(errors.bound_share.is_none_or(|share| share <= 1.0), "{what}");
+            if entry.contender.precision == Precision::Double {
+                assert_eq!(errors.off_by_1, 0, "{what}");
+            }
+            judged += 1;
+        }
+    }
+    assert!(judged > 50, "only {judged} pictures were judged");
+}
+
+#[test]
+fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
+    let mut reasons = BTreeMap::new();
+    for contender in contenders() {
+        let (engine, precision) = (contender.engine.name(), contender.precision.name());
+        for output in ["f32x4", "rgba8"] {
+            let reason = summary::reason(engine, precision, output);
+            assert!(reason.ends_with('.') && reason.len() > 30, "{engine} {precision} {output}: {reason}");
+            reasons.entry(engine).or_insert(reason);
+        }
+    }
+    let different: std::collections::BTreeSet<_> = reasons.values().collect();
+    assert_eq!(different.len(), reasons.len(), "{reasons:?}");
+}
+
+fn rayo_accuracy(args: &[&str], out: &Path) -> Output {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_rayo"));
+    let root = env!("CARGO_MANIFEST_DIR");
+    command.env("NO_COLOR", "1").current_dir(root).arg("accuracy").args(args).arg("--out").arg(out).output().unwrap()
+}
+
+#[test]
+fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo_accuracy(&["scenes/tetrahedron.in", "s1", "--quick", "--json"], directory.path());
+    assert!(output.status.success(), "{output:?}");
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let schema = serde_json::from_str(include_str!("../docs/accuracy.schema.json")).unwrap();
+    assert_eq!(schema::errors(&schema, &document), Vec::<String>::new());
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&text("results.json")).unwrap(), document, "what is printed is written");
+
+    let rows = document["rows"].as_array().unwrap();
+    let scenes: Vec<_> = rows.iter().filter(|row| row["engine"] == "rust").map(|row| row["scene"].clone()).collect();
+    assert_eq!(scenes, ["scenes/tetrahedron.in", "S1 4", "S1 1000", "S1 1e7"]);
+    for contender in contenders() {
+        let is =
+            |row: &&Value| row["engine"] == contender.engine.name() && row["precision"] == contender.precision.name();
+        assert!(rows.iter().filter(is).count() >= 4, "{contender:?}");
+    }
+    // Each scene and output has a front, and nothing is faster than what is fastest on it.
+    for (scene, output) in rows.iter().map(|row| (&row["scene"], &row["output"])) {
+        let of = || rows.iter().filter(move |row| &row["scene"] == scene && &row["output"] == output);
+        let time = |row: &Value| row["ns_per_ray"].as_f64().unwrap();
+        let fastest = of().map(time).fold(f64::INFINITY, f64::min);
+        assert!(of().any(|row| row["front"] == true && time(row) == fastest), "{scene} {output}");
+    }
+    assert_eq!(text("table.csv").lines().count(), 1 + rows.len());
+    let cells = |line: &str| line.matches(',').count();
+    assert!(text("table.csv").lines().all(|line| cells(line) == cells(text("table.csv").lines().next().unwrap())));
+    assert!(text("accuracy.svg").starts_with("<svg") && text("accuracy.svg").contains("S1: far spheres"));
+    assert!(text("accuracy.md").contains("| S1 1e7"));
+}
+
+#[test]
+fn a_table_is_printed_for_people_and_a_scene_that_is_none_is_bad_input() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo_accuracy(&["scenes/sphere.in", "--quick"], directory.path());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("160×120") && text.contains("| reference |"), "{text}");
+    assert!(text.contains("| front |") && text.contains("| * |") || text.contains("   * |"), "{text}");
+    for (scene, says) in [("scenes/none.in", "scenes/none.in"), ("N1", "N1"), ("Makefile", "Makefile")] {
+        let output = rayo_accuracy(&[scene, "--quick"], directory.path());
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{scene}: {error}");
+        assert!(error.contains(says) && output.stdout.is_empty(), "{scene}: {error}");
+    }
+}
+
+/// The rows of the last table of errors of docs/accuracy.md: a scene, and a cell for each column.
+fn documented() -> BTreeMap<String, BTreeMap<String, String>> {
+    let text = include_str!("../docs/accuracy.md").split("<!-- errors -->\n").nth(1).expect("the table is marked");
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let head = cells(text.lines().next().unwrap());
+    let rows = text.lines().skip(2).take_while(|line| line.starts_with('|')).map(cells);
+    rows.map(|row| (row[1].clone(), head.iter().cloned().zip(row).skip(2).collect())).collect()
+}
+
+/// Wrong hits and objects, the largest error in ulp (none for a dash), and pixels off by two levels.
+fn figures(cell: &str) -> (f64, Option<f64>, f64) {
+    let parts: Vec<_> = cell.split(" / ").collect();
+    let number = |text: &str| text.replace('∞', "inf").parse().unwrap_or_else(|_| panic!("{cell}"));
+    (number(parts[0]), (parts[1] != "–").then(|| number(parts[1])), number(parts[2]))
+}
+
+#[test]
+fn the_errors_of_the_document_are_current() {
+    let documented = documented();
+    let names: Vec<_> = subjects::all(false).into_iter().map(|subject| subject.name).collect();
+    assert_eq!(
+        documented.keys().collect::<Vec<_>>(),
+        {
+            let mut n: Vec<_> = names.iter().collect();
+            n.sort();
+            n
+        },
+        "make accuracy"
+    );
+    let stale = |what: &str| format!("docs/accuracy.md is stale, run `make accuracy`: {what}");
+    let contenders = contenders();
+    let mut compared = 0;
+    // The stiffest scene of each family, and two that are ordinary.
+    let of_interest = |subject: &Subject| match subject.family {
+        Some(family) => family.stiffness == 2,
+        None => ["sphere", "two-lights"].contains(&subject.name.as_str()),
+    };
+    for Subject { name, scene, .. } in subjects::all(false).into_iter().filter(of_interest) {
+        for judgement in judge(&scene, &contenders).unwrap() {
+            let contender = judgement.entry.contender;
+            let (engine, precision) = (contender.engine.name(), contender.precision.name());
+            let cells = &documented[&name];
+            let cell = cells.get(engine).or_else(|| cells.get(&format!("{engine} {precision}")));
+            let (Some(cell), PixelFormat::F32x4) = (cell, judgement.entry.output) else { continue };
+            let errors = judgement.errors;
+            let (wrong, ulp, off) = figures(cell);
+            let what = stale(&format!("{name}, {engine} {precision}: {cell} is {errors:?}"));
+            // Compilers and estimates differ a little from machine to machine; formulas differ much.
+            let near = |documented: f64, found: f64| (documented - found).abs() <= 3.0 + 0.1 * found;
+            assert!(near(wrong, (errors.wrong_hits + errors.wrong_objects) as f64), "{what}");
+            assert!(near(off, errors.off_by_2 as f64), "{what}");
+            assert_eq!(ulp.is_some(), errors.max_ulp.is_some(), "{what}");
+            if let (Some(documented), Some(found)) = (ulp, errors.max_ulp) {
+                assert!(documented <= 1.5 * found + 0.1 && found <= 1.5 * documented + 0.1, "{what}");
+            }
+            compared += 1;
+        }
+    }
+    assert!(compared >= 2 * 19, "only {compared} cells were compared");
 }

@@ -446,16 +446,17 @@ impl Sphere {
     /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres, and is k (h^2 - m g), which cancels less
     /// for near ones.
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
-        let (c, k) = (self.centre, self.k);
+        let c = self.centre;
         let g = y * y + z * z;
         let h = c.y * y + c.z * z;
-        let (m, disc, c0) = if k < NEAR {
-            let m = k - c.x * c.x;
-            (m, k * (h * h - m * g), h * h - k * g)
+        let (m, c0, disc) = if self.k < NEAR {
+            // Near by, k = |c|^2 - 1 is small and known to all of f64; what is small for its sake is made of it.
+            let m = self.k - c.x * c.x;
+            (m, h * h - self.k * g, self.k * (h * h - m * g))
         } else {
             let across = c.y * z - c.z * y;
-            let across = across * across;
-            (c.y * c.y + c.z * c.z - 1.0, k * (g - across), (1.0 - c.x * c.x) * g - across)
+            let m = c.y * c.y + c.z * c.z - 1.0;
+            (m, (1.0 - c.x * c.x) * g - across * across, self.k * (g - across * across))
         };
         if disc.is_nan() || disc < 0.0 {
             return None;

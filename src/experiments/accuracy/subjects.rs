@@ -15,6 +15,15 @@ const SHIPPED: [(&str, &[u8]); 5] = [
 ];
 /// How many values of a family's parameter are taken.
 const LEVELS: usize = 3;
+/// Families whose levels are not in the order of stiffness, and those that are taken.
+const CHOSEN: [(&str, [usize; LEVELS]); 3] = [
+    // An icosphere, a mesh with its vertices on rays, a fan.
+    ("T6", [0, 4, 6]),
+    // Ordinary, near the surface, 1e30 away.
+    ("L1", [0, 4, 12]),
+    // Behind, touching the camera's plane from behind, a ground that is centred behind.
+    ("S8", [0, 5, 6]),
+];
 /// Where the families' random numbers begin.
 const SEED: u64 = 1;
 
@@ -83,7 +92,8 @@ pub fn named(name: &str, quick: bool) -> Result<Vec<Subject>, SceneError> {
 fn of_family(family: &'static Family, size: Size) -> Vec<Subject> {
     let (ordinary, last) = (family.ordinary, family.levels.len() - 1);
     let end = if ordinary > last - ordinary { 0 } else { last };
-    let levels = [ordinary, ordinary.midpoint(end), end];
+    let chosen = CHOSEN.iter().find(|(id, _)| *id == family.id).map(|(_, levels)| *levels);
+    let levels = chosen.unwrap_or([ordinary, ordinary.midpoint(end), end]);
     let subjects = (0..LEVELS).filter_map(|stiffness| {
         let level = levels[stiffness];
         let new = !levels[..stiffness].contains(&level);
