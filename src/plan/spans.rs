@@ -51,6 +51,8 @@ pub struct Spans<E> {
     /// What the camera's grid was multiplied by: a power of two.
     unit: f64,
     objects: Vec<Object>,
+    /// 1/t of the camera's rays over what kernels compare.
+    depth_unit: f64,
     /// The rows of the objects whose numbers f32 does not hold.
     wide: Vec<Range<u32>>,
     /// The lights of one object after those of another, for each scale that was asked for.
@@ -120,6 +122,24 @@ enum Shape {
     Nothing,
 }
 
+impl Shape {
+    fn near(&self) -> f64 {
+        match self {
+            Shape::Sphere(sphere) => sphere.near,
+            Shape::Triangle(triangle) => triangle.near,
+            Shape::Nothing => 1.0,
+        }
+    }
+
+    fn scale_near(&mut self, factor: f64) {
+        match self {
+            Shape::Sphere(sphere) => sphere.near *= factor,
+            Shape::Triangle(triangle) => triangle.near *= factor,
+            Shape::Nothing => {}
+        }
+    }
+}
+
 /// A sphere in units of its radius.
 struct Sphere {
     centre: DVec3,
@@ -127,7 +147,7 @@ struct Sphere {
     k: f64,
     /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
     scale: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
     short: Option<ShortForm>,
 }
@@ -151,7 +171,7 @@ struct Triangle {
     size: f64,
     /// The largest that the terms of 1/t become in the picture: what their roundings are relative to.
     reach: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
 }
 
@@ -249,6 +269,7 @@ impl<E: Element> Spans<E> {
             left_out: [0; Omission::ALL.len()],
             objects: Vec::with_capacity(scene.spheres.len() + scene.triangles.len()),
             lits: Scale::ALL.map(|_| Vec::new()),
+            depth_unit: 1.0,
             wide: Vec::new(),
         };
         let lights = light::lights(scene, keep);
@@ -265,9 +286,14 @@ impl<E: Element> Spans<E> {
         for (i, triangle) in scene.triangles.iter().enumerate() {
             spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
         }
-        let deep = grid.focal * SQUARED > 1.0;
-        let wide = spans.objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone());
-        spans.wide = wide.collect();
+        // Depths are compared with each other alone: a power of two brings the nearest one's to about 1.
+        let nearest = spans.objects.iter().map(|object| object.shape.near()).fold(f64::MIN_POSITIVE, f64::max);
+        spans.depth_unit = power_of_two(nearest.min(f64::MAX));
+        for object in &mut spans.objects {
+            object.shape.scale_near(1.0 / spans.depth_unit);
+            object.fits &= object.shape.near() * LINEAR > 1.0 && grid.focal * SQUARED > 1.0;
+        }
+        spans.wide = spans.objects.iter().filter(|object| !object.fits).map(|object| object.rows.clone()).collect();
         spans
     }
 
@@ -439,6 +465,11 @@ impl<E: Element> Spans<E> {
             Shape::Sphere(sphere) => sphere.short.as_ref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
+    }
+
+    /// 1/t of the camera's rays over what `depth` of the kernels writes.
+    pub fn depth_unit(&self) -> f64 {
+        self.depth_unit
     }
 
     /// Which of the scene's objects it is.
@@ -679,7 +710,7 @@ impl ShortForm {
         let pixels = c.length_squared() * reach / (m * grid.step);
         let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length(), 1.0 / gain[0]];
         let in_range = large.into_iter().all(|x| x < CUBED);
-        let fine = k > 0.0 && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
+        let fine = k >= NEAR && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
         if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
             return None;
         }
@@ -741,9 +772,9 @@ impl Sphere {
         Sphere { centre: centre / radius, k, scale, near: 1.0 / (radius * unit * scale), short: None }
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self) -> bool {
-        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        self.k < LINEAR
     }
 
     /// The rays that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches;
@@ -768,7 +799,8 @@ impl Sphere {
 
     /// Eq. 5's discriminant along a row, D(x) = (d . c)^2 - k d . d = -m x^2 + 2 b x + c0, and its roots.
     ///
-    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres.
+    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres, and is k (h^2 - m g), which cancels less
+    /// for near ones.
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
         let c = self.centre;
         let g = y * y + z * z;
@@ -912,7 +944,7 @@ impl Triangle {
     /// With its unit normal. A triangle of no area or whose plane passes through the camera is never hit: the rule and
     /// the order of operations are those of `reference::geometry::triangle`.
     fn new([v1, v2, v3]: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
-        let n = (v1 - v2).cross(v1 - v3);
+        let n = geometry::triangle_plane([v1, v2, v3]);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
             return Err(if geometry::has_no_area([v1, v2, v3]) { Omission::NoArea } else { Omission::EdgeOn });
@@ -930,10 +962,10 @@ impl Triangle {
         Ok((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit), reach }, n.normalize()))
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self, vertices: &[DVec3; 3]) -> bool {
         let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        furthest < SQUARED * self.size
     }
 
     /// The columns of a row whose rays are between the edges.

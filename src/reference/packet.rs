@@ -194,7 +194,10 @@ impl Rounding {
     fn far_wall<T: Real>(self, sphere: &Inside<T>, j: T) -> (T, T) {
         let (x, h) = (self.affine(sphere.x, j), self.affine(sphere.h, j));
         let a = x * x + sphere.g;
-        (((a * sphere.k + h * h).sqrt() + h) / a, x)
+        let ka = a * sphere.k;
+        let p = max(h, T::ZERO) + max(h, T::ZERO);
+        let m = ka / (((h * h + ka).sqrt() + p) - h);
+        ((m + p) / a, x)
     }
 
     /// 1/t at pixel j.
