@@ -361,7 +361,10 @@ fn a_file_that_is_no_mesh_or_not_there_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("none.obj");
     let error = Mesh::read(&missing).unwrap_err().to_string();
-    assert_eq!(error, format!("{0}: there is no mesh file `{0}`", missing.display()));
+    assert_eq!(error, format!("{}: there is no such file: expected a mesh file", missing.display()));
+    fs::create_dir(folder.path().join("folder.ply")).unwrap();
+    let error = Mesh::read(&folder.path().join("folder.ply")).unwrap_err().to_string();
+    assert!(error.ends_with("folder.ply: this is a directory: expected a mesh file"), "{error}");
     let error = Mesh::read(Path::new("mesh.fbx")).unwrap_err().to_string();
     assert_eq!(error, "mesh.fbx: the name of a mesh file tells its format: expected .obj, .ply or .stl at its end");
     let bad = folder.path().join("bad.OBJ");

@@ -134,7 +134,7 @@ impl SceneError {
     /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts what was left out.
     pub fn lines(&self) -> Vec<String> {
         match self {
-            SceneError::Read { path, cause } => vec![unreadable("scene", &path.to_string_lossy(), cause)],
+            SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
             SceneError::Mesh(error) => vec![error.to_string()],
             SceneError::Invalid { name, diagnostics, more } => {
                 let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
@@ -153,7 +153,7 @@ impl SceneError {
         let mut parts = Vec::new();
         match self {
             SceneError::Read { path, cause } => {
-                let message = unreadable("scene", &path.to_string_lossy(), cause);
+                let message = unreadable(&path.to_string_lossy(), cause);
                 parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
             }
             SceneError::Mesh(error) => {
@@ -232,13 +232,12 @@ pub(super) fn printable(text: &str) -> String {
     text.chars().map(spell).collect()
 }
 
-/// Why a file of a `kind` ("scene", "mesh") could not be read.
-pub(super) fn unreadable(kind: &str, path: &str, cause: &io::Error) -> String {
+fn unreadable(path: &str, cause: &io::Error) -> String {
     let path = printable(path);
     match cause.kind() {
-        ErrorKind::NotFound => format!("there is no {kind} file `{path}`"),
-        ErrorKind::IsADirectory => format!("`{path}` is a directory, and a {kind} is a file"),
-        ErrorKind::PermissionDenied => format!("the {kind} file `{path}` may not be read: check its permissions"),
-        _ => format!("the {kind} file `{path}` cannot be read: {cause}"),
+        ErrorKind::NotFound => format!("there is no scene file `{path}`"),
+        ErrorKind::IsADirectory => format!("`{path}` is a directory, and a scene is a file"),
+        ErrorKind::PermissionDenied => format!("the scene file `{path}` may not be read: check its permissions"),
+        _ => format!("the scene file `{path}` cannot be read: {cause}"),
     }
 }

@@ -8,12 +8,12 @@ mod write;
 
 use std::collections::HashMap;
 use std::fmt;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use super::diagnostic::{printable, unreadable};
+use super::diagnostic::printable;
 use super::{Scene, Triangle};
 
 /// Triangles that share their corners.
@@ -169,7 +169,14 @@ impl Mesh {
         let format = MeshFormat::from_path(path).ok_or_else(|| {
             fault(Fault::new("the name of a mesh file tells its format").expected(".obj, .ply or .stl at its end"))
         })?;
-        let unread = |cause: io::Error| fault(Fault::new(unreadable("mesh", &path.to_string_lossy(), &cause)));
+        let unread = |cause: io::Error| {
+            fault(match cause.kind() {
+                ErrorKind::NotFound => Fault::new("there is no such file").expected("a mesh file"),
+                ErrorKind::IsADirectory => Fault::new("this is a directory").expected("a mesh file"),
+                ErrorKind::PermissionDenied => Fault::new("the file may not be read").expected("permission to read it"),
+                _ => Fault::new(format!("the file cannot be read: {cause}")),
+            })
+        };
         let source = super::open::contents(path).map_err(unread)?;
         Mesh::parse(source, format).map_err(fault)
     }
