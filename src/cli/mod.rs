@@ -6,7 +6,9 @@ mod experiment;
 mod info;
 mod make;
 mod ops;
+mod plan;
 mod render;
+mod view;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
@@ -29,6 +31,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(render::RenderArgs),
+    Plan(plan::PlanArgs),
     Convert(convert::ConvertArgs),
     Make(make::MakeArgs),
     Diff(diff::DiffArgs),
@@ -59,6 +62,7 @@ impl Failure {
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
