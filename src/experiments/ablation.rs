@@ -120,11 +120,11 @@ pub fn run(
             contestant.trace(camera, chosen, out, floats);
         }));
     }
-    let runs = interleave(clock, &mut works, rounds, &mut || true).expect("nobody stops it");
+    let runs = interleave(clock, &mut works, 0..rounds, &mut || true).expect("nobody stops it");
     let mut rng = Rng::new(SEED);
     let mut against_plan = |index: usize| {
         let ratios = pairwise_ratios(&runs[index].ticks, &runs[0].ticks);
-        median_with_interval(&[&ratios], &mut || rng.next_u64())
+        median_with_interval(ratios.chunks(1), &mut || rng.next_u64())
     };
     Ok(Ablation {
         rounds,
