@@ -474,6 +474,23 @@ fn a_seed_makes_the_same_shape_again_and_another_another() {
     assert_ne!(terrain(500, 7), terrain(500, 8));
 }
 
+#[test]
+fn the_meshes_of_the_example_are_what_its_comment_says() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let comment = fs::read_to_string(folder.join("island.toml")).unwrap();
+    for (command, mesh) in [
+        ("terrain --triangles 1700 --seed 12 -o meshes/hills.ply", terrain(1700, 12)),
+        ("icosphere --triangles 1280 --bumps 0.25 --seed 7 -o meshes/rock.ply", icosphere(1280, 0.25, 7)),
+        ("torus --triangles 900 -o meshes/ring.ply", torus(900)),
+    ] {
+        assert!(comment.contains(&format!("#   rayo make {command}\n")), "{command}");
+        let file = folder.join(command.split(' ').next_back().unwrap());
+        assert!(Mesh::read(&file).unwrap() == mesh, "{}", file.display());
+    }
+    let scene = rayo::scene::read(&folder.join("island.toml")).unwrap();
+    assert_eq!((scene.name.as_str(), scene.triangles.len()), ("island.png", 1682 + 900 + 2 * 1280));
+}
+
 /// Where the camera sees a vertex, in halves of the film from its middle; behind it nowhere.
 fn seen(scene: &Scene) -> Vec<(f64, f64)> {
     let grid = scene.camera.grid::<f64>();
