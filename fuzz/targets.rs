@@ -4,8 +4,11 @@ use std::path::Path;
 
 use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml};
 
+/// What takes any bytes.
+pub type Target = fn(&[u8]);
+
 /// The targets by their names, which are those of the folders in fuzz/corpus.
-pub const TARGETS: [(&str, fn(&[u8])); 5] = [
+pub const TARGETS: [(&str, Target); 5] = [
     ("scene_in", scene_in),
     ("scene_toml", scene_toml),
     ("mesh_obj", mesh_obj),

@@ -767,19 +767,19 @@ fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_
     let place = Place::new();
     let limited = |name: &str, size: &str| {
         let render =
-            format!("ulimit -v 262144; exec \"$0\" render scene.in --threads 1 --quiet --size {size} -o {name}");
+            format!("ulimit -v 163840; exec \"$0\" render scene.in --threads 1 --quiet --size {size} -o {name}");
         let mut command = std::process::Command::new("sh");
         command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("MALLOC_ARENA_MAX", "1");
         command.current_dir(&place.directory).output().unwrap()
     };
-    // As floats these are 336 MB, and the address space is held to 256 MiB.
+    // As floats these are 205 MB, and the address space is held to 160 MiB.
     for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr"] {
-        let output = limited(name, "5250x4000");
+        let output = limited(name, "4000x3200");
         assert!(output.status.success(), "{name}: {output:?}");
         fs::remove_file(place.path(name)).unwrap();
     }
-    // What is held whole, here 243 MB, shows that the limit is one; and more than a limit of its own is not begun.
-    let output = limited("a.qoi", "9000x9000");
+    // What is held whole, here 192 MB, shows that the limit is one; and more than a limit of its own is not begun.
+    let output = limited("a.qoi", "8000x8000");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let whole = place.run("render scene.in --size 20000x20000 -o a.qoi");
     assert!(whole.status == 1 && whole.stderr.contains("takes 1144 MiB of memory in this format"), "{}", whole.stderr);

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use counting::peak_of;
 use rayo::scene::Rng;
-use targets::TARGETS;
+use targets::{TARGETS, Target};
 
 /// Mutations of each file.
 const ROUNDS: u64 = 1500;
@@ -51,7 +51,7 @@ fn files(target: &str) -> Vec<PathBuf> {
 }
 
 /// Runs a target, and holds the memory that it takes to a multiple of its input.
-fn run(target: fn(&[u8]), source: &[u8]) {
+fn run(target: Target, source: &[u8]) {
     let ((), peak) = peak_of(|| target(source));
     assert!(peak <= 1000 * source.len() + (4 << 20), "{peak} bytes for an input of {}", source.len());
 }

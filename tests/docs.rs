@@ -7,7 +7,8 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-const DOCUMENTS: [&str; 5] = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/scene-format.md", "docs/image-files.md"];
+const DOCUMENTS: [&str; 5] =
+    ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/scene-format.md", "docs/image-files.md"];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -62,7 +63,8 @@ fn help(subcommand: &[&str]) -> String {
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
-    let files = ["sphere.in", "tetrahedron.in", "island.toml", "meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"];
+    let files =
+        ["sphere.in", "tetrahedron.in", "island.toml", "meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"];
     for file in files {
         fs::copy(root().join("scenes").join(file), directory.path().join("scenes").join(file)).unwrap();
     }
