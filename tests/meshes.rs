@@ -541,6 +541,11 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         let [nearer, ..] = scene.triangles[1].vertices;
         assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");
     }
+    // A vertex that no triangle has is not seen, and does not count.
+    let (square, mut strewn) = (terrain(2, 1), terrain(2, 1));
+    strewn.vertices.push(Vec3::splat(1e9));
+    let view = |mesh: &Mesh| Setting::of(mesh, MeshFormat::Ply, &Camera::default()).unwrap().view;
+    assert_eq!(view(&strewn), view(&square));
     // One point is no reason to fail.
     let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], polygons: 0 };
     assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());
