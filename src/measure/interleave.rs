@@ -1,6 +1,7 @@
 //! The interleaved runner: contestants take turns, so that whatever changes over time changes for all of them.
 
 use std::ops::Range;
+use std::time::Instant;
 
 use super::cycles::Cycles;
 use super::statistics;
@@ -34,6 +35,32 @@ impl Clock for TscClock {
         let start = Cycles::start();
         work();
         start.stop()
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        sys::current_core()
+    }
+}
+
+/// The operating system's clock, for machines without a counter: its ticks are nanoseconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WallClock(());
+
+impl WallClock {
+    /// Ticks in a second.
+    pub const HZ: f64 = 1e9;
+
+    /// Any machine has one.
+    pub fn new() -> Self {
+        WallClock(())
+    }
+}
+
+impl Clock for WallClock {
+    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_nanos() as u64
     }
 
     fn core(&mut self) -> Option<usize> {
@@ -114,6 +141,36 @@ pub fn interleave(
         }
     }
     Some(runs)
+}
+
+/// A clock by a script: each contestant takes its own ticks, and one more from round to round.
+#[cfg(all(test, rayo_asm))]
+pub(crate) struct Scripted {
+    ticks: Vec<u64>,
+    rounds: usize,
+    calls: usize,
+}
+
+#[cfg(all(test, rayo_asm))]
+impl Scripted {
+    /// The ticks of each contestant in the first of `rounds` rounds, after which it begins again.
+    pub(crate) fn new(ticks: &[u64], rounds: usize) -> Self {
+        Scripted { ticks: ticks.to_vec(), rounds, calls: 0 }
+    }
+}
+
+#[cfg(all(test, rayo_asm))]
+impl Clock for Scripted {
+    fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
+        let count = self.ticks.len();
+        let (round, turn) = (self.calls / count % self.rounds, self.calls % count);
+        self.calls += 1;
+        self.ticks[if round % 2 == 0 { turn } else { count - 1 - turn }] + round as u64
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        Some(0)
+    }
 }
 
 #[cfg(test)]
