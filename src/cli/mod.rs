@@ -90,3 +90,12 @@ fn print(text: &str) -> Result<(), Failure> {
         .and_then(|()| out.flush())
         .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
 }
+
+/// A bar on standard error, if that is a terminal.
+#[cfg(rayo_asm)]
+fn progress_bar(length: u64) -> indicatif::ProgressBar {
+    let bar = indicatif::ProgressBar::new(length);
+    let style = indicatif::ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
+    bar.set_style(style.expect("the template is well formed"));
+    bar
+}

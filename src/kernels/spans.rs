@@ -1,9 +1,11 @@
-//! The records of the packet kernels: spans of rows, in f32 or f64. layout.inc has their offsets and says what each is.
+//! The records of the packet kernels: spans of rows, and objects for single rays, in f32 or f64. layout.inc has their offsets and says what each is.
 
 use super::types::Plain;
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialEq + Send + Sync {
+    /// The most that rounding changes a number by, relative to it: 2^-24 or 2^-53.
+    const UNIT_ROUNDOFF: f64;
     /// Rounded to nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.
@@ -11,6 +13,7 @@ pub trait Element: Plain + Default + PartialEq + Send + Sync {
 }
 
 impl Element for f32 {
+    const UNIT_ROUNDOFF: f64 = f32::EPSILON as f64 / 2.0;
     fn from_f64(x: f64) -> Self {
         x as f32
     }
@@ -20,6 +23,7 @@ impl Element for f32 {
 }
 
 impl Element for f64 {
+    const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
     fn from_f64(x: f64) -> Self {
         x
     }
@@ -47,6 +51,13 @@ macro_rules! records {
                 }
             }
 
+            impl<E: Copy> $name<E> {
+                /// Its fields, in their order.
+                pub fn numbers(&self) -> Vec<E> {
+                    vec![$(self.$field),*]
+                }
+            }
+
             // SAFETY: nothing but elements, which fill it, as the offsets asserted in types.rs show.
             unsafe impl<E: Element> Plain for $name<E> {
                 const ZERO: Self = $name { $($field: E::ZERO),* };
@@ -68,4 +79,8 @@ records! {
     TriangleSpan { j, end, id, near, w1, w0, x1, x0, y1, y0, z1, z0 }
     /// One light on one object.
     Lit { x, y, z, cosine, red, green, blue, padding }
+    /// A sphere that rays of any direction may meet.
+    SphereHit { cx, cy, cz, square, k }
+    /// A triangle that rays of any direction may meet.
+    TriangleHit { nx, ny, nz, k, ax, ay, az, a, bx, by, bz, b, cx, cy, cz, c }
 }

@@ -8,11 +8,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::{Failure, print, print_json};
+use crate::cli::{Failure, print, print_json, progress_bar};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
 use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
@@ -85,7 +83,7 @@ fn measure(
     let (start, cpu) = (Instant::now(), cpu_time());
     let mut clock = Totalled::new(clock);
     let of_rungs = (settings.runs * rounds) as u64 * ladder::WORK;
-    let bar = bar(settings.work() + of_rungs + jumps::work(quick) + claims::work(quick));
+    let bar = progress_bar(settings.work() + of_rungs + jumps::work(quick) + claims::work(quick));
     let mut proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
@@ -221,14 +219,6 @@ fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
     })
     .map_err(|error| Failure::output(format!("cannot listen for Ctrl-C: {error}")))?;
     Ok(stop)
-}
-
-/// A bar on standard error, if that is a terminal.
-fn bar(length: u64) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
-    bar.set_style(style.expect("the template is well formed"));
-    bar
 }
 
 pub(super) fn failure(error: SpeedupError) -> Failure {
