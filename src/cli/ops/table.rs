@@ -115,7 +115,7 @@ fn head(text: &mut String, columns: &[&str]) {
 fn kinds(text: &mut String, report: &Report) {
     writeln!(
         text,
-        "\n{:<22}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
+        "\n{:<18}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
         "", "all", "bytes", "arith", "shuffle", "load", "store", "branch", "move", "other", "scalar", "packed", "reads"
     )
     .unwrap();
@@ -125,7 +125,7 @@ fn kinds(text: &mut String, report: &Report) {
             let Mix { instructions, bytes, arithmetic, shuffle, load, store, branch, r#move, other, .. } = m;
             writeln!(
                 text,
-                "{:<22}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
+                "{:<18}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
                  {:>7}{:>7}{:>6}  {}",
                 format!("{} {what}", row.implementation),
                 m.scalar,
