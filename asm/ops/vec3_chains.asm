@@ -2,7 +2,8 @@
 ;
 ; unsafe extern "sysv64" fn(rounds: u64) -> u64
 ;
-;   rayo_<isa>_single_<op>3_latency      CHAIN_LINKS times <rounds> operations, each of which needs the result of the last
+;   rayo_<isa>_single_<op>3_latency      CHAIN_LINKS times <rounds> operations, each of which needs the last one's
+;                                        result
 ;   rayo_<isa>_single_<op>3_throughput   as many operations that need nothing of each other
 ;   rayo_<isa>_single_feedback_latency   as many times what leads a result back to an operand, alone
 ;

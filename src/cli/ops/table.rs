@@ -151,16 +151,17 @@ fn paths(text: &mut String, report: &Report) {
     };
     writeln!(text, "\nexecuted in a call, by path").unwrap();
     let rows: Vec<_> = report.rows.iter().filter(|row| !row.paths.is_empty()).collect();
-    let mut heading = format!("{:<24}", "");
+    let width = |row: &Row| (row.implementation.len() + 1).max(8);
+    let mut heading = format!("{:<23}", "");
     for row in &rows {
-        write!(heading, "{:>9}", row.implementation).unwrap();
+        write!(heading, "{:>width$}", row.implementation, width = width(row)).unwrap();
     }
     writeln!(text, "{heading}").unwrap();
     for path in &longest.paths {
-        write!(text, "{:<24}", path.path).unwrap();
+        write!(text, "{:<23}", path.path).unwrap();
         for row in &rows {
             let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
-            write!(text, "{:>9}", executed.as_deref().unwrap_or("-")).unwrap();
+            write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(row)).unwrap();
         }
         writeln!(text).unwrap();
     }
