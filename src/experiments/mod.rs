@@ -1,5 +1,6 @@
 //! The experiments: each returns rows.
 
+pub mod ablation;
 #[cfg(rayo_asm)]
 pub mod claims;
 #[cfg(rayo_asm)]

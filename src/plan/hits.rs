@@ -29,7 +29,7 @@ pub fn triangle_hit<E: Element>(vertices: [[f32; 3]; 3], reach: [f32; 3]) -> Tri
     let edge = |from: DVec3, to: DVec3| {
         let normal = facing * to.cross(from);
         let normal = normal / normal.abs().max_element();
-        let bound = ROUNDINGS * E::UNIT_ROUNDOFF * reach.dot(normal.abs());
+        let bound = ROUNDINGS * E::EPSILON / 2.0 * reach.dot(normal.abs());
         // What is compared has to be below it.
         (normal, bound.max(f32::MIN_POSITIVE.into()))
     };
