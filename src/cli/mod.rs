@@ -1,13 +1,16 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
+mod accuracy;
 mod convert;
 mod diff;
 mod experiment;
 mod info;
 mod make;
+mod measuring;
 mod ops;
 mod plan;
 mod render;
+mod table;
 mod view;
 
 use std::io::{self, IsTerminal, Write};
@@ -35,6 +38,7 @@ enum Command {
     Convert(convert::ConvertArgs),
     Make(make::MakeArgs),
     Diff(diff::DiffArgs),
+    Accuracy(accuracy::AccuracyArgs),
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
@@ -66,6 +70,7 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
@@ -125,13 +130,4 @@ fn print(text: &str) -> Result<(), Failure> {
     out.write_all(text.as_bytes())
         .and_then(|()| out.flush())
         .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
-}
-
-/// A bar on standard error, if that is a terminal.
-#[cfg(rayo_asm)]
-fn progress_bar(length: u64) -> indicatif::ProgressBar {
-    let bar = indicatif::ProgressBar::new(length);
-    let style = indicatif::ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
-    bar.set_style(style.expect("the template is well formed"));
-    bar
 }

@@ -60,7 +60,7 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
         executed: args.executed,
         cost: !args.asm,
     };
-    let bar = super::progress_bar(0);
+    let bar = super::measuring::bar(0);
     let report = ops::run(&options, &mut |done, of| {
         bar.set_length(of as u64);
         bar.set_position(done as u64);

@@ -189,7 +189,7 @@ macro_rules! layout_checks {
 }
 #[cfg(rayo_asm)]
 use super::spans::{
-    InsideSpan, Lit, LitRows, LitSetup, LitSphere, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
+    InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
 };
 #[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));
