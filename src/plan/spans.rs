@@ -317,7 +317,8 @@ impl<E: Element> Spans<E> {
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
             unlit: made(Omission::Unlit, !lit),
-            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
+            // The short form has no clamp to leave out.
+            dim: made(Omission::Clamp, lit && !short && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();
