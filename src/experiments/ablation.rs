@@ -106,7 +106,8 @@ pub fn run(
         total += clock.time(&mut || contestant.trace(camera, middle, &mut out, &mut floats));
     }
     let affordable = (ticks / total.max(1)) as usize;
-    let rounds = (affordable / bands.len()).clamp(FEWEST_ROUNDS, ROUNDS);
+    // Rather fewer rows than fewer rounds: an interval wants rounds.
+    let rounds = affordable.clamp(FEWEST_ROUNDS, ROUNDS);
     let share = (affordable / rounds).clamp(1, bands.len());
     let chosen: Vec<_> = (0..share).map(|i| bands[(2 * i + 1) * bands.len() / (2 * share)].clone()).collect();
     let rows: usize = chosen.iter().map(Range::len).sum();

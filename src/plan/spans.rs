@@ -106,7 +106,7 @@ struct Sphere {
     /// |c|^2 - 1: negative for a camera inside.
     k: f64,
     radius: f64,
-    short: Option<ShortForm>,
+    short: Option<Box<ShortForm>>,
 }
 
 /// A sphere from outside under one light, for SPHERE_LIT.
@@ -266,7 +266,7 @@ impl<E: Element> Spans<E> {
             && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
             && self.leave_out(Omission::Loop, 1)
         {
-            shape.short = Some(short);
+            shape.short = Some(Box::new(short));
         }
         let short = shape.short.is_some();
         self.push(rows, Shape::Sphere(shape), colour, short, on, scales);
@@ -388,7 +388,7 @@ impl<E: Element> Spans<E> {
     /// The short form of an object, if it has one.
     pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
         match &self.objects[object].shape {
-            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Sphere(sphere) => sphere.short.as_deref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
     }
