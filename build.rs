@@ -31,7 +31,7 @@ mod native {
 
     /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
-    const C_SOURCES: [&str; 2] = ["trace", "ops"];
+    const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
     /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];

@@ -161,7 +161,7 @@ fn returns_with_dirty_registers(function: &Function) -> usize {
 #[test]
 fn every_object_is_under_test() {
     let mut known: BTreeSet<_> = UNITS.iter().map(|unit| unit.name).collect();
-    known.extend([HARNESS, "trace", "ops"]);
+    known.extend([HARNESS, "trace", "ops", "hits"]);
     known.extend(MEASURED);
     assert_eq!(OBJECTS.iter().map(|(name, _)| *name).collect::<BTreeSet<_>>(), known);
 }
@@ -305,7 +305,8 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
 
 #[test]
 fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
-    let mut expected = BTreeSet::from(["rayo_checked_call".to_owned(), CALLS.to_owned()]);
+    let mut expected =
+        BTreeSet::from(["rayo_checked_call", CALLS, "rayo_c_hits", "rayo_paper_hits"].map(str::to_owned));
     let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
     expected.extend(rules.chain(["read".into(), "write".into()]).map(|rule| format!("rayo_broken_{rule}")));
     for implementation in IMPLEMENTATIONS {
@@ -436,7 +437,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 99] = [
+const PACKET_SNIPPETS: [Snippet; 101] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -528,14 +529,16 @@ const PACKET_SNIPPETS: [Snippet; 99] = [
     ("LIT_SPHERE_CONSTANTS", "", ""),
     ("LIT_ROW_CONSTANTS", "", ""),
     ("LIT_UNCONSTANTS", "", ""),
+    ("SPHERE_NEAR", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("SPHERE_LIT", "", "v0, v1, 1, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", "inside", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", ESTIMATES, "v0, v1, 1, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", "inside with estimates", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
     ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
-    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
-    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, 0, v6, v7, v8, v9, v10, v11"),
-    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, 1, v6, v7, v8, v9, v10, v11"),
+    ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, ON_PLANE, v6, v7, v8, v9, v10, v11, 0"),
+    ("LAMBERT3", "from the camera", "v0, v1, v2, v3, v4, v5, rdi, FROM_CAMERA, v6, v7, v8, v9, v10, v11, 0"),
 ];
 
 /// The bytes of the packets' elements, f32 and f64.

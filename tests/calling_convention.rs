@@ -12,9 +12,9 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
-    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, InsideSpan, LIT_ROWS, Light, Lit, LitRow, LitRows,
+    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow, LitRows,
     LitSetup, LitSphere, Objects, Op, OpRef, Plain, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows, SpanKernels,
-    Sphere, Triangle, Vec4, broken_read, broken_write,
+    Sphere, Surface, Triangle, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
 };
 use rayo::scene::Rng;
 
@@ -71,6 +71,37 @@ fn every_tracer_keeps_the_calling_convention() {
                 let mut unchecked = film.clone();
                 kernels.trace.call(&frame(width, height), objects, 0..height, &mut unchecked);
                 assert_eq!(film, unchecked, "{implementation}: a checked call computes what any call does");
+            }
+        }
+    }
+}
+
+/// What the two tracers of the paper hit.
+fn hits() -> Vec<Hits> {
+    [Some(hits_of_c()), hits_of_paper()].into_iter().flatten().collect()
+}
+
+#[test]
+fn what_a_tracer_hits_is_asked_within_the_calling_convention_and_within_its_memory() {
+    let canary = Surface { point: [f32::NAN; 4].into(), ..Surface::ZERO };
+    for hits in hits() {
+        for (side, (lights, spheres, triangles)) in
+            SIDES.into_iter().flat_map(|side| scenes().into_iter().map(move |s| (side, s)))
+        {
+            let lights = Guarded::new(&lights, side).unwrap();
+            let spheres = Guarded::new(&spheres, side).unwrap();
+            let triangles = Guarded::new(&triangles, side).unwrap();
+            let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
+            for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5)] {
+                let frame = Guarded::new(&[frame(width, rows.end)], side).unwrap();
+                let mut film = Guarded::new(&vec![canary; width as usize * rows.len()], side).unwrap();
+                let what = format!("{width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
+                let mut trace = || hits.call(&frame[0], objects, rows.clone(), &mut film);
+                assert!(survives(&mut trace).unwrap(), "touches the guard page: {what}");
+                let mut checked = vec![canary; width as usize * rows.len()];
+                assert_eq!(hits.call_checked(&frame[0], objects, rows.clone(), &mut checked), Ok(()), "{what}");
+                trace();
+                assert_eq!(film[..], checked[..], "{what}");
             }
         }
     }
@@ -433,7 +464,10 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
         tried += pixels;
         bodies.depth.call(&spans[pixels], &mut row, x.clone());
         recoloured += check_planes(&bodies.planes, lits, &row, &spans[pixels], x.clone());
-        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x);
+        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x.clone());
+        if let Some(normals) = &bodies.normals {
+            recoloured += check_planes(normals, &[], &row, &spans[pixels], x);
+        }
     }
     let symbol = bodies.depth.symbol();
     assert!((tried / 50..tried).contains(&won), "{symbol}: {won} of {tried} pixels are won");
@@ -468,6 +502,7 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let opposite = |l: Lit<E>| [l, Lit { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
     let lits: Vec<_> = lits.flat_map(opposite).collect();
     check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.near, &lits, |id, pixels| kernel_cases::near_span(numbers, id, pixels, rng));
     check_bodies(&kernels.inside, &lits, |id, pixels| {
         // No root of what is below 0: it would be black.
         let span: InsideSpan<E> = kernel_cases::inside_span(numbers, id, pixels, rng);

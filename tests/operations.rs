@@ -12,8 +12,8 @@ use std::ops::Range;
 
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, Objects, OpRef,
-    OutsideSpan, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+    Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, NearSpan, Objects,
+    OpRef, OutsideSpan, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
 use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
@@ -442,11 +442,13 @@ trait Record<E>: Copy + std::fmt::Debug {
     fn near(&self) -> E;
     fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3];
     fn den(&self, rounding: Rounding, j: E) -> E;
+    /// None for a triangle.
+    fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]>;
 }
 
 /// Gives a record its twin: the value that is made of `$s`, and the functions that take it.
 macro_rules! record {
-    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident) => {
+    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident $(, $normal:ident)?) => {
         impl<E: Element + Real> Record<E> for $name<E> {
             fn first(&self) -> E {
                 self.j
@@ -462,6 +464,11 @@ macro_rules! record {
                 let $s = self;
                 rounding.$den(&$twin, j)
             }
+            fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]> {
+                let ($s, _rounding, _j) = (self, rounding, j);
+                let _twin = $twin;
+                [$(_rounding.$normal(&_twin, _j))?].into_iter().next()
+            }
         }
     };
 }
@@ -472,7 +479,16 @@ record!(OutsideSpan, s => packet::Outside {
     h: linear(s.h1, s.h0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
     c: [s.cx, s.cy, s.cz],
-}, outside, outside_den);
+}, outside, outside_den, outside_normal);
+record!(NearSpan, s => packet::Near {
+    a: linear(s.a1, s.a0),
+    b: linear(s.b1, s.b0),
+    h: linear(s.h1, s.h0),
+    x: linear(s.x1, s.x0),
+    y: s.y,
+    z: s.z,
+    c: [s.cx, s.cy, s.cz],
+}, near, near_den, near_normal);
 record!(InsideSpan, s => packet::Inside {
     x: linear(s.x1, s.x0),
     y: s.y,
@@ -481,7 +497,7 @@ record!(InsideSpan, s => packet::Inside {
     h: linear(s.h1, s.h0),
     k: s.k,
     c: [s.cx, s.cy, s.cz],
-}, inside, inside_den);
+}, inside, inside_den, inside_normal);
 record!(TriangleSpan, s => packet::Triangle {
     w: linear(s.w1, s.w0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
@@ -586,6 +602,16 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             let equal = |(a, b): (E, E)| bits(a) == bits(b) || a.to_f64().is_nan() && b.to_f64().is_nan();
             let all = in_row.into_iter().zip(expected).all(equal);
             assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
+            let mut owned = Row::new(pixels);
+            bodies.depth.call(&span, &mut owned, 0..pixels);
+            assert_eq!(bodies.normals.is_some(), span.normal(rounding, j(i)).is_some());
+            if let (Some(kernel), Some(normal)) = (&bodies.normals, span.normal(rounding, j(i))) {
+                kernel.call(&span, &[], &mut owned, 0..pixels);
+                let found = [1, 2, 3].map(|plane| owned.plane(plane)[i]);
+                let expected = if den > zero { normal } else { [zero; 3] };
+                let all = found.into_iter().zip(expected).all(equal);
+                assert!(all, "the normal {found:?} instead of {expected:?}: {}", what());
+            }
         }
     }
     compared
@@ -693,6 +719,7 @@ fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u6
             "outside",
             check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
         ),
+        ("near", check_bodies(&kernels.near, rounding, |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng), rng)),
         ("inside", check_bodies(&kernels.inside, rounding, |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng), rng)),
         (
             "triangle",
@@ -751,6 +778,9 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
     fn outside(mut self, span: &OutsideSpan<E>) {
         self.check(&self.kernels.outside.f32x4, span);
     }
+    fn near(mut self, span: &NearSpan<E>) {
+        self.check(&self.kernels.near.f32x4, span);
+    }
     fn inside(mut self, span: &InsideSpan<E>) {
         self.check(&self.kernels.inside.f32x4, span);
     }
@@ -765,8 +795,9 @@ fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) 
     for (lights, keep) in [(1, Keep::NOTHING), (1, Keep::only(Omission::Loop)), (2, Keep::NOTHING)] {
         let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
         scene.lights.truncate(lights);
-        // One sphere has the camera in it.
+        // One sphere has the camera in it, and one nearly.
         scene.spheres[0].radius = 400.0;
+        scene.spheres[1].radius = 0.9 * scene.spheres[1].centre.length();
         let spans = Spans::<E>::new(&scene, &scene.camera, Some(Scale::Linear), keep);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {
@@ -799,6 +830,9 @@ fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &S
             *row
         }
         fn outside(self, _: &OutsideSpan<E>) -> LitRow<E> {
+            unreachable!("the object has a short form")
+        }
+        fn near(self, _: &NearSpan<E>) -> LitRow<E> {
             unreachable!("the object has a short form")
         }
         fn inside(self, _: &InsideSpan<E>) -> LitRow<E> {

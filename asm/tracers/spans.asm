@@ -9,10 +9,12 @@
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(span, lits, lit_count, out, pixels, streaming)
 ;   rayo_<p>_<object>_planes        unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
+;   rayo_<p>_<object>_normals       unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
 ;   rayo_<p>_emit_<output>          unsafe extern "sysv64" fn(row, stride, out, pixels)
 ;
 ;   <object>    outside     a sphere from outside
+;               near        a sphere from outside at less than sqrt 2 radii, such as a ground
 ;               inside      a sphere from inside
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
@@ -20,6 +22,8 @@
 ;               rgba8_dim   the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
+;
+;   ..._normals as planes, with a sphere's unit normal in place of its colour: for who measures errors
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
@@ -35,8 +39,9 @@
 ;   equals      reference::packet, to the last bit where there is no estimate
 
 ; LIGHTS - the colour in v1, v2, v3 of points o in v4, v5, v6 under all lights.
-%macro LIGHTS 1
-%define %%flat %1       ; [in]       1 for a triangle
+%macro LIGHTS 2
+%define %%seen %1       ; [in]       FROM_CENTRE, ON_PLANE or FROM_CAMERA
+%define %%centre %2     ; [in]       FROM_CAMERA: number of the constant c.x
     VZERO   v1
     VZERO   v2
     VZERO   v3
@@ -45,7 +50,7 @@
     test    rax, rax
     jz      %%dark
 %%light:
-    LAMBERT3 v1, v2, v3, v4, v5, v6, r11, %%flat, v7, v8, v9, v10, v11, v12
+    LAMBERT3 v1, v2, v3, v4, v5, v6, r11, %%seen, v7, v8, v9, v10, v11, v12, %%centre
     add     r11, ELEM * Lit_size
     dec     rax
     jnz     %%light
@@ -55,24 +60,52 @@
 ; BODY_OUTSIDE - the colour in v1, v2, v3 of the pixels j in v0. All bodies leave v0, v14 and v15 alone.
 %macro BODY_OUTSIDE 0
     SPHERE_OUTSIDE v4, v5, v6, v0, v7, v8, v9, v10
-    LIGHTS  0
+    LIGHTS  FROM_CENTRE, 0
+%endmacro
+
+; BODY_NEAR - the colour in v1, v2, v3 of the pixels j in v0.
+%macro BODY_NEAR 0
+    SPHERE_NEAR v4, v5, v6, v0, v7, v8, v9
+    LIGHTS  FROM_CAMERA, NearSpan.cx
+%endmacro
+
+; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
+%macro BODY_OUTSIDE_NORMAL 0
+    SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
+%endmacro
+
+; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_NEAR_NORMAL 0
+    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
+    SUB3    v1, v2, v3, v1, v2, v3, K(NearSpan.cx), K(NearSpan.cy), K(NearSpan.cz)
 %endmacro
 
 ; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_INSIDE 0
     SPHERE_INSIDE v4, v5, v6, v0, v7, v8
-    LIGHTS  0
+    LIGHTS  FROM_CAMERA, InsideSpan.cx
+%endmacro
+
+; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_INSIDE_NORMAL 0
+    SPHERE_INSIDE v1, v2, v3, v0, v7, v8
+    SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
 %endmacro
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_TRIANGLE 0
     TRIANGLE_PLANE v4, v5, v6, v0, v7, v8
-    LIGHTS  1
+    LIGHTS  ON_PLANE, 0
 %endmacro
 
 ; DEN_OUTSIDE - v1 = 1/t of the pixels j in v0, which is what depth compares.
 %macro DEN_OUTSIDE 0
     SPHERE_DEN v1, v0, v2, v3
+%endmacro
+
+; DEN_NEAR - v1 = 1/t of the pixels j in v0.
+%macro DEN_NEAR 0
+    DEN_OUTSIDE
 %endmacro
 
 ; DEN_INSIDE - v1 = 1/t of the pixels j in v0.
@@ -269,39 +302,54 @@ ENDFUNC
 
 %assign ESTIMATE 0
     SHADE   outside, f32x4, OUTSIDE, F32X4, F32X4, 19
+    SHADE   near, f32x4, NEAR, F32X4, F32X4, 17
     SHADE   inside, f32x4, INSIDE, F32X4, F32X4, 15
     SHADE   triangle, f32x4, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes, OUTSIDE, 19
+    PLANES  near, planes, NEAR, 17
     PLANES  inside, planes, INSIDE, 15
     PLANES  triangle, planes, TRIANGLE, 12
     DEPTH   outside, OUTSIDE, 19
+    DEPTH   near, NEAR, 17
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
     EMIT    f32x4, F32X4
     EMIT    rgba8, RGBA8
+    PLANES  outside, normals, OUTSIDE_NORMAL, 19
+    PLANES  near, normals, NEAR_NORMAL, 17
+    PLANES  inside, normals, INSIDE_NORMAL, 15
 %if ELEM == 4
 %assign ESTIMATE 1
     SHADE   outside, f32x4_fast, OUTSIDE, F32X4, F32X4, 19
+    SHADE   near, f32x4_fast, NEAR, F32X4, F32X4, 17
     SHADE   inside, f32x4_fast, INSIDE, F32X4, F32X4, 15
     SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes_fast, OUTSIDE, 19
+    PLANES  near, planes_fast, NEAR, 17
     PLANES  inside, planes_fast, INSIDE, 15
     PLANES  triangle, planes_fast, TRIANGLE, 12
 %endif
 %assign ESTIMATE ELEM == 4
     SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
     SHADE   outside, rgba8_dim, OUTSIDE, DIM, RGBA8, 19
+    SHADE   near, rgba8, NEAR, RGBA8, RGBA8, 17
+    SHADE   near, rgba8_dim, NEAR, DIM, RGBA8, 17
     SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
     SHADE   inside, rgba8_dim, INSIDE, DIM, RGBA8, 15
     SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
     SHADE   triangle, rgba8_dim, TRIANGLE, DIM, RGBA8, 12
 
 ; This file is assembled once per element type.
-%unmacro LIGHTS 1
+%unmacro LIGHTS 2
 %unmacro BODY_OUTSIDE 0
+%unmacro BODY_OUTSIDE_NORMAL 0
+%unmacro BODY_NEAR 0
+%unmacro BODY_NEAR_NORMAL 0
 %unmacro BODY_INSIDE 0
+%unmacro BODY_INSIDE_NORMAL 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
+%unmacro DEN_NEAR 0
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
 %unmacro PIXELS_F32X4 0

@@ -1,13 +1,16 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
+mod accuracy;
 mod convert;
 mod diff;
 mod experiment;
 mod info;
 mod make;
+mod measuring;
 mod ops;
 mod plan;
 mod render;
+mod table;
 mod view;
 
 use std::io::{self, IsTerminal, Write};
@@ -35,6 +38,7 @@ enum Command {
     Convert(convert::ConvertArgs),
     Make(make::MakeArgs),
     Diff(diff::DiffArgs),
+    Accuracy(accuracy::AccuracyArgs),
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
@@ -66,6 +70,7 @@ pub fn main() -> ExitCode {
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),

@@ -33,7 +33,7 @@ pub use chains::{Chain, Chains, FEEDBACK, chains_of_aos, chains_of_paper};
 pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 pub use code::code_at;
 #[cfg(rayo_asm)]
-pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
+pub use ffi::{AosKernels, Hits, Op, OpRef, RowsOf, Trace, aos, c, hits_of_c, hits_of_paper, paper};
 pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use known::{KNOWN, Known};
@@ -43,7 +43,7 @@ pub use packet::{
     SpanKernels, packet_symbols, packets,
 };
 pub use spans::{
-    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, OutsideSpan, Span, TriangleSpan,
+    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

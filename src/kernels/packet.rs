@@ -5,7 +5,9 @@ use std::ops::Range;
 
 use super::checked::{self, Fault};
 use super::isa::Isa;
-use super::spans::{Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, OutsideSpan, TriangleSpan};
+use super::spans::{
+    Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
+};
 use super::types::Vec4;
 
 /// More elements than any packet has.
@@ -78,6 +80,8 @@ pub struct Bodies<S, E> {
     pub planes_fast: Planes<S, E>,
     /// Finds the nearest.
     pub depth: Depth<S, E>,
+    /// To a row of buffers with the unit normal in place of the colour. None for a triangle, whose normal is a constant.
+    pub normals: Option<Planes<S, E>>,
 }
 
 /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
@@ -106,6 +110,8 @@ pub struct SpanKernels<E: 'static> {
     pub lit_planes_fast: LitPlanes<E>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
+    /// Spheres from outside at less than sqrt 2 radii.
+    pub near: Bodies<NearSpan<E>, E>,
     /// Spheres from inside.
     pub inside: Bodies<InsideSpan<E>, E>,
     /// Triangles.
@@ -128,9 +134,10 @@ pub struct PacketKernels {
 
 impl<S, E> Bodies<S, E> {
     fn symbols(&self) -> Vec<&'static str> {
-        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth } = self;
+        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth, normals } = self;
         let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol];
-        [&shades[..], &[planes.symbol, planes_fast.symbol, depth.symbol]].concat()
+        let rows = [planes.symbol, planes_fast.symbol, depth.symbol];
+        shades.into_iter().chain(rows).chain(normals.as_ref().map(|normals| normals.symbol)).collect()
     }
 }
 
@@ -145,11 +152,13 @@ impl<E> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
         #[rustfmt::skip]
         let SpanKernels {
-            lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, inside, triangle, emit_f32x4, emit_rgba8,
+            lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, near, inside, triangle, emit_f32x4,
+            emit_rgba8,
         } = self;
-        let bodies = [lit.symbols(), grey.symbols(), outside.symbols(), inside.symbols(), triangle.symbols()];
+        let spheres = [outside.symbols(), near.symbols(), inside.symbols()].concat();
         let rows = vec![lit_rows.symbol, lit_planes.symbol, lit_planes_fast.symbol];
-        [bodies.concat(), rows, vec![emit_f32x4.symbol, emit_rgba8.symbol]].concat()
+        let emits = vec![emit_f32x4.symbol, emit_rgba8.symbol];
+        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits].concat()
     }
 }
 
@@ -486,16 +495,16 @@ macro_rules! span_kernels {
             }};
         }
         macro_rules! planes {
-            ($body:literal, $span:ty, $fast_name:literal) => {{
+            ($body:literal, $span:ty, $output:expr) => {{
                 unsafe extern "sysv64" {
-                    #[link_name = concat!($prefix, $body, "_planes", $fast_name)]
+                    #[link_name = concat!($prefix, $body, $output)]
                     fn kernel(s: *const $span, l: *const Lit<$element>, n: u64, row: *mut $element, p: u64, f: u64);
                 }
-                Planes { code: kernel, symbol: concat!($prefix, $body, "_planes", $fast_name) }
+                Planes { code: kernel, symbol: concat!($prefix, $body, $output) }
             }};
         }
         macro_rules! bodies {
-            ($body:literal, $span:ty) => {{
+            ($body:literal, $span:ty, $normals:expr) => {{
                 unsafe extern "sysv64" {
                     #[link_name = concat!($prefix, $body, "_depth")]
                     fn kernel(s: *const $span, row: *mut $element, p: u64, f: u64);
@@ -505,9 +514,10 @@ macro_rules! span_kernels {
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
                     rgba8_dim: shade!($body, $span, "_rgba8_dim", Rgba8),
-                    planes: planes!($body, $span, ""),
-                    planes_fast: planes!($body, $span, $fast),
+                    planes: planes!($body, $span, "_planes"),
+                    planes_fast: planes!($body, $span, concat!("_planes", $fast)),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
+                    normals: $normals,
                 }
             }};
         }
@@ -572,9 +582,14 @@ macro_rules! span_kernels {
             grey: lit_bodies!("grey"),
             lit_planes: lit_planes!(""),
             lit_planes_fast: lit_planes!($lit_fast),
-            outside: bodies!("outside", OutsideSpan<$element>),
-            inside: bodies!("inside", InsideSpan<$element>),
-            triangle: bodies!("triangle", TriangleSpan<$element>),
+            outside: bodies!(
+                "outside",
+                OutsideSpan<$element>,
+                Some(planes!("outside", OutsideSpan<$element>, "_normals"))
+            ),
+            near: bodies!("near", NearSpan<$element>, Some(planes!("near", NearSpan<$element>, "_normals"))),
+            inside: bodies!("inside", InsideSpan<$element>, Some(planes!("inside", InsideSpan<$element>, "_normals"))),
+            triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),
             emit_rgba8: emit!("rgba8", Rgba8),
         }

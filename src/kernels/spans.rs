@@ -72,6 +72,8 @@ records! {
     }
     /// A sphere seen from outside.
     OutsideSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y1, y0, z1, z0, cx, cy, cz }
+    /// A sphere seen from outside at less than sqrt 2 radii.
+    NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y, z, cx, cy, cz }
     /// A sphere seen from inside.
     InsideSpan { j, end, id, near, x1, x0, y, z, g, h1, h0, k, cx, cy, cz }
     /// A triangle.

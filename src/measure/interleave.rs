@@ -1,6 +1,7 @@
 //! The interleaved runner: contestants take turns, so that whatever changes over time changes for all of them.
 
 use std::ops::Range;
+use std::time::Instant;
 
 use super::cycles::Cycles;
 use super::statistics;
@@ -34,6 +35,32 @@ impl Clock for TscClock {
         let start = Cycles::start();
         work();
         start.stop()
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        sys::current_core()
+    }
+}
+
+/// The operating system's clock, for machines without a counter: its ticks are nanoseconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WallClock(());
+
+impl WallClock {
+    /// Ticks in a second.
+    pub const HZ: f64 = 1e9;
+
+    /// Any machine has one.
+    pub fn new() -> Self {
+        WallClock(())
+    }
+}
+
+impl Clock for WallClock {
+    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_nanos() as u64
     }
 
     fn core(&mut self) -> Option<usize> {

@@ -11,13 +11,21 @@ use crate::scene::{Light, Scene};
 /// wherever the sphere is seen; all that rounding and estimates do to it, in f32 too, is a hundredth of that.
 const MARGIN: f64 = 1e-3;
 
+/// Lights further than this, in the unit of their object, are brought to this distance: L is the same for all points of
+/// the object to the last bit of f64, and |L|^2 is within the range of f32.
+const FAR_LIGHT: f64 = (1u64 << 60) as f64;
+
 /// One light as one object sees it.
 pub struct LightOn<'a> {
     light: &'a Light,
-    /// From the object's centre (a triangle's first vertex), in units of its size.
+    /// From a sphere's centre, in units of its radius.
     pub to_light: DVec3,
-    /// For triangles: |N . to_light|.
-    cosine: f64,
+    /// From where the records see the object, in units of its size.
+    seen: DVec3,
+    /// For triangles: the height above its plane, in units of its size.
+    height: f64,
+    /// No weight is larger, so that the sum over all lights is finite in f32 too.
+    brightest: f64,
     /// Whether any point that the camera sees reflects some of it.
     pub reaches: bool,
 }
@@ -33,11 +41,19 @@ pub fn is_dark(light: &Light) -> bool {
 }
 
 impl<'a> LightOn<'a> {
-    /// On a sphere about `centre`, in units of its radius and seen from `centre`: `to_light` is, too.
+    /// On a sphere about `centre`, in units of its radius and seen from `centre`: `to_light` is, too, and `seen` is from
+    /// where its records see it. There are so many `lights` in all.
     ///
     /// Only points n with n . l > 1 are lit. Those of the far wall, which a camera inside sees, are in any direction;
     /// those of the near wall are about -c, at angles of which the cosine is 1 / |c| or more.
-    pub fn on_sphere(centre: DVec3, to_light: DVec3, colour: DVec3, light: &'a Light) -> Self {
+    pub fn on_sphere(
+        centre: DVec3,
+        to_light: DVec3,
+        seen: DVec3,
+        colour: DVec3,
+        light: &'a Light,
+        lights: usize,
+    ) -> Self {
         let (distance, camera) = (to_light.length(), centre.length());
         let brightest = if camera <= 1.0 || distance == 0.0 {
             distance
@@ -48,14 +64,15 @@ impl<'a> LightOn<'a> {
         // What is not known to be dark is lit: a NaN too.
         let dark = brightest - 1.0 < -MARGIN * (1.0 + distance);
         let reflects = Scale::Linear.weights(light, colour).max_element() > 0.0;
-        LightOn { light, to_light, cosine: 0.0, reaches: reflects && !dark }
+        LightOn { light, to_light, seen, height: 0.0, brightest: brightest_of(lights), reaches: reflects && !dark }
     }
 
-    /// On a triangle of unit normal `normal`: its two sides are lit alike, from everywhere but its own plane.
-    pub fn on_triangle<E: Element>(normal: DVec3, to_light: DVec3, colour: DVec3, light: &'a Light) -> Self {
-        let cosine = normal.dot(to_light).abs();
+    /// On a triangle above whose plane the light is at `height`, `seen` from where its records see it: its two sides are
+    /// lit alike, from everywhere but its own plane.
+    pub fn on_triangle<E: Element>(height: f64, seen: DVec3, colour: DVec3, light: &'a Light, lights: usize) -> Self {
         let reflects = Scale::Linear.weights(light, colour).max_element() > 0.0;
-        LightOn { light, to_light, cosine, reaches: reflects && E::from_f64(cosine) != E::ZERO }
+        let reaches = reflects && E::from_f64(near(seen) * height) != E::ZERO;
+        LightOn { light, to_light: seen, seen, height, brightest: brightest_of(lights), reaches }
     }
 
     /// Whether it has no intensity or no colour.
@@ -70,20 +87,31 @@ impl<'a> LightOn<'a> {
 
     /// I_L C in a scale.
     pub fn weights(&self, scale: Scale, colour: DVec3) -> DVec3 {
-        scale.weights(self.light, colour)
+        scale.weights(self.light, colour).min(DVec3::splat(self.brightest))
     }
 
     /// As kernels read it.
     pub fn record<E: Element>(&self, scale: Scale, colour: DVec3) -> Lit<E> {
-        let (DVec3 { x, y, z }, weights) = (self.to_light, self.weights(scale, colour));
-        Lit { x, y, z, cosine: self.cosine, red: weights.x, green: weights.y, blue: weights.z, padding: 0.0 }.round()
+        let near = near(self.seen);
+        let (DVec3 { x, y, z }, weights) = (near * self.seen, self.weights(scale, colour));
+        let cosine = near * self.height;
+        Lit { x, y, z, cosine, red: weights.x, green: weights.y, blue: weights.z, padding: 0.0 }.round()
     }
 }
 
+/// What brings a light that is too far to [`FAR_LIGHT`].
+fn near(seen: DVec3) -> f64 {
+    FAR_LIGHT / seen.abs().max_element().max(FAR_LIGHT)
+}
+
+fn brightest_of(lights: usize) -> f64 {
+    f64::from(f32::MAX) / (lights + 1) as f64
+}
+
 impl Scale {
-    /// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+    /// I_L C.
     fn weights(self, light: &Light, colour: DVec3) -> DVec3 {
-        (light.radiance().as_dvec3() * (self.white() * colour)).min(DVec3::splat(f32::MAX.into()))
+        light.radiance().as_dvec3() * (self.white() * colour)
     }
 }
 
@@ -116,7 +144,7 @@ mod tests {
             (1e6 * dvec3(0.48, 0.0, 0.877), false),
             (dvec3(f64::NAN, 0.0, 0.0), true),
         ] {
-            let on = LightOn::on_sphere(centre, light, WHITE, &white);
+            let on = LightOn::on_sphere(centre, light, light, WHITE, &white, 1);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -127,7 +155,7 @@ mod tests {
         for (light, reaches) in
             [(dvec3(0.0, 0.0, 0.9), false), (dvec3(0.0, 3.0, 0.0), true), (dvec3(0.0, 0.0, -3.0), true)]
         {
-            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, WHITE, &white);
+            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, light, WHITE, &white, 1);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -138,7 +166,7 @@ mod tests {
         for (light, reaches) in
             [(dvec3(1.0, 2.0, 3.0), true), (dvec3(1.0, 2.0, -3.0), true), (dvec3(1.0, 2.0, 0.0), false)]
         {
-            let on = LightOn::on_triangle::<f32>(DVec3::Z, light, WHITE, &white);
+            let on = LightOn::on_triangle::<f32>(light.z.abs(), light, WHITE, &white, 1);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -153,8 +181,8 @@ mod tests {
         ] {
             let towards = dvec3(0.0, 0.0, -9.0);
             let light = lamp(light);
-            assert_eq!(LightOn::on_sphere(2.0 * DVec3::Z, towards, colour, &light).reaches, reaches);
-            assert_eq!(LightOn::on_triangle::<f32>(DVec3::Z, towards, colour, &light).reaches, reaches);
+            assert_eq!(LightOn::on_sphere(2.0 * DVec3::Z, towards, towards, colour, &light, 1).reaches, reaches);
+            assert_eq!(LightOn::on_triangle::<f32>(9.0, towards, colour, &light, 1).reaches, reaches);
         }
     }
 }

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::light::{self, LightOn};
 use super::omission::{Keep, Omission};
-use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, OutsideSpan, TriangleSpan};
+use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan};
 use crate::reference::geometry;
 use crate::scene::{self, Camera, Grid, Light, Scene};
 
@@ -26,16 +26,33 @@ const SHORT_FORM_COLUMNS: f64 = 1048576.0;
 /// A row of more spans than this is left to the depth of each pixel.
 const MOST_CUT: usize = 16;
 
+/// A sphere with less than this for k is less than sqrt 2 radii away: lights are seen from the camera then.
+const NEAR: f64 = 1.0;
+
+/// A triangle with edges of less than this share of its distance is seen from one of its vertices.
+const SMALL_TRIANGLE: f64 = 0.25;
+
+/// Powers of two that numbers must keep between for f32 to hold them, their squares and what these are multiplied by.
+const SQUARED: f64 = (1u64 << 50) as f64;
+const LINEAR: f64 = SQUARED * SQUARED;
+/// The same for the numbers of the short form, of which it multiplies three, and the weight squared.
+const CUBED: f64 = (1u64 << 36) as f64;
+
 /// A scene's objects as one camera sees them, and what is to be done for each.
 pub struct Spans<E> {
     camera: Camera,
+    /// The camera's rays times `unit`.
     grid: Grid<f64>,
     /// 1 / grid.step.
     columns_per_x: f64,
     keep: Keep,
     /// How often each omission was made among objects and lights.
     left_out: [u64; Omission::ALL.len()],
+    /// What the camera's grid was multiplied by: a power of two.
+    unit: f64,
     objects: Vec<Object>,
+    /// The rows of the objects whose numbers f32 does not hold.
+    wide: Vec<Range<u32>>,
     /// The lights of one object after those of another, for each scale that was asked for.
     lits: [Vec<Lit<E>>; Scale::ALL.len()],
 }
@@ -64,7 +81,10 @@ impl Scale {
 
 /// An object that some row of the picture may see.
 struct Object {
+    source: scene::Object,
     rows: Range<u32>,
+    /// Whether f32 holds the numbers of its records.
+    fits: bool,
     shape: Shape,
     /// Its lights' place in the lists.
     lits: Range<usize>,
@@ -105,7 +125,10 @@ struct Sphere {
     centre: DVec3,
     /// |c|^2 - 1: negative for a camera inside.
     k: f64,
-    radius: f64,
+    /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
+    scale: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
     short: Option<Box<ShortForm>>,
 }
 
@@ -121,12 +144,15 @@ pub struct ShortForm {
 struct Triangle {
     /// The planes through the camera and each edge; a ray inside is on the positive side of all or on one of them.
     edges: [DVec3; 3],
-    vertex: DVec3,
+    /// Where its points are seen from: a vertex if it is far for its size, else the camera.
+    origin: DVec3,
     /// n / (n . v): 1/t is its product with the ray.
     plane: DVec3,
     size: f64,
     /// The largest that the terms of 1/t become in the picture: what their roundings are relative to.
     reach: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
 }
 
 /// The pixels of one row that one object covers.
@@ -194,6 +220,8 @@ pub trait UseRecord<E> {
     fn lit(self, sphere: &ShortForm, row: &LitRow<E>) -> Self::Result;
     /// A sphere from outside.
     fn outside(self, record: &OutsideSpan<E>) -> Self::Result;
+    /// A sphere from outside at less than sqrt 2 radii.
+    fn near(self, record: &NearSpan<E>) -> Self::Result;
     /// A sphere from inside.
     fn inside(self, record: &InsideSpan<E>) -> Self::Result;
     /// A triangle.
@@ -203,15 +231,25 @@ pub trait UseRecord<E> {
 impl<E: Element> Spans<E> {
     /// Plans `scene` for `camera`: for the output of `scale`, or for any (None). What is in `keep` is not left out.
     pub fn new(scene: &Scene, camera: &Camera, scale: Option<Scale>, keep: Keep) -> Self {
-        let grid = camera.grid::<f64>();
+        // Rays of about length 1 keep their squares within the range of f32. The factor is exact.
+        let Grid { step, half_width, half_height, focal } = camera.grid::<f64>();
+        let unit = 1.0 / power_of_two(focal.max(half_width).max(half_height));
+        let grid = Grid {
+            step: unit * step,
+            half_width: unit * half_width,
+            half_height: unit * half_height,
+            focal: unit * focal,
+        };
         let mut spans = Spans {
             camera: *camera,
             grid,
+            unit,
             columns_per_x: 1.0 / grid.step,
             keep,
             left_out: [0; Omission::ALL.len()],
             objects: Vec::with_capacity(scene.spheres.len() + scene.triangles.len()),
             lits: Scale::ALL.map(|_| Vec::new()),
+            wide: Vec::new(),
         };
         let lights = light::lights(scene, keep);
         spans.leave_out(Omission::DarkLights, scene.lights.iter().filter(|light| light::is_dark(light)).count());
@@ -221,12 +259,15 @@ impl<E: Element> Spans<E> {
         };
         // The lights on one object: in one place for all, since there may be many objects.
         let mut on = Vec::with_capacity(lights.len());
-        for sphere in &scene.spheres {
-            spans.push_sphere(sphere, &lights, &mut on, scales);
+        for (i, sphere) in scene.spheres.iter().enumerate() {
+            spans.push_sphere(scene::Object::Sphere(i), sphere, &lights, &mut on, scales);
         }
-        for triangle in &scene.triangles {
-            spans.push_triangle(triangle, &lights, &mut on, scales);
+        for (i, triangle) in scene.triangles.iter().enumerate() {
+            spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
         }
+        let deep = grid.focal * SQUARED > 1.0;
+        let wide = spans.objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone());
+        spans.wide = wide.collect();
         spans
     }
 
@@ -248,18 +289,22 @@ impl<E: Element> Spans<E> {
 
     fn push_sphere<'a>(
         &mut self,
+        source: scene::Object,
         sphere: &scene::Sphere,
         lights: &[&'a Light],
         on: &mut Vec<LightOn<'a>>,
         scales: &[Scale],
     ) {
         let (centre, colour) = (sphere.centre.as_dvec3(), sphere.colour.as_dvec3());
-        let mut shape = Sphere::new(centre, sphere.radius.into());
+        let radius = f64::from(sphere.radius);
+        let mut shape = Sphere::new(centre, radius, self.unit);
         let Some(rows) = self.rows_kept(shape.seen(&self.grid, &self.camera)) else { return };
         on.clear();
         on.extend(lights.iter().map(|light| {
-            let to_light = (light.position.as_dvec3() - centre) / shape.radius;
-            LightOn::on_sphere(shape.centre, to_light, colour, light)
+            let at = light.position.as_dvec3();
+            let to_light = (at - centre) / radius;
+            let seen = if shape.k < NEAR { at / radius } else { to_light };
+            LightOn::on_sphere(shape.centre, to_light, seen, colour, light, lights.len())
         }));
         let mut reaching = on.iter().filter(|light| light.reaches);
         if let (Some(one), None) = (reaching.next(), reaching.next())
@@ -269,40 +314,44 @@ impl<E: Element> Spans<E> {
             shape.short = Some(Box::new(short));
         }
         let short = shape.short.is_some();
-        self.push(rows, Shape::Sphere(shape), colour, short, on, scales);
+        let fits = shape.fits();
+        self.push((source, fits, rows), Shape::Sphere(shape), colour, short, on, scales);
     }
 
     fn push_triangle<'a>(
         &mut self,
+        source: scene::Object,
         triangle: &scene::Triangle,
         lights: &[&'a Light],
         on: &mut Vec<LightOn<'a>>,
         scales: &[Scale],
     ) {
         let (vertices, colour) = (triangle.vertices.map(|v| v.as_dvec3()), triangle.colour.as_dvec3());
-        let shape = Triangle::new(vertices, &self.grid);
+        let shape = Triangle::new(vertices, self.unit, &self.grid);
         let seen =
             shape.as_ref().map_err(|why| *why).and_then(|_| seen_of_triangle(vertices, &self.grid, &self.camera));
         let Some(rows) = self.rows_kept(seen) else { return };
         on.clear();
-        let shape = match shape {
+        let (shape, fits) = match shape {
             Ok((shape, normal)) => {
                 on.extend(lights.iter().map(|light| {
-                    let to_light = (light.position.as_dvec3() - shape.vertex) / shape.size;
-                    LightOn::on_triangle::<E>(normal, to_light, colour, light)
+                    let at = light.position.as_dvec3();
+                    let height = normal.dot(at - vertices[0]).abs() / shape.size;
+                    LightOn::on_triangle::<E>(height, (at - shape.origin) / shape.size, colour, light, lights.len())
                 }));
-                Shape::Triangle(shape)
+                let fits = shape.fits(&vertices);
+                (Shape::Triangle(shape), fits)
             }
-            Err(_) => Shape::Nothing,
+            Err(_) => (Shape::Nothing, true),
         };
-        self.push(rows, shape, colour, false, on, scales);
+        self.push((source, fits, rows), shape, colour, false, on, scales);
     }
 
     /// Takes in an object, the lights `on` it, and what its shading may leave out. The lights that reach it decide that,
     /// whatever others are kept.
     fn push(
         &mut self,
-        rows: Range<u32>,
+        (source, fits, rows): (scene::Object, bool, Range<u32>),
         shape: Shape,
         colour: DVec3,
         short: bool,
@@ -332,7 +381,7 @@ impl<E: Element> Spans<E> {
                 end = lits.len();
             }
         }
-        self.objects.push(Object { rows, shape, lits: start..end, shading });
+        self.objects.push(Object { source, rows, fits, shape, lits: start..end, shading });
     }
 
     /// What is not left out.
@@ -393,6 +442,21 @@ impl<E: Element> Spans<E> {
         }
     }
 
+    /// Which of the scene's objects it is.
+    pub fn source(&self, object: usize) -> scene::Object {
+        self.objects[object].source
+    }
+
+    /// Whether any object's numbers are beyond f32, so that there are rows to trace in f64.
+    pub fn any_wide(&self) -> bool {
+        !self.wide.is_empty()
+    }
+
+    /// Whether `row` may see an object whose numbers are beyond f32.
+    pub fn is_wide(&self, row: u32) -> bool {
+        self.wide.iter().any(|rows| rows.contains(&row))
+    }
+
     /// The lights of an object, as weighted for a scale that was asked for.
     pub fn lits(&self, object: usize, scale: Scale) -> &[Lit<E>] {
         &self.lits[scale as usize][self.objects[object].lits.clone()]
@@ -443,7 +507,8 @@ impl<E: Element> Spans<E> {
         // from the farthest pixel.
         let mut from_end = None;
         let (columns, silhouette) = match shape {
-            Shape::Sphere(sphere) if sphere.k <= 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k < 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k == 0.0 => (sphere.half(&self.grid, row, width), Silhouette::default()),
             Shape::Sphere(sphere) => {
                 let [_, y, z] = self.grid.ray(row, 0);
                 let silhouette = sphere.silhouette(y, z)?;
@@ -538,6 +603,9 @@ impl<E: Element> Spans<E> {
                     let row = sphere.lit_row(form.setup(scale), span, d);
                     user.lit(form, &LitRow { start: 0.0, end: end - j, id, ..row }.round())
                 }
+                _ if sphere.k < NEAR => {
+                    user.near(&NearSpan { j, end, id, ..sphere.near(step, d, &span.silhouette) }.round())
+                }
                 _ => user.outside(&OutsideSpan { j, end, id, ..sphere.outside(step, d, &span.silhouette) }.round()),
             },
             Shape::Triangle(triangle) => {
@@ -607,13 +675,17 @@ impl ShortForm {
         let [_, y, z] = grid.ray(0, 0);
         let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
         let dim = light.weights(Scale::Linear, colour).max_element() <= 1.0;
-        let fine = k > 0.0 && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim;
+        let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
+        let gain = Scale::ALL.map(|scale| 0.25 * light.weights(scale, colour).max_element().powi(2));
+        let pixels = c.length_squared() * reach / (m * grid.step);
+        let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length(), 1.0 / gain[0]];
+        let in_range = large.into_iter().all(|x| x < CUBED);
+        let fine = k > 0.0 && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
         if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
             return None;
         }
         // sqrt D in units of a column.
         let scale = columns / m.sqrt();
-        let gain = Scale::ALL.map(|scale| 0.25 * light.weights(scale, colour).max_element().powi(2));
         let setups = gain.map(|gain| LitSetup {
             step: grid.step,
             half_width: grid.half_width,
@@ -664,9 +736,15 @@ impl ShortForm {
 }
 
 impl Sphere {
-    fn new(centre: DVec3, radius: f64) -> Self {
-        let k = (centre.dot(centre) - radius * radius) / (radius * radius);
-        Sphere { centre: centre / radius, k, radius, short: None }
+    fn new(centre: DVec3, radius: f64, unit: f64) -> Self {
+        let k = geometry::power(centre, radius) / (radius * radius);
+        let scale = power_of_two(k.max(1.0).sqrt());
+        Sphere { centre: centre / radius, k, scale, near: 1.0 / (radius * unit * scale), short: None }
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self) -> bool {
+        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
     }
 
     /// The rays that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches;
@@ -695,15 +773,20 @@ impl Sphere {
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
         let c = self.centre;
         let g = y * y + z * z;
-        let across = c.y * z - c.z * y;
-        let disc = self.k * (g - across * across);
+        let h = c.y * y + c.z * z;
+        let (m, c0, disc) = if self.k < NEAR {
+            // Near by, k = |c|^2 - 1 is small and known to all of f64; what is small for its sake is made of it.
+            let m = self.k - c.x * c.x;
+            (m, h * h - self.k * g, self.k * (h * h - m * g))
+        } else {
+            let across = c.y * z - c.z * y;
+            let m = c.y * c.y + c.z * c.z - 1.0;
+            (m, (1.0 - c.x * c.x) * g - across * across, self.k * (g - across * across))
+        };
         if disc.is_nan() || disc < 0.0 {
             return None;
         }
-        let h = c.y * y + c.z * z;
-        let m = c.y * c.y + c.z * c.z - 1.0;
         let b = c.x * h;
-        let c0 = (1.0 - c.x * c.x) * g - across * across;
         let q = b + disc.sqrt().copysign(b);
         let p = if q == 0.0 { 0.0 } else { c0 / q };
         if m > 0.0 {
@@ -725,21 +808,36 @@ impl Sphere {
         }
     }
 
+    /// The columns of a row whose rays leave a sphere that the camera is on: those ahead of it.
+    fn half(&self, grid: &Grid<f64>, row: u32, width: u32) -> Range<u32> {
+        let ahead = |col: u32| self.centre.dot(grid.ray(row, col).into()) > 0.0;
+        if self.centre.x > 0.0 { partition(width, |col| !ahead(col))..width } else { 0..partition(width, ahead) }
+    }
+
+    fn near(&self, step: f64, d: DVec3, s: &Silhouette) -> NearSpan<f64> {
+        let OutsideSpan { near, a1, a0, b1, b0, h1, h0, cx, cy, cz, .. } = self.outside(step, d, s);
+        let (j, end, id) = (0.0, 0.0, 0.0);
+        let DVec3 { x: x0, y, z } = self.scale * d;
+        NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1: self.scale * step, x0, y, z, cx, cy, cz }
+    }
+
     fn outside(&self, step: f64, d: DVec3, s: &Silhouette) -> OutsideSpan<f64> {
         let c = self.centre;
-        // Scaled so that h + sqrt D is 1/t.
+        // Scaled so that h + sqrt D is 1/t, and that is near 1.
         let scale = s.sign / self.k;
-        let (h1, h0) = (c.x * step / self.k, (s.h + c.x * d.x) / self.k);
+        let (step, d, h, q, p) =
+            (self.scale * step, self.scale * d, self.scale * s.h, self.scale * s.q, self.scale * s.p);
+        let (h1, h0) = (c.x * step / self.k, (h + c.x * d.x) / self.k);
         let at_middle = d - h0 * c;
         OutsideSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             a1: -s.m * step * scale,
-            a0: (s.q - s.m * d.x) * scale,
+            a0: (q - s.m * d.x) * scale,
             b1: step * scale,
-            b0: (d.x + s.p) * scale,
+            b0: (d.x + p) * scale,
             h1,
             h0,
             x1: step - h1 * c.x,
@@ -779,7 +877,7 @@ impl Sphere {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             x1: step,
             x0: d.x,
             y: d.y,
@@ -814,18 +912,29 @@ fn seen_of_triangle(vertices: [DVec3; 3], grid: &Grid<f64>, camera: &Camera) -> 
 impl Triangle {
     /// With its unit normal. A triangle of no area or whose plane passes through the camera is never hit: the rule and
     /// the order of operations are those of `reference::geometry::triangle`.
-    fn new([v1, v2, v3]: [DVec3; 3], grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
+    fn new([v1, v2, v3]: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
         let n = (v1 - v2).cross(v1 - v3);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
             return Err(if geometry::has_no_area([v1, v2, v3]) { Omission::NoArea } else { Omission::EdgeOn });
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
-        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
-        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
         let plane = n / volume;
+        // From the camera, P = t d is as exact as from a vertex that is as far from P as the camera is.
+        let far = (v2 - v1).length().max((v3 - v1).length()) < SMALL_TRIANGLE * v1.length();
+        let origin = if far { v1 } else { DVec3::ZERO };
+        // Of P, or of the way to the plane.
+        let size = if far { v1.abs().max_element() } else { 1.0 / plane.length() };
+        // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
+        let size = power_of_two(size);
         let reach = plane.abs().dot(DVec3::new(grid.half_width, grid.half_height, grid.focal));
-        Ok((Triangle { edges, vertex: v1, plane, size, reach }, n.normalize()))
+        Ok((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit), reach }, n.normalize()))
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self, vertices: &[DVec3; 3]) -> bool {
+        let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
     }
 
     /// The columns of a row whose rays are between the edges.
@@ -859,22 +968,27 @@ impl Triangle {
 
     fn record(&self, step: f64, d: DVec3) -> TriangleSpan<f64> {
         let (w1, w0) = (self.plane.x * step, self.plane.dot(d));
-        let at_middle = d - w0 * self.vertex;
+        let at_middle = d - w0 * self.origin;
         TriangleSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.size,
+            near: self.near,
             w1: w1 * self.size,
             w0: w0 * self.size,
-            x1: step - w1 * self.vertex.x,
+            x1: step - w1 * self.origin.x,
             x0: at_middle.x,
-            y1: -w1 * self.vertex.y,
+            y1: -w1 * self.origin.y,
             y0: at_middle.y,
-            z1: -w1 * self.vertex.z,
+            z1: -w1 * self.origin.z,
             z0: at_middle.z,
         }
     }
+}
+
+/// The largest power of two that is at most `x`, which is positive and finite.
+fn power_of_two(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & f64::INFINITY.to_bits())
 }
 
 /// The first column for which `before` does not hold, if it holds for all columns up to one and for none after.

@@ -13,7 +13,7 @@ use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, InvalidScene, Scene};
 
 /// Who computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -75,6 +75,9 @@ pub enum EngineError {
     /// The engine has not got that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
+    /// The scene has a number that no scene may have.
+    #[error("the scene cannot be traced: {0}")]
+    Scene(#[from] InvalidScene),
 }
 
 /// The engines that can be used here, in words.
@@ -153,6 +156,16 @@ impl Engine {
         }
     }
 
+    /// Whether it computes its rays in f64, whatever its precision.
+    pub fn rays_in_f64(self) -> bool {
+        match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        }
+    }
+
     /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
     pub fn prepare(
         self,
@@ -166,25 +179,26 @@ impl Engine {
     /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
     pub fn prepare_for(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Box<dyn Tracer>, EngineError> {
         let precision = self.precision_for(purpose)?;
+        scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
             Engine::Rust => Box::new(RustTracer::new(scene, camera)),
             #[cfg(rayo_asm)]
-            Engine::C => Box::new(AosTracer::new(kernels::c(), scene, camera)),
+            Engine::C => Box::new(AosTracer::new(kernels::c(), kernels::hits_of_c(), scene, camera)),
             #[cfg(rayo_asm)]
             Engine::Paper => {
-                let kernels = kernels::paper().ok_or(EngineError::Unusable(self))?;
-                Box::new(AosTracer::new(kernels, scene, camera))
+                let kernels = kernels::paper().zip(kernels::hits_of_paper());
+                let (kernels, hits) = kernels.ok_or(EngineError::Unusable(self))?;
+                Box::new(AosTracer::new(kernels, hits, scene, camera))
             }
             #[cfg(rayo_asm)]
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 let Purpose { format, keep, .. } = purpose;
-                let fast = precision == Precision::Fast;
-                if precision == Precision::Double {
-                    Box::new(PacketTracer::new(kernels, &kernels.double, fast, scene, camera, format, keep))
-                } else {
-                    Box::new(PacketTracer::new(kernels, &kernels.single, fast, scene, camera, format, keep))
+                match precision {
+                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
+                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
+                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera, format, keep)),
                 }
             }
         })

@@ -5,18 +5,22 @@ mod aos;
 mod engine;
 mod film;
 mod frame;
+mod hits;
 mod image_file;
 mod output;
 #[cfg(rayo_asm)]
 mod packet;
 pub mod reference;
 mod rust;
+mod truth;
 
 pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Film, FilmMut, PixelFormat, level, levels};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
+pub use hits::{Distance, Found};
 pub use image_file::{Format, ImageError, ImageWriter, read};
 pub use output::{Existing, OutputError, OutputFile, remove_unfinished};
+pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;
 
@@ -33,4 +37,7 @@ pub trait Tracer: Sync {
     /// # Panics
     /// Where `out` is not as long as the rows, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
+
+    /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
 }

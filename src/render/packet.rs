@@ -1,12 +1,14 @@
 //! The engines `sse41`, `avx2` and `avx512`: packets of rays along the spans of each row.
 
+mod hits;
+
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, OutsideSpan,
+    Bodies, Element, Emit, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan, OutsideSpan,
     PacketKernels, Planes, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
@@ -26,11 +28,13 @@ pub struct PacketTracer<E: 'static> {
     /// The one format that it is ready for; None: any.
     format: Option<PixelFormat>,
     plan: Spans<E>,
+    /// For the rows that see an object whose numbers are beyond f32.
+    wide: Option<Box<PacketTracer<f64>>>,
 }
 
 impl<E: Element> PacketTracer<E> {
     /// Plans `scene` for the kernels; `spans` is theirs for one element type. It then writes `format`, or any if None.
-    pub fn new(
+    fn planned(
         kernels: &'static PacketKernels,
         spans: &'static SpanKernels<E>,
         fast: bool,
@@ -51,7 +55,37 @@ impl<E: Element> PacketTracer<E> {
             streaming: camera.pixels() * size_of::<Vec4>() as u64 > STREAMING_BYTES,
             format,
             plan: Spans::new(scene, camera, scale, keep),
+            wide: None,
         }
+    }
+}
+
+impl PacketTracer<f32> {
+    /// Plans `scene` for the kernels in f32, with estimates where `fast`; `format` and `keep` as in [`Self::planned`].
+    pub fn single(
+        kernels: &'static PacketKernels,
+        fast: bool,
+        scene: &Scene,
+        camera: &Camera,
+        format: Option<PixelFormat>,
+        keep: Keep,
+    ) -> Self {
+        let tracer = Self::planned(kernels, &kernels.single, fast, scene, camera, format, keep);
+        let wide = || Box::new(PacketTracer::double(kernels, scene, camera, format, keep));
+        PacketTracer { wide: tracer.plan.any_wide().then(wide), ..tracer }
+    }
+}
+
+impl PacketTracer<f64> {
+    /// Plans `scene` for the kernels in f64.
+    pub fn double(
+        kernels: &'static PacketKernels,
+        scene: &Scene,
+        camera: &Camera,
+        format: Option<PixelFormat>,
+        keep: Keep,
+    ) -> Self {
+        Self::planned(kernels, &kernels.double, false, scene, camera, format, keep)
     }
 }
 
@@ -149,6 +183,10 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
         let kernel = P::shade(self.tracer, &self.tracer.spans.outside, self.shading);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
     }
+    fn near(self, record: &NearSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.near, self.shading);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
     fn inside(self, record: &InsideSpan<E>) {
         let kernel = P::shade(self.tracer, &self.tracer.spans.inside, self.shading);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
@@ -197,6 +235,10 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
     }
     fn outside(self, record: &OutsideSpan<E>) {
         let bodies = &self.tracer.spans.outside;
+        self.call(bodies, record);
+    }
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.tracer.spans.near;
         self.call(bodies, record);
     }
     fn inside(self, record: &InsideSpan<E>) {
@@ -290,6 +332,19 @@ impl<E: Element> PacketTracer<E> {
         P::fill(self, &mut out[done..]);
     }
 
+    /// Rows whose objects have numbers that the elements hold.
+    fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        match out {
+            FilmMut::F32x4(out) => {
+                self.trace(rows, out);
+                if self.streaming {
+                    sys::store_fence();
+                }
+            }
+            FilmMut::Rgba8(out) => self.trace(rows, out),
+        }
+    }
+
     /// Finds who is nearest at each pixel, and then shades each object's own.
     fn trace_overlapping<P: Output<E>>(&self, row: u32, spans: &[RowSpan], buffers: &mut Buffers<E>) {
         for (id, span) in (1..).zip(spans) {
@@ -366,20 +421,34 @@ impl<E: Element> Tracer for PacketTracer<E> {
         self.format.is_none_or(|own| own == format)
     }
 
-    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+    fn rows(&self, rows: Range<u32>, mut out: FilmMut<'_>) {
+        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let format = match &out {
             FilmMut::F32x4(_) => PixelFormat::F32x4,
             FilmMut::Rgba8(_) => PixelFormat::Rgba8,
         };
         assert!(self.writes(format), "the plan is for {} alone", self.format.map_or("", PixelFormat::name));
-        match out {
-            FilmMut::F32x4(out) => {
-                self.trace(rows, out);
-                if self.streaming {
-                    sys::store_fence();
-                }
+        let Some(wide) = &self.wide else { return self.narrow_rows(rows, out) };
+        // Row by row, so that no row depends on those it is traced with.
+        for row in rows.clone() {
+            let range = (row - rows.start) as usize * self.width..(row + 1 - rows.start) as usize * self.width;
+            let out = match &mut out {
+                FilmMut::F32x4(out) => FilmMut::F32x4(&mut out[range]),
+                FilmMut::Rgba8(out) => FilmMut::Rgba8(&mut out[range]),
+            };
+            if self.plan.is_wide(row) {
+                wide.rows(row..row + 1, out);
+            } else {
+                self.narrow_rows(row..row + 1, out);
             }
-            FilmMut::Rgba8(out) => self.trace(rows, out),
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        rows.flat_map(|row| match &self.wide {
+            Some(wide) if self.plan.is_wide(row) => wide.found(row..row + 1),
+            _ => self.found(row..row + 1),
+        })
+        .collect()
     }
 }

@@ -2,12 +2,14 @@
 
 mod camera;
 mod diagnostic;
+pub mod families;
 mod log;
 pub mod mesh;
 mod open;
 mod parse;
 mod random;
 mod tables;
+mod validity;
 mod view;
 mod write;
 
@@ -18,6 +20,7 @@ pub use open::{Opened, SceneFormat, open, read};
 pub use parse::parse;
 pub use random::{Rng, many};
 pub use tables::parse_toml;
+pub use validity::InvalidScene;
 pub use view::{Setting, View};
 
 use glam::Vec3;
@@ -71,6 +74,15 @@ impl Triangle {
     pub fn has_no_area(&self) -> bool {
         geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
     }
+}
+
+/// An object of a scene by its place in its list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Object {
+    /// A sphere.
+    Sphere(usize),
+    /// A triangle.
+    Triangle(usize),
 }
 
 /// A scene file's content: every number rounded once to f32, in the file's order.

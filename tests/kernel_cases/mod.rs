@@ -1,7 +1,7 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitRow, LitSphere, OpRef, OutsideSpan,
+    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitRow, LitSphere, NearSpan, OpRef, OutsideSpan,
     PacketKernels, Sphere, Surface, Triangle, TriangleSpan, Vec4,
 };
 use rayo::scene::Rng;
@@ -47,6 +47,7 @@ macro_rules! random_records {
 
 random_records! {
     outside_span: OutsideSpan { a1 a0 b1 b0 h1 h0 x1 x0 y1 y0 z1 z0 cx cy cz }
+    near_span: NearSpan { a1 a0 b1 b0 h1 h0 x1 x0 y z cx cy cz }
     inside_span: InsideSpan { x1 x0 y z g h1 h0 k cx cy cz }
     triangle_span: TriangleSpan { w1 w0 x1 x0 y1 y0 z1 z0 }
 }

@@ -1,17 +1,14 @@
 //! Runs the experiment part by part, shows how far it is, and writes its files.
 
 use std::fs;
-use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
+use crate::cli::measuring::{bar, say, stop_on_ctrl_c, write_file};
 use crate::cli::{Failure, print, print_json};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
@@ -196,49 +193,9 @@ fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
     write_file(directory, "ratio.svg", plot::ratio(document).map_err(Failure::output)?.as_bytes())
 }
 
-/// The file appears whole or not at all.
-fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
-    let path = directory.join(name);
-    let mut builder = tempfile::Builder::new();
-    // A temporary file is its owner's alone; a result is as readable as any other new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let written = builder.tempfile_in(directory).and_then(|mut file| {
-        file.write_all(content)?;
-        file.persist(&path).map_err(|error| error.error)
-    });
-    written.map(drop).map_err(|error| Failure::output(format!("cannot write {}: {error}", path.display())))
-}
-
-/// Set when the user asks for an end; a second time ends the process at once.
-fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })
-    .map_err(|error| Failure::output(format!("cannot listen for Ctrl-C: {error}")))?;
-    Ok(stop)
-}
-
-/// A bar on standard error, if that is a terminal.
-fn bar(length: u64) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
-    bar.set_style(style.expect("the template is well formed"));
-    bar
-}
-
 pub(super) fn failure(error: SpeedupError) -> Failure {
     match error {
         SpeedupError::Engine(_) | SpeedupError::Memory { .. } | SpeedupError::Threads(_) => Failure::input(error),
         SpeedupError::Picture { .. } | SpeedupError::System { .. } | SpeedupError::Nothing => Failure::output(error),
     }
-}
-
-fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
 }
