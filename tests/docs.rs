@@ -13,6 +13,7 @@ const DOCUMENTS: [&str; 6] = [
     "CONTRIBUTING.md",
     "docs/accuracy.md",
     "docs/image-files.md",
+    "docs/leaving-out.md",
     "docs/scene-format.md",
 ];
 

@@ -150,7 +150,7 @@ struct Sphere {
     scale: f64,
     /// The 1/t that is compared over 1/t in this record.
     near: f64,
-    short: Option<ShortForm>,
+    short: Option<Box<ShortForm>>,
 }
 
 /// A sphere from outside under one light, for SPHERE_LIT.
@@ -338,7 +338,7 @@ impl<E: Element> Spans<E> {
             && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
             && self.leave_out(Omission::Loop, 1)
         {
-            shape.short = Some(short);
+            shape.short = Some(Box::new(short));
         }
         let short = shape.short.is_some();
         let fits = shape.fits();
@@ -393,7 +393,8 @@ impl<E: Element> Spans<E> {
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
             unlit: made(Omission::Unlit, !lit),
-            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
+            // The short form has no clamp to leave out.
+            dim: made(Omission::Clamp, lit && !short && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();
@@ -463,7 +464,7 @@ impl<E: Element> Spans<E> {
     /// The short form of an object, if it has one.
     pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
         match &self.objects[object].shape {
-            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Sphere(sphere) => sphere.short.as_deref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
     }
