@@ -234,7 +234,7 @@ pub fn measure(
     let start = Instant::now();
     work.iter_mut().for_each(|work| work());
     let rounds = ((seconds / start.elapsed().as_secs_f64()) as usize).clamp(least, most);
-    let Some(runs) = interleave(clock, &mut work, rounds, proceed) else { return Ok(None) };
+    let Some(runs) = interleave(clock, &mut work, 0..rounds, proceed) else { return Ok(None) };
 
     let per_ray = |ticks: f64| ticks / pixels as f64;
     let ns = |ticks: f64| 1e9 * ticks / hz;

@@ -1,5 +1,6 @@
 //! The experiments: each returns rows.
 
+pub mod ablation;
 pub mod accuracy;
 #[cfg(rayo_asm)]
 pub mod claims;

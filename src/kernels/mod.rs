@@ -39,9 +39,12 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
+    Bodies, Depth, Emit, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows,
+    SpanKernels, packet_symbols, packets,
 };
-pub use spans::{Element, InsideSpan, Lit, LitSpan, NearSpan, OutsideSpan, Span, TriangleSpan};
+pub use spans::{
+    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan,
+};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
 pub use vec3::{PacketOp, packet_ops};

@@ -94,6 +94,14 @@ pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
 /// A triangle whose normal is shorter than this share of the product of two sides.
 const SLIVER: f64 = 1e-2;
 
+/// Whether the corners of a triangle are on one line, or one point: its normal is 0 but for the rounding of corners.
+pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {
+    let longest = (v1 - v2).abs().max((v1 - v3).abs()).max_element();
+    let furthest = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+    let size = triangle_plane([v1, v2, v3]).abs().max_element();
+    size.is_nan() || size <= 4.0 * f64::EPSILON * longest * furthest
+}
+
 /// L . N of eq. 11 for the side that the unit normal `n` points to: from 0 to 1, and 0 for a light on the surface.
 pub fn lambert(light: DVec3, p: DVec3, n: DVec3) -> f64 {
     (light - p).try_normalize().map_or(0.0, |l| l.dot(n).max(0.0))
@@ -164,6 +172,22 @@ mod tests {
         let edge_on = [corner(0.1, -1.0, 3.0), corner(0.2, 2.0, 6.0), corner(0.1, 1.0, 3.0)];
         let through_camera = [edge_on[0], edge_on[1], -edge_on[0]];
         assert_eq!(triangle(edge_on[1], through_camera), None);
+    }
+
+    #[test]
+    fn corners_on_one_line_are_told_from_a_plane_through_the_camera() {
+        let (a, b) = (corner(0.1, 0.7, 3.0), corner(1.3, -0.2, 0.3));
+        for (corners, none) in [
+            ([a, a, a], true),
+            ([a, b, a], true),
+            ([a, a + b, a + 4.0 * b], true),
+            ([a, a + 0.1 * b, a + 0.3 * b], true),
+            ([a, b, -a], false),
+            ([a, b, DVec3::ZERO], false),
+            ([a, b, corner(0.1, 0.7, 3.000_001)], false),
+        ] {
+            assert_eq!(has_no_area(corners), none, "{corners:?}");
+        }
     }
 
     #[test]

@@ -24,12 +24,12 @@ pub struct Linear<T> {
     pub offset: T,
 }
 
-/// A sphere, seen from outside, lit by one light.
+/// A row of a sphere, seen from outside, lit by one light.
 #[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of LitSpan is")]
+#[expect(missing_docs, reason = "layout.inc says what each field of LitSphere and LitRows is")]
 pub struct LitSphere<T> {
-    pub left: T,
-    pub right: T,
+    pub m: T,
+    pub a: T,
     pub h: Linear<T>,
     pub q: Linear<T>,
     pub kn: T,
@@ -133,14 +133,15 @@ impl Rounding {
         self.fma(a[2], b[2], self.fma(a[1], b[1], a[0] * b[0]))
     }
 
-    /// SPHERE_LIT and the weights: the colour at pixel j.
-    pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T) -> [T; 3] {
-        let p = (j - sphere.left) * (sphere.right - j);
-        let den = self.affine(sphere.h, j) + max(p, T::from_f64(1e-30)).sqrt();
+    /// SPHERE_LIT and the weights: the colour at pixel j, which is in a packet with an end of the span or not.
+    pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T, edge: bool) -> [T; 3] {
+        let u = j - sphere.m;
+        let p = self.fma(-u, u, sphere.a);
+        let den = self.affine(sphere.h, j) + if edge { max(p, T::ZERO) } else { p }.sqrt();
         let q = self.affine(sphere.q, j);
         let e = self.fma(den, sphere.ke, -q) * den;
-        let cosine = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
-        sphere.weights.map(|weight| cosine * weight)
+        let light = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
+        sphere.weights.map(|weight| light * weight)
     }
 
     /// SPHERE_DEN: 1/t at pixel j, and sqrt D.

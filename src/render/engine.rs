@@ -3,15 +3,16 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::Tracer;
 #[cfg(rayo_asm)]
 use super::aos::AosTracer;
 #[cfg(rayo_asm)]
 use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
+use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
+use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, InvalidScene, Scene};
 
 /// Who computes the picture.
@@ -30,6 +31,17 @@ pub enum Engine {
     /// NASM packets, one ray in each lane.
     #[cfg(rayo_asm)]
     Packet(Isa),
+}
+
+/// What an engine is got ready for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Purpose {
+    /// In what numbers; None: the engine's own.
+    pub precision: Option<Precision>,
+    /// The one format that it will write; None: any.
+    pub format: Option<PixelFormat>,
+    /// What is not to be left out.
+    pub keep: Keep,
 }
 
 /// In what numbers an engine computes.
@@ -154,17 +166,19 @@ impl Engine {
         }
     }
 
-    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own).
+    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
     pub fn prepare(
         self,
         precision: Option<Precision>,
         scene: &Scene,
         camera: &Camera,
     ) -> Result<Box<dyn Tracer>, EngineError> {
-        let precision = precision.unwrap_or(self.precision());
-        if !self.precisions().contains(&precision) {
-            return Err(EngineError::NoPrecision(self, precision));
-        }
+        self.prepare_for(Purpose { precision, ..Purpose::default() }, scene, camera)
+    }
+
+    /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
+    pub fn prepare_for(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Box<dyn Tracer>, EngineError> {
+        let precision = self.precision_for(purpose)?;
         scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
@@ -180,13 +194,67 @@ impl Engine {
             #[cfg(rayo_asm)]
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
+                let Purpose { format, keep, .. } = purpose;
                 match precision {
-                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera)),
-                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera)),
-                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera)),
+                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
+                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
+                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera, format, keep)),
                 }
             }
         })
+    }
+}
+
+impl Engine {
+    /// What it leaves out of a scene.
+    pub fn omissions(self) -> &'static [Omission] {
+        match self {
+            Engine::Reference => &[Omission::Hidden],
+            // In f32, eq. 9 would see the rounding of what is never hit.
+            Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
+            #[cfg(rayo_asm)]
+            Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => &Omission::ALL,
+        }
+    }
+
+    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats.
+    pub fn format_for(self, bytes: bool) -> PixelFormat {
+        let writes_bytes = match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        };
+        if bytes && writes_bytes { PixelFormat::Rgba8 } else { PixelFormat::F32x4 }
+    }
+
+    /// What it would keep and leave out of `scene` as `camera` sees it. Where no format is given, bytes.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPrecision`].
+    pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
+        let precision = self.precision_for(purpose)?;
+        let bytes = purpose.format != Some(PixelFormat::F32x4);
+        let scale = if bytes { Scale::Levels } else { Scale::Linear };
+        // What is not a packet engine's to keep or leave out is as it is.
+        let switches = self.omissions().contains(&Omission::Outside);
+        let keep = if switches { purpose.keep } else { Keep::NOTHING };
+        Ok(if precision == Precision::Double {
+            Report::new(scene, &Spans::<f64>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        } else {
+            Report::new(scene, &Spans::<f32>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        })
+    }
+
+    /// The precision that is asked for, if it has that.
+    fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
+        let precision = purpose.precision.unwrap_or(self.precision());
+        if !self.precisions().contains(&precision) {
+            return Err(EngineError::NoPrecision(self, precision));
+        }
+        Ok(precision)
     }
 }
 

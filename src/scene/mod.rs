@@ -3,16 +3,25 @@
 mod camera;
 mod diagnostic;
 pub mod families;
+mod log;
+pub mod mesh;
+mod open;
 mod parse;
 mod random;
+mod tables;
 mod validity;
+mod view;
 mod write;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
-pub use parse::{parse, read};
+pub use mesh::{Mesh, MeshError, MeshFormat};
+pub use open::{Opened, SceneFormat, open, read};
+pub use parse::parse;
 pub use random::{Rng, many};
+pub use tables::parse_toml;
 pub use validity::InvalidScene;
+pub use view::{Setting, View};
 
 use glam::Vec3;
 

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{PacketTracer, overlap};
-use crate::kernels::{Bodies, Element, InsideSpan, LitSpan, NearSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
-use crate::plan::{RowSpan, UseRecord};
+use super::PacketTracer;
+use crate::kernels::{Bodies, Element, InsideSpan, LitRow, NearSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
+use crate::plan::{RowSpans, ShortForm, UseRecord, Way};
 use crate::render::{Distance, Found};
 
 /// What is asked about a span.
@@ -39,7 +39,7 @@ impl<E: Element> Asked<'_, E> {
 impl<E: Element> UseRecord<E> for Asked<'_, E> {
     type Result = ();
 
-    fn lit(self, _: &LitSpan<E>) {
+    fn lit(self, _: &ShortForm, _: &LitRow<E>) {
         unreachable!("the short form has neither t nor a normal, and is not asked");
     }
     fn outside(self, record: &OutsideSpan<E>) {
@@ -63,31 +63,30 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
 impl<E: Element> PacketTracer<E> {
     /// As [`super::super::Tracer::hits`].
     pub(super) fn found(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let plan = &self.linear;
+        let plan = &self.plan;
         let seen = plan.seen_in(&rows);
         let mut buffers = Row::new(self.width);
         let mut found = Vec::with_capacity(rows.len() * self.width);
-        let mut spans: Vec<RowSpan> = Vec::new();
+        let mut in_row = RowSpans::default();
         for row in rows {
             if let Some(wide) = self.wide.as_ref().filter(|_| plan.is_wide(row)) {
                 found.extend(wide.found(row..row + 1));
                 continue;
             }
-            spans.clear();
-            spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
-            let by_depth = overlap(&mut spans) && !plan.cut_hidden(row, &mut spans);
-            spans.sort_unstable_by_key(|span| span.object);
+            let by_depth = plan.spans_in(row, &seen, &mut in_row) != Way::Apart;
+            in_row.spans.sort_unstable_by_key(|span| span.object);
+            let spans = &in_row.spans;
             buffers.clear(0..self.width);
             for question in [Question::Depth, Question::Normals] {
-                for (id, span) in (1..).zip(&spans) {
+                for (id, span) in (1..).zip(spans) {
                     let x = span.start as usize..span.end as usize;
                     let asked = Asked { kernels: self.spans, row: &mut buffers, x, question };
-                    plan.with_record(span, row, id.into(), false, asked);
+                    plan.with_record(span, row, id.into(), None, asked);
                 }
             }
             let plane = |plane: usize, x: usize| buffers.plane(plane)[x].to_f64();
             let mut owners = vec![None; self.width];
-            for (id, span) in (1..).zip(&spans) {
+            for (id, span) in (1..).zip(spans) {
                 let (x, who) = (span.start as usize..span.end as usize, f64::from(id));
                 // A span that is alone in its pixels is shaded there without a look at its depth.
                 let own = |at: &E| !by_depth || at.to_f64() == who;
