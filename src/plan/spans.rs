@@ -142,7 +142,7 @@ struct Sphere {
     scale: f64,
     /// The 1/t that is compared over 1/t in this record.
     near: f64,
-    short: Option<ShortForm>,
+    short: Option<Box<ShortForm>>,
 }
 
 /// A sphere from outside under one light, for SPHERE_LIT.
@@ -339,7 +339,7 @@ impl<E: Element> Spans<E> {
             && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
             && self.leave_out(Omission::Loop, 1)
         {
-            shape.short = Some(short);
+            shape.short = Some(Box::new(short));
         }
         let short = shape.short.is_some();
         let fits = shape.fits();
@@ -469,7 +469,7 @@ impl<E: Element> Spans<E> {
     /// The short form of an object, if it has one.
     pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
         match &self.objects[object].shape {
-            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Sphere(sphere) => sphere.short.as_deref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
     }

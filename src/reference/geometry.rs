@@ -67,6 +67,9 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
     (inside && t > 0.0 && t.is_finite()).then_some(t)
 }
 
+/// A triangle whose normal is shorter than this share of the product of two sides.
+const SLIVER: f64 = 1e-2;
+
 /// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
 /// the triangle has no area, or its plane passes through the camera.
 pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
@@ -90,9 +93,6 @@ pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
     };
     DVec3::new(difference(a.y, b.z, b.y, a.z), difference(a.z, b.x, b.z, a.x), difference(a.x, b.y, b.x, a.y))
 }
-
-/// A triangle whose normal is shorter than this share of the product of two sides.
-const SLIVER: f64 = 1e-2;
 
 /// Whether the corners of a triangle are on one line, or one point: its normal is 0 but for the rounding of corners.
 pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {

@@ -32,7 +32,7 @@ pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, Sc
         Some(error) => {
             let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
             let end = text.len() - start;
-            reader.note(error.span().unwrap_or(end..end), message, expected);
+            reader.note(visible(&text[start..], error.span().unwrap_or(end..end)), message, expected);
             None
         }
         None => reader.scene(table.get_ref(), name),
@@ -43,6 +43,22 @@ pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, Sc
         log.note(span, format_args!("{message}"), &expected, help);
     }
     log.finish(opened, name)
+}
+
+/// A place that holds something to be shown: where the error is between two words, the next one of the line, or else the
+/// last one before it.
+fn visible(text: &str, span: Range<usize>) -> Range<usize> {
+    let after = text.get(span.start..).unwrap_or_default();
+    if !span.is_empty() || after.trim_ascii().is_empty() {
+        return span;
+    }
+    let blank = |c: char| c.is_ascii_whitespace();
+    let next = after.find(blank).unwrap_or(after.len());
+    if next > 0 {
+        return span.start..span.start + next;
+    }
+    let end = text[..span.start].trim_ascii_end().len();
+    text[..end].rfind(blank).map_or(0, |at| at + 1)..end
 }
 
 /// Something that is wrong.
