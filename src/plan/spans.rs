@@ -124,19 +124,12 @@ enum Shape {
 }
 
 impl Shape {
-    fn near(&self) -> f64 {
+    /// The 1/t that is compared over 1/t in its record; None of what is never hit.
+    fn near(&mut self) -> Option<&mut f64> {
         match self {
-            Shape::Sphere(sphere) => sphere.near,
-            Shape::Triangle(triangle) => triangle.near,
-            Shape::Nothing => 1.0,
-        }
-    }
-
-    fn scale_near(&mut self, factor: f64) {
-        match self {
-            Shape::Sphere(sphere) => sphere.near *= factor,
-            Shape::Triangle(triangle) => triangle.near *= factor,
-            Shape::Nothing => {}
+            Shape::Sphere(sphere) => Some(&mut sphere.near),
+            Shape::Triangle(triangle) => Some(&mut triangle.near),
+            Shape::Nothing => None,
         }
     }
 }
@@ -265,12 +258,12 @@ impl<E: Element> Spans<E> {
             camera: *camera,
             grid,
             unit,
+            depth_unit: 1.0,
             columns_per_x: 1.0 / grid.step,
             keep,
             left_out: [0; Omission::ALL.len()],
             objects: Vec::with_capacity(scene.spheres.len() + scene.triangles.len()),
             lits: Scale::ALL.map(|_| Vec::new()),
-            depth_unit: 1.0,
             wide: Vec::new(),
         };
         let lights = light::lights(scene, keep);
@@ -287,15 +280,24 @@ impl<E: Element> Spans<E> {
         for (i, triangle) in scene.triangles.iter().enumerate() {
             spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
         }
-        // Depths are compared with each other alone: a power of two brings the nearest one's to about 1.
-        let nearest = spans.objects.iter().map(|object| object.shape.near()).fold(f64::MIN_POSITIVE, f64::max);
-        spans.depth_unit = power_of_two(nearest.min(f64::MAX));
-        for object in &mut spans.objects {
-            object.shape.scale_near(1.0 / spans.depth_unit);
-            object.fits &= object.shape.near() * LINEAR > 1.0 && grid.focal * SQUARED > 1.0;
-        }
-        spans.wide = spans.objects.iter().filter(|object| !object.fits).map(|object| object.rows.clone()).collect();
+        spans.compare_depths();
         spans
+    }
+
+    /// Depths are compared with each other alone: a power of two brings the nearest one's to about 1. What is then beyond
+    /// f32 is noted, with what is so in itself.
+    fn compare_depths(&mut self) {
+        let nears = self.objects.iter_mut().filter_map(|object| object.shape.near());
+        let nearest = nears.fold(f64::MIN_POSITIVE, |nearest, near| nearest.max(*near)).min(f64::MAX);
+        self.depth_unit = power_of_two(nearest);
+        let deep = self.grid.focal * SQUARED > 1.0;
+        for object in &mut self.objects {
+            let Some(near) = object.shape.near() else { continue };
+            *near /= self.depth_unit;
+            object.fits &= *near * LINEAR > 1.0 && deep;
+        }
+        let wide = self.objects.iter().filter(|object| !object.fits);
+        self.wide = wide.map(|object| object.rows.clone()).collect();
     }
 
     /// Notes an omission; gives whether it is made.

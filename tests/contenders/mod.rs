@@ -45,6 +45,7 @@ impl Contender {
     /// The relative error of the light that a surface reflects, in floats or, if it writes some itself, in bytes: some
     /// roundings; or, in `fast` and in the bytes of `single`, two estimates (of a root and of a reciprocal root) of which
     /// each may be off by 1.5 x 2^-12, as SSE's rsqrtps is.
+    #[allow(dead_code, reason = "not every test that shares this asks for it")]
     pub fn shade_error(&self, format: PixelFormat) -> f32 {
         match (self.precision.name(), format) {
             ("fast", _) | ("single", PixelFormat::Rgba8) => 2.0 * 1.5 / 4096.0,

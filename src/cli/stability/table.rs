@@ -51,7 +51,7 @@ pub fn text(document: &Document) -> String {
 pub(super) fn number(x: Option<f64>) -> String {
     match x {
         None => "-".into(),
-        Some(x) if x == 0.0 => "0".into(),
+        Some(0.0) => "0".into(),
         Some(x) if (1e-2..1e4).contains(&x) => format!("{x:.2}"),
         Some(x) => format!("{x:.1e}"),
     }

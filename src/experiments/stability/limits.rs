@@ -85,7 +85,7 @@ impl Limits {
             ("the share of wrong hits", row.wrong_share, limit.max_wrong_share),
             ("the share of pixels off by two levels", row.off_by_2_share, limit.max_off_by_2_share),
         ];
-        let above = checks.into_iter().filter(|(_, found, limit)| !(found <= limit));
+        let above = checks.into_iter().filter(|(_, found, limit)| found > limit || found.is_nan());
         above.map(|(what, found, limit)| format!("{what} is {found:.3}, above {limit}")).collect()
     }
 
