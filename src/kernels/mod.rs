@@ -21,6 +21,7 @@ mod packet;
 mod spans;
 pub mod step;
 pub mod sys;
+mod tiles;
 mod types;
 #[cfg(rayo_asm)]
 mod vec3;
@@ -39,9 +40,18 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, packet_symbols, packets,
+    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, TileKernels, packet_symbols, packets,
 };
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
+#[cfg(rayo_asm)]
+pub use tiles::{
+    Bounds, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers, TileGrid,
+    TileOut, TileWindow, Triangles,
+};
+pub use tiles::{
+    BoundsView, CHUNK, Corners, Facet, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
+    TileView, TrianglePlanes,
+};
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
 pub use vec3::{PacketOp, packet_ops};

@@ -35,7 +35,7 @@ macro_rules! records {
             $(#[$doc])*
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[repr(C)]
-            #[expect(missing_docs, reason = "layout.inc says what each field is")]
+            #[expect(missing_docs, reason = "layout.inc or tile_layout.inc says what each field is")]
             pub struct $name<E> {
                 $(pub $field: E,)*
             }
@@ -54,6 +54,8 @@ macro_rules! records {
         )*
     };
 }
+
+pub(super) use records;
 
 records! {
     /// What all spans begin with.

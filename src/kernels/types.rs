@@ -190,4 +190,9 @@ macro_rules! layout_checks {
 #[cfg(rayo_asm)]
 use super::spans::{InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 #[cfg(rayo_asm)]
+use super::tiles::{
+    BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, Tile, TileLight, TileRays, TileShade,
+    TileSphere, TileView, TrianglePlanes,
+};
+#[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));

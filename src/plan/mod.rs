@@ -2,6 +2,10 @@
 
 mod packed;
 mod spans;
+#[cfg(rayo_asm)]
+mod tiles;
 
 pub use packed::Packed;
 pub use spans::{RowSpan, Spans, UseRecord};
+#[cfg(rayo_asm)]
+pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};

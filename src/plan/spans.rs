@@ -242,7 +242,8 @@ impl<E: Element> Spans<E> {
     }
 }
 
-fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
+/// One light on one object: `to_light` and `cosine` as in the record, the object's colour as it is weighted.
+pub(super) fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
     let weights = weights(light, colour);
     Lit {
         x: to_light.x,

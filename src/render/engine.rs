@@ -11,7 +11,11 @@ use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Isa};
+use super::tiles::TileTracer;
+#[cfg(rayo_asm)]
+use crate::kernels::{self, Element, Isa, PacketKernels, SpanKernels};
+#[cfg(rayo_asm)]
+use crate::plan;
 use crate::scene::{Camera, Scene};
 
 /// Who computes the picture.
@@ -142,12 +146,12 @@ impl Engine {
     }
 
     /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own).
-    pub fn prepare(
+    pub fn prepare<'a>(
         self,
         precision: Option<Precision>,
-        scene: &Scene,
+        scene: &'a Scene,
         camera: &Camera,
-    ) -> Result<Box<dyn Tracer>, EngineError> {
+    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
         let precision = precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));
@@ -166,12 +170,28 @@ impl Engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 match precision {
-                    Precision::Single => Box::new(PacketTracer::new(kernels, &kernels.single, false, scene, camera)),
-                    Precision::Fast => Box::new(PacketTracer::new(kernels, &kernels.single, true, scene, camera)),
-                    Precision::Double => Box::new(PacketTracer::new(kernels, &kernels.double, false, scene, camera)),
+                    Precision::Single => packet_tracer(kernels, &kernels.single, false, scene, camera),
+                    Precision::Fast => packet_tracer(kernels, &kernels.single, true, scene, camera),
+                    Precision::Double => packet_tracer(kernels, &kernels.double, false, scene, camera),
                 }
             }
         })
+    }
+}
+
+/// Few objects are traced span by span, many tile by tile.
+#[cfg(rayo_asm)]
+fn packet_tracer<'a, E: Element>(
+    packets: &'static PacketKernels,
+    kernels: &'static SpanKernels<E>,
+    fast: bool,
+    scene: &'a Scene,
+    camera: &Camera,
+) -> Box<dyn Tracer + 'a> {
+    if plan::tiles_pay(scene, camera) {
+        Box::new(TileTracer::new(packets, kernels, fast, scene, camera, false))
+    } else {
+        Box::new(PacketTracer::new(packets, kernels, fast, scene, camera))
     }
 }
 

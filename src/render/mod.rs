@@ -10,6 +10,8 @@ mod image_file;
 mod packet;
 pub mod reference;
 mod rust;
+#[cfg(rayo_asm)]
+mod tiles;
 
 pub use engine::{Engine, EngineError, Precision};
 pub use film::{Film, FilmMut, PixelFormat, level};
@@ -22,6 +24,11 @@ use std::ops::Range;
 pub trait Tracer: Sync {
     /// The format it computes in; it writes [`PixelFormat::F32x4`] in any case.
     fn writes(&self, format: PixelFormat) -> bool;
+
+    /// How many rows, from a multiple of it on, cost least when they are traced together.
+    fn rows_together(&self) -> u32 {
+        1
+    }
 
     /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth.
     /// Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by estimates that

@@ -13,6 +13,9 @@ pub use random::{Rng, many};
 
 use glam::Vec3;
 
+/// A flat triangle, seen from both sides.
+pub use crate::kernels::Facet as Triangle;
+
 /// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
@@ -44,15 +47,6 @@ pub struct Sphere {
     pub colour: Vec3,
     /// The centre, in the camera's frame.
     pub centre: Vec3,
-}
-
-/// A flat triangle, seen from both sides.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Triangle {
-    /// Red, green, blue, each at least 0.
-    pub colour: Vec3,
-    /// The three corners, in the camera's frame and in the file's order.
-    pub vertices: [Vec3; 3],
 }
 
 /// A scene file's content: every number rounded once to f32, in the file's order.

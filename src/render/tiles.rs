@@ -1,0 +1,249 @@
+//! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::{FilmMut, PixelFormat, Tracer, level};
+use crate::kernels::{
+    CHUNK, Element, Looks, PacketKernels, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers,
+    TileOut, TileShade, TileWindow, Triangles, Vec4,
+};
+use crate::plan::{TilePlace, Tiles, Weighted};
+use crate::reference::geometry;
+use crate::scene::{Camera, Scene};
+
+/// A scene planned for tiles, and the kernels that trace it.
+pub struct TileTracer<'a, E: 'static> {
+    packets: &'static PacketKernels,
+    kernels: &'static SpanKernels<E>,
+    /// Whether the shade may come from estimates in floats too.
+    fast: bool,
+    camera: Camera,
+    scene: &'a Scene,
+    plan: Tiles<'a, E>,
+}
+
+impl<'a, E: Element> TileTracer<'a, E> {
+    /// Plans `scene` for the kernels; `kernels` are theirs for one element type. With `keep_all` every object is asked at
+    /// every pixel.
+    pub fn new(
+        packets: &'static PacketKernels,
+        kernels: &'static SpanKernels<E>,
+        fast: bool,
+        scene: &'a Scene,
+        camera: &Camera,
+        keep_all: bool,
+    ) -> Self {
+        let plan = Tiles::new(scene, camera, &packets.bounds, keep_all);
+        TileTracer { packets, kernels, fast, camera: *camera, scene, plan }
+    }
+}
+
+/// What differs between the outputs.
+trait Output<E: 'static>: Sized + 'static {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E>;
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
+    fn of_colour(colour: DVec3) -> Self;
+}
+
+impl<E: Element> Output<E> for Vec4 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+        plan.linear()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.f32x4(out, false);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
+    }
+    fn of_colour(colour: DVec3) -> Self {
+        colour.as_vec3().into()
+    }
+}
+
+impl<E: Element> Output<E> for Rgba8 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+        plan.levels()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.rgba8(out);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        &tracer.kernels.tiles.rgba8
+    }
+    fn of_colour(colour: DVec3) -> Self {
+        [level(colour.x), level(colour.y), level(colour.z), 255]
+    }
+}
+
+/// What a thread needs beside the plan.
+struct Scratch<E> {
+    buffers: TileBuffers<E>,
+    spheres: Vec<u32>,
+    triangles: Vec<u32>,
+    shades: Vec<TileShade<E>>,
+}
+
+impl<E: Element> TileTracer<'_, E> {
+    fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
+        let (width, height) = (self.camera.width(), TILE_HEIGHT as u32);
+        assert_eq!(out.len(), rows.len() * width as usize, "the film must have the size of the rows");
+        if rows.is_empty() {
+            return;
+        }
+        let mut scratch = Scratch {
+            buffers: TileBuffers::default(),
+            spheres: Vec::new(),
+            triangles: Vec::new(),
+            shades: Vec::new(),
+        };
+        for down in rows.start / height..rows.end.div_ceil(height) {
+            let first = down * height;
+            let tile_rows = rows.start.max(first)..rows.end.min(first + height);
+            for across in 0..width.div_ceil(TILE_WIDTH as u32) {
+                let column = across * TILE_WIDTH as u32;
+                let window = TileWindow {
+                    column,
+                    row: first,
+                    columns: (width - column).min(TILE_WIDTH as u32),
+                    rows: tile_rows.start - first..tile_rows.end - first,
+                };
+                let place = (tile_rows.start - rows.start) as usize * width as usize + column as usize;
+                let out = TileOut { pixels: &mut *out, first: place, width: width as usize };
+                self.trace_tile(TilePlace { across, down }, &window, out, &mut scratch);
+            }
+        }
+    }
+
+    fn trace_tile<P: Output<E>>(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        out: TileOut<'_, P>,
+        scratch: &mut Scratch<E>,
+    ) {
+        let Scratch { buffers, spheres, triangles, shades } = scratch;
+        self.plan.seen_in(tile, spheres, triangles);
+        if spheres.is_empty() && triangles.is_empty() {
+            for row in 0..window.rows.len() {
+                P::fill(self, &mut out.pixels[out.first + row * out.width..][..window.columns as usize]);
+            }
+            return;
+        }
+        let (view, rays) = self.plan.view(tile);
+        let grid = self.plan.grid();
+        let weighted = P::weighted(&self.plan);
+        buffers.clear();
+        self.nearest_spheres(spheres, buffers, window);
+        // Nobody's shades, and none for spheres, whose light is their own.
+        shades.clear();
+        shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
+        for (chunk, ids) in triangles.chunks(CHUNK).enumerate() {
+            let triangles = Triangles {
+                facets: self.plan.facets(),
+                bounds: self.plan.triangle_bounds(),
+                lights: &weighted.lights,
+                ids,
+                first_id: 1 + spheres.len() + chunk * CHUNK,
+            };
+            self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
+            self.kernels.tiles.nearest_triangles.call(buffers, window, &grid);
+        }
+        let looks = Looks {
+            shades,
+            lights: self.plan.points(),
+            sphere_ids: spheres,
+            spheres: self.plan.spheres(),
+            lits: &weighted.lits,
+        };
+        let TileOut { pixels, first, width } = out;
+        P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+        if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
+            self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
+        }
+    }
+
+    /// The spheres of a tile in their order: runs of those that the kernel takes, and between them the odd ones.
+    fn nearest_spheres(&self, ids: &[u32], buffers: &mut TileBuffers<E>, window: &TileWindow) {
+        let grid = self.plan.grid();
+        let mut first_id = 1;
+        for run in ids.chunk_by(|a, b| self.plan.is_odd(*a) == self.plan.is_odd(*b)) {
+            if self.plan.is_odd(run[0]) {
+                for (id, sphere) in (first_id..).zip(run) {
+                    self.nearest_odd(*sphere, id, buffers, window);
+                }
+            } else {
+                let (spheres, bounds) = (self.plan.spheres(), self.plan.sphere_bounds());
+                let spheres = Spheres { spheres, bounds, ids: run, first_id };
+                self.kernels.tiles.nearest_spheres.call(spheres, buffers, window, &grid);
+            }
+            first_id += run.len();
+        }
+    }
+
+    /// A sphere around the camera, or one that reaches behind its plane: in f64, ray by ray.
+    fn nearest_odd(&self, sphere: u32, id: usize, buffers: &mut TileBuffers<E>, window: &TileWindow) {
+        let sphere = &self.scene.spheres[sphere as usize];
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        for row in window.rows.clone() {
+            for column in 0..window.columns {
+                let d = self.ray(window, column, row);
+                if let Some(t) = geometry::sphere(d, centre, radius) {
+                    let near = E::from_f64(self.plan.scale() / t);
+                    buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, id);
+                }
+            }
+        }
+    }
+
+    /// Shades what no kernel does.
+    fn shade_odd<P: Output<E>>(
+        &self,
+        ids: &[u32],
+        buffers: &TileBuffers<E>,
+        window: &TileWindow,
+        out: TileOut<'_, P>,
+    ) {
+        for row in window.rows.clone() {
+            for column in 0..window.columns {
+                let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
+                let Some(&id) = who.checked_sub(1).and_then(|i| ids.get(i)) else { continue };
+                let d = self.ray(window, column, row);
+                let sphere = &self.scene.spheres[id as usize];
+                let centre = sphere.centre.as_dvec3();
+                if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
+                    let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
+                    let light = |light: &crate::scene::Light| {
+                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance().as_dvec3()
+                    };
+                    let light: DVec3 = self.scene.lights.iter().map(light).sum();
+                    let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
+                    out.pixels[place] = P::of_colour(light * sphere.colour.as_dvec3());
+                }
+            }
+        }
+    }
+
+    fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
+        self.camera.grid::<f64>().ray(window.row + row, window.column + column).into()
+    }
+}
+
+impl<E: Element> Tracer for TileTracer<'_, E> {
+    fn writes(&self, _: PixelFormat) -> bool {
+        true
+    }
+
+    fn rows_together(&self) -> u32 {
+        TILE_HEIGHT as u32
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out),
+            FilmMut::Rgba8(out) => self.trace(rows, out),
+        }
+    }
+}
