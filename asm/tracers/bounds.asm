@@ -45,7 +45,19 @@
     VMAX    %%high, %%high, %%t
 %endmacro
 
+; FACET_AT - r = the address of the facet number i from rdx on, or of the first one where only r11 are left.
+%macro FACET_AT 2
+%define %%i %1          ; [in]       1 to 3
+%define %%r %2          ; [out]      general register
+    lea     %%r, [rdx + Facet_size * %%i]
+    cmp     r11, %%i
+    cmovbe  %%r, rdx
+%endmacro
+
 FUNC ISA %+ _bounds
+    push    rbx
+    push    r12
+    push    r13
     mov     rdx, [rsi + BoundsTask.facets]
     mov     r9, [rsi + BoundsTask.columns]
     mov     r10, [rsi + BoundsTask.rows]
@@ -58,16 +70,14 @@ FUNC ISA %+ _bounds
     cmovb   r11, rcx
     sub     rcx, r11
 .turn:
-%assign i 0
-%rep 9
-    mov     eax, [rdx + Facet.vertices + 4 * i]
-    mov     [r8 + Corners.ax + 4 * CHUNK * i], eax
-%assign i i + 1
-%endrep
-    add     rdx, Facet_size
-    add     r8, 4
-    dec     r11
-    jnz     .turn
+    FACET_AT 1, rbx
+    FACET_AT 2, r12
+    FACET_AT 3, r13
+    TURN_FACETS r8, rdx, rbx, r12, r13
+    add     rdx, 4 * Facet_size
+    add     r8, 16
+    sub     r11, 4
+    ja      .turn
     mov     r8, [rsi + BoundsTask.corners]
     mov     r11d, CHUNK / LANES
 .packet:
@@ -113,7 +123,11 @@ FUNC ISA %+ _bounds
     test    rcx, rcx
     jnz     .chunk
     UNCONSTANTS
+    pop     r13
+    pop     r12
+    pop     rbx
 ENDFUNC
 
+%unmacro FACET_AT 2
 %unmacro FIRST_AND_PAST 3
 %unmacro PROJECT 4

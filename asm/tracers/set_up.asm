@@ -13,6 +13,27 @@
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; ids of facets
 
+; FACET_OF - r = the address of the facet number i of those from r8 on, of which rcx are left, or else of the first of
+;            them; its bounds go to the corners at r9. Clobbers r14.
+%macro FACET_OF 3
+%define %%i %1          ; [in]       0 to 3
+%define %%r %2          ; [out]      general register
+%define %%e %3          ; [clobbered] its 32 bits
+    xor     r14d, r14d
+    cmp     rcx, %%i + 1
+    adc     r14d, r14d                  ; 1 where there is none
+    dec     r14d
+    and     r14d, 4 * %%i
+    mov     r14d, [r8 + r14]
+    mov     %%e, [r10 + 4 * r14]
+    mov     [r9 + Corners.columns + 4 * %%i], %%e
+    mov     %%e, [r11 + 4 * r14]
+    mov     [r9 + Corners.rows + 4 * %%i], %%e
+    lea     r14, [r14 + 2 * r14]
+    shl     r14, 4                      ; Facet_size is 48
+    lea     %%r, [rdx + r14]
+%endmacro
+
 ; ROUNDED_STORE - stores a register as elements of `out` bytes.
 %macro ROUNDED_STORE 3
 %define %%out %1        ; [in]       4 or 8
@@ -113,37 +134,41 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     push    rbx
     push    r12
     push    r13
+    push    r14
     mov     rdx, [rsi + SetupTask.facets]
     mov     r8, [rsi + SetupTask.ids]
-    mov     r9, [rsi + SetupTask.corners]
     mov     r10, [rsi + SetupTask.columns]
     mov     r11, [rsi + SetupTask.rows]
+
+    ; The triangles of the chunk that comes next are asked for now.
     mov     rcx, [rsi + SetupTask.count]
-.turn:
-    mov     eax, [r8]
-    mov     ebx, [r10 + 4 * rax]
-    mov     r12d, [r11 + 4 * rax]
-    mov     [r9 + Corners.columns], ebx
-    mov     [r9 + Corners.rows], r12d
+    lea     r9, [r8 + 4 * rcx]
+    mov     rcx, [rsi + SetupTask.ahead]
+    jmp     .ahead
+.next_ahead:
+    mov     eax, [r9 + 4 * rcx]
+    prefetcht0 [r10 + 4 * rax]
+    prefetcht0 [r11 + 4 * rax]
     lea     rax, [rax + 2 * rax]
     shl     rax, 4                      ; Facet_size is 48
-    add     rax, rdx
-%assign i 0
-%rep 9
-    mov     ebx, [rax + Facet.vertices + 4 * i]
-    mov     [r9 + Corners.ax + 4 * CHUNK * i], ebx
-%assign i i + 1
-%endrep
-%assign i 0
-%rep 3
-    mov     ebx, [rax + Facet.colour + 4 * i]
-    mov     [r9 + Corners.red + 4 * CHUNK * i], ebx
-%assign i i + 1
-%endrep
-    add     r8, 4
-    add     r9, 4
+    prefetcht0 [rdx + rax]
+    prefetcht0 [rdx + rax + Facet_size - 1]
+.ahead:
     dec     rcx
-    jnz     .turn
+    jns     .next_ahead
+
+    mov     r9, [rsi + SetupTask.corners]
+    mov     rcx, [rsi + SetupTask.count]
+.turn:
+    FACET_OF 0, rax, eax
+    FACET_OF 1, rbx, ebx
+    FACET_OF 2, r12, r12d
+    FACET_OF 3, r13, r13d
+    TURN_FACETS r9, rax, rbx, r12, r13
+    add     r8, 16
+    add     r9, 16
+    sub     rcx, 4
+    ja      .turn
 
     mov     r8, [rsi + SetupTask.corners]
     mov     r9, [rsi + SetupTask.planes]
@@ -231,6 +256,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     sub     rcx, LANES
     ja      .packet
     UNCONSTANTS
+    pop     r14
     pop     r13
     pop     r12
     pop     rbx
@@ -240,6 +266,7 @@ ENDFUNC
     SET_UP  single, 4
     SET_UP  double, 8
 
+%unmacro FACET_OF 3
 %unmacro ROUNDED_STORE 3
 %unmacro STORE_NARROW 2
 %unmacro LOAD_CORNER 4

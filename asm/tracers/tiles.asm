@@ -754,9 +754,10 @@ align 16
     add     r10, [rsi + ShadeTask.spheres]
     mov     rcx, [rsi + ShadeTask.light_count]
     imul    rax, rcx
-    shl     rax, ELEM == 8 ? 6 : 5      ; Lit_size elements
+    shl     rax, ELEM == 8 ? 6 : 5      ; a Lit is eight elements, and so is a ShortLit
     mov     r13, rax
-    add     r13, [rsi + ShadeTask.lits]
+    test    rcx, rcx
+    jz      .next_sphere
     mov     eax, [rsi + ShadeTask.column]
     add     eax, ebx
     VSPREAD_INTEGER 7, eax
@@ -769,6 +770,19 @@ align 16
     VADD    v8, v8, [PACKET(block_y)]
     SPHERE_FIELD v9, r10, row
     VSUB    v8, v8, v9                  ; y
+%ifidn %%format, RGBA8
+    cmp     dword [r10 + ELEM * TileSphere.short + ELEM - 4], 0
+    je      .long
+    add     r13, [rsi + ShadeTask.shorts]
+.short:
+    SHORT_LIGHT
+    add     r13, ELEM * ShortLit_size
+    dec     rcx
+    jnz     .short
+    jmp     .next_sphere
+.long:
+%endif
+    add     r13, [rsi + ShadeTask.lits]
     SPHERE_FIELD v9, r10, dx
     SPHERE_FIELD v10, r10, dxy
     VFMA    v9, v10, v8, v15
@@ -785,8 +799,6 @@ align 16
     NORMAL_OVER_T v10, x
     NORMAL_OVER_T v11, y
     NORMAL_OVER_T v12, z
-    test    rcx, rcx
-    jz      .next_sphere
 .light:
     SPHERE_LIGHT
     add     r13, ELEM * Lit_size
@@ -918,6 +930,35 @@ align 16
     VFMA    v3, v13, v7, v8
 %endmacro
 
+; SHORT_LIGHT - adds what the ShortLit at r13 does to the colours v1, v2, v3 of the lanes whose who is that at r11, with
+;               w = 1/t in v0 and x, y from the sphere's origin in v7, v8. Clobbers v9 to v13, v15.
+;
+;   SPHERE_LIT over k and the radius: with q = d . (l - c), neither the point nor the normal nor the way to the light.
+%macro SHORT_LIGHT 0
+    VSPREAD v9, [r13 + ELEM * ShortLit.q0]
+    VSPREAD v10, [r13 + ELEM * ShortLit.qx]
+    VFMA    v9, v10, v7, v15
+    VSPREAD v10, [r13 + ELEM * ShortLit.qy]
+    VFMA    v9, v10, v8, v15            ; q
+    VSPREAD v11, [r13 + ELEM * ShortLit.ke]
+    VMUL    v11, v11, v0
+    VSUB    v11, v11, v9
+    VSUB    v11, v11, v9
+    VMUL    v11, v11, v0                ; w (ke w - 2 q)
+    VSPREAD v10, [r13 + ELEM * ShortLit.kn]
+    VFMA    v9, v10, v0, v15            ; q + kn w
+    COSINE  v9, v11, v12
+    VSPREAD v10, [r11]
+    MASK_EQUAL v6, v10
+    MASK_KEEP v9
+    VSPREAD v10, [r13 + ELEM * ShortLit.red]
+    VFMA    v1, v9, v10, v12
+    VSPREAD v10, [r13 + ELEM * ShortLit.green]
+    VFMA    v2, v9, v10, v12
+    VSPREAD v10, [r13 + ELEM * ShortLit.blue]
+    VFMA    v3, v9, v10, v12
+%endmacro
+
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4
 %if ELEM == 4
@@ -951,3 +992,4 @@ align 16
 %unmacro SHADE_TILE 2
 %unmacro NORMAL_OVER_T 2
 %unmacro SPHERE_LIGHT 0
+%unmacro SHORT_LIGHT 0

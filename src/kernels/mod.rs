@@ -49,7 +49,7 @@ pub use tiles::{
     TileOut, TileWindow, Triangles,
 };
 pub use tiles::{
-    BoundsView, CHUNK, Corners, Facet, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
+    BoundsView, CHUNK, Corners, Facet, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
     TileView, TrianglePlanes,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};

@@ -46,8 +46,10 @@ records! {
     /// A sphere in front of the camera, seen from outside.
     TileSphere {
         column, row, d0, dx, dy, dxx, dxy, dyy, bound, h, hx, hy, mx, mxx, mxy, my, myx, myy, mz, mzx, mzy,
-        ux, uy, uz, cx, cy, cz, radius,
+        ux, uy, uz, cx, cy, cz, radius, short,
     }
+    /// What one light does to a sphere, in the short form.
+    ShortLit { q0, qx, qy, kn, ke, red, green, blue }
     /// The rays of a tile as shading sees them.
     TileRays { dx, dy, dz, step, down }
     /// What one light does to a triangle.
@@ -137,6 +139,7 @@ mod calls {
         pub(in crate::kernels) facets: *const Facet,
         pub(in crate::kernels) ids: *const u32,
         pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) ahead: u64,
         pub(in crate::kernels) columns: *const u32,
         pub(in crate::kernels) rows: *const u32,
         pub(in crate::kernels) corners: *mut Corners,
@@ -179,6 +182,7 @@ mod calls {
         pub(in crate::kernels) sphere_ids: *const u32,
         pub(in crate::kernels) spheres: *const (),
         pub(in crate::kernels) lits: *const (),
+        pub(in crate::kernels) shorts: *const (),
         pub(in crate::kernels) out: *mut (),
         pub(in crate::kernels) pitch: u64,
         pub(in crate::kernels) column: u64,
@@ -389,7 +393,7 @@ mod calls {
         pub bounds: &'a PixelBounds,
         /// The lights.
         pub lights: &'a [TileLight<f64>],
-        /// Those of the chunk, 1 to [`CHUNK`].
+        /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
         pub ids: &'a [u32],
         /// The number in the tile of the first of them.
         pub first_id: usize,
@@ -443,8 +447,10 @@ mod calls {
             shades: &mut Vec<TileShade<E>>,
         ) -> SetupTask {
             let Triangles { facets, bounds, lights, ids, first_id } = triangles;
-            assert!((1..=CHUNK).contains(&ids.len()));
+            let (ids, ahead) = ids.split_at(ids.len().min(CHUNK));
+            assert!(!ids.is_empty());
             assert!(ids.iter().all(|id| (*id as usize) < facets.len()), "ids of facets");
+            // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
             assert!(bounds.columns.len() >= facets.len() && bounds.rows.len() >= facets.len());
             // The last packet writes as many as it has lanes.
             let before = first_id * lights.len();
@@ -455,6 +461,7 @@ mod calls {
                 facets: facets.as_ptr(),
                 ids: ids.as_ptr(),
                 count: ids.len() as u64,
+                ahead: ahead.len().min(CHUNK) as u64,
                 columns: bounds.columns.as_ptr(),
                 rows: bounds.rows.as_ptr(),
                 corners: &mut *buffers.corners,
@@ -624,6 +631,8 @@ mod calls {
         pub spheres: &'a [TileSphere<E>],
         /// As many for each of them as there are lights.
         pub lits: &'a [Lit<E>],
+        /// As many, weighted for bytes, for those that have `short` set.
+        pub shorts: &'a [ShortLit<E>],
     }
 
     /// Where a tile's pixels go.
@@ -686,9 +695,10 @@ mod calls {
             out: TileOut<'_, P>,
         ) -> ShadeTask {
             window.check();
-            let Looks { shades, lights, sphere_ids, spheres, lits } = looks;
+            let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
             let (objects, count) = (buffers.most + 1, lights.len());
-            assert!(shades.len() >= objects * count && lits.len() >= spheres.len() * count);
+            assert!(shades.len() >= objects * count);
+            assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
             assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
             assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "ids of spheres");
             let rows = window.rows.len();
@@ -703,6 +713,7 @@ mod calls {
                 sphere_ids: sphere_ids.as_ptr(),
                 spheres: spheres.as_ptr().cast(),
                 lits: lits.as_ptr().cast(),
+                shorts: shorts.as_ptr().cast(),
                 out: out.pixels[out.first..].as_mut_ptr().cast(),
                 pitch: (out.width * size_of::<P>()) as u64,
                 column: window.column.into(),

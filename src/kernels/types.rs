@@ -191,7 +191,7 @@ macro_rules! layout_checks {
 use super::spans::{InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 #[cfg(rayo_asm)]
 use super::tiles::{
-    BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, Tile, TileLight, TileRays, TileShade,
+    BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, ShortLit, Tile, TileLight, TileRays, TileShade,
     TileSphere, TileView, TrianglePlanes,
 };
 #[cfg(rayo_asm)]

@@ -259,7 +259,7 @@ pub(super) fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light
 }
 
 /// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
-fn weights(light: &Light, colour: DVec3) -> DVec3 {
+pub(super) fn weights(light: &Light, colour: DVec3) -> DVec3 {
     (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }
 

@@ -8,12 +8,13 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::spans::lit;
+use super::spans::{lit, weights};
+use crate::kernels::sys;
 use crate::kernels::{
-    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint,
+    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint,
     TileRays, TileSphere, TileView,
 };
-use crate::scene::{Camera, Grid, Scene, Triangle};
+use crate::scene::{Camera, Grid, Light, Scene, Sphere, Triangle};
 
 /// An object in more tiles than this is in the list that all tiles look through.
 const MOST_TILES: u32 = 16;
@@ -45,6 +46,7 @@ pub struct Tiles<'a, E> {
     linear: Weighted<E>,
     levels: Weighted<E>,
     spheres: Vec<TileSphere<E>>,
+    shorts: Vec<ShortLit<E>>,
     /// Spheres around the camera, or that reach behind its plane.
     odd: Vec<bool>,
     sphere_bounds: PixelBounds,
@@ -121,16 +123,25 @@ impl<'a, E: Element> Tiles<'a, E> {
                 .collect(),
         };
         let picture = Picture { width: camera.width(), height: camera.height() };
-        let planned: Vec<_> = scene
+        let mut planned: Vec<_> = scene
             .spheres
             .iter()
             .map(|sphere| in_front(sphere.centre.as_dvec3(), sphere.radius.into(), &grid, scale, picture))
             .collect();
-        let whole = |_: &_| picture.whole();
-        let sphere_bounds: Vec<_> = match keep_all {
-            true => planned.iter().map(|_| picture.whole()).collect(),
-            false => planned.iter().map(|planned| planned.as_ref().map_or_else(|| whole(&()), |p| p.bounds)).collect(),
-        };
+        let mut shorts = Vec::with_capacity(scene.spheres.len() * scene.lights.len());
+        for (planned, sphere) in planned.iter_mut().zip(&scene.spheres) {
+            let mut short = true;
+            for light in &scene.lights {
+                let (lit, accurate) = short_lit(planned.as_ref(), sphere, light, &grid, scale);
+                shorts.push(lit.round());
+                short &= accurate;
+            }
+            if let Some(planned) = planned {
+                planned.sphere.short = f64::from(u8::from(short));
+            }
+        }
+        let seen = |planned: &Option<InFront>| planned.as_ref().filter(|_| !keep_all).map(|planned| planned.bounds);
+        let sphere_bounds: Vec<_> = planned.iter().map(|planned| seen(planned).unwrap_or(picture.whole())).collect();
         let sphere_bounds = PixelBounds {
             columns: sphere_bounds.iter().map(|b| b[0]).collect(),
             rows: sphere_bounds.iter().map(|b| b[1]).collect(),
@@ -142,6 +153,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             grid,
             scale,
             points,
+            shorts,
             linear: weighted(1.0),
             levels: weighted(255.0),
             odd: planned.iter().map(Option::is_none).collect(),
@@ -169,6 +181,11 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// All spheres.
     pub fn spheres(&self) -> &[TileSphere<E>] {
         &self.spheres
+    }
+
+    /// As many for each sphere as there are lights, weighted for bytes.
+    pub fn shorts(&self) -> &[ShortLit<E>] {
+        &self.shorts
     }
 
     /// The bounds of all spheres.
@@ -305,7 +322,7 @@ fn triangle_bounds(
         all_rows: f32::from_bits(all_rows),
         ..view.round::<f32>()
     };
-    let mut bounds = PixelBounds { columns: vec![0; room], rows: vec![0; room] };
+    let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room) };
     kernel.call(&view, facets, &mut bounds.columns, &mut bounds.rows);
     bounds
 }
@@ -347,7 +364,7 @@ fn in_front(centre: DVec3, radius: f64, grid: &Grid<f64>, scale: f64, picture: P
     let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
     let reach = |[low, high]: [f64; 2], origin: f64| (high - origin).max(origin - low) + 1.0;
     let (i, j) = (reach(columns, column), reach(rows, row));
-    let unit = if size_of::<f32>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
+    let unit = f64::from(f32::EPSILON);
     let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
     let bound = 4.0 * unit * terms.iter().map(|term| term.abs()).sum::<f64>();
     let (over, h) = (scale / (k * radius), c.dot(d));
@@ -383,8 +400,48 @@ fn in_front(centre: DVec3, radius: f64, grid: &Grid<f64>, scale: f64, picture: P
         cy: centre.y,
         cz: centre.z,
         radius,
+        short: 0.0,
     };
     Some(InFront { sphere, bounds: [first_and_past(columns, picture.width), first_and_past(rows, picture.height)] })
+}
+
+/// One light on a sphere in the short form, and whether that is accurate enough for bytes in f32.
+fn short_lit(
+    planned: Option<&InFront>,
+    sphere: &Sphere,
+    light: &Light,
+    grid: &Grid<f64>,
+    scale: f64,
+) -> (ShortLit<f64>, bool) {
+    /// The terms of the short form may be this many times as large as what they leave: half of the bits of f32.
+    const LOSS: f64 = 1024.0;
+    let Some(InFront { sphere: origin, .. }) = planned else { return (ShortLit::default(), false) };
+    let radius = f64::from(sphere.radius);
+    let (c, l) = (sphere.centre.as_dvec3() / radius, light.position.as_dvec3() / radius);
+    let from_centre = (light.position.as_dvec3() - sphere.centre.as_dvec3()) / radius;
+    let k = c.dot(c) - 1.0;
+    let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
+    let (products, gap) = ((c.length() + 1.0) * from_centre.length(), from_centre.length() - 1.0);
+    let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+    let step = grid.step;
+    let d = DVec3::new(
+        step * (origin.column + 0.5) - grid.half_width,
+        grid.half_height - step * (origin.row + 0.5),
+        grid.focal,
+    );
+    let q = from_centre * (scale / radius);
+    let weights = weights(light, 255.0 * sphere.colour.as_dvec3());
+    let lit = ShortLit {
+        q0: q.dot(d),
+        qx: q.x * step,
+        qy: -q.y * step,
+        kn,
+        ke,
+        red: weights.x,
+        green: weights.y,
+        blue: weights.z,
+    };
+    (lit, gap > 0.25 && loss < LOSS)
 }
 
 /// What no ray sees.
@@ -420,48 +477,33 @@ impl Bins {
     fn new(bounds: &PixelBounds, count: usize, picture: Picture) -> Self {
         let across = picture.width.div_ceil(TILE_WIDTH as u32);
         let tiles = (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize;
-        let mut starts = vec![0_u32; tiles + 1];
+        // How many objects each tile has, and then where its next one goes.
+        let mut counts = vec![0_u32; tiles];
         let mut large = Vec::new();
-        let places = || {
-            (0_u32..).zip(bounds.columns[..count].iter().zip(&bounds.rows[..count])).filter_map(|(id, (x, y))| {
-                let (x, y) = (range(*x), range(*y));
-                let seen = x.start < x.end && y.start < y.end;
-                seen.then(|| (id, tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT)))
-            })
-        };
-        let is_large = |x: &Range<u32>, y: &Range<u32>| (x.end - x.start) * (y.end - y.start) > MOST_TILES;
-        for (id, x, y) in places() {
-            if is_large(&x, &y) {
-                large.push(id);
-                continue;
-            }
-            for row in y {
-                for column in x.clone() {
-                    starts[(row * across + column) as usize] += 1;
-                }
-            }
-        }
-        // From counts to ends, which the second pass turns to starts from the last object back.
+        let (columns, rows) = (&bounds.columns[..count], &bounds.rows[..count]);
+        each_place(columns, rows, across, |_, tiles, times| {
+            let Some((x, y)) = tiles else { return };
+            y.for_each(|row| x.clone().for_each(|column| counts[(row * across + column) as usize] += times));
+        });
+        let mut starts = Vec::with_capacity(tiles + 1);
         let mut sum = 0;
-        for start in &mut starts {
-            sum += *start;
-            *start = sum;
+        for count in &mut counts {
+            starts.push(sum);
+            sum += std::mem::replace(count, sum);
         }
-        let mut ids = vec![0; sum as usize];
-        let mut next = vec![0; tiles];
-        next.copy_from_slice(&starts[..tiles]);
-        starts.copy_within(..tiles, 1);
-        starts[0] = 0;
-        next.copy_from_slice(&starts[..tiles]);
-        for (id, x, y) in places().filter(|(_, x, y)| !is_large(x, y)) {
-            for row in y {
-                for column in x.clone() {
-                    let next = &mut next[(row * across + column) as usize];
-                    ids[*next as usize] = id;
-                    *next += 1;
-                }
-            }
-        }
+        starts.push(sum);
+        let mut ids = roomy(sum as usize);
+        each_place(columns, rows, across, |first, tiles, times| {
+            let Some((x, y)) = tiles else { return large.push(first) };
+            y.for_each(|row| {
+                x.clone().for_each(|column| {
+                    let next = &mut counts[(row * across + column) as usize];
+                    let place = *next as usize..(*next + times) as usize;
+                    ids[place].iter_mut().zip(first..).for_each(|(place, id)| *place = id);
+                    *next += times;
+                });
+            });
+        });
         Bins { starts, ids, large }
     }
 
@@ -497,4 +539,51 @@ impl Bins {
 /// From pixels to tiles; not empty.
 fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
+}
+
+/// Columns and rows of tiles.
+type TileRanges = (Range<u32>, Range<u32>);
+
+/// Says of all objects that may be seen in which tiles: as many with following numbers as are in one and the same tile at
+/// a time, the others one by one, and None for those that are in too many. Neighbours in a mesh are mostly in one tile.
+fn each_place(columns: &[u32], rows: &[u32], across: u32, mut say: impl FnMut(u32, Option<TileRanges>, u32)) {
+    let one = |tile: u32| {
+        let (x, y) = (tile % across, tile / across);
+        Some((x..x + 1, y..y + 1))
+    };
+    let (mut run_tile, mut run_start, mut run) = (0, 0, 0);
+    for (id, (x, y)) in (0_u32..).zip(columns.iter().zip(rows)) {
+        let (x, y) = (range(*x), range(*y));
+        if x.start >= x.end || y.start >= y.end {
+            continue;
+        }
+        let (x, y) = (tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT));
+        let tiles = (x.end - x.start) * (y.end - y.start);
+        let tile = y.start * across + x.start;
+        if tiles == 1 && tile == run_tile && id == run_start + run {
+            run += 1;
+            continue;
+        }
+        if run > 0 {
+            say(run_start, one(run_tile), run);
+            run = 0;
+        }
+        if tiles == 1 {
+            (run_tile, run_start, run) = (tile, id, 1);
+        } else {
+            say(id, (tiles <= MOST_TILES).then_some((x, y)), 1);
+        }
+    }
+    if run > 0 {
+        say(run_start, one(run_tile), run);
+    }
+}
+
+/// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
+/// triangles' numbers on it.
+fn roomy(len: usize) -> Vec<u32> {
+    let mut zeros = Vec::with_capacity(len);
+    sys::large_pages(&mut zeros);
+    zeros.resize(len, 0);
+    zeros
 }

@@ -140,13 +140,13 @@ impl<E: Element> TileTracer<'_, E> {
         // Nobody's shades, and none for spheres, whose light is their own.
         shades.clear();
         shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
-        for (chunk, ids) in triangles.chunks(CHUNK).enumerate() {
+        for start in (0..triangles.len()).step_by(CHUNK) {
             let triangles = Triangles {
                 facets: self.plan.facets(),
                 bounds: self.plan.triangle_bounds(),
                 lights: &weighted.lights,
-                ids,
-                first_id: 1 + spheres.len() + chunk * CHUNK,
+                ids: &triangles[start..],
+                first_id: 1 + spheres.len() + start,
             };
             self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
             self.kernels.tiles.nearest_triangles.call(buffers, window, &grid);
@@ -157,6 +157,7 @@ impl<E: Element> TileTracer<'_, E> {
             sphere_ids: spheres,
             spheres: self.plan.spheres(),
             lits: &weighted.lits,
+            shorts: self.plan.shorts(),
         };
         let TileOut { pixels, first, width } = out;
         P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
