@@ -436,7 +436,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 99] = [
+const PACKET_SNIPPETS: [Snippet; 100] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -523,6 +523,7 @@ const PACKET_SNIPPETS: [Snippet; 99] = [
     ("VABS", "where d is not a", "v0, v1"),
     ("MASK_NOT_LESS", "", "v0, v1"),
     ("MASK_AND_GREATER", "", "v0, v1, v2"),
+    ("MASK_AND_NOT_LESS", "", "v0, v1, v2"),
     ("MASK_BITS", "", "eax"),
     ("MASK_STORE", "", "[rdi], v0, v1"),
     ("MASK_KEEP", "", "v0"),

@@ -8,8 +8,9 @@
 ;   camera's plane gets the whole picture, and one all behind it nothing.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
-;               r9 columns, r10 rows, r11 those of the chunk
-;   writes      columns and rows of count triangles, up to a multiple of CHUNK: the first, and past the last << 16
+;               r9 columns, r10 rows, rax near, r11 those of the chunk
+;   writes      columns and rows of count triangles, up to a multiple of CHUNK: the first, and past the last << 16; and
+;               what their 1/t cannot exceed
 ;   requires    the CPUID features of the ISA; facets, count >= 1 of them
 
 ; FIRST_AND_PAST - w<f> = the first pixel and the one past the last << 16, of coordinates from v<f> to v<p>.
@@ -61,8 +62,9 @@ FUNC ISA %+ _bounds
     mov     rdx, [rsi + BoundsTask.facets]
     mov     r9, [rsi + BoundsTask.columns]
     mov     r10, [rsi + BoundsTask.rows]
+    mov     rax, [rsi + BoundsTask.near]
     mov     rcx, [rsi + BoundsTask.count]
-    CONSTANTS 9
+    CONSTANTS 10
 .chunk:
     mov     r8, [rsi + BoundsTask.corners]
     mov     r11d, CHUNK
@@ -110,6 +112,11 @@ FUNC ISA %+ _bounds
     VSELECT v6, v5
     KLOAD   v9, BoundsView.all_rows
     VSELECT v9, v8
+    KLOAD   v7, BoundsView.near
+    VDIV    v7, v7, v3
+    VMOV    v8, [PACKET(largest)]
+    VSELECT v8, v7
+    VSTORE  [rax], v8
     MASK_GREATER v4, [PACKET(zeros)]
     MASK_KEEP v6
     MASK_KEEP v9
@@ -118,6 +125,7 @@ FUNC ISA %+ _bounds
     add     r8, VBYTES
     add     r9, VBYTES
     add     r10, VBYTES
+    add     rax, VBYTES
     dec     r11d
     jnz     .packet
     test    rcx, rcx

@@ -29,6 +29,8 @@
     mov     [r9 + Corners.columns + 4 * %%i], %%e
     mov     %%e, [r11 + 4 * r14]
     mov     [r9 + Corners.rows + 4 * %%i], %%e
+    mov     %%e, [r15 + 4 * r14]
+    mov     [r9 + Corners.near + 4 * %%i], %%e
     lea     r14, [r14 + 2 * r14]
     shl     r14, 4                      ; Facet_size is 48
     lea     %%r, [rdx + r14]
@@ -135,10 +137,12 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     push    r12
     push    r13
     push    r14
+    push    r15
     mov     rdx, [rsi + SetupTask.facets]
     mov     r8, [rsi + SetupTask.ids]
     mov     r10, [rsi + SetupTask.columns]
     mov     r11, [rsi + SetupTask.rows]
+    mov     r15, [rsi + SetupTask.near]
 
     ; The triangles of the chunk that comes next are asked for now.
     mov     rcx, [rsi + SetupTask.count]
@@ -149,6 +153,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     mov     eax, [r9 + 4 * rcx]
     prefetcht0 [r10 + 4 * rax]
     prefetcht0 [r11 + 4 * rax]
+    prefetcht0 [r15 + 4 * rax]
     lea     rax, [rax + 2 * rax]
     shl     rax, 4                      ; Facet_size is 48
     prefetcht0 [rdx + rax]
@@ -189,10 +194,12 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ; 1/t is (n . d) / (n . v), linear over the pixels; 0, which is never nearest, for what is never hit.
     KLOAD   v8, TileView.scale
     VDIV    v8, v8, v6
-    MASK_KEEP v8
     VMUL    v9, v3, v8
     VMUL    v10, v4, v8
     VMUL    v11, v5, v8
+    MASK_KEEP v9
+    MASK_KEEP v10
+    MASK_KEEP v11
     VMUL    v12, v9, K(TileView.dx)
     VFMA    v12, v10, K(TileView.dy), v14
     VFMA    v12, v11, K(TileView.dz), v14
@@ -206,6 +213,8 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ROUNDED_STORE %%out, id, 8
     VMOV    v8, v7
     ROUNDED_STORE %%out, side, 8
+    WIDEN   v8, [r8 + Corners.near]
+    ROUNDED_STORE %%out, most, 8
 
     ; What each light does to it: |n . (l - v)| / |n|, and the weights.
     DOT3    v8, v3, v4, v5, v3, v4, v5, v14
@@ -256,6 +265,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     sub     rcx, LANES
     ja      .packet
     UNCONSTANTS
+    pop     r15
     pop     r14
     pop     r13
     pop     r12

@@ -182,24 +182,40 @@
 %endif
 %endmacro
 
-; DOUBTS - r = the lanes of the mask where a < b, a bit for each.
-%macro DOUBTS 4
+; WHERE - r = the lanes of the mask where a < b, or where a = b, a bit for each.
+%macro WHERE 5
 %define %%r %1          ; [out]      32-bit register
 %define %%a %2          ; [in]       vreg
 %define %%b %3          ; [in]       vreg or aligned memory
-%define %%t %4          ; [clobbered without mask registers] vreg
+%define %%relation %4   ; [in]       1 for a < b, 0 for a = b
+%define %%t %5          ; [clobbered without mask registers] vreg
 %if HAS_MASKS
-    VOP     cmp, k2 {MASK}, %%a, %%b, 17
+    VOP     cmp, k2 {MASK}, %%a, %%b, 17 * %%relation
     kmovw   %%r, k2
 %else
 %if HAS_VEX
-    VOP     cmp, %%t, %%a, %%b, 17
+    VOP     cmp, %%t, %%a, %%b, 17 * %%relation
 %else
     VMOV    %%t, %%a
-    VOP     cmp, %%t, %%b, 1
+    VOP     cmp, %%t, %%b, %%relation
 %endif
     VAND    %%t, %%t, MASK
     VOP     movmsk, %%r, %%t
+%endif
+%endmacro
+
+; WHOSE - r = an element as an integer.
+%macro WHOSE 2
+%define %%r %1          ; [out]      32-bit register
+%define %%m %2          ; [in]       memory
+%if HAS_VEX && ELEM == 4
+    vcvttss2si %%r, %%m
+%elif HAS_VEX
+    vcvttsd2si %%r, %%m
+%elif ELEM == 4
+    cvttss2si %%r, %%m
+%else
+    cvttsd2si %%r, %%m
 %endif
 %endmacro
 
@@ -287,7 +303,8 @@
 ;
 ;   registers   rdi planes, rdx corners, both of one triangle; rsi task; rcx triangles to go; r8 tile; r11, r15 the first
 ;               column of blocks and the end of rows, [rbp - 48] the end of columns; ebx row; r13 block; r10 blocks to go
-;               v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the row, v8 x, v12 first x
+;               v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the row, v8 x, v12 first x,
+;               v14 what 1/t cannot exceed
 FUNC NAME(nearest, triangles)
     ENTER_NEAREST
     mov     rdx, [rsi + NearestTask.corners]
@@ -305,6 +322,7 @@ align 16
     VSPREAD v1, [rdi + ELEM * TrianglePlanes.e2x]
     VSPREAD v2, [rdi + ELEM * TrianglePlanes.e3x]
     VSPREAD v3, [rdi + ELEM * TrianglePlanes.tx]
+    VSPREAD v14, [rdi + ELEM * TrianglePlanes.most]
     shl     r9d, WIDTH_SHIFT
     sub     r9d, TILE_WIDTH / 2
     VSPREAD_INTEGER 12, r9d
@@ -331,14 +349,19 @@ align 16
     VFMA    v10, v2, v8, v13
     VMIN    v9, v9, v10                 ; the least of the three edges
     VMOV    v10, v7
-    VFMA    v10, v3, v8, v13            ; 1/t
+    VFMA    v10, v3, v8, v13
+    VMIN    v10, v10, v14               ; 1/t, no more than at the nearest corner
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, [PACKET(minus_ones)]
-    MASK_AND_GREATER v10, v11, v13      ; the first of equals stays
+    MASK_AND_NOT_LESS v10, v11, v13
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
-    DOUBTS  r9d, v9, [PACKET(ones)], v13
+    WHERE   r9d, v10, v11, 0, v13
+    test    r9d, r9d
+    jnz     .tie
+.first:
+    WHERE   r9d, v9, [PACKET(ones)], 1, v13
     test    r9d, r9d
     jnz     .doubt
 .nearest:
@@ -360,6 +383,33 @@ align 16
     jnz     .triangle
     LEAVE_NEAREST
     ret
+
+    ; The lanes of r9d have another triangle that is as near: the first in the scene stays. Nobody comes first of all.
+.tie:
+    mov     [rbp - 48], r14
+    mov     [rbp - 56], r10
+    mov     r14, [rsi + NearestTask.order]
+    WHOSE   r10d, [rdi + ELEM * TrianglePlanes.id]
+    mov     r10d, [r14 + 4 * r10]
+    mov     [rbp - 72], r10d
+    mov     r10d, r9d
+.tied_lane:
+    bsf     r9d, r10d
+    WHOSE   r12d, [r13 + WHO + ELEM * r9]
+    mov     r12d, [r14 + 4 * r12]
+    cmp     r12d, [rbp - 72]
+    ja      .untied
+    btr     eax, r9d
+.untied:
+    lea     r9d, [r10 - 1]
+    and     r10d, r9d
+    jnz     .tied_lane
+    mov     r10, [rbp - 56]
+    mov     r14, [rbp - 48]
+    MASK_OF_BITS
+    test    eax, eax
+    jnz     .first
+    jmp     .next_block
 
     ; The lanes of r9d are within the rounding of an edge: each is decided in f64, as the reference does.
 .doubt:
@@ -477,7 +527,7 @@ align 16
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
-    DOUBTS  r9d, v10, v3, v13
+    WHERE   r9d, v10, v3, 1, v13
     test    r9d, r9d
     jnz     .doubt
 .nearest:
@@ -977,7 +1027,8 @@ align 16
 %unmacro SPILL 0
 %unmacro UNSPILL 0
 %unmacro MASK_OF_BITS 0
-%unmacro DOUBTS 4
+%unmacro WHERE 5
+%unmacro WHOSE 2
 %unmacro ENTER_NEAREST 0
 %unmacro LEAVE_NEAREST 0
 %unmacro CLIP 1

@@ -3,7 +3,7 @@
 use super::types::Plain;
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
-pub trait Element: Plain + Default + PartialEq + Send + Sync {
+pub trait Element: Plain + Default + PartialOrd + Send + Sync {
     /// Rounded to nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.

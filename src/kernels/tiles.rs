@@ -38,7 +38,7 @@ unsafe impl Plain for Facet {
 
 records! {
     /// What turns corners into bounds.
-    BoundsView { to_pixels, column, row, low, high, width, height, all_columns, all_rows }
+    BoundsView { to_pixels, column, row, low, high, width, height, near, all_columns, all_rows }
     /// The rays of a tile as set-up sees them.
     TileView { dx, dy, dz, step, down, scale, bound_x, bound_y, bound_z, bound_0 }
     /// A light as set-up sees it.
@@ -78,6 +78,7 @@ pub struct Corners {
     pub blue: [f32; CHUNK],
     pub columns: [u32; CHUNK],
     pub rows: [u32; CHUNK],
+    pub near: [f32; CHUNK],
 }
 
 /// A chunk of triangles as functions of a tile's pixels.
@@ -97,6 +98,7 @@ pub struct TrianglePlanes<E> {
     pub tx: [E; CHUNK],
     pub ty: [E; CHUNK],
     pub t0: [E; CHUNK],
+    pub most: [E; CHUNK],
     pub side: [E; CHUNK],
     pub id: [E; CHUNK],
 }
@@ -131,6 +133,7 @@ mod calls {
         pub(in crate::kernels) corners: *mut Corners,
         pub(in crate::kernels) columns: *mut u32,
         pub(in crate::kernels) rows: *mut u32,
+        pub(in crate::kernels) near: *mut f32,
     }
 
     /// As set-up reads it: addresses of elements have no type, so that one layout serves both.
@@ -142,6 +145,7 @@ mod calls {
         pub(in crate::kernels) ahead: u64,
         pub(in crate::kernels) columns: *const u32,
         pub(in crate::kernels) rows: *const u32,
+        pub(in crate::kernels) near: *const f32,
         pub(in crate::kernels) corners: *mut Corners,
         pub(in crate::kernels) planes: *mut (),
         pub(in crate::kernels) shades: *mut (),
@@ -155,6 +159,7 @@ mod calls {
     pub(in crate::kernels) struct NearestTask {
         pub(in crate::kernels) tile: *mut (),
         pub(in crate::kernels) corners: *const Corners,
+        pub(in crate::kernels) order: *const u32,
         pub(in crate::kernels) ids: *const u32,
         pub(in crate::kernels) columns: *const u32,
         pub(in crate::kernels) rows: *const u32,
@@ -199,6 +204,8 @@ mod calls {
         pub columns: Vec<u32>,
         /// Rows.
         pub rows: Vec<u32>,
+        /// Of triangles: what 1/t cannot exceed.
+        pub near: Vec<f32>,
     }
 
     /// The grid of rays in f64.
@@ -263,6 +270,7 @@ mod calls {
                     tx: zero,
                     ty: zero,
                     t0: zero,
+                    most: zero,
                     side: zero,
                     id: zero,
                 }),
@@ -289,6 +297,7 @@ mod calls {
             blue: none,
             columns: nothing,
             rows: nothing,
+            near: none,
         }
     }
 
@@ -298,6 +307,16 @@ mod calls {
             self.tile.near.fill(E::ZERO);
             self.tile.who.fill(E::ZERO);
             (self.count, self.most) = (0, 0);
+        }
+
+        /// The 1/t of the farthest pixel of a whole tile, 0 where a pixel is nobody's.
+        pub fn farthest(&self) -> E {
+            let least = |a: E, b: E| if b < a { b } else { a };
+            let mut lanes = [E::from_f64(f64::INFINITY); 32];
+            for part in self.tile.near.as_chunks::<32>().0 {
+                lanes.iter_mut().zip(part).for_each(|(lane, near)| *lane = least(*lane, *near));
+            }
+            lanes.into_iter().reduce(least).expect("lanes")
         }
 
         /// The triangles that were set up last.
@@ -342,10 +361,10 @@ mod calls {
             self.symbol
         }
 
-        /// Writes the bounds of all facets; `columns` and `rows` have room for them up to a multiple of [`CHUNK`].
-        pub fn call(&self, view: &BoundsView<f32>, facets: &[Facet], columns: &mut [u32], rows: &mut [u32]) {
+        /// Writes the bounds of all facets, for which there is room up to a multiple of [`CHUNK`].
+        pub fn call(&self, view: &BoundsView<f32>, facets: &[Facet], bounds: &mut PixelBounds) {
             let mut corners = no_corners();
-            let Some(task) = Self::task(facets, columns, rows, &mut corners) else { return };
+            let Some(task) = Self::task(facets, bounds, &mut corners) else { return };
             // SAFETY: task() proves that there is a facet and room for the results; the references the rest. The table it
             // came from was handed out by packets(), which had checked the CPU.
             unsafe { (self.code)(view, &task) }
@@ -356,11 +375,10 @@ mod calls {
             &self,
             view: &BoundsView<f32>,
             facets: &[Facet],
-            columns: &mut [u32],
-            rows: &mut [u32],
+            bounds: &mut PixelBounds,
         ) -> Result<(), Vec<Fault>> {
             let mut corners = no_corners();
-            let Some(task) = Self::task(facets, columns, rows, &mut corners) else { return Ok(()) };
+            let Some(task) = Self::task(facets, bounds, &mut corners) else { return Ok(()) };
             let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
             unsafe { checked::call(self.code as *const (), args) }
@@ -368,18 +386,19 @@ mod calls {
 
         fn task(
             facets: &[Facet],
-            columns: &mut [u32],
-            rows: &mut [u32],
+            bounds: &mut PixelBounds,
             corners: &mut Corners,
         ) -> Option<BoundsTask> {
+            let PixelBounds { columns, rows, near } = bounds;
             let room = facets.len().next_multiple_of(CHUNK);
-            assert!(columns.len() >= room && rows.len() >= room, "bounds of whole chunks are written");
+            assert!([columns.len(), rows.len(), near.len()].iter().all(|len| *len >= room), "whole chunks are written");
             (!facets.is_empty()).then(|| BoundsTask {
                 facets: facets.as_ptr(),
                 count: facets.len() as u64,
                 corners,
                 columns: columns.as_mut_ptr(),
                 rows: rows.as_mut_ptr(),
+                near: near.as_mut_ptr(),
             })
         }
     }
@@ -452,6 +471,7 @@ mod calls {
             assert!(ids.iter().all(|id| (*id as usize) < facets.len()), "ids of facets");
             // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
             assert!(bounds.columns.len() >= facets.len() && bounds.rows.len() >= facets.len());
+            assert!(bounds.near.len() >= facets.len());
             // The last packet writes as many as it has lanes.
             let before = first_id * lights.len();
             shades.resize(before + (ids.len() + MOST_SET_UP) * lights.len(), TileShade::ZERO);
@@ -464,6 +484,7 @@ mod calls {
                 ahead: ahead.len().min(CHUNK) as u64,
                 columns: bounds.columns.as_ptr(),
                 rows: bounds.rows.as_ptr(),
+                near: bounds.near.as_ptr(),
                 corners: &mut *buffers.corners,
                 planes: std::ptr::from_mut(&mut *buffers.planes).cast(),
                 shades: shades[before..].as_mut_ptr().cast(),
@@ -505,6 +526,7 @@ mod calls {
         NearestTask {
             tile: std::ptr::from_mut(tile).cast(),
             corners: std::ptr::null(),
+            order: std::ptr::null(),
             ids: std::ptr::null(),
             columns: std::ptr::null(),
             rows: std::ptr::null(),
@@ -528,10 +550,12 @@ mod calls {
             self.symbol
         }
 
-        /// Makes the pixels of the window those of the triangles that were set up last, where nothing is as near.
-        pub fn call(&self, buffers: &mut TileBuffers<E>, window: &TileWindow, grid: &TileGrid) {
+        /// Makes the pixels of the window those of the triangles that were set up last, where nothing is nearer, and
+        /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, and 0
+        /// for nobody and for spheres.
+        pub fn call(&self, buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
             if buffers.count > 0 {
-                let task = Self::task(buffers, window, grid);
+                let task = Self::task(buffers, order, window, grid);
                 // SAFETY: the buffers have room for a chunk and a tile, and the kernel clips all bounds to the window,
                 // which nearest_task() holds within the tile. The CPU as in Bounds.
                 unsafe { (self.code)(&*buffers.planes, &task) }
@@ -542,18 +566,21 @@ mod calls {
         pub fn call_checked(
             &self,
             buffers: &mut TileBuffers<E>,
+            order: &[u32],
             window: &TileWindow,
             grid: &TileGrid,
         ) -> Result<(), Vec<Fault>> {
             assert!(buffers.count > 0);
-            let task = Self::task(buffers, window, grid);
+            let task = Self::task(buffers, order, window, grid);
             let args = [std::ptr::from_ref(&*buffers.planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(buffers: &mut TileBuffers<E>, window: &TileWindow, grid: &TileGrid) -> NearestTask {
+        fn task(buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) -> NearestTask {
+            assert!(buffers.most < order.len(), "everyone has a place in the scene");
             NearestTask {
+                order: order.as_ptr(),
                 corners: &*buffers.corners,
                 count: buffers.count as u64,
                 ..nearest_task(&mut buffers.tile, window, grid)

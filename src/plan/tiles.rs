@@ -41,6 +41,7 @@ pub struct Tiles<'a, E> {
     grid: Grid<f64>,
     /// A power of two that brings 1/t to size.
     scale: f64,
+    keep_all: bool,
     /// Where the lights stand, those that are too far for f32 brought nearer.
     points: Vec<TilePoint<E>>,
     linear: Weighted<E>,
@@ -145,13 +146,15 @@ impl<'a, E: Element> Tiles<'a, E> {
         let sphere_bounds = PixelBounds {
             columns: sphere_bounds.iter().map(|b| b[0]).collect(),
             rows: sphere_bounds.iter().map(|b| b[1]).collect(),
+            near: Vec::new(),
         };
-        let triangle_bounds = triangle_bounds(&scene.triangles, &grid, picture, bounds, keep_all);
+        let triangle_bounds = triangle_bounds(&scene.triangles, &grid, scale, picture, bounds, keep_all);
         Tiles {
             scene,
             camera: *camera,
             grid,
             scale,
+            keep_all,
             points,
             shorts,
             linear: weighted(1.0),
@@ -211,6 +214,11 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// What is weighted for bytes.
     pub fn levels(&self) -> &Weighted<E> {
         &self.levels
+    }
+
+    /// Whether nothing is to be left out.
+    pub fn keeps_all(&self) -> bool {
+        self.keep_all
     }
 
     /// A power of two: the tile's 1/t is this over t.
@@ -294,15 +302,13 @@ impl Picture {
 fn triangle_bounds(
     facets: &[Triangle],
     grid: &Grid<f64>,
+    scale: f64,
     picture: Picture,
     kernel: &Bounds,
     keep_all: bool,
 ) -> PixelBounds {
     let [all_columns, all_rows] = picture.whole();
     let room = facets.len().next_multiple_of(CHUNK);
-    if keep_all {
-        return PixelBounds { columns: vec![all_columns; room], rows: vec![all_rows; room] };
-    }
     let (width, height) = (f64::from(picture.width), f64::from(picture.height));
     // Several roundings of numbers up to the picture's size, each of 2^-24 of it.
     let margin = (width + height) / f64::from(1 << 20);
@@ -314,6 +320,8 @@ fn triangle_bounds(
         high: 1.0 + margin,
         width,
         height,
+        // Some roundings more than the kernels' own.
+        near: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
         all_columns: 0.0,
         all_rows: 0.0,
     };
@@ -322,8 +330,12 @@ fn triangle_bounds(
         all_rows: f32::from_bits(all_rows),
         ..view.round::<f32>()
     };
-    let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room) };
-    kernel.call(&view, facets, &mut bounds.columns, &mut bounds.rows);
+    let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room), near: roomy(room) };
+    kernel.call(&view, facets, &mut bounds);
+    if keep_all {
+        bounds.columns.fill(all_columns);
+        bounds.rows.fill(all_rows);
+    }
     bounds
 }
 
@@ -581,9 +593,9 @@ fn each_place(columns: &[u32], rows: &[u32], across: u32, mut say: impl FnMut(u3
 
 /// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
 /// triangles' numbers on it.
-fn roomy(len: usize) -> Vec<u32> {
+fn roomy<T: Copy + Default>(len: usize) -> Vec<T> {
     let mut zeros = Vec::with_capacity(len);
     sys::large_pages(&mut zeros);
-    zeros.resize(len, 0);
+    zeros.resize(len, T::default());
     zeros
 }

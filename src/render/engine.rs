@@ -167,32 +167,66 @@ impl Engine {
                 Box::new(AosTracer::new(kernels, scene, camera))
             }
             #[cfg(rayo_asm)]
-            Engine::Packet(isa) => {
-                let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
-                match precision {
-                    Precision::Single => packet_tracer(kernels, &kernels.single, false, scene, camera),
-                    Precision::Fast => packet_tracer(kernels, &kernels.single, true, scene, camera),
-                    Precision::Double => packet_tracer(kernels, &kernels.double, false, scene, camera),
-                }
-            }
+            Engine::Packet(isa) => packet_tracer(isa, precision, scene, camera, Order::Planned)?,
         })
+    }
+
+    /// Gets a packet engine ready to trace tile by tile, however few objects there are; with `keep_all` by brute force:
+    /// every object is asked at every pixel, by the same arithmetic. None for the other engines, which have no tiles.
+    #[cfg(rayo_asm)]
+    pub fn prepare_tiles<'a>(
+        self,
+        precision: Precision,
+        scene: &'a Scene,
+        camera: &Camera,
+        keep_all: bool,
+    ) -> Option<Box<dyn Tracer + 'a>> {
+        let Engine::Packet(isa) = self else { return None };
+        packet_tracer(isa, precision, scene, camera, Order::Tiles { keep_all }).ok()
     }
 }
 
-/// Few objects are traced span by span, many tile by tile.
+/// How packets go through a picture.
 #[cfg(rayo_asm)]
-fn packet_tracer<'a, E: Element>(
-    packets: &'static PacketKernels,
-    kernels: &'static SpanKernels<E>,
-    fast: bool,
+#[derive(Clone, Copy)]
+enum Order {
+    /// Few objects span by span, many tile by tile.
+    Planned,
+    /// Tile by tile; every object at every pixel if it is to keep all.
+    Tiles { keep_all: bool },
+}
+
+#[cfg(rayo_asm)]
+fn packet_tracer<'a>(
+    isa: Isa,
+    precision: Precision,
     scene: &'a Scene,
     camera: &Camera,
-) -> Box<dyn Tracer + 'a> {
-    if plan::tiles_pay(scene, camera) {
-        Box::new(TileTracer::new(packets, kernels, fast, scene, camera, false))
-    } else {
-        Box::new(PacketTracer::new(packets, kernels, fast, scene, camera))
+    order: Order,
+) -> Result<Box<dyn Tracer + 'a>, EngineError> {
+    fn of<'a, E: Element>(
+        packets: &'static PacketKernels,
+        kernels: &'static SpanKernels<E>,
+        fast: bool,
+        scene: &'a Scene,
+        camera: &Camera,
+        order: Order,
+    ) -> Box<dyn Tracer + 'a> {
+        let keep_all = match order {
+            Order::Planned => plan::tiles_pay(scene, camera).then_some(false),
+            Order::Tiles { keep_all } => Some(keep_all),
+        };
+        match keep_all {
+            Some(keep_all) => Box::new(TileTracer::new(packets, kernels, fast, scene, camera, keep_all)),
+            None => Box::new(PacketTracer::new(packets, kernels, fast, scene, camera)),
+        }
     }
+    let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(Engine::Packet(isa)))?;
+    Ok(match precision {
+        Precision::Single => of(kernels, &kernels.single, false, scene, camera, order),
+        Precision::Fast => of(kernels, &kernels.single, true, scene, camera, order),
+        Precision::Double => of(kernels, &kernels.double, false, scene, camera, order),
+    })
 }
 
 impl FromStr for Engine {

@@ -13,6 +13,9 @@ use crate::plan::{TilePlace, Tiles, Weighted};
 use crate::reference::geometry;
 use crate::scene::{Camera, Scene};
 
+/// In a tile of fewer triangles it costs more to find out which of them others hide than to try them.
+const FEWEST_HIDDEN: usize = 64;
+
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: 'static> {
     packets: &'static PacketKernels,
@@ -83,6 +86,10 @@ struct Scratch<E> {
     buffers: TileBuffers<E>,
     spheres: Vec<u32>,
     triangles: Vec<u32>,
+    /// Those of them that are farther away.
+    behind: Vec<u32>,
+    /// Everyone's place in the scene, by their numbers in the tile.
+    order: Vec<u32>,
     shades: Vec<TileShade<E>>,
 }
 
@@ -97,6 +104,8 @@ impl<E: Element> TileTracer<'_, E> {
             buffers: TileBuffers::default(),
             spheres: Vec::new(),
             triangles: Vec::new(),
+            behind: Vec::new(),
+            order: Vec::new(),
             shades: Vec::new(),
         };
         for down in rows.start / height..rows.end.div_ceil(height) {
@@ -124,7 +133,7 @@ impl<E: Element> TileTracer<'_, E> {
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
     ) {
-        let Scratch { buffers, spheres, triangles, shades } = scratch;
+        let Scratch { buffers, spheres, triangles, behind, order, shades } = scratch;
         self.plan.seen_in(tile, spheres, triangles);
         if spheres.is_empty() && triangles.is_empty() {
             for row in 0..window.rows.len() {
@@ -140,16 +149,41 @@ impl<E: Element> TileTracer<'_, E> {
         // Nobody's shades, and none for spheres, whose light is their own.
         shades.clear();
         shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
-        for start in (0..triangles.len()).step_by(CHUNK) {
-            let triangles = Triangles {
-                facets: self.plan.facets(),
-                bounds: self.plan.triangle_bounds(),
-                lights: &weighted.lights,
-                ids: &triangles[start..],
-                first_id: 1 + spheres.len() + start,
-            };
-            self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
-            self.kernels.tiles.nearest_triangles.call(buffers, window, &grid);
+        order.clear();
+        order.resize(1 + spheres.len(), 0);
+        let mut nearest = |ids: &[u32], buffers: &mut TileBuffers<E>| {
+            for start in (0..ids.len()).step_by(CHUNK) {
+                let first_id = order.len();
+                let ids = &ids[start..];
+                let triangles = Triangles {
+                    facets: self.plan.facets(),
+                    bounds: self.plan.triangle_bounds(),
+                    lights: &weighted.lights,
+                    ids,
+                    first_id,
+                };
+                order.extend(ids.iter().take(CHUNK).map(|id| id + 1));
+                self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
+                self.kernels.tiles.nearest_triangles.call(buffers, order, window, &grid);
+            }
+        };
+        if triangles.len() < FEWEST_HIDDEN || self.plan.keeps_all() {
+            nearest(triangles, buffers);
+        } else {
+            // The nearer half of what is there first; what is behind all that this leaves need not be set up.
+            let near = &self.plan.triangle_bounds().near;
+            let of = |id: &u32| near[*id as usize];
+            let finite = triangles.iter().map(of).filter(|near| *near < f32::MAX);
+            let (low, high) = finite.fold((f32::MAX, 0.0_f32), |(low, high), near| (low.min(near), high.max(near)));
+            let middle = 0.5 * low + 0.5 * high;
+            behind.clear();
+            behind.extend(triangles.iter().filter(|id| of(id) < middle));
+            triangles.retain(|id| of(id) >= middle);
+            nearest(triangles, buffers);
+            let whole = window.columns as usize == TILE_WIDTH && window.rows.len() == TILE_HEIGHT;
+            let farthest = if whole { buffers.farthest().to_f64() } else { 0.0 };
+            behind.retain(|id| f64::from(of(id)) >= farthest);
+            nearest(behind, buffers);
         }
         let looks = Looks {
             shades,
