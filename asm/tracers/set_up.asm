@@ -92,7 +92,8 @@
     VMIN    v%[%%i], v%[%%i], [PACKET(largest)]
 %endmacro
 
-; STORE_SHADES - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on. Clobbers v8 to v14, r13.
+; STORE_SHADES - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
+;                Clobbers v8 to v14, r13.
 %macro STORE_SHADES 1
 %define %%out %1        ; [in]       4 or 8
     mov     r13, r12

@@ -1,7 +1,7 @@
 ; tiles.asm - the packet tracers in object order: the nearest of many objects over a tile of pixels, shaded once.
 ;
-; This is Algorithm 1 for many objects. Set-up has turned each triangle and each sphere into functions of the pixels of a
-; tile, and into bounds. Of each object only the blocks within its bounds are asked (line 14): a block is a packet of
+; This is Algorithm 1 for many objects. Set-up has turned each triangle and each sphere into functions of a tile's
+; pixels, and into bounds. Of each object only the blocks within its bounds are asked (line 14): a block is a packet of
 ; pixels, rows of up to four, and `near` and `who` of a tile keep the nearest of each (lines 12 to 17) in cache.
 ; When all objects are through, each pixel is shaded once (lines 18 to 21) and written.
 ;
@@ -301,8 +301,8 @@
 
 ; Triangles.
 ;
-;   registers   rdi planes, rdx corners, both of one triangle; rsi task; rcx triangles to go; r8 tile; r11, r15 the first
-;               column of blocks and the end of rows, [rbp - 48] the end of columns; ebx row; r13 block; r10 blocks to go
+;   registers   rdi planes, rdx corners, both of one triangle; rsi task; rcx triangles to go; r8 tile; r11 the first
+;               column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of rows; r13 block
 ;               v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the row, v8 x, v12 first x,
 ;               v14 what 1/t cannot exceed
 FUNC NAME(nearest, triangles)
@@ -454,7 +454,7 @@ align 16
 ;   registers   rdi a sphere; rsi task; rcx spheres to go; r8 tile; rdx the next of ids; r11, r14, r15, ebx, r13, r10 as
 ;               for triangles
 ;               v0 dxx, v1 hx, v2 v3 minus and plus the bound, v4 v5 v6 along the row: D at x = 0, its linear part, h;
-;               v8 x, v12 first x
+;               v7 who, v8 x, v12 first x
 FUNC NAME(nearest, spheres)
     ENTER_NEAREST
     mov     rdx, [rsi + NearestTask.ids]
@@ -504,6 +504,8 @@ align 16
     SPHERE_FIELD v6, rdi, h
     SPHERE_FIELD v9, rdi, hy
     VFMA    v6, v9, v7, v13
+    mov     r9d, [rbp - 64]
+    VSPREAD_INTEGER 7, r9d
     VMOV    v8, v12
     BLOCK_ROW
     mov     r10d, r14d
@@ -524,16 +526,12 @@ align 16
     VADD    v9, v9, v14                 ; 1/t
     VLOAD   v11, [r13]
     MASK_AND_GREATER v9, v11, v13       ; the first of equals stays
-    MASK_BITS eax
-    test    eax, eax
-    jz      .next_block
     WHERE   r9d, v10, v3, 1, v13
     test    r9d, r9d
     jnz     .doubt
-.nearest:
+.nearest:                               ; of no lane, often: a branch would not be foreseen
     MASK_STORE [r13], v9, v11
-    mov     eax, [rbp - 64]
-    VSPREAD_INTEGER 9, eax
+    VMOV    v9, v7
     MASK_STORE [r13 + WHO], v9, v11
 .next_block:
     VADD    v8, v8, [PACKET(block_step)]
@@ -553,6 +551,7 @@ align 16
 
     ; The lanes of r9d are within the rounding of the silhouette: r^2 d.d >= |c x d|^2 in f64.
 .doubt:
+    MASK_BITS eax
     SPILL
     mov     [rbp - 56], r10
     mov     [rbp - 72], r14
@@ -591,9 +590,7 @@ align 16
     UNSPILL
     mov     r10, [rbp - 56]
     mov     r14, [rbp - 72]
-    test    eax, eax
-    jnz     .nearest
-    jmp     .next_block
+    jmp     .nearest
     END
 
 ; The stack of the shading functions, from rsp on.

@@ -40,7 +40,8 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, TileKernels, packet_symbols, packets,
+    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, TileKernels, packet_symbols,
+    packets,
 };
 pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
 #[cfg(rayo_asm)]
@@ -49,8 +50,8 @@ pub use tiles::{
     TileOut, TileWindow, Triangles,
 };
 pub use tiles::{
-    BoundsView, CHUNK, Corners, Facet, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
-    TileView, TrianglePlanes,
+    BoundsView, CHUNK, Corners, Facet, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
+    TileSphere, TileView, TrianglePlanes,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

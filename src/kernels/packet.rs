@@ -8,8 +8,8 @@ use super::checked::{self, Fault};
 use super::isa::Isa;
 use super::spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
 use super::tiles::{
-    Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask, ShadeTile,
-    TileRays, TileSphere, TileView, TrianglePlanes,
+    Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask,
+    ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
 };
 use super::types::Vec4;
 

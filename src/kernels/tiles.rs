@@ -9,9 +9,9 @@ use glam::Vec3;
 
 #[cfg(rayo_asm)]
 use super::checked::{self, Fault};
-use super::spans::{Element, records};
 #[cfg(rayo_asm)]
 use super::spans::Lit;
+use super::spans::{Element, records};
 use super::types::Plain;
 
 /// Pixels of a tile, across.
@@ -384,15 +384,11 @@ mod calls {
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(
-            facets: &[Facet],
-            bounds: &mut PixelBounds,
-            corners: &mut Corners,
-        ) -> Option<BoundsTask> {
+        fn task(facets: &[Facet], bounds: &mut PixelBounds, corners: &mut Corners) -> Option<BoundsTask> {
             let PixelBounds { columns, rows, near } = bounds;
             let room = facets.len().next_multiple_of(CHUNK);
             assert!([columns.len(), rows.len(), near.len()].iter().all(|len| *len >= room), "whole chunks are written");
-            (!facets.is_empty()).then(|| BoundsTask {
+            (!facets.is_empty()).then_some(BoundsTask {
                 facets: facets.as_ptr(),
                 count: facets.len() as u64,
                 corners,
@@ -460,11 +456,7 @@ mod calls {
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(
-            triangles: Triangles<'_>,
-            buffers: &mut TileBuffers<E>,
-            shades: &mut Vec<TileShade<E>>,
-        ) -> SetupTask {
+        fn task(triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) -> SetupTask {
             let Triangles { facets, bounds, lights, ids, first_id } = triangles;
             let (ids, ahead) = ids.split_at(ids.len().min(CHUNK));
             assert!(!ids.is_empty());
@@ -715,12 +707,7 @@ mod calls {
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(
-            buffers: &TileBuffers<E>,
-            looks: Looks<'_, E>,
-            window: &TileWindow,
-            out: TileOut<'_, P>,
-        ) -> ShadeTask {
+        fn task(buffers: &TileBuffers<E>, looks: Looks<'_, E>, window: &TileWindow, out: TileOut<'_, P>) -> ShadeTask {
             window.check();
             let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
             let (objects, count) = (buffers.most + 1, lights.len());

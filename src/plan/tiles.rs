@@ -11,13 +11,13 @@ use glam::DVec3;
 use super::spans::{lit, weights};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint,
-    TileRays, TileSphere, TileView,
+    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
+    TilePoint, TileRays, TileSphere, TileView,
 };
 use crate::scene::{Camera, Grid, Light, Scene, Sphere, Triangle};
 
 /// An object in more tiles than this is in the list that all tiles look through.
-const MOST_TILES: u32 = 16;
+const MOST_TILES: u32 = 32;
 
 /// Numbers of objects are kept in f32, which has every integer up to here.
 const MOST_OBJECTS: usize = 1 << 24;
@@ -532,10 +532,7 @@ impl Bins {
         let (column, row) = tile.first();
         let in_tile = |id: &&u32| {
             let (x, y) = (range(bounds.columns[**id as usize]), range(bounds.rows[**id as usize]));
-            x.start < column + TILE_WIDTH as u32
-                && column < x.end
-                && y.start < row + TILE_HEIGHT as u32
-                && row < y.end
+            x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
         let mut own = own.iter().copied().peekable();
         for &large in self.large.iter().filter(in_tile) {

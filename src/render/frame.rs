@@ -125,7 +125,8 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     let bytes = image.format().is_8bit();
     let format = if bytes && frame.tracer.writes(PixelFormat::Rgba8) { PixelFormat::Rgba8 } else { PixelFormat::F32x4 };
     let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).max(1);
-    let band_rows = band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
+    let band_rows =
+        band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
     let mut film = frame.film(format, band_rows)?;
     let mut levels = Vec::new();
     let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };

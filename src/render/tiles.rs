@@ -234,13 +234,7 @@ impl<E: Element> TileTracer<'_, E> {
     }
 
     /// Shades what no kernel does.
-    fn shade_odd<P: Output<E>>(
-        &self,
-        ids: &[u32],
-        buffers: &TileBuffers<E>,
-        window: &TileWindow,
-        out: TileOut<'_, P>,
-    ) {
+    fn shade_odd<P: Output<E>>(&self, ids: &[u32], buffers: &TileBuffers<E>, window: &TileWindow, out: TileOut<'_, P>) {
         for row in window.rows.clone() {
             for column in 0..window.columns {
                 let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
