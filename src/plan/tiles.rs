@@ -25,8 +25,8 @@ const MOST_OBJECTS: usize = 1 << 24;
 /// Bounds have 16 bits.
 const LONGEST_SIDE: u32 = u16::MAX as u32;
 
-/// From here on objects are traced tile by tile.
-const FEWEST_OBJECTS: usize = 24;
+/// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
+const FEWEST_OBJECTS: usize = 32;
 
 /// Whether a scene is to be traced tile by tile, rather than span by span.
 pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
@@ -591,8 +591,7 @@ fn each_place(columns: &[u32], rows: &[u32], across: u32, mut say: impl FnMut(u3
 /// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
 /// triangles' numbers on it.
 fn roomy<T: Copy + Default>(len: usize) -> Vec<T> {
-    let mut zeros = Vec::with_capacity(len);
+    let mut zeros = vec![T::default(); len];
     sys::large_pages(&mut zeros);
-    zeros.resize(len, T::default());
     zeros
 }
