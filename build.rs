@@ -31,7 +31,7 @@ mod native {
 
     /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
-    const C_SOURCES: [&str; 2] = ["trace", "ops"];
+    const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
     /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
@@ -53,15 +53,17 @@ mod native {
         Rung { name: "native_v4", source: "lean", level: Level::V4, flags: &["-DSQRTF", NEAREST, HOISTED] },
         Rung { name: "fast_v3", source: "lean", level: Level::V3, flags: &["-DSQRTF", NEAREST, HOISTED, FAST] },
         Rung { name: "fast_v4", source: "lean", level: Level::V4, flags: &["-DSQRTF", NEAREST, HOISTED, FAST] },
-        Rung { name: "turned_base", source: "turned", level: Level::Base, flags: &["-DSQRTF", FAST] },
-        Rung { name: "turned_v3", source: "turned", level: Level::V3, flags: &["-DSQRTF", FAST] },
-        Rung { name: "turned_v4", source: "turned", level: Level::V4, flags: &["-DSQRTF", FAST] },
+        Rung { name: "turned_sse41", source: "turned", level: Level::Sse41, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
+        Rung { name: "turned_v3", source: "turned", level: Level::V3, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
+        Rung { name: "turned_v4", source: "turned", level: Level::V4, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
     ];
     const EVERY_HIT: &str = "-DNEAREST_ONLY=0";
     const NEAREST: &str = "-DNEAREST_ONLY=1";
     const PER_RAY: &str = "-DHOISTED=0";
     const HOISTED: &str = "-DHOISTED=1";
     const FAST: &str = "-ffast-math";
+    /// gcc would make one branch of several selections that ask the same, and then find no lanes.
+    const NO_BRANCHES: &str = "-fno-thread-jumps";
     /// The most objects of a kind that a rung takes.
     const LADDER_MOST: usize = 64;
 
@@ -77,6 +79,8 @@ mod native {
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Level {
         Base,
+        /// Between two levels: what the packets of that name need.
+        Sse41,
         V3,
         V4,
     }
@@ -191,6 +195,7 @@ mod native {
             let mut c = compiler(out);
             let march = match level {
                 Level::Base => None,
+                Level::Sse41 => Some("-msse4.1"),
                 Level::V3 => Some("-march=x86-64-v3"),
                 Level::V4 => Some("-march=x86-64-v4"),
             };

@@ -12,7 +12,11 @@
 %assign AOS_BEST 0                      ; the paper's forms: rayo_paper_*
 %define AOS_NAME(name) paper_ %+ name
 %include "ops/aos.asm"
+%assign AOS_HITS 0
 %include "tracers/paper.asm"
+%assign AOS_HITS 1                      ; what the paper's tracer hits, for who measures errors
+%include "tracers/paper.asm"
+%assign AOS_HITS 0
 
 %assign AOS_BEST 1                      ; the best forms: rayo_aos_*
 %define AOS_NAME(name) aos_ %+ name

@@ -12,9 +12,10 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
-    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Light, Lit, Looks, Objects, Op, OpRef, PacketKernels,
-    Plain, Planes, Rgba8, Row, Shade, ShadeTile, SpanKernels, Sphere, Spheres, TileBuffers, TileOut, TileShade,
-    TileWindow, Triangle, Triangles, Vec4, broken_read, broken_write,
+    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow, LitRows,
+    LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgba8, Row, RowSetup, Shade,
+    ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
+    Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -72,6 +73,37 @@ fn every_tracer_keeps_the_calling_convention() {
                 let mut unchecked = film.clone();
                 kernels.trace.call(&frame(width, height), objects, 0..height, &mut unchecked);
                 assert_eq!(film, unchecked, "{implementation}: a checked call computes what any call does");
+            }
+        }
+    }
+}
+
+/// What the two tracers of the paper hit.
+fn hits() -> Vec<Hits> {
+    [Some(hits_of_c()), hits_of_paper()].into_iter().flatten().collect()
+}
+
+#[test]
+fn what_a_tracer_hits_is_asked_within_the_calling_convention_and_within_its_memory() {
+    let canary = Surface { point: [f32::NAN; 4].into(), ..Surface::ZERO };
+    for hits in hits() {
+        for (side, (lights, spheres, triangles)) in
+            SIDES.into_iter().flat_map(|side| scenes().into_iter().map(move |s| (side, s)))
+        {
+            let lights = Guarded::new(&lights, side).unwrap();
+            let spheres = Guarded::new(&spheres, side).unwrap();
+            let triangles = Guarded::new(&triangles, side).unwrap();
+            let objects = Objects { lights: &lights, spheres: &spheres, triangles: &triangles };
+            for (width, rows) in [(1, 0..1), (3, 1..3), (16, 0..2), (33, 2..5)] {
+                let frame = Guarded::new(&[frame(width, rows.end)], side).unwrap();
+                let mut film = Guarded::new(&vec![canary; width as usize * rows.len()], side).unwrap();
+                let what = format!("{width} wide, rows {rows:?}, the guard page {side:?}, {objects:?}");
+                let mut trace = || hits.call(&frame[0], objects, rows.clone(), &mut film);
+                assert!(survives(&mut trace).unwrap(), "touches the guard page: {what}");
+                let mut checked = vec![canary; width as usize * rows.len()];
+                assert_eq!(hits.call_checked(&frame[0], objects, rows.clone(), &mut checked), Ok(()), "{what}");
+                trace();
+                assert_eq!(film[..], checked[..], "{what}");
             }
         }
     }
@@ -284,6 +316,74 @@ fn check_shade<S: Plain, E: Element, P: Pixel>(kernel: &Shade<S, E, P>, span: im
     }
 }
 
+/// Rows of every width and number, with a span anywhere.
+fn check_shade_rows<E: Element, P: Pixel>(kernel: &ShadeRows<E, P>, sphere: &LitSphere<E>, rng: &mut Rng) {
+    for count in [1, 2, 5] {
+        let rows: Vec<_> = (0..COUNTS.end)
+            .map(|pixels| {
+                let mut rows = Guarded::new(&[LitRows::default()], Side::After).unwrap();
+                let width = pixels / count;
+                for row in 0..count {
+                    // As wide a silhouette as in a plan, where p is above 0 inside of the span.
+                    let a = E::from_f64(1e4);
+                    rows[0].set_row(row, &LitRow { a, ..kernel_cases::lit_row(Numbers::Ordinary, width, rng) });
+                }
+                rows
+            })
+            .collect();
+        // Whole rows only; what is left over is a row of its own, of a width of its own.
+        let whole = |pixels: usize| pixels.is_multiple_of(count);
+        let width = |pixels: usize| if whole(pixels) { pixels / count } else { pixels };
+        let rows = |pixels: usize| &rows[if whole(pixels) { pixels } else { 0 }][0];
+        for streaming in [false, true] {
+            check_writes(
+                kernel.symbol(),
+                |pixels, out| kernel.call_checked(sphere, rows(pixels), out, width(pixels), streaming),
+                |pixels, out| kernel.call(sphere, rows(pixels), out, width(pixels), streaming),
+            );
+        }
+    }
+}
+
+/// Pixels that are the row's own, among those of another object.
+fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[Lit<E>], rng: &mut Rng) {
+    let mut recoloured = 0;
+    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
+        let x = start..start + pixels;
+        let mut row = row(&kernels.outside, lits, &kernel_cases::outside_span(Numbers::Ordinary, 1.0, WIDTH, rng));
+        let nearer = kernel_cases::outside_span(Numbers::Ordinary, 2.0, pixels, rng);
+        kernels.outside.depth.call(&nearer, &mut row, x.clone());
+        let sphere = kernel_cases::lit_sphere(Numbers::Ordinary, rng);
+        let lit_row = LitRow { id: nearer.id, ..kernel_cases::lit_row(Numbers::Ordinary, pixels, rng) };
+        let mut rows = Guarded::new(&[LitRows::default()], Side::After).unwrap();
+        rows[0].set_row(0, &lit_row);
+        for kernel in [&kernels.lit_planes, &kernels.lit_planes_fast] {
+            let checked = |row: &mut Row<E>, x| kernel.call_checked(&sphere, &rows[0], row, x);
+            let call = |row: &mut Row<E>, x| kernel.call(&sphere, &rows[0], row, x);
+            recoloured += check_own(kernel.symbol(), &row, x.clone(), checked, call);
+        }
+    }
+    assert!(recoloured > 0, "{}: no pixel is coloured", kernels.lit_planes.symbol());
+}
+
+/// Any number of rows, the setup and the rows between guard pages.
+fn check_row_setup<E: Element>(kernel: &RowSetup<E>, rng: &mut Rng) {
+    let mut setup = LitSetup::<f64>::default();
+    let fields = [&mut setup.step, &mut setup.columns, &mut setup.cy, &mut setup.k, &mut setup.m, &mut setup.zz];
+    fields.into_iter().for_each(|field| *field = f64::from(rng.between(1.0, 2.0)));
+    setup.width = 50.0;
+    for side in SIDES {
+        let setup = Guarded::new(&[setup], side).unwrap();
+        let mut rows = Guarded::new(&[LitRows::<E>::default()], side).unwrap();
+        for count in 1..=LIT_ROWS {
+            assert_eq!(kernel.call_checked(&setup[0], 3, count, &mut rows[0]), Ok(()), "{} {count}", kernel.symbol());
+        }
+        let alive =
+            survives(|| (1..=LIT_ROWS).for_each(|count| kernel.call(&setup[0], 3, count, &mut rows[0]))).unwrap();
+        assert!(alive, "{} touches the guard page {side:?}", kernel.symbol());
+    }
+}
+
 /// The five planes of a row.
 fn planes<E: Element>(row: &Row<E>) -> [Vec<u64>; 5] {
     [0, 1, 2, 3, 4].map(|plane| row.plane(plane).iter().map(|x| x.to_f64().to_bits()).collect())
@@ -325,10 +425,22 @@ fn check_planes<S: Plain, E: Element>(
     span: &S,
     x: Range<usize>,
 ) -> usize {
+    let checked = |row: &mut Row<E>, x| kernel.call_checked(span, lits, row, x);
+    check_own(kernel.symbol(), row, x, checked, |row, x| kernel.call(span, lits, row, x))
+}
+
+/// How many of the pixels `x` of the row are coloured by a kernel, all of which must be the second object's.
+fn check_own<E: Element>(
+    symbol: &str,
+    row: &Row<E>,
+    x: Range<usize>,
+    checked: impl FnOnce(&mut Row<E>, Range<usize>) -> Result<(), Vec<Fault>>,
+    call: impl FnOnce(&mut Row<E>, Range<usize>),
+) -> usize {
     let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
-    let what = format!("{} at {x:?}", kernel.symbol());
-    assert_eq!(kernel.call_checked(span, lits, &mut after, x.clone()), Ok(()), "{what}");
-    kernel.call(span, lits, &mut unchecked, x.clone());
+    let what = format!("{symbol} at {x:?}");
+    assert_eq!(checked(&mut after, x.clone()), Ok(()), "{what}");
+    call(&mut unchecked, x.clone());
     let changed = planes(&after);
     assert_eq!(changed, planes(&unchecked), "{what}");
     assert_eq!((&changed[0], &changed[4]), (&before[0], &before[4]), "{what} changes who is where");
@@ -345,6 +457,7 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
     check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
     check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
     check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgba8_dim, |pixels| spans[pixels], lits);
     let (mut won, mut recoloured, mut tried) = (0, 0, 0);
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -353,7 +466,10 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
         tried += pixels;
         bodies.depth.call(&spans[pixels], &mut row, x.clone());
         recoloured += check_planes(&bodies.planes, lits, &row, &spans[pixels], x.clone());
-        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x);
+        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x.clone());
+        if let Some(normals) = &bodies.normals {
+            recoloured += check_planes(normals, &[], &row, &spans[pixels], x);
+        }
     }
     let symbol = bodies.depth.symbol();
     assert!((tried / 50..tried).contains(&won), "{symbol}: {won} of {tried} pixels are won");
@@ -382,15 +498,27 @@ fn check_emit<E: Element, P: Pixel>(kernel: &Emit<E, P>, row: &Row<E>, expected:
 
 fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let numbers = Numbers::Ordinary;
-    let lits: Vec<_> = (0..3).map(|_| kernel_cases::lit(numbers, rng)).collect();
-    let spans: Vec<_> = (0..COUNTS.end).map(|pixels| kernel_cases::lit_span(numbers, 2.0, pixels, rng)).collect();
-    check_shade(&kernels.lit_f32x4, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.lit_f32x4_fast, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.lit_rgba8, |pixels| spans[pixels], &lits);
-    check_shade(&kernels.grey_rgba8, |pixels| spans[pixels], &lits);
+    // Each light and one opposite to it, so that some light is on every side of a surface.
+    let lits = (0..3).map(|_| kernel_cases::lit(numbers, rng));
+    let opposite = |l: Lit<E>| Lit { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
+    let opposite = |l: Lit<E>| [l, Lit { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
+    let lits: Vec<_> = lits.flat_map(opposite).collect();
     check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
-    check_bodies(&kernels.inside, &lits, |id, pixels| kernel_cases::inside_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.near, &lits, |id, pixels| kernel_cases::near_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.inside, &lits, |id, pixels| {
+        // No root of what is below 0: it would be black.
+        let span: InsideSpan<E> = kernel_cases::inside_span(numbers, id, pixels, rng);
+        InsideSpan { g: E::from_f64(100.0), k: E::from_f64(span.k.to_f64().abs()), ..span }
+    });
     check_bodies(&kernels.triangle, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
+    for bodies in [&kernels.lit, &kernels.grey] {
+        let sphere = kernel_cases::lit_sphere(numbers, rng);
+        check_shade_rows(&bodies.f32x4, &sphere, rng);
+        check_shade_rows(&bodies.f32x4_fast, &sphere, rng);
+        check_shade_rows(&bodies.rgba8, &sphere, rng);
+    }
+    check_row_setup(&kernels.lit_rows, rng);
+    check_lit_planes(kernels, &lits, rng);
     // A light of weights from 0 to 300, so that levels are clamped.
     let [red, green, blue] = [300.0, 200.0, 100.0].map(E::from_f64);
     let light = Lit { red, green, blue, ..lits[0] };

@@ -381,7 +381,16 @@ fn the_option_replaces_what_is_there() {
 #[test]
 fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
     let place = Place::new();
-    for (name, start) in [("a.png", &b"\x89PNG"[..]), ("a.PPM", b"P6"), ("a.pgm", b"P3"), ("a.pfm", b"PF")] {
+    for (name, start) in [
+        ("a.png", &b"\x89PNG"[..]),
+        ("a.PPM", b"P6"),
+        ("a.pgm", b"P3"),
+        ("a.pfm", b"PF"),
+        ("a.exr", b"v/1\x01"),
+        ("a.hdr", b"#?RADIANCE"),
+        ("a.tif", b"II*\0"),
+        ("a.qoi", b"qoif"),
+    ] {
         assert_eq!(place.run(&format!("render scene.in -o {name}")).status, 0);
         assert!(fs::read(place.path(name)).unwrap().starts_with(start), "{name}");
     }
@@ -682,7 +691,8 @@ fn diff_says_what_keeps_images_from_being_compared() {
     let sizes = "error: cannot compare a.ppm with c.ppm: the first picture has 2x1 pixels and the second 1x1: \
                  only pictures of one size can be compared";
     place.refuses("diff a.ppm c.ppm", 2, sizes);
-    let kind = "error: scene.in is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5) and PFM are";
+    let kind = "error: scene.in is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and \
+                QOI are";
     place.refuses("diff a.ppm scene.in", 2, kind);
     let missing = "error: cannot read none.png: No such file or directory (os error 2)";
     place.refuses("diff a.ppm none.png", 2, missing);

@@ -3,13 +3,21 @@
 use proptest::prelude::*;
 use rayo::kernels::Vec4;
 use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::{Format, ImageError, ImageWriter, read};
+use rayo::render::{Format, ImageError, ImageWriter, OutputError, read};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-const FORMATS: [(&str, Format); 4] =
-    [("a.png", Format::Png), ("a.ppm", Format::Ppm), ("a.pgm", Format::PpmText), ("a.pfm", Format::Pfm)];
+const FORMATS: [(&str, Format); 8] = [
+    ("a.exr", Format::Exr),
+    ("a.hdr", Format::Hdr),
+    ("a.pfm", Format::Pfm),
+    ("a.pgm", Format::PpmText),
+    ("a.png", Format::Png),
+    ("a.ppm", Format::Ppm),
+    ("a.qoi", Format::Qoi),
+    ("a.tiff", Format::Tiff),
+];
 
 /// Levels with every byte value among them, and an alpha that must not matter.
 fn levels(width: u32, height: u32) -> Vec<[u8; 4]> {
@@ -26,9 +34,21 @@ fn expected(format: Format, width: u32, height: u32) -> Picture {
     let pixels = if format.is_8bit() {
         Pixels::Rgb8(levels(width, height).iter().map(|p| [p[0], p[1], p[2]]).collect())
     } else {
-        Pixels::Rgb32F(floats(width, height).iter().map(|p| [p[0], p[1], p[2]]).collect())
+        let rounded = |pixel| if format == Format::Hdr { rgbe(pixel) } else { pixel };
+        Pixels::Rgb32F(floats(width, height).iter().map(|p| rounded([p[0], p[1], p[2]])).collect())
     };
     Picture::new(width, height, pixels)
+}
+
+/// A pixel as Radiance's format holds it: 8 bits of each channel, cut off below the largest one's first.
+fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
+    let pixel = pixel.map(|value| value.clamp(0.0, 2.0_f32.powi(126)));
+    let largest = pixel.into_iter().fold(0.0, f32::max);
+    if largest < f32::MIN_POSITIVE {
+        return [0.0; 3];
+    }
+    let unit = 2.0_f64.powi(f64::from(largest).log2().floor() as i32 + 1 - 8);
+    pixel.map(|value| ((f64::from(value) / unit).floor() * unit) as f32)
 }
 
 /// Writes all rows of the above, `band` rows per call.
@@ -80,7 +100,7 @@ fn the_extension_tells_the_format_in_any_case() {
     }
     for name in ["picture.jpg", "a.png.", "a.p"] {
         let error = Format::from_path(Path::new(name)).unwrap_err().to_string();
-        assert!(error.contains(".png, .ppm, .pgm or .pfm"), "{error}");
+        assert!(error.contains(".png, .ppm, .pgm, .pfm, .exr, .hdr, .tiff, .tif or .qoi"), "{error}");
     }
 }
 
@@ -96,7 +116,7 @@ fn a_file_written_in_bands_of_any_height_reads_back_equal() {
             }
         }
     }
-    assert_eq!(names(&directory), ["a.pfm", "a.pgm", "a.png", "a.ppm"]);
+    assert_eq!(names(&directory), FORMATS.map(|(name, _)| name));
 }
 
 #[test]
@@ -110,6 +130,55 @@ fn every_band_height_gives_the_same_bytes() {
         });
         assert!(files[0] == files[1] && files[1] == files[2], "{name}");
     }
+}
+
+#[test]
+fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.hdr");
+    let mut writer = ImageWriter::create(&path, Format::Hdr, 2, 2).unwrap();
+    let (inf, tiny) = (f32::INFINITY, 1e-40);
+    let rows = [[inf, 1.0, 0.0, 0.0], [tiny; 4], [-inf, -1.0, 0.0, 0.0], [f32::NAN, 0.5, 0.25, 0.0]];
+    writer.write_f32x4(&rows.map(Vec4::from)).unwrap();
+    writer.finish().unwrap();
+    let Pixels::Rgb32F(pixels) = read(&path).unwrap().pixels else { panic!("floats") };
+    assert!(pixels[0][0] > 8e37 && pixels[0][0].is_finite(), "{pixels:?}");
+    assert_eq!(pixels[1..], [[0.0; 3], [0.0; 3], [0.0, 0.5, 0.25]]);
+}
+
+#[test]
+fn a_format_that_is_written_whole_says_so_before_any_work_if_that_is_too_much() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = ImageWriter::create(&directory.path().join("a.qoi"), Format::Qoi, 20_000, 20_000).err().unwrap();
+    assert!(matches!(error, ImageError::Whole { .. }), "{error}");
+    let error = error.to_string();
+    assert!(error.contains("takes 1144 MiB of memory") && error.contains("written row by row"), "{error}");
+    assert_eq!(names(&directory), [""; 0]);
+    // All others take it.
+    for (name, format) in FORMATS.into_iter().filter(|(_, format)| *format != Format::Qoi) {
+        assert!(ImageWriter::create(&directory.path().join(name), format, 20_000, 20_000).is_ok(), "{name}");
+    }
+}
+
+#[test]
+fn an_image_beyond_4_gib_is_a_big_tiff() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.tiff");
+    let beginning = |height| {
+        let mut writer = ImageWriter::create(&path, Format::Tiff, 1 << 15, height).unwrap();
+        let rows = vec![[1, 2, 3, 255]; 1 << 15];
+        (0..height.min(40)).for_each(|_| writer.write_rgba8(&rows).unwrap());
+        let part = fs::read_dir(directory.path()).unwrap().next().unwrap().unwrap().path();
+        // What is not written yet is in a buffer: dropping the writer writes it, and removes the file after that.
+        let link = directory.path().join("link");
+        fs::hard_link(&part, &link).unwrap();
+        drop(writer);
+        let bytes = fs::read(&link).unwrap();
+        fs::remove_file(link).unwrap();
+        bytes[..4].to_vec()
+    };
+    assert_eq!(beginning(40_000), b"II*\0");
+    assert_eq!(beginning(50_000), b"II+\0");
 }
 
 #[test]
@@ -229,7 +298,7 @@ fn what_exists_is_kept_when_a_new_file_is_asked_for() {
     write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
     writer.finish().unwrap();
     let error = ImageWriter::create_new(&path, Format::Ppm, 4, 4).err().unwrap();
-    assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
     assert!(error.to_string().contains("--force"), "{error}");
     assert_eq!(read(&path).unwrap(), expected(Format::Ppm, 4, 4));
 }
@@ -242,7 +311,7 @@ fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
     write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
     fs::write(&path, "faster").unwrap();
     let error = writer.finish().unwrap_err();
-    assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
     assert_eq!(fs::read(&path).unwrap(), b"faster");
     assert_eq!(names(&directory), ["a.ppm"]);
 }
@@ -251,14 +320,17 @@ fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
 fn a_missing_directory_is_named() {
     let directory = tempfile::tempdir().unwrap();
     let error = ImageWriter::create(&directory.path().join("no/a.png"), Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(&error, ImageError::NoDirectory { directory: d, .. } if d.ends_with("no")), "{error}");
+    assert!(
+        matches!(&error, ImageError::Output(OutputError::NoDirectory { directory: d, .. }) if d.ends_with("no")),
+        "{error}"
+    );
 }
 
 #[test]
 fn a_directory_is_no_file_to_write() {
     let directory = tempfile::tempdir().unwrap();
     let error = ImageWriter::create(directory.path(), Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(error, ImageError::Write { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
     assert_eq!(names(&directory), [""; 0]);
 }
 
@@ -271,7 +343,7 @@ fn a_write_protected_file_is_not_replaced() {
     permissions.set_readonly(true);
     fs::set_permissions(&path, permissions).unwrap();
     let error = ImageWriter::create(&path, Format::Png, 1, 1).err().unwrap();
-    assert!(matches!(error, ImageError::ReadOnly { .. }), "{error}");
+    assert!(matches!(error, ImageError::Output(OutputError::ReadOnly { .. })), "{error}");
 }
 
 #[test]
@@ -344,7 +416,7 @@ mod unix {
         let link = directory.path().join("link.ppm");
         symlink("target.ppm", &link).unwrap();
         let error = ImageWriter::create_new(&link, Format::Ppm, 4, 4).err().unwrap();
-        assert!(matches!(error, ImageError::Exists { .. }), "{error}");
+        assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
         write(&link, Format::Ppm, (4, 4), 4).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(names(&directory), ["link.ppm", "target.ppm"]);
@@ -356,7 +428,7 @@ mod unix {
         symlink("b.ppm", directory.path().join("a.ppm")).unwrap();
         symlink("a.ppm", directory.path().join("b.ppm")).unwrap();
         let error = ImageWriter::create(&directory.path().join("a.ppm"), Format::Ppm, 1, 1).err().unwrap();
-        assert!(matches!(error, ImageError::Write { .. }), "{error}");
+        assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
     }
 
     #[test]
@@ -431,7 +503,10 @@ mod unix {
         // The superuser may write there all the same.
         if fs::write(closed.join("probe"), "").is_err() {
             let error = ImageWriter::create(&closed.join("a.png"), Format::Png, 1, 1).err().unwrap();
-            assert!(matches!(&error, ImageError::Directory { directory, .. } if *directory == closed), "{error}");
+            assert!(
+                matches!(&error, ImageError::Output(OutputError::Directory { directory, .. }) if *directory == closed),
+                "{error}"
+            );
         }
     }
 }
@@ -557,8 +632,8 @@ fn a_file_cut_off_anywhere_is_an_error() {
         let path = directory.path().join(name);
         write(&path, format, (4, 3), 3).unwrap();
         let bytes = fs::read(&path).unwrap();
-        // The last character of a P3 file may go, for it is a newline, and what ends a PNG after its pixels.
-        let (_, needed) = [(Format::Png, 16), (Format::PpmText, 2)]
+        // The last character of a P3 file may go, for it is a newline, and what ends a PNG or a QOI after its pixels.
+        let (_, needed) = [(Format::Png, 16), (Format::PpmText, 2), (Format::Qoi, 8)]
             .into_iter()
             .find(|(with_end, _)| *with_end == format)
             .unwrap_or((format, 0));
@@ -574,7 +649,10 @@ proptest! {
 
     #[test]
     fn no_bytes_make_the_reader_panic(
-        magic in prop::sample::select(vec!["", "P2", "P3", "P5", "P6", "PF", "Pf", "P6\n2 2\n255\n", "PF 2 1 1 ", "P3 2 2 9 "]),
+        magic in prop::sample::select(vec![
+            "", "P2", "P3", "P5", "P6", "PF", "Pf", "P6\n2 2\n255\n", "PF 2 1 1 ", "P3 2 2 9 ", "v/1\u{1}", "qoif", "II*\0",
+            "MM\0*", "#?RADIANCE\n", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 9\n",
+        ]),
         bytes in prop::collection::vec(any::<u8>(), 0..200),
     ) {
         let _ = read_bytes(&[magic.as_bytes(), &bytes].concat());
@@ -597,10 +675,30 @@ proptest! {
         bytes[position] = value;
         let _ = read_bytes(&bytes);
     }
+}
+
+proptest! {
+    // Each of these writes a file, by a thread.
+    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_damage_to_a_file_makes_the_reader_panic(
+        which in 0_usize..FORMATS.len(), edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let (name, format) = FORMATS[which];
+        let path = directory.path().join(name);
+        write(&path, format, (9, 5), 5).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        for (at, value) in edits {
+            *at.get_mut(&mut bytes) = value;
+        }
+        let _ = read_bytes(&bytes);
+    }
 
     #[test]
     fn whatever_size_and_bands_a_file_reads_back_equal(
-        width in 1_u32..50, height in 1_u32..50, band in 1_u32..60, which in 0_usize..4
+        width in 1_u32..50, height in 1_u32..50, band in 1_u32..60, which in 0_usize..FORMATS.len()
     ) {
         let directory = tempfile::tempdir().unwrap();
         let (name, format) = FORMATS[which];

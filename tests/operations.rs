@@ -12,10 +12,10 @@ use std::ops::Range;
 
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Bodies, Element, Frame, InsideSpan, Isa, Light, Lit, LitSpan, Objects, OpRef, OutsideSpan, Rgba8, Row, Shade,
-    SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+    Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, NearSpan, Objects,
+    OpRef, OutsideSpan, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
-use rayo::plan::{Packed, Spans, UseRecord};
+use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
 use rayo::reference::packet::{self, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
@@ -442,11 +442,13 @@ trait Record<E>: Copy + std::fmt::Debug {
     fn near(&self) -> E;
     fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3];
     fn den(&self, rounding: Rounding, j: E) -> E;
+    /// None for a triangle.
+    fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]>;
 }
 
 /// Gives a record its twin: the value that is made of `$s`, and the functions that take it.
 macro_rules! record {
-    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident) => {
+    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident $(, $normal:ident)?) => {
         impl<E: Element + Real> Record<E> for $name<E> {
             fn first(&self) -> E {
                 self.j
@@ -462,6 +464,11 @@ macro_rules! record {
                 let $s = self;
                 rounding.$den(&$twin, j)
             }
+            fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]> {
+                let ($s, _rounding, _j) = (self, rounding, j);
+                let _twin = $twin;
+                [$(_rounding.$normal(&_twin, _j))?].into_iter().next()
+            }
         }
     };
 }
@@ -472,7 +479,16 @@ record!(OutsideSpan, s => packet::Outside {
     h: linear(s.h1, s.h0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
     c: [s.cx, s.cy, s.cz],
-}, outside, outside_den);
+}, outside, outside_den, outside_normal);
+record!(NearSpan, s => packet::Near {
+    a: linear(s.a1, s.a0),
+    b: linear(s.b1, s.b0),
+    h: linear(s.h1, s.h0),
+    x: linear(s.x1, s.x0),
+    y: s.y,
+    z: s.z,
+    c: [s.cx, s.cy, s.cz],
+}, near, near_den, near_normal);
 record!(InsideSpan, s => packet::Inside {
     x: linear(s.x1, s.x0),
     y: s.y,
@@ -481,18 +497,18 @@ record!(InsideSpan, s => packet::Inside {
     h: linear(s.h1, s.h0),
     k: s.k,
     c: [s.cx, s.cy, s.cz],
-}, inside, inside_den);
+}, inside, inside_den, inside_normal);
 record!(TriangleSpan, s => packet::Triangle {
     w: linear(s.w1, s.w0),
     xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
 }, triangle, triangle_den);
 
-fn twin_of_lit_span<E: Element>(s: &LitSpan<E>) -> packet::LitSphere<E> {
+fn twin_of_lit<E: Element>(s: &LitSphere<E>, row: &LitRow<E>) -> packet::LitSphere<E> {
     packet::LitSphere {
-        left: s.left,
-        right: s.right,
-        h: linear(s.h1, s.h0),
-        q: linear(s.q1, s.q0),
+        m: row.m,
+        a: row.a,
+        h: linear(s.h1, row.h0),
+        q: linear(s.q1, row.q0),
         kn: s.kn,
         ke: s.ke,
         weights: [s.red, s.green, s.blue],
@@ -565,6 +581,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         // In f32 the bytes come from estimates.
         let exact = size_of::<E>() == 8;
         let rgba8 = shaded(&bodies.rgba8, &span, &lits, pixels, [0; 4]);
+        let rgba8_dim = shaded(&bodies.rgba8_dim, &span, &lits, pixels, [0; 4]);
         let mut row = Row::new(pixels);
         bodies.depth.call(&span, &mut row, 0..pixels);
         bodies.planes.call(&span, &lits, &mut row, 0..pixels);
@@ -573,6 +590,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
             if exact {
                 compared.levels(rgba8[i], levels(colour, true), &what);
+                compared.levels(rgba8_dim[i], levels(colour, false), &what);
             }
             let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
             let den = span.den(rounding, j(i)) * span.near();
@@ -584,35 +602,112 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             let equal = |(a, b): (E, E)| bits(a) == bits(b) || a.to_f64().is_nan() && b.to_f64().is_nan();
             let all = in_row.into_iter().zip(expected).all(equal);
             assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
+            let mut owned = Row::new(pixels);
+            bodies.depth.call(&span, &mut owned, 0..pixels);
+            assert_eq!(bodies.normals.is_some(), span.normal(rounding, j(i)).is_some());
+            if let (Some(kernel), Some(normal)) = (&bodies.normals, span.normal(rounding, j(i))) {
+                kernel.call(&span, &[], &mut owned, 0..pixels);
+                let found = [1, 2, 3].map(|plane| owned.plane(plane)[i]);
+                let expected = if den > zero { normal } else { [zero; 3] };
+                let all = found.into_iter().zip(expected).all(equal);
+                assert!(all, "the normal {found:?} instead of {expected:?}: {}", what());
+            }
         }
     }
     compared
+}
+
+/// What the twin makes of rows, each `width` pixels: None where the kernel's pixel is black because no span has it.
+/// `packets` gives the number of a pixel's packet in memory.
+fn twins_of_lit<E: Element + Real>(
+    rounding: Rounding,
+    sphere: &LitSphere<E>,
+    rows: &[LitRow<E>],
+    width: usize,
+    packets: impl Fn(usize) -> usize,
+) -> Vec<Option<[E; 3]>> {
+    let mut colours = vec![None; rows.len() * width];
+    for (i, row) in rows.iter().enumerate() {
+        let [start, end] = [row.start, row.end].map(|column| i * width + column.to_f64() as usize);
+        for (pixel, colour) in (start..end).zip(colours.iter_mut().skip(start)) {
+            let edge = [start, end - 1].map(&packets).contains(&packets(pixel));
+            let j = E::from_u32((pixel - start) as u32) + row.j;
+            *colour = Some(rounding.lit(&twin_of_lit(sphere, row), j, edge));
+        }
+    }
+    colours
+}
+
+/// Rows made by a kernel, and which packet of memory each pixel is in.
+fn lit_rows<E: Element, P: Copy>(
+    kernel: &ShadeRows<E, P>,
+    lanes: usize,
+    sphere: &LitSphere<E>,
+    rows: &[LitRow<E>],
+    width: usize,
+    canary: P,
+) -> (Vec<P>, impl Fn(usize) -> usize + use<E, P>) {
+    let mut lit_rows = LitRows::default();
+    for (i, row) in rows.iter().enumerate() {
+        lit_rows.set_row(i, row);
+    }
+    let mut out = vec![canary; rows.len() * width];
+    kernel.call(sphere, &lit_rows, &mut out, width, false);
+    let first = out.as_ptr() as usize / size_of::<P>();
+    (out, move |pixel| (first + pixel) / lanes)
 }
 
 fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
     // In f32, and with AVX-512 in f64 too, the bytes come from estimates.
     let exact = size_of::<E>() == 8 && isa != Isa::Avx512;
     let mut compared = Compared::default();
+    let black = [E::from_u32(0); 3];
     for case in 0..PACKET_CASES * Numbers::ALL.len() {
         let numbers = Numbers::ALL[case % Numbers::ALL.len()];
-        let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
-        let span: LitSpan<E> = kernel_cases::lit_span(numbers, 1.0, pixels, rng);
-        let grey = LitSpan { green: span.red, blue: span.red, ..span };
-        let f32x4 = shaded(&kernels.lit_f32x4, &span, &[], pixels, Vec4::default());
-        let rgba8 = shaded(&kernels.lit_rgba8, &span, &[], pixels, [0; 4]);
-        let greys = shaded(&kernels.grey_rgba8, &grey, &[], pixels, [0; 4]);
-        for i in 0..pixels {
-            let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {span:?}");
-            let j = E::from_u32(i as u32) + span.j;
-            let colour = rounding.lit(&twin_of_lit_span(&span), j);
-            compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
-            if exact {
-                compared.levels(rgba8[i], levels(colour, false), &what);
-                compared.levels(greys[i], levels(rounding.lit(&twin_of_lit_span(&grey), j), false), &what);
+        let (width, count) = (1 + rng.next_u64() as usize % MOST_PIXELS, 1 + rng.next_u64() as usize % 4);
+        let any: LitSphere<E> = kernel_cases::lit_sphere(numbers, rng);
+        let grey = LitSphere { red: E::from_u32(1), green: E::from_u32(1), blue: E::from_u32(1), ..any };
+        let rows: Vec<_> = (0..count).map(|_| kernel_cases::lit_row(numbers, width, rng)).collect();
+        for (sphere, bodies) in [(&any, &kernels.lit), (&grey, &kernels.grey)] {
+            let what =
+                |pixel: usize| format!("case {case} of {numbers:?}, pixel {pixel} of {width}: {sphere:?} {rows:?}");
+            let (f32x4, packets) = lit_rows(&bodies.f32x4, kernels.lanes, sphere, &rows, width, Vec4::default());
+            let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
+            for (i, (pixel, twin)) in f32x4.iter().zip(twins).enumerate() {
+                compared.floats(pixel.lanes(), float_pixel(twin.unwrap_or(black)), &|| what(i));
+            }
+            let row = &rows[0];
+            let pixels = (row.end.to_f64() - row.start.to_f64()).max(0.0) as usize;
+            let mut in_row = owned(kernels, row.j, row.stop, pixels);
+            let mut of_row = LitRows::default();
+            of_row.set_row(0, row);
+            kernels.lit_planes.call(sphere, &of_row, &mut in_row, 0..pixels);
+            for i in 0..pixels {
+                let found = [1, 2, 3].map(|plane| in_row.plane(plane)[i]);
+                let j = E::from_u32(i as u32) + row.j;
+                let twin = rounding.lit(&twin_of_lit(sphere, row), j, true);
+                compared.floats(float_pixel(found), float_pixel(twin), &|| what(i));
+            }
+            let (rgba8, packets) = lit_rows(&bodies.rgba8, kernels.lanes, sphere, &rows, width, [0; 4]);
+            let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
+            for (i, (pixel, twin)) in rgba8.iter().zip(twins).enumerate() {
+                if exact || twin.is_none() {
+                    compared.levels(*pixel, levels(twin.unwrap_or(black), false), &|| what(i));
+                }
             }
         }
     }
     compared
+}
+
+/// A row in which all pixels are those of object 1: a sphere with 1/t = 1 everywhere.
+fn owned<E: Element>(kernels: &SpanKernels<E>, j: E, end: E, pixels: usize) -> Row<E> {
+    let [zero, one] = [0.0, 1.0].map(E::from_f64);
+    let everywhere = OutsideSpan { j, end, id: one, near: one, h0: one, ..OutsideSpan::<f64>::default().round() };
+    let mut row = Row::new(pixels);
+    kernels.outside.depth.call(&everywhere, &mut row, 0..pixels);
+    assert!(row.plane(0)[..pixels].iter().all(|who| *who != zero));
+    row
 }
 
 fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u64) {
@@ -624,6 +719,7 @@ fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u6
             "outside",
             check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
         ),
+        ("near", check_bodies(&kernels.near, rounding, |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng), rng)),
         ("inside", check_bodies(&kernels.inside, rounding, |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng), rng)),
         (
             "triangle",
@@ -668,15 +764,22 @@ impl<E: Element + Real> Planned<'_, E> {
 impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
     type Result = ();
 
-    fn lit(self, span: &LitSpan<E>) {
-        let found = shaded(&self.kernels.lit_f32x4, span, &[], self.pixels, Vec4::default());
-        for (i, pixel) in found.into_iter().enumerate() {
-            let colour = self.rounding.lit(&twin_of_lit_span(span), E::from_u32(i as u32) + span.j);
-            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
+    fn lit(self, form: &ShortForm, row: &LitRow<E>) {
+        let (sphere, width) = (form.sphere(Scale::Linear).round(), self.pixels);
+        let rows = [*row];
+        let bodies = &self.kernels.lit;
+        let (found, packets) = lit_rows(&bodies.f32x4, self.kernels.lanes, &sphere, &rows, width, Vec4::default());
+        let twins = twins_of_lit(self.rounding, &sphere, &rows, width, packets);
+        for (i, (pixel, twin)) in found.into_iter().zip(twins).enumerate() {
+            let colour = twin.expect("a span that fills its row");
+            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {row:?} of {sphere:?}"));
         }
     }
     fn outside(mut self, span: &OutsideSpan<E>) {
         self.check(&self.kernels.outside.f32x4, span);
+    }
+    fn near(mut self, span: &NearSpan<E>) {
+        self.check(&self.kernels.near.f32x4, span);
     }
     fn inside(mut self, span: &InsideSpan<E>) {
         self.check(&self.kernels.inside.f32x4, span);
@@ -689,18 +792,19 @@ impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
 fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) {
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
     let mut compared = Compared::default();
-    for (lights, short) in [(1, true), (1, false), (2, false)] {
+    for (lights, keep) in [(1, Keep::NOTHING), (1, Keep::only(Omission::Loop)), (2, Keep::NOTHING)] {
         let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
         scene.lights.truncate(lights);
-        // One sphere has the camera in it.
+        // One sphere has the camera in it, and one nearly.
         scene.spheres[0].radius = 400.0;
-        let spans = Spans::<E>::new(&scene, &scene.camera, 1.0);
+        scene.spheres[1].radius = 0.9 * scene.spheres[1].centre.length();
+        let spans = Spans::<E>::new(&scene, &scene.camera, Some(Scale::Linear), keep);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {
                 let Some(span) = spans.row(object, row) else { continue };
-                let (lits, pixels) = (spans.lits(object), (span.end - span.start) as usize);
+                let (lits, pixels) = (spans.lits(object, Scale::Linear), (span.end - span.start) as usize);
                 let user = Planned { kernels, rounding, lits, pixels, compared: &mut compared };
-                spans.with_record(&span, row, 1.0, short, user);
+                spans.with_record(&span, row, 1.0, Some(Scale::Linear), user);
             }
         }
     }
@@ -714,5 +818,67 @@ fn the_spans_of_a_scene_are_shaded_as_their_twins_to_the_last_bit() {
     for (isa, kernels) in packet_kernels() {
         check_planned(isa, &kernels.single);
         check_planned(isa, &kernels.double);
+    }
+}
+
+/// Compares the rows of the spheres of a scene, as a kernel finds them, with the plan's.
+fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &Scene) -> usize {
+    struct Row;
+    impl<E: Element> UseRecord<E> for Row {
+        type Result = LitRow<E>;
+        fn lit(self, _: &ShortForm, row: &LitRow<E>) -> LitRow<E> {
+            *row
+        }
+        fn outside(self, _: &OutsideSpan<E>) -> LitRow<E> {
+            unreachable!("the object has a short form")
+        }
+        fn near(self, _: &NearSpan<E>) -> LitRow<E> {
+            unreachable!("the object has a short form")
+        }
+        fn inside(self, _: &InsideSpan<E>) -> LitRow<E> {
+            unreachable!("the object has a short form")
+        }
+        fn triangle(self, _: &TriangleSpan<E>) -> LitRow<E> {
+            unreachable!("the object has a short form")
+        }
+    }
+    let plan = Spans::<E>::new(scene, &scene.camera, Some(Scale::Linear), Keep::default());
+    let height = scene.camera.height();
+    let mut compared = 0;
+    for object in plan.seen_in(&(0..height)) {
+        let Some(form) = plan.short_form(object) else { continue };
+        for first in (0..height).step_by(LIT_ROWS - 1) {
+            let mut found = LitRows::default();
+            let count = (height - first).min(LIT_ROWS as u32 - 1);
+            kernels.lit_rows.call(form.setup(Scale::Linear), first, count as usize, &mut found);
+            for row in 0..count {
+                let what = format!("row {} of object {object}", first + row);
+                // Who it is, is not the kernel's to say.
+                let found = LitRow { id: E::from_u32(1), ..found.row(row as usize) };
+                let Some(span) = plan.row(object, first + row) else {
+                    assert!(found.start >= found.end, "{what}: {found:?} instead of nothing");
+                    continue;
+                };
+                let expected = plan.with_record(&span, first + row, 1.0, Some(Scale::Linear), Row);
+                // Where it is alone, its first column is column 0.
+                let [start, end] = [span.start, span.end].map(E::from_u32);
+                assert_eq!(found, LitRow { start, end, ..expected }, "{what}");
+                compared += 1;
+            }
+        }
+    }
+    compared
+}
+
+#[test]
+fn the_rows_of_a_sphere_are_those_of_the_plan_to_the_last_bit() {
+    for (isa, kernels) in packet_kernels() {
+        for (width, height) in [(201, 151), (1, 67), (333, 5)] {
+            let mut scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), ..many(60, 0, 7) };
+            scene.lights.truncate(1);
+            let compared = [check_lit_rows(&kernels.single, &scene), check_lit_rows(&kernels.double, &scene)];
+            println!("{isa}, {width}x{height}: {compared:?} rows");
+            assert!(compared[0] > 10 && compared[0] == compared[1], "{isa}: {compared:?} rows compared");
+        }
     }
 }

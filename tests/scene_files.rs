@@ -1,65 +1,22 @@
 //! Scene files: what is read, what is refused and in which words, and that neither costs more memory than it may.
 #![allow(unsafe_code)] // the counting allocator
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+mod counting;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use counting::peak_of;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
-
-/// The system's allocator, which counts what each thread holds: tests run side by side.
-struct Counting;
-
-thread_local! {
-    static HELD: Cell<isize> = const { Cell::new(0) };
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-fn count(bytes: isize) {
-    let held = HELD.get() + bytes;
-    HELD.set(held);
-    PEAK.set(PEAK.get().max(held));
-}
-
-// SAFETY: every call is handed to `System` with the caller's own arguments, under the caller's own promises. The
-// counters are constants without a destructor, so that reaching them neither allocates nor fails.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size() as isize);
-        // SAFETY: as for the impl.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        count(-(layout.size() as isize));
-        // SAFETY: as for the impl.
-        unsafe { System.dealloc(memory, layout) }
-    }
-
-    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // While the content moves, both blocks exist.
-        count(size as isize);
-        count(-(layout.size() as isize));
-        // SAFETY: as for the impl.
-        unsafe { System.realloc(memory, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// What diagnostics may take, however short the file.
 const SLACK: usize = 64 << 10;
 
 /// Parses, and holds the memory that it takes to 16 times the file.
 fn parse_bounded(source: &[u8]) -> Result<Scene, SceneError> {
-    let before = HELD.get();
-    PEAK.set(before);
-    let scene = parse(source, "test.in");
-    let peak = (PEAK.get() - before) as usize;
+    let (scene, peak) = peak_of(|| parse(source, "test.in"));
     assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
     scene
 }

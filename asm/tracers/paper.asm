@@ -3,7 +3,10 @@
 ; unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists, row: u64, end: u64, out: *mut Vec4)
 ;
 ;   Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel: red, green, blue and 0, linear
-;   and not clamped. Everything that Algorithm 1 names stays in a register for the whole of its life:
+;   and not clamped. Where AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the Surface that
+;   the nearest hit would be shaded as, with its t in the point's fourth lane; all 0 where there is none.
+;
+;   Everything that Algorithm 1 names stays in a register for the whole of its life:
 ;
 ;       rdi  bytes in a row             xmm0   ray: r_d
 ;       rdx  row                        xmm1   colour: I[row, col]
@@ -18,12 +21,27 @@
 ;                                       xmm15  (step, -step, 0, 0)
 ;
 ;   requires       SSE3; addresses aligned to 16; every list as long as its count says; width >= 1; row < end
-;   equals         reference::aos::trace, to the last bit
+;   equals         reference::aos::trace, to the last bit; hits: the surfaces in it
+
+%if AOS_HITS
+%define TRACER hits
+%define PIXEL_SIZE Surface_size
+%else
+%define TRACER trace
+%define PIXEL_SIZE Vec4_size
+%endif
 
 ; SHADE_SURFACE - lines 18 to 21 of Algorithm 1: the colour of the hit at P with normal N, over all lights.
 %macro SHADE_SURFACE 2
 %define %%colour %1     ; [in]       aligned memory: C of the object
 %define %%sides %2      ; [in]       as LAMBERT has it
+%if AOS_HITS
+    movaps  [r8 + Surface.point], xmm4
+    movss   [r8 + Surface.point + 12], xmm3
+    movaps  [r8 + Surface.normal], xmm5
+    movaps  xmm1, %%colour
+    movaps  [r8 + Surface.colour], xmm1
+%else
     xorps   xmm1, xmm1
     mov     r13, rbp
     cmp     r13, r12
@@ -35,6 +53,7 @@ align 16
     cmp     r13, r12
     jb      %%light
 %%dark:
+%endif
 %endmacro
 
 ; LIST - the address of a list and that of its end.
@@ -48,7 +67,7 @@ align 16
     add     %%end, %%first
 %endmacro
 
-FUNC AOS_NAME(trace)
+FUNC AOS_NAME(TRACER)
     push    rbx
     push    rbp
     push    r12
@@ -66,7 +85,7 @@ FUNC AOS_NAME(trace)
     movss   xmm8, [rdi + Frame.focal]
     movlhps xmm6, xmm8                  ; (-W/2, H/2, f, 0)
     mov     rdi, [rdi + Frame.width]
-    shl     rdi, 4                      ; 16 bytes a pixel
+    imul    rdi, rdi, PIXEL_SIZE
     LIST    rbp, r12, Lists.light, Light_size
     LIST    r11, rbx, Lists.triangle, Triangle_size
     LIST    rsi, r10, Lists.sphere, Sphere_size
@@ -86,6 +105,11 @@ align 16
     addps   xmm0, xmm6                  ; r_d
     movss   xmm2, [infinity]            ; line 12
     xorps   xmm1, xmm1
+%if AOS_HITS
+    movaps  [r8 + Surface.point], xmm1
+    movaps  [r8 + Surface.normal], xmm1
+    movaps  [r8 + Surface.colour], xmm1
+%endif
 
     mov     rax, rsi                    ; line 13, the spheres
     cmp     rax, r10
@@ -123,9 +147,11 @@ align 16
     jb      .triangle
 .triangles_done:
 
+%if AOS_HITS == 0
     movaps  [r8], xmm1
+%endif
     addss   xmm7, [one]                 ; col + 1
-    add     r8, Vec4_size
+    add     r8, PIXEL_SIZE
     cmp     r8, r9
     jb      .col
 

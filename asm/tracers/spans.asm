@@ -9,19 +9,21 @@
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(span, lits, lit_count, out, pixels, streaming)
 ;   rayo_<p>_<object>_planes        unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
+;   rayo_<p>_<object>_normals       unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
 ;   rayo_<p>_emit_<output>          unsafe extern "sysv64" fn(row, stride, out, pixels)
 ;
-;   <object>    lit         a sphere from outside, one light, in the short form (no planes, no depth); no clamp: the
-;                           light is known not to exceed white
-;               grey        the same where red, green and blue are equal (rgba8 only)
-;               outside     a sphere from outside
+;   <object>    outside     a sphere from outside
+;               near        a sphere from outside at less than sqrt 2 radii, such as a ground
 ;               inside      a sphere from inside
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               rgba8       levels of red, green, blue, and 255
+;               rgba8_dim   the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
+;
+;   ..._normals as planes, with a sphere's unit normal in place of its colour: for who measures errors
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
@@ -36,11 +38,10 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      reference::packet, to the last bit where there is no estimate
 
-%define NAME(object, what) ISA_NAME %+ _ %+ object %+ _ %+ what
-
 ; LIGHTS - the colour in v1, v2, v3 of points o in v4, v5, v6 under all lights.
-%macro LIGHTS 1
-%define %%flat %1       ; [in]       1 for a triangle
+%macro LIGHTS 2
+%define %%seen %1       ; [in]       FROM_CENTRE, ON_PLANE or FROM_CAMERA
+%define %%centre %2     ; [in]       FROM_CAMERA: number of the constant c.x
     VZERO   v1
     VZERO   v2
     VZERO   v3
@@ -49,48 +50,62 @@
     test    rax, rax
     jz      %%dark
 %%light:
-    LAMBERT3 v1, v2, v3, v4, v5, v6, r11, %%flat, v7, v8, v9, v10, v11, v12
+    LAMBERT3 v1, v2, v3, v4, v5, v6, r11, %%seen, v7, v8, v9, v10, v11, v12, %%centre
     add     r11, ELEM * Lit_size
     dec     rax
     jnz     %%light
 %%dark:
 %endmacro
 
-; BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. All bodies leave v0, v14 and v15 alone.
-%macro BODY_LIT 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
-    VMUL    v2, v1, K(LitSpan.green)
-    VMUL    v3, v1, K(LitSpan.blue)
-    VMUL    v1, v1, K(LitSpan.red)
-%endmacro
-
-; BODY_GREY - the same where red, green and blue are equal: in v1 alone.
-%macro BODY_GREY 0
-    SPHERE_LIT v1, v0, v4, v5, v6, v7, v8, v9, v10
-    VMUL    v1, v1, K(LitSpan.red)
-%endmacro
-
-; BODY_OUTSIDE - the colour in v1, v2, v3 of the pixels j in v0.
+; BODY_OUTSIDE - the colour in v1, v2, v3 of the pixels j in v0. All bodies leave v0, v14 and v15 alone.
 %macro BODY_OUTSIDE 0
     SPHERE_OUTSIDE v4, v5, v6, v0, v7, v8, v9, v10
-    LIGHTS  0
+    LIGHTS  FROM_CENTRE, 0
+%endmacro
+
+; BODY_NEAR - the colour in v1, v2, v3 of the pixels j in v0.
+%macro BODY_NEAR 0
+    SPHERE_NEAR v4, v5, v6, v0, v7, v8, v9
+    LIGHTS  FROM_CAMERA, NearSpan.cx
+%endmacro
+
+; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
+%macro BODY_OUTSIDE_NORMAL 0
+    SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
+%endmacro
+
+; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_NEAR_NORMAL 0
+    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
+    SUB3    v1, v2, v3, v1, v2, v3, K(NearSpan.cx), K(NearSpan.cy), K(NearSpan.cz)
 %endmacro
 
 ; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_INSIDE 0
     SPHERE_INSIDE v4, v5, v6, v0, v7, v8
-    LIGHTS  0
+    LIGHTS  FROM_CAMERA, InsideSpan.cx
+%endmacro
+
+; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_INSIDE_NORMAL 0
+    SPHERE_INSIDE v1, v2, v3, v0, v7, v8
+    SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
 %endmacro
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_TRIANGLE 0
     TRIANGLE_PLANE v4, v5, v6, v0, v7, v8
-    LIGHTS  1
+    LIGHTS  ON_PLANE, 0
 %endmacro
 
 ; DEN_OUTSIDE - v1 = 1/t of the pixels j in v0, which is what depth compares.
 %macro DEN_OUTSIDE 0
     SPHERE_DEN v1, v0, v2, v3
+%endmacro
+
+; DEN_NEAR - v1 = 1/t of the pixels j in v0.
+%macro DEN_NEAR 0
+    DEN_OUTSIDE
 %endmacro
 
 ; DEN_INSIDE - v1 = 1/t of the pixels j in v0.
@@ -118,19 +133,6 @@
 %macro PIXELS_DIM 0
     PACK_RGBA8 1, 2, 3, 0
 %endmacro
-
-; PIXELS_GREY - from the colour in v1 to pixels in w1, for BODY_GREY.
-%macro PIXELS_GREY 0
-    PACK_GREY 1
-%endmacro
-
-; The outputs: bytes of a pixel, their logarithm, and the order of lanes that their stores want.
-%assign F32X4_BYTES 16
-%assign F32X4_SHIFT 4
-%define F32X4_ORDER PACKET(turned)
-%assign RGBA8_BYTES 4
-%assign RGBA8_SHIFT 2
-%define RGBA8_ORDER PACKET(natural)
 
 ; SHADE - a function that shades the pixels of a span one packet after another.
 ;
@@ -188,72 +190,14 @@ align 16
     mov     r11d, LANES
     cmp     r8, r11
     cmovb   r11, r8
-    PART_ %+ %%format
+%ifidn %%format, F32X4
+    PART_F32X4 rcx, 4, r10, r11, rax, k1, 1
+%else
+    PART_RGBA8 rcx, 1, r10, r11, rax, k1, 2
+%endif
     xor     r10d, r10d
     jmp     .next
     END
-%endmacro
-
-; PART_F32X4 - stores the pixels of the lanes from r10 up to, but without, r11 to rcx. Clobbers rax, r10, r11, k1, v1.
-%macro PART_F32X4 0
-%if HAS_MASKS
-    shl     r10d, 2                     ; four floats a pixel
-    shl     r11d, 2
-    mov     rax, -1
-    bzhi    rax, rax, r11               ; a CPU with AVX-512 has BMI2
-    shrx    rax, rax, r10
-    shlx    rax, rax, r10               ; a bit for each float
-%assign %%e 0
-%rep 4
-%assign %%w 4 + %%e
-    kmovw   k1, eax
-    vmovups [rcx + LANES * 4 * %%e] {k1}, w%[%%w]
-    shr     rax, LANES
-%assign %%e %%e + 1
-%endrep
-%else
-    STORE_F32X4 SCRATCH, 4, movups
-    COPY_PART F32X4
-%endif
-%endmacro
-
-; PART_RGBA8 - the same for pixels in w1. Clobbers rax, r10, k1.
-%macro PART_RGBA8 0
-%if HAS_MASKS
-    mov     eax, -1
-    bzhi    eax, eax, r11d
-    shrx    eax, eax, r10d
-    shlx    eax, eax, r10d              ; a bit for each pixel
-    kmovw   k1, eax
-    vmovups [rcx] {k1}, w1
-%else
-    STORE_RGBA8 SCRATCH, 1
-    COPY_PART RGBA8
-%endif
-%endmacro
-
-; COPY_PART - the pixels of the lanes from r10 up to, but without, r11 from the scratch memory to rcx. r10 < r11.
-;             Clobbers rax, r10, v1.
-%macro COPY_PART 1
-%define %%format %1     ; [in]       F32X4 or RGBA8
-%%pixel:
-%ifidn %%format, F32X4
-    mov     rax, r10
-    shl     rax, 4
-%if HAS_VEX
-    vmovaps xmm1, [SCRATCH + rax]
-    vmovaps [rcx + rax], xmm1
-%else
-    movaps  xmm1, [SCRATCH + rax]
-    movaps  [rcx + rax], xmm1
-%endif
-%else
-    mov     eax, [SCRATCH + 4 * r10]
-    mov     [rcx + 4 * r10], eax
-%endif
-    inc     r10
-    cmp     r10, r11
-    jb      %%pixel
 %endmacro
 
 ; PLANES - a function that shades, of a span's pixels in the row of buffers, those that are the span's own.
@@ -272,24 +216,15 @@ align 16
     VLOAD   v14, [rcx]
     MASK_EQUAL v14, K(Span.id)
     BODY_ %+ %%body
-    OWN     rcx + r9, v1
-    OWN     rcx + 2 * r9, v2
-    OWN     rcx + r10, v3
+    VSTORE_MASKED rcx + r9, v1, v4
+    VSTORE_MASKED rcx + 2 * r9, v2, v4
+    VSTORE_MASKED rcx + r10, v3, v4
     VADD    v0, v0, [PACKET(step)]
     add     rcx, VBYTES
     sub     r8, LANES
     ja      .packet
     UNCONSTANTS
 ENDFUNC
-%endmacro
-
-; OWN - stores a register in the lanes of the mask. Clobbers v4.
-%macro OWN 2
-%define %%m %1          ; [in]       address
-%define %%v %2          ; [in]       vreg
-    VLOAD   v4, [%%m]
-    VSELECT v4, %%v
-    VSTORE  [%%m], v4
 %endmacro
 
 ; DEPTH - a function that makes a span's pixels its own where nothing in the row of buffers is as near.
@@ -349,8 +284,7 @@ FUNC NAME(emit, %%output)
 .part:
     STORE_NATURAL %%format, SCRATCH
     xor     r10d, r10d
-    mov     r11, r8
-    COPY_PART %%format
+    COPY_PART %%format, rcx, r10, r8, rax, 1
     UNCONSTANTS
 ENDFUNC
 %endmacro
@@ -367,58 +301,62 @@ ENDFUNC
 %endmacro
 
 %assign ESTIMATE 0
-    SHADE   lit, f32x4, LIT, F32X4, F32X4, 15
     SHADE   outside, f32x4, OUTSIDE, F32X4, F32X4, 19
+    SHADE   near, f32x4, NEAR, F32X4, F32X4, 17
     SHADE   inside, f32x4, INSIDE, F32X4, F32X4, 15
     SHADE   triangle, f32x4, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes, OUTSIDE, 19
+    PLANES  near, planes, NEAR, 17
     PLANES  inside, planes, INSIDE, 15
     PLANES  triangle, planes, TRIANGLE, 12
     DEPTH   outside, OUTSIDE, 19
+    DEPTH   near, NEAR, 17
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
     EMIT    f32x4, F32X4
     EMIT    rgba8, RGBA8
+    PLANES  outside, normals, OUTSIDE_NORMAL, 19
+    PLANES  near, normals, NEAR_NORMAL, 17
+    PLANES  inside, normals, INSIDE_NORMAL, 15
 %if ELEM == 4
 %assign ESTIMATE 1
-    SHADE   lit, f32x4_fast, LIT, F32X4, F32X4, 15
     SHADE   outside, f32x4_fast, OUTSIDE, F32X4, F32X4, 19
+    SHADE   near, f32x4_fast, NEAR, F32X4, F32X4, 17
     SHADE   inside, f32x4_fast, INSIDE, F32X4, F32X4, 15
     SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, F32X4, 12
     PLANES  outside, planes_fast, OUTSIDE, 19
+    PLANES  near, planes_fast, NEAR, 17
     PLANES  inside, planes_fast, INSIDE, 15
     PLANES  triangle, planes_fast, TRIANGLE, 12
 %endif
-%if ELEM == 8 && HAS_MASKS
-%assign ESTIMATE 1                      ; with Newton steps to the end
-%endif
-    SHADE   lit, rgba8, LIT, DIM, RGBA8, 15
-    SHADE   grey, rgba8, GREY, GREY, RGBA8, 13
 %assign ESTIMATE ELEM == 4
     SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
+    SHADE   outside, rgba8_dim, OUTSIDE, DIM, RGBA8, 19
+    SHADE   near, rgba8, NEAR, RGBA8, RGBA8, 17
+    SHADE   near, rgba8_dim, NEAR, DIM, RGBA8, 17
     SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
+    SHADE   inside, rgba8_dim, INSIDE, DIM, RGBA8, 15
     SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
+    SHADE   triangle, rgba8_dim, TRIANGLE, DIM, RGBA8, 12
 
 ; This file is assembled once per element type.
-%unmacro LIGHTS 1
-%unmacro BODY_LIT 0
-%unmacro BODY_GREY 0
+%unmacro LIGHTS 2
 %unmacro BODY_OUTSIDE 0
+%unmacro BODY_OUTSIDE_NORMAL 0
+%unmacro BODY_NEAR 0
+%unmacro BODY_NEAR_NORMAL 0
 %unmacro BODY_INSIDE 0
+%unmacro BODY_INSIDE_NORMAL 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
+%unmacro DEN_NEAR 0
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
 %unmacro PIXELS_F32X4 0
 %unmacro PIXELS_RGBA8 0
 %unmacro PIXELS_DIM 0
-%unmacro PIXELS_GREY 0
 %unmacro SHADE 6
-%unmacro PART_F32X4 0
-%unmacro PART_RGBA8 0
-%unmacro COPY_PART 1
 %unmacro PLANES 4
-%unmacro OWN 2
 %unmacro DEPTH 3
 %unmacro EMIT 2
 %unmacro STORE_NATURAL 2

@@ -14,7 +14,7 @@ use thiserror::Error;
 /// Compare two images pixel by pixel: exit 0 if they agree within the tolerance, 1 if not, 2 if they cannot be compared
 #[derive(Debug, Args)]
 pub struct DiffArgs {
-    /// One image (PNG, PPM or PFM, told by its content)
+    /// One image (PNG, PPM, PFM, EXR, HDR, TIFF or QOI, told by its content)
     pub a: PathBuf,
     /// The other, of the same size and kind
     pub b: PathBuf,

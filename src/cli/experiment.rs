@@ -1,6 +1,8 @@
 //! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
 
 #[cfg(rayo_asm)]
+mod one_run;
+#[cfg(rayo_asm)]
 mod run;
 #[cfg(rayo_asm)]
 mod table;
@@ -39,12 +41,24 @@ pub struct ExperimentArgs {
     /// Print one JSON document
     #[arg(long)]
     json: bool,
+    /// Measure run NUMBER alone and print it, as this command asks it of processes that it starts
+    #[arg(long, value_name = "NUMBER", hide = true, requires = "rounds")]
+    one_run: Option<usize>,
+    /// With --one-run: the first of its rounds of the ladder, and the one after the last
+    #[arg(long, value_name = "ROUND", num_args = 2, hide = true)]
+    rounds: Vec<usize>,
+    /// With --one-run: the core to stay on
+    #[arg(long, value_name = "NUMBER", hide = true)]
+    core: Option<usize>,
 }
 
-/// Measures, prints and writes.
+/// Measures, prints and writes; or is one run of it.
 #[cfg(rayo_asm)]
 pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    run::run(args)
+    match args.one_run {
+        Some(number) => one_run::measure(args, number),
+        None => run::run(args),
+    }
 }
 
 /// The engines that the paper compares are not in this build.

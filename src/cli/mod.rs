@@ -1,15 +1,24 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
+mod accuracy;
+mod convert;
 mod diff;
 mod experiment;
 mod info;
+mod make;
+mod measuring;
 mod ops;
+mod plan;
 mod render;
+mod table;
+mod view;
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+use crate::render::remove_unfinished;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
@@ -25,7 +34,11 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(render::RenderArgs),
+    Plan(plan::PlanArgs),
+    Convert(convert::ConvertArgs),
+    Make(make::MakeArgs),
     Diff(diff::DiffArgs),
+    Accuracy(accuracy::AccuracyArgs),
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
@@ -53,7 +66,11 @@ impl Failure {
 pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Plan(args) => plan::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
+        Command::Accuracy(args) => accuracy::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
@@ -72,6 +89,30 @@ fn with_prefix(message: &str) -> String {
     } else {
         format!("error: {message}")
     }
+}
+
+/// From here on SIGINT, SIGTERM and SIGHUP end the process without leaving the hidden files that it is writing.
+///
+/// Where somebody has had one of them ignored (a job in the background, nohup), all stay as they are.
+fn remove_part_files_on_signals() -> Result<(), Failure> {
+    let set = ctrlc::try_set_handler(|| {
+        remove_unfinished();
+        std::process::exit(130);
+    });
+    match set {
+        Ok(()) | Err(ctrlc::Error::MultipleHandlers) => Ok(()),
+        Err(error) => Err(Failure::output(format!("cannot listen for signals: {error}"))),
+    }
+}
+
+fn colour_on_stderr() -> bool {
+    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+/// Tells the user something that is no result.
+fn say(text: &str) {
+    // Nothing is lost if nobody listens.
+    let _ = writeln!(io::stderr(), "{text}");
 }
 
 /// Prints one JSON document to standard output.

@@ -1,6 +1,5 @@
 //! `rayo render`: a scene file in, a picture out.
 
-use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -11,9 +10,13 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::{Failure, print, print_json};
-use crate::render::{Engine, Format, Frame, ImageWriter, Precision, RenderError, Settings, Stats, reference, render};
-use crate::scene::{self, Camera, Scene};
+use super::view::ViewArgs;
+use super::{Failure, colour_on_stderr, print, print_json, remove_part_files_on_signals, say};
+use crate::plan::{Keep, Omission};
+use crate::render::{
+    Engine, Format, Frame, ImageWriter, Precision, Purpose, RenderError, Settings, Stats, reference, render,
+};
+use crate::scene::{Camera, Opened, Scene, open};
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -23,10 +26,10 @@ const MAX_THREADS: usize = 4096;
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// The scene, in the paper's format (.in)
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     scene: PathBuf,
-    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it) or .pfm (linear floats).
-    /// Replaces what is there. Default: the name in the scene, in this directory
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
+    /// with linear floats. Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
@@ -35,18 +38,17 @@ pub struct RenderArgs {
     /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
-    /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
-    #[arg(long, value_name = "DIAGONAL", allow_negative_numbers = true)]
-    film: Option<f32>,
-    /// The focal distance, in place of the scene's
-    #[arg(long, value_name = "DISTANCE", allow_negative_numbers = true)]
-    focal: Option<f32>,
-    /// The size in pixels, in place of the scene's
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    size: Option<Size>,
+    #[command(flatten)]
+    view: ViewArgs,
     /// Threads that trace. Default: one for each core
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     threads: Option<usize>,
+    /// Print what is left out, and why, before the first ray
+    #[arg(long)]
+    explain: bool,
+    /// Leave nothing out that can be kept with the same arithmetic: brute force, for the same picture
+    #[arg(long)]
+    keep_all: bool,
     /// Print where the time went
     #[arg(long)]
     stats: bool,
@@ -59,23 +61,6 @@ pub struct RenderArgs {
     /// No progress and no summary; warnings and errors remain
     #[arg(long)]
     quiet: bool,
-}
-
-/// Width and height, as in 1632x1224.
-#[derive(Clone, Copy, Debug)]
-struct Size {
-    width: u32,
-    height: u32,
-}
-
-impl FromStr for Size {
-    type Err = &'static str;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-        let (width, height) = sides.ok_or("expected width and height in pixels, as in 1632x1224")?;
-        Ok(Size { width, height })
-    }
 }
 
 fn threads(text: &str) -> Result<usize, String> {
@@ -109,18 +94,35 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
 
     let clock = Instant::now();
-    let scene = scene::read(&args.scene).map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
+    let Opened { scene, notes } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     let parse = clock.elapsed();
+    for note in notes.iter().filter(|_| !args.quiet) {
+        say(note);
+    }
+
+    let camera = args.view.camera(&scene.camera)?;
+    let (path, format) = output(args, &scene)?;
+    let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
+    let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep };
+    if args.explain {
+        let report = engine.report(purpose, &scene, &camera).map_err(Failure::input)?;
+        report.lines().iter().for_each(|line| say(line));
+    }
+    if args.keep_all && !args.quiet && !engine.omissions().contains(&Omission::Misses) {
+        say(&format!("{engine} tests every ray against every object as it is: --keep-all changes nothing"));
+    }
 
     let clock = Instant::now();
-    let camera = camera(args, &scene)?;
-    let tracer = engine.prepare(precision, &scene, &camera).map_err(Failure::input)?;
+    let tracer = engine.prepare_for(purpose, &scene, &camera).map_err(Failure::input)?;
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 
-    let (path, mut image) = open_output(args, &scene, &camera)?;
+    remove_part_files_on_signals()?;
+    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
+    let mut image = create(&path, format, camera.width(), camera.height()).map_err(Failure::output)?;
     let progress = Progress::new(camera.height(), args.quiet);
     let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;
     let clock = Instant::now();
@@ -139,24 +141,14 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn camera(args: &RenderArgs, scene: &Scene) -> Result<Camera, Failure> {
-    let of_scene = &scene.camera;
-    let size = args.size.unwrap_or(Size { width: of_scene.width(), height: of_scene.height() });
-    let focal = args.focal.unwrap_or(of_scene.focal());
-    let film = args.film.unwrap_or(of_scene.film());
-    Camera::new(size.width, size.height, focal, film).map_err(Failure::input)
-}
-
-/// Opens the picture that `-o` names, or else the one that the scene names, in this directory.
-fn open_output(args: &RenderArgs, scene: &Scene, camera: &Camera) -> Result<(PathBuf, ImageWriter), Failure> {
+/// The picture that `-o` names, or else the one that the scene names, in this directory.
+fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure> {
     let path = match &args.output {
         Some(path) => path.clone(),
         None => bare_name(&scene.name)?,
     };
     let format = Format::from_path(&path).map_err(Failure::input)?;
-    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
-    let image = create(&path, format, camera.width(), camera.height()).map_err(Failure::output)?;
-    Ok((path, image))
+    Ok((path, format))
 }
 
 /// What is left of a scene's image name without its directories: scenes come from anywhere and must not choose one.
@@ -227,15 +219,6 @@ fn failure(error: RenderError) -> Failure {
         RenderError::Image(_) => Failure::output(error),
         RenderError::Memory { .. } | RenderError::Threads { .. } => Failure::input(error),
     }
-}
-
-fn colour_on_stderr() -> bool {
-    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
-}
-
-fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
 }
 
 /// A bar on standard error, if that is a terminal and the picture takes its time.

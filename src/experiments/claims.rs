@@ -140,7 +140,7 @@ pub fn sweeps(
                 }));
             }
             let mut proceed = || proceed(camera.pixels() * *count as u64 * work);
-            let Some(measured) = interleave(clock, &mut contestants, runs(quick), &mut proceed) else {
+            let Some(measured) = interleave(clock, &mut contestants, 0..runs(quick), &mut proceed) else {
                 return Ok(None);
             };
             for (points, runs) in points.iter_mut().zip(measured) {
@@ -384,7 +384,8 @@ mod tests {
             noise_floor,
             control_overall: estimate(1.0),
             c_by_simd: estimate(c_by_simd),
-            sizes_asked: PAPER.len(),
+            runs: 1,
+            asked: (PAPER.len(), 1),
         }
     }
 
@@ -408,6 +409,7 @@ mod tests {
             gain_high: 1.0,
             gain_total: 1.0,
             samples: vec![*cycles; 3],
+            samples_per_run: 1,
         };
         cycles.iter().map(rung).collect()
     }

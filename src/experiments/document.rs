@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::claims::{Claim, Sweep};
 use super::jumps::Jumps;
-use super::ladder::{Explanation, Rung};
+use super::ladder::{AgainstCompiler, Explanation, Rung};
 use super::speedup::{ControlRow, Row, Speedup};
 use crate::measure::Machine;
 use crate::measure::statistics::Estimate;
@@ -33,6 +33,8 @@ pub struct Document {
     pub rows: Vec<Row>,
     /// One change at a time; empty without `--ladder`.
     pub ladder: Vec<Rung>,
+    /// The packet engines against what the compiler makes of the ladder's best C; empty without `--ladder`.
+    pub against_compiler: Vec<AgainstCompiler>,
     /// Why the ladder has no counts of instructions, where it has none.
     pub uncounted: Option<String>,
     /// The factor taken apart; empty where the rungs for it were not measured.
@@ -50,7 +52,7 @@ pub struct Document {
 pub struct Conditions {
     /// The core that the thread was pinned to; None where it could not be.
     pub core: Option<usize>,
-    /// Runs of each size.
+    /// Runs of each size, each in a process of its own.
     pub runs: usize,
     /// Whether everything that was asked for is there.
     pub complete: bool,
@@ -75,6 +77,7 @@ impl Document {
             control: speedup.control,
             rows: speedup.rows,
             ladder: Vec::new(),
+            against_compiler: Vec::new(),
             uncounted: None,
             explanations: Vec::new(),
             jumps: None,

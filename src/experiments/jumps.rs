@@ -205,7 +205,7 @@ fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, 
                     std::hint::black_box(&mut *film);
                 }
             })];
-            let ticks = interleave(clock, &mut fill, BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
+            let ticks = interleave(clock, &mut fill, 0..BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
             let bytes_per_cycle = (len * size_of::<Vec4>() * passes) as f64 / minimum(&ticks[0].ticks);
             Ok(Bandwidth { level, bytes: len * size_of::<Vec4>(), bytes_per_cycle })
         })

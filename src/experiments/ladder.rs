@@ -8,7 +8,7 @@ use super::speedup::{self, Films, Progress, SpeedupError, Truth};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
-use crate::measure::{Clock, Runs, Work, interleave};
+use crate::measure::{Clock, Work, interleave};
 use crate::plan::Packed;
 use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
 use crate::scene::{Camera, Rng, Scene};
@@ -49,6 +49,23 @@ pub struct Rung {
     pub gain_total: f64,
     /// Cycles of every run.
     pub samples: Vec<f64>,
+    /// How many of them, one after the other, were taken in one process.
+    pub samples_per_run: usize,
+}
+
+/// A packet engine beside the best C of the ladder, compiled for the same instruction set; both write floats.
+#[derive(Clone, Debug, Serialize)]
+pub struct AgainstCompiler {
+    /// The engine.
+    pub engine: &'static str,
+    /// The rung that the compiler made.
+    pub compiled: &'static str,
+    /// How many times as fast the engine is: the median ratio, pair by pair.
+    pub ratio: f64,
+    /// The lower end of its interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
 }
 
 /// Part of a factor.
@@ -75,6 +92,17 @@ pub struct Explanation {
     pub shares: Vec<Share>,
 }
 
+/// What the compiler vectorises, in the widest form that this CPU runs.
+const WIDEST: &str = "turned";
+
+/// The same by instruction set: the packet engine of the same, the name of the rung where it is not the widest, and of the
+/// variant.
+const TURNED: [(&str, &str, &str); 3] = [
+    ("sse41", "turned, sse41", "turned_sse41"),
+    ("avx2", "turned, avx2", "turned_v3"),
+    ("avx512", "turned, avx512", "turned_v4"),
+];
+
 /// Who stands on a rung.
 enum Tracing {
     Variant(&'static Variant),
@@ -95,7 +123,7 @@ struct Planned {
 }
 
 /// Every rung that this CPU runs, in order. `whole` is all of it; else those that the claims need.
-fn plan(whole: bool) -> Vec<Planned> {
+fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     let variant = |name: &str| ladder::C.iter().find(|rung| rung.name == name).expect("build.rs has it");
     // The widest level that this CPU runs stands for -march=native.
     let native = |names: &[&'static str]| names.iter().map(|name| variant(name)).find(|rung| rung.usable());
@@ -124,8 +152,12 @@ fn plan(whole: bool) -> Vec<Planned> {
         if let Some(variant) = native(&["fast_v4", "fast_v3"]) {
             rung("fast-math", "-ffast-math", None, Tracing::Variant(variant));
         }
-        if let Some(variant) = native(&["turned_v4", "turned_v3", "turned_base"]) {
-            rung("turned", "arrays over pixels, which the compiler vectorises", None, Tracing::Variant(variant));
+        let turned = TURNED.iter().map(|(_, name, of)| (*name, variant(of))).filter(|(_, rung)| rung.usable());
+        for (place, (name, variant)) in turned.rev().enumerate() {
+            match place {
+                0 => rung(WIDEST, "arrays over pixels, which the compiler vectorises", None, Tracing::Variant(variant)),
+                _ => rung(name, "the same for fewer lanes", Some(WIDEST), Tracing::Variant(variant)),
+            }
         }
     }
     rung("paper", "the paper's SIMD", None, engine(by_name(speedup::CONTROL)));
@@ -148,8 +180,8 @@ fn plan(whole: bool) -> Vec<Planned> {
     let fastest = Engine::fastest();
     if is_packet(fastest) {
         rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        rung("threads", "all cores", None, Tracing::Threads(fastest, PixelFormat::Rgba8, threads));
+        let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
+        rung("threads", "all cores", None, tracing);
     }
     rungs
 }
@@ -175,9 +207,9 @@ impl Planned {
     /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
     /// through, and where [`step::count_instructions`] does not work.
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
-        let ((width, height), step_by) = match &self.tracing {
+        let Counted { size: (width, height), step_by, twice } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
-            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_ROWS,
+            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_SPANS,
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
@@ -190,11 +222,14 @@ impl Planned {
             let film = films.of(ready.output).as_mut().take(rows.len() * width as usize);
             step::count_instructions(|| (ready.trace)(rows, film)).ok()
         };
+        // What two calls for a row each take more than one for both.
+        let rows = [twice..twice + 1, twice + 1..twice + 2, twice..twice + 2].map(&mut count);
+        let [Some(one), Some(other), Some(both)] = rows else { return Ok(None) };
+        let call = (one + other).saturating_sub(both);
         let (mut sum, mut pixels) = (0, 0);
         for row in (step_by as u32 / 2..height).step_by(step_by) {
-            // What two rows take more than the first of them: the call and its set-up are in both.
-            let (Some(two), Some(first)) = (count(row - 1..row + 1), count(row - 1..row)) else { return Ok(None) };
-            sum += two - first;
+            let Some(row) = count(row..row + 1) else { return Ok(None) };
+            sum += row - call;
             pixels += u64::from(width);
         }
         Ok(Some(sum as f64 / pixels as f64))
@@ -251,7 +286,7 @@ fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
 }
 
 /// Threads that `start` starts may run on `cores`, although this one is pinned.
-fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, SpeedupError> {
+pub fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, SpeedupError> {
     let failed = |error| SpeedupError::System { what: "change the cores that threads may run on", error };
     let pinned = sys::Cores::of_this_thread().map_err(failed)?;
     cores.allow().map_err(failed)?;
@@ -260,47 +295,54 @@ fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, Speedup
     Ok(started)
 }
 
-/// The work that [`run`] does.
-pub fn work(runs: usize) -> u64 {
-    u64::from(SIZE.0) * u64::from(SIZE.1) * runs as u64 * ROUND_WORK
-}
+/// The work of a round, in the unit of [`Progress`].
+pub const WORK: u64 = SIZE.0 as u64 * SIZE.1 as u64 * ROUND_WORK;
 
 /// Why the rungs have no count of instructions, where they cannot have one here.
 pub fn uncounted() -> Option<String> {
     step::count_instructions(|| ()).err().map(|reason| reason.to_string())
 }
 
-/// Measures `runs` runs of every rung, or of those that the claims need. `cores` are those that threads may run on.
-///
-/// None where `proceed` says no.
-pub fn run(
+/// Whether every rung's picture is that of the reference, and the instructions of a pixel of each, where it is the `whole`
+/// ladder and they can be counted. `cores` are those that threads may run on. None where `proceed` says no.
+pub fn check(
     whole: bool,
-    runs: usize,
     cores: &sys::Cores,
-    clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-) -> Result<Option<Vec<Rung>>, SpeedupError> {
+) -> Result<Option<Vec<Option<f64>>>, SpeedupError> {
     let scene = speedup::scene();
-    let planned = plan(whole);
+    let planned = plan(whole, cores);
     let truth = Truth::new(&scene)?;
-    let mut instructions = Vec::new();
-    {
-        let packed = Packed::new(&scene, &truth.camera);
-        for rung in &planned {
-            let tracer = rung.tracer(&scene, &truth.camera)?;
-            let ready = rung.ready(tracer.as_deref(), &packed, &truth.camera, cores)?;
-            truth.check(rung.rung, ready.output, &mut |film| {
-                (ready.trace)(0..truth.camera.height(), film);
-            })?;
-        }
+    let packed = Packed::new(&scene, &truth.camera);
+    for rung in &planned {
+        let tracer = rung.tracer(&scene, &truth.camera)?;
+        let ready = rung.ready(tracer.as_deref(), &packed, &truth.camera, cores)?;
+        truth.check(rung.rung, ready.output, &mut |film| {
+            (ready.trace)(0..truth.camera.height(), film);
+        })?;
     }
+    let mut instructions = Vec::new();
     for rung in &planned {
         if !proceed(0) {
             return Ok(None);
         }
         instructions.push(if whole { rung.instructions(&scene, cores)? } else { None });
     }
+    Ok(Some(instructions))
+}
 
+/// The ticks of each rung in `rounds`, in the order of the ladder.
+pub type Rounds = Vec<Vec<f64>>;
+
+/// Measures those `rounds`, as part of a [run](speedup::measure_run).
+pub fn measure_run(
+    whole: bool,
+    rounds: Range<usize>,
+    cores: &sys::Cores,
+    clock: &mut dyn Clock,
+) -> Result<Rounds, SpeedupError> {
+    let scene = speedup::scene();
+    let planned = plan(whole, cores);
     let camera = speedup::camera(&scene, SIZE.0, SIZE.1);
     let packed = Packed::new(&scene, &camera);
     let tracers = planned.iter().map(|rung| rung.tracer(&scene, &camera)).collect::<Result<Vec<_>, _>>()?;
@@ -311,27 +353,30 @@ pub fn run(
         let films = &films;
         contestants.push(Box::new(move || (ready.trace)(0..SIZE.1, films.borrow_mut().of(ready.output).as_mut())));
     }
-    let mut proceed = || proceed(camera.pixels() * ROUND_WORK);
-    let Some(measured) = interleave(clock, &mut contestants, runs, &mut proceed) else { return Ok(None) };
-    Ok(Some(rungs(&planned, &measured, &instructions, camera.pixels() as f64)))
+    // As the first contestant of a run, who does not pay for what a new process does at the first call.
+    contestants.iter_mut().for_each(|contestant| contestant());
+    let measured = interleave(clock, &mut contestants, rounds, &mut || true).expect("nobody stops it");
+    Ok(measured.into_iter().map(|runs| runs.ticks).collect())
 }
 
-/// The pictures whose instructions are counted, and one row in how many: each instruction is a trap. Where pixels are
-/// traced one by one a few tell all; where a row shares what it needs, rows have to be as long as those that are timed.
-const COUNTED_ONE_BY_ONE: ((u32, u32), usize) = ((16, 12), 3);
-const COUNTED_BY_ROWS: ((u32, u32), usize) = (SIZE, 32);
-
-fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], pixels: f64) -> Vec<Rung> {
+/// The rungs that `runs` tell of, each of as many rounds; `instructions` are those of [`check`].
+pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &[Rounds]) -> Vec<Rung> {
+    let planned = plan(whole, cores);
+    let ticks = |index: usize| runs.iter().flat_map(|rounds| &rounds[index]).copied().collect::<Vec<_>>();
+    let measured: Vec<_> = (0..planned.len()).map(ticks).collect();
+    let samples_per_run = runs.first().map_or(1, |rounds| rounds[0].len().max(1));
+    let pixels = f64::from(SIZE.0) * f64::from(SIZE.1);
     let mut rng = Rng::new(SEED);
     let mut rungs = Vec::new();
     let mut before: Option<usize> = None;
-    for (index, (rung, runs)) in planned.iter().zip(measured).enumerate() {
+    for (index, (rung, ticks)) in planned.iter().zip(&measured).enumerate() {
         let over = match rung.aside_of {
             Some(name) => planned.iter().position(|rung| rung.rung == name),
             None => before,
         };
-        let ratios = |of: usize| pairwise_ratios(&measured[of].ticks, &runs.ticks);
-        let gain = median_with_interval(&[&ratios(over.unwrap_or(index))], &mut || rng.next_u64());
+        let ratios = |of: usize| pairwise_ratios(&measured[of], ticks);
+        let gain = ratios(over.unwrap_or(index));
+        let gain = median_with_interval(gain.chunks(samples_per_run), &mut || rng.next_u64());
         rungs.push(Rung {
             rung: rung.rung.into(),
             change: rung.change.clone(),
@@ -339,13 +384,14 @@ fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], p
             over: over.map(|over| planned[over].rung.into()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
-            cycles_per_pixel: median(&runs.ticks) / pixels,
+            cycles_per_pixel: median(ticks) / pixels,
             instructions_per_pixel: instructions[index],
             gain: gain.value,
             gain_low: gain.low,
             gain_high: gain.high,
             gain_total: median(&ratios(0)),
-            samples: runs.ticks.clone(),
+            samples: ticks.clone(),
+            samples_per_run,
         });
         if rung.aside_of.is_none() {
             before = Some(index);
@@ -354,12 +400,42 @@ fn rungs(planned: &[Planned], measured: &[Runs], instructions: &[Option<f64>], p
     rungs
 }
 
+/// The picture whose instructions are counted: each is a trap, so that little has to do.
+struct Counted {
+    size: (u32, u32),
+    /// One row in how many is counted.
+    step_by: usize,
+    /// The first of two rows that tell what a call costs beyond its rows.
+    twice: u32,
+}
+
+/// Pixel by pixel, a few tell all: of these as many are hit as of the picture that is timed. Rows above the sphere cost
+/// the least.
+const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, twice: 0 };
+/// Where all pixels of a row go the same way, a few rows do.
+const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, twice: 0 };
+/// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
+const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, twice: SIZE.1 / 2 };
+
 /// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None where one is not there.
 pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
+    let (a, b) = (find(a)?, find(b)?);
     let mut rng = Rng::new(SEED);
-    let ratios = pairwise_ratios(&find(a)?.samples, &find(b)?.samples);
-    Some(median_with_interval(&[&ratios], &mut || rng.next_u64()))
+    let ratios = pairwise_ratios(&a.samples, &b.samples);
+    Some(median_with_interval(ratios.chunks(a.samples_per_run), &mut || rng.next_u64()))
+}
+
+/// Each packet engine that is a rung, against what the compiler made for its instruction set.
+pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
+    let there = |name: &str| rungs.iter().any(|rung| rung.rung == name);
+    let against = |(engine, narrower, variant): (&'static str, &'static str, &str)| {
+        let widest = || ladder::C.iter().any(|rung| rung.name == variant && rung.usable()).then_some(WIDEST);
+        let compiled = if there(narrower) { narrower } else { widest()? };
+        let Estimate { value: ratio, low, high } = ratio(rungs, compiled, engine)?;
+        Some(AgainstCompiler { engine, compiled, ratio, low, high })
+    };
+    TURNED.into_iter().filter_map(against).collect()
 }
 
 /// The two factors that the paper's explanations are about, taken apart: from the C that calls its functions, and from

@@ -1,5 +1,7 @@
 //! The experiments: each returns rows.
 
+pub mod ablation;
+pub mod accuracy;
 #[cfg(rayo_asm)]
 pub mod claims;
 #[cfg(rayo_asm)]
@@ -14,3 +16,4 @@ pub mod ops;
 pub mod plot;
 #[cfg(rayo_asm)]
 pub mod speedup;
+mod svg;

@@ -1,43 +1,17 @@
 //! The figures of the experiment as SVG: time against pixels, as the paper's Figure 2, and the ratio.
 
-use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::document::Document;
 use super::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio};
-
-/// Why there is no figure.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot draw the figure: {0}")]
-pub struct PlotError(String);
-
-impl PlotError {
-    fn new(error: impl ToString) -> Self {
-        PlotError(error.to_string())
-    }
-}
+use super::svg::{FONT, PlotError, draw, legend};
 
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 600;
-const FONT: &str = "sans-serif";
 /// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
 const C_COLOUR: RGBColor = RGBColor(213, 94, 0);
 const SIMD_COLOUR: RGBColor = RGBColor(0, 114, 178);
 const CONTROL_COLOUR: RGBColor = RGBColor(120, 120, 120);
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
-/// Draws on white and gives the SVG.
-fn draw(figure: impl FnOnce(&Area<'_>) -> Result<(), PlotError>) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, (WIDTH as u32, HEIGHT as u32)).into_drawing_area();
-        area.fill(&WHITE).map_err(PlotError::new)?;
-        figure(&area)?;
-        area.present().map_err(PlotError::new)?;
-    }
-    Ok(svg)
-}
 
 /// Megapixels and billions of cycles of an engine's rows: the means, as the paper gives them.
 fn points<'a>(document: &'a Document, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
@@ -55,7 +29,7 @@ fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 
 /// Time against pixels: our C and SIMD on the left axis, the paper's on the right one, which is its machine's own.
 pub fn figure2(document: &Document) -> Result<String, PlotError> {
-    draw(|area| {
+    draw(WIDTH, HEIGHT, |area| {
         let ours = up_to(points(document, BASELINE).chain(points(document, CONTROL)).map(|(_, y)| y));
         let papers = up_to(PAPER.iter().map(|row| row.c / 1e9));
         let x = 0.0..2.1;
@@ -111,7 +85,7 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
 
 /// C/SIMD against pixels with its intervals, the paper's, and the control, whose distance from 1 is noise.
 pub fn ratio(document: &Document) -> Result<String, PlotError> {
-    draw(|area| {
+    draw(WIDTH, HEIGHT, |area| {
         let rows: Vec<_> = document.rows.iter().filter(|row| row.is(CONTROL)).collect();
         let highest = rows.iter().map(|row| row.ratio_to_c).chain(PAPER.iter().map(|row| row.ratio()));
         let y = up_to(highest);
@@ -164,20 +138,4 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
         // Between the control at 1 and the ratios.
         legend(&mut chart, SeriesLabelPosition::Coordinate(WIDTH / 12, HEIGHT / 2))
     })
-}
-
-/// The list of the labelled series.
-fn legend<'a, T: CoordTranslate>(
-    chart: &mut ChartContext<'a, SVGBackend<'a>, T>,
-    position: SeriesLabelPosition,
-) -> Result<(), PlotError> {
-    chart
-        .configure_series_labels()
-        .position(position)
-        .background_style(WHITE.mix(0.9))
-        .border_style(BLACK.mix(0.3))
-        .label_font((FONT, 14))
-        .margin(10)
-        .draw()
-        .map_err(PlotError::new)
 }

@@ -1,9 +1,10 @@
 //! The paper's section 5: one sphere and one light, twenty sizes, `c` against `paper` and every other engine.
 
+use std::cell::RefCell;
 use std::collections::TryReserveError;
 use std::str::FromStr;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, interleave};
@@ -135,7 +136,12 @@ impl Settings {
 
     /// The work to do, in the unit of [`Progress`].
     pub fn work(&self) -> u64 {
-        self.sizes.iter().map(|size| PAPER[*size].pixels() * self.runs as u64 * ROUND_WORK).sum()
+        self.runs as u64 * (0..self.sizes.len()).map(|index| self.work_at(index)).sum::<u64>()
+    }
+
+    /// The work of one run at the size [`sizes`](Self::sizes)\[`index`\].
+    pub fn work_at(&self, index: usize) -> u64 {
+        PAPER[self.sizes[index]].pixels() * ROUND_WORK
     }
 }
 
@@ -216,10 +222,13 @@ pub struct Speedup {
     pub noise_floor: f64,
     /// The control over all sizes.
     pub control_overall: Estimate,
-    /// C/SIMD over all sizes: `c` by `paper`, pair by pair. Its interval is the bootstrap's, wider by the noise floor.
+    /// C/SIMD over all sizes: `c` by `paper`, pair by pair. Its interval is that of a bootstrap over runs, wider by the noise
+    /// floor.
     pub c_by_simd: Estimate,
-    /// Sizes that were asked for.
-    pub sizes_asked: usize,
+    /// Runs of each size.
+    pub runs: usize,
+    /// Sizes and runs that were asked for.
+    pub asked: (usize, usize),
 }
 
 /// Why nothing was measured.
@@ -290,51 +299,76 @@ pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, E
     Ok(entries)
 }
 
-/// Measures.
-pub fn run(settings: &Settings, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Speedup, SpeedupError> {
+/// A contestant's picture at one size in one run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Turn {
+    /// TSC cycles.
+    pub ticks: u64,
+    /// Whether it ended on another core than it began on.
+    pub migrated: bool,
+}
+
+/// A run: at each size that was finished, in the order of [`Settings::sizes`], the turn of every entry and, last, that of
+/// the control's second entry.
+pub type Run = Vec<Vec<Turn>>;
+
+/// Whether every engine's picture is that of the reference.
+pub fn check(settings: &Settings) -> Result<(), SpeedupError> {
     let scene = scene();
-    let entries = entries(&settings.engines, &scene)?;
     let truth = Truth::new(&scene)?;
-    for entry in &entries {
+    for entry in entries(&settings.engines, &scene)? {
         let tracer = entry.engine.prepare(None, &scene, &truth.camera)?;
         let rows = 0..truth.camera.height();
         truth.check(entry.engine.name(), entry.output, &mut |film| tracer.rows(rows.clone(), film))?;
     }
-    let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
-    let mut rng = Rng::new(SEED);
-    let mut random = || rng.next_u64();
+    Ok(())
+}
 
-    let mut films = Films::new(most)?;
-    let mut measured = Vec::new();
+/// Measures run `number`: every contestant once at each size, one right after the other; in runs of odd numbers the last
+/// of them first. `finished` gets each size, and where it says no that was all.
+///
+/// Each run should be a process of its own, as each of the paper's was: where the operating system puts code and data may
+/// make a difference, and does so for as long as the process lasts.
+pub fn measure_run(
+    settings: &Settings,
+    number: usize,
+    clock: &mut dyn Clock,
+    finished: &mut dyn FnMut(Vec<Turn>) -> bool,
+) -> Result<(), SpeedupError> {
+    let scene = scene();
+    let entries = entries(&settings.engines, &scene)?;
+    // The control's second entry comes right after its first.
+    let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
+    let mut order: Vec<usize> = (0..entries.len()).collect();
+    order.insert(first + 1, first);
+    let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
+    let films = RefCell::new(Films::new(most)?);
+    let mut warm = false;
     for size in &settings.sizes {
         let PaperRow { width, height, .. } = PAPER[*size];
         let camera = camera(&scene, width, height);
-        let pixels = camera.pixels();
+        let pixels = camera.pixels() as usize;
         let tracers = entries.iter().map(|entry| entry.engine.prepare(None, &scene, &camera));
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
-        // The control's second entry comes right after its first.
-        let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
-        let mut order: Vec<usize> = (0..entries.len()).collect();
-        order.insert(first + 1, first);
-        let films = std::cell::RefCell::new(&mut films);
-        let mut contestants: Vec<Work<'_>> = Vec::new();
-        for index in order {
-            let (tracer, output, films) = (tracers[index].as_ref(), entries[index].output, &films);
-            contestants.push(Box::new(move || {
-                tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels as usize));
-            }));
-        }
-        let Some(mut runs) = interleave(clock, &mut contestants, settings.runs, &mut || proceed(pixels * ROUND_WORK))
-        else {
-            break;
+        let contestant = |index: &usize| -> Work<'_> {
+            let (tracer, output, films) = (tracers[*index].as_ref(), entries[*index].output, &films);
+            Box::new(move || tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels)))
         };
-        let again = runs.remove(first + 1);
-        measured.push((camera, runs, again));
+        let mut contestants: Vec<Work<'_>> = order.iter().map(contestant).collect();
+        if !std::mem::replace(&mut warm, true) {
+            // What a new process does at the first call, the first contestant does not pay for.
+            contestants.iter_mut().for_each(|contestant| contestant());
+        }
+        let runs = interleave(clock, &mut contestants, number..number + 1, &mut || true).expect("nobody stops it");
+        let turn = |runs: Runs| Turn { ticks: runs.ticks[0] as u64, migrated: runs.migrations > 0 };
+        let mut turns: Vec<Turn> = runs.into_iter().map(turn).collect();
+        let again = turns.remove(first + 1);
+        turns.push(again);
+        if !finished(turns) {
+            break;
+        }
     }
-    if measured.is_empty() {
-        return Err(SpeedupError::Nothing);
-    }
-    Ok(Speedup::new(&entries, &measured, settings.sizes.len(), &mut random))
+    Ok(())
 }
 
 fn new_film(format: PixelFormat, pixels: usize) -> Result<Film, SpeedupError> {
@@ -403,25 +437,35 @@ fn levels(film: &Film) -> Vec<[u8; 3]> {
 }
 
 impl Speedup {
-    fn new(
-        entries: &[Entry],
-        measured: &[(Camera, Vec<Runs>, Runs)],
-        sizes_asked: usize,
-        random: &mut dyn FnMut() -> u64,
-    ) -> Self {
+    /// What `runs` tell. Those without all sizes are left out, unless there is no other.
+    pub fn of(settings: &Settings, runs: &[Run]) -> Result<Self, SpeedupError> {
+        let entries = entries(&settings.engines, &scene())?;
+        let mut random = {
+            let mut rng = Rng::new(SEED);
+            move || rng.next_u64()
+        };
         let place = |name| entries.iter().position(|entry| entry.engine.name() == name).expect("it is always entered");
-        let (baseline, control) = (place(BASELINE), place(CONTROL));
+        let (baseline, control, again) = (place(BASELINE), place(CONTROL), entries.len());
+        let most = runs.iter().map(Vec::len).max().filter(|most| *most > 0).ok_or(SpeedupError::Nothing)?;
+        let runs: Vec<&Run> = runs.iter().filter(|run| run.len() == most).collect();
+
         let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
-        let (mut control_ratios, mut simd_ratios) = (Vec::new(), Vec::new());
-        for (camera, runs, again) in measured {
-            let (width, height) = (camera.width(), camera.height());
-            for (entry, of_entry) in entries.iter().zip(runs) {
-                let ratios = pairwise_ratios(&runs[baseline].ticks, &of_entry.ticks);
-                let ratio = median_with_interval(&[&ratios], random);
+        let (mut control_ratios, mut simd_ratios) = (vec![Vec::new(); runs.len()], vec![Vec::new(); runs.len()]);
+        for (index, size) in settings.sizes.iter().take(most).enumerate() {
+            let size = &PAPER[*size];
+            let of_entry = |entry: usize| Runs {
+                ticks: runs.iter().map(|run| run[index][entry].ticks as f64).collect(),
+                migrations: runs.iter().filter(|run| run[index][entry].migrated).count(),
+            };
+            let baseline = of_entry(baseline);
+            for (place, entry) in entries.iter().enumerate() {
+                let of_entry = of_entry(place);
+                let ratios = pairwise_ratios(&baseline.ticks, &of_entry.ticks);
+                let ratio = median_with_interval(ratios.chunks(1), &mut random);
                 rows.push(Row {
-                    width,
-                    height,
-                    pixels: camera.pixels(),
+                    width: size.width,
+                    height: size.height,
+                    pixels: size.pixels(),
                     engine: entry.engine.name(),
                     precision: entry.engine.precision().name(),
                     output: entry.output.name(),
@@ -434,35 +478,39 @@ impl Speedup {
                     ratio_high: ratio.high,
                     migrations: of_entry.migrations,
                     off: of_entry.off(),
-                    samples: of_entry.ticks.clone(),
+                    samples: of_entry.ticks,
                 });
             }
-            let ratios = pairwise_ratios(&runs[control].ticks, &again.ticks);
-            let Estimate { value: ratio, low, high } = median_with_interval(&[&ratios], random);
-            control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks.clone() });
-            control_ratios.push(ratios);
-            simd_ratios.push(pairwise_ratios(&runs[baseline].ticks, &runs[control].ticks));
+            let (control, again) = (of_entry(control), of_entry(again));
+            let ratios = pairwise_ratios(&control.ticks, &again.ticks);
+            let Estimate { value: ratio, low, high } = median_with_interval(ratios.chunks(1), &mut random);
+            let (width, height) = (size.width, size.height);
+            control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks });
+            let simd = pairwise_ratios(&baseline.ticks, &control.ticks);
+            for (run, (ratio, simd)) in ratios.into_iter().zip(simd).enumerate() {
+                control_ratios[run].push(ratio);
+                simd_ratios[run].push(simd);
+            }
         }
-        let overall = |ratios: &[Vec<f64>], random: &mut dyn FnMut() -> u64| {
-            median_with_interval(&ratios.iter().map(Vec::as_slice).collect::<Vec<_>>(), random)
-        };
+        // The sizes of a run share its process, and so are drawn together.
+        let mut overall = |ratios: &[Vec<f64>]| median_with_interval(ratios.iter().map(Vec::as_slice), &mut random);
         let noise_floor = control_rows.iter().map(|row| (row.ratio - 1.0).abs()).fold(0.0, f64::max);
-        let Estimate { value, low, high } = overall(&simd_ratios, random);
-        Speedup {
+        let Estimate { value, low, high } = overall(&simd_ratios);
+        Ok(Speedup {
             rows,
             noise_floor,
-            control_overall: overall(&control_ratios, random),
-            // Resampling knows the spread within this run alone. What sets the run as a whole apart from the next, such
-            // as where the operating system put code and data, shows in the control, which should be 1.
+            control_overall: overall(&control_ratios),
+            // What sets a whole series of runs apart from the next, no resampling of one of them knows.
             c_by_simd: Estimate { value, low: low / (1.0 + noise_floor), high: high * (1.0 + noise_floor) },
             control: control_rows,
-            sizes_asked,
-        }
+            runs: runs.len(),
+            asked: (settings.sizes.len(), settings.runs),
+        })
     }
 
-    /// Whether every size that was asked for was finished.
+    /// Whether every size and run that was asked for was finished.
     pub fn complete(&self) -> bool {
-        self.control.len() == self.sizes_asked
+        (self.control.len(), self.runs) == self.asked
     }
 }
 
@@ -476,10 +524,56 @@ pub fn paper_mean_ratio() -> f64 {
     statistics::mean(&PAPER.map(|row| row.ratio()))
 }
 
+/// Runs in which each contestant takes its own ticks, and one more from run to run.
+#[cfg(test)]
+pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
+    let run = |number| {
+        let mut run = Run::new();
+        let mut clock = Scripted::new(ticks, number);
+        measure_run(settings, number, &mut clock, &mut |size| {
+            run.push(size);
+            true
+        })
+        .expect("the engines are there");
+        run
+    };
+    (0..settings.runs).map(run).collect()
+}
+
+/// A clock by a script.
+#[cfg(test)]
+struct Scripted {
+    ticks: Vec<u64>,
+    calls: usize,
+}
+
+#[cfg(test)]
+impl Scripted {
+    /// The ticks of each contestant in run 0.
+    fn new(ticks: &[u64], number: usize) -> Self {
+        let mut ticks: Vec<u64> = ticks.iter().map(|ticks| ticks + number as u64).collect();
+        if number % 2 == 1 {
+            ticks.reverse();
+        }
+        Scripted { ticks, calls: 0 }
+    }
+}
+
+#[cfg(test)]
+impl Clock for Scripted {
+    fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
+        self.calls += 1;
+        self.ticks[(self.calls - 1) % self.ticks.len()]
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        Some(0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::Scripted;
 
     fn settings(sizes: &[usize], runs: usize) -> Settings {
         let engines = [BASELINE, CONTROL].map(|name| name.parse().unwrap()).to_vec();
@@ -489,8 +583,8 @@ mod tests {
     #[test]
     fn the_table_is_that_of_the_ticks() {
         // `c`, `paper`, and `paper` again, which is always a tenth slower.
-        let mut clock = Scripted::new(&[6000, 1000, 1100], 3);
-        let measured = run(&settings(&[0, 1], 3), &mut clock, &mut |_| true).unwrap();
+        let settings = settings(&[0, 1], 3);
+        let measured = Speedup::of(&settings, &scripted_runs(&settings, &[6000, 1000, 1100])).unwrap();
         assert!(measured.complete());
         let summary = |row: &Row| (row.engine, row.pixels, row.samples.clone(), row.cycles_median);
         let rows: Vec<_> = measured.rows.iter().map(summary).collect();
@@ -508,18 +602,32 @@ mod tests {
     }
 
     #[test]
-    fn who_stops_gets_the_sizes_that_are_finished() {
-        let mut rounds = 0;
-        let mut clock = Scripted::new(&[6, 1, 1], 3);
-        let mut stop_in_second_size = |_| {
-            rounds += 1;
-            rounds < 5
-        };
-        let measured = run(&settings(&[0, 1, 2], 3), &mut clock, &mut stop_in_second_size).unwrap();
-        assert!(!measured.complete());
-        assert_eq!(measured.rows.len(), 2);
-        let stopped = run(&settings(&[0], 3), &mut clock, &mut |_| false);
-        assert!(matches!(stopped, Err(SpeedupError::Nothing)));
+    fn what_sets_runs_apart_is_in_the_interval_however_many_sizes_agree_in_each() {
+        // Of two machines one is noisier from run to run, the other from size to size.
+        let ticks = [4000, 4100, 4200, 4300, 4400].map(|ticks| Turn { ticks, migrated: false });
+        let simd = Turn { ticks: 1000, migrated: false };
+        let settings = settings(&[0, 1, 2, 3, 4], 5);
+        let by_run: Vec<Run> = ticks.iter().map(|c| vec![vec![*c, simd, simd]; 5]).collect();
+        let by_size = vec![ticks.iter().map(|c| vec![*c, simd, simd]).collect::<Run>(); 5];
+        let [by_run, by_size] = [by_run, by_size].map(|runs| Speedup::of(&settings, &runs).unwrap().c_by_simd);
+        assert_eq!((by_run.value, by_size.value), (4.2, 4.2));
+        assert!(by_run.low <= 4.1 && by_run.high >= 4.3, "{by_run:?}");
+        assert_eq!((by_size.low, by_size.high), (4.2, 4.2));
+    }
+
+    #[test]
+    fn who_stops_gets_the_runs_that_are_finished_or_the_sizes_of_the_first() {
+        let settings = settings(&[0, 1, 2], 3);
+        let whole = scripted_runs(&settings, &[6, 1, 1]);
+        let of =
+            |runs: &[&[Vec<Turn>]]| Speedup::of(&settings, &runs.iter().map(|run| run.to_vec()).collect::<Vec<_>>());
+        let stopped_in_second = of(&[&whole[0], &whole[1][..2]]).unwrap();
+        assert_eq!((stopped_in_second.control.len(), stopped_in_second.runs), (3, 1));
+        let stopped_in_first = of(&[&whole[0][..2]]).unwrap();
+        assert_eq!((stopped_in_first.control.len(), stopped_in_first.runs), (2, 1));
+        assert!(!stopped_in_second.complete() && !stopped_in_first.complete());
+        assert!(matches!(of(&[]), Err(SpeedupError::Nothing)));
+        assert!(matches!(of(&[&[]]), Err(SpeedupError::Nothing)));
     }
 
     #[test]

@@ -6,6 +6,9 @@ use super::checked::{self, Fault};
 use super::isa::Isa;
 use super::types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 
+/// A loop of Algorithm 1, which writes pixels of the type `P`.
+type Rows<P> = unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut P);
+
 /// An operation `out = op(a, b)` on single values.
 #[derive(Clone, Copy)]
 pub struct Op<A, B, O> {
@@ -48,25 +51,37 @@ impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
     }
 }
 
-/// Algorithm 1 over whole rows of an image.
-#[derive(Clone, Copy)]
-pub struct Trace {
-    code: unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4),
+/// Algorithm 1 over whole rows of an image: of a [`Trace`] or of [`Hits`].
+pub struct RowsOf<P> {
+    code: Rows<P>,
 }
 
-impl Trace {
-    /// The contract of `code` is that of [`Trace::call`], on a CPU that has been checked.
-    pub(super) const fn new(
-        code: unsafe extern "sysv64" fn(*const Frame, *const Lists<'_>, u64, u64, *mut Vec4),
-    ) -> Self {
-        Trace { code }
+/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not clamped.
+pub type Trace = RowsOf<Vec4>;
+
+/// The same, with what is hit in place of a colour. A pixel is the surface that is nearest, with t in the fourth lane of its
+/// point, or 0 where there is none.
+pub type Hits = RowsOf<Surface>;
+
+impl<P> Clone for RowsOf<P> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<P> Copy for RowsOf<P> {}
+
+impl<P: Plain> RowsOf<P> {
+    /// The contract of `code` is that of [`RowsOf::call`], on a CPU that has been checked.
+    pub(super) const fn new(code: Rows<P>) -> Self {
+        RowsOf { code }
     }
 
-    /// Writes `rows` of the image to `out`: linear red, green, blue and 0, not clamped, row by row.
+    /// Writes `rows` of the image to `out`, row by row.
     ///
     /// # Panics
     /// Where `out` is not `frame.width` x the number of rows long.
-    pub fn call(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
+    pub fn call(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]) {
         if Self::some_pixels(frame, &rows, out) {
             let lists = Lists::from(objects);
             // SAFETY: the references prove that the addresses are valid and aligned and the lists as long as they say;
@@ -80,13 +95,13 @@ impl Trace {
         self.code as usize
     }
 
-    /// As [`Trace::call`], with a look at whether the kernel keeps the calling convention.
+    /// As [`RowsOf::call`], with a look at whether the kernel keeps the calling convention.
     pub fn call_checked(
         self,
         frame: &Frame,
         objects: Objects<'_>,
         rows: Range<u32>,
-        out: &mut [Vec4],
+        out: &mut [P],
     ) -> Result<(), Vec<Fault>> {
         if !Self::some_pixels(frame, &rows, out) {
             return Ok(());
@@ -104,7 +119,7 @@ impl Trace {
         unsafe { checked::call(self.code as *const (), args) }
     }
 
-    fn some_pixels(frame: &Frame, rows: &Range<u32>, out: &[Vec4]) -> bool {
+    fn some_pixels(frame: &Frame, rows: &Range<u32>, out: &[P]) -> bool {
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         pixels > 0
@@ -162,7 +177,7 @@ macro_rules! kernels {
                 #[link_name = concat!($prefix, "trace")]
                 fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
             }
-            $table { $($name: Op { code: $name },)* trace: Trace { code: trace } }
+            $table { $($name: Op { code: $name },)* trace: Trace::new(trace) }
         };
     };
 }
@@ -206,6 +221,22 @@ pub fn c() -> &'static AosKernels {
 /// The paper's macros, in the forms that the paper counts. None where the CPU lacks SSE4.1.
 pub fn paper() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&PAPER)
+}
+
+/// What the tracer of [`c()`] hits.
+pub fn hits_of_c() -> Hits {
+    unsafe extern "sysv64" {
+        fn rayo_c_hits(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Surface);
+    }
+    Hits::new(rayo_c_hits)
+}
+
+/// What the tracer of [`paper`] hits. None where the CPU lacks SSE4.1.
+pub fn hits_of_paper() -> Option<Hits> {
+    unsafe extern "sysv64" {
+        fn rayo_paper_hits(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Surface);
+    }
+    Isa::Sse41.usable().then_some(Hits::new(rayo_paper_hits))
 }
 
 /// The same kernels with the best forms of dot, norm and cross that we know. None where the CPU lacks SSE4.1.

@@ -15,7 +15,7 @@ enum Level {
     V3,
     /// AVX-512 with its F, BW, CD, DQ and VL.
     V4,
-    /// What the paper's SIMD needs.
+    /// What the paper's SIMD needs, and packets of four.
     Sse41,
 }
 

@@ -34,16 +34,18 @@ pub use chains::{Chain, Chains, FEEDBACK, chains_of_aos, chains_of_paper};
 pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 pub use code::code_at;
 #[cfg(rayo_asm)]
-pub use ffi::{AosKernels, Op, OpRef, Trace, aos, c, paper};
+pub use ffi::{AosKernels, Hits, Op, OpRef, RowsOf, Trace, aos, c, hits_of_c, hits_of_paper, paper};
 pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, PacketKernels, Planes, Rgba8, Row, Shade, SpanKernels, TileKernels, packet_symbols,
-    packets,
+    Bodies, Depth, Emit, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows,
+    SpanKernels, TileKernels, packet_symbols, packets,
 };
-pub use spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
+pub use spans::{
+    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan,
+};
 #[cfg(rayo_asm)]
 pub use tiles::{
     Bounds, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers, TileGrid,

@@ -6,7 +6,9 @@ use std::ops::Range;
 
 use super::checked::{self, Fault};
 use super::isa::Isa;
-use super::spans::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
+use super::spans::{
+    Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
+};
 use super::tiles::{
     Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask,
     ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
@@ -31,9 +33,27 @@ pub struct Planes<S, E> {
     symbol: &'static str,
 }
 
+/// The same for the first row of a sphere under one light.
+pub struct LitPlanes<E> {
+    code: unsafe extern "sysv64" fn(*const LitSphere<E>, *const LitRows<E>, u64, *mut E, u64, u64),
+    symbol: &'static str,
+}
+
 /// Makes a span's pixels in a row of buffers its own where it is nearest.
 pub struct Depth<S, E> {
     code: unsafe extern "sysv64" fn(*const S, *mut E, u64, u64),
+    symbol: &'static str,
+}
+
+/// Finds the rows of a sphere under one light.
+pub struct RowSetup<E> {
+    code: unsafe extern "sysv64" fn(*const LitSetup<f64>, u64, u64, *mut LitRows<E>),
+    symbol: &'static str,
+}
+
+/// Makes whole rows of a picture in which there is one sphere under one light.
+pub struct ShadeRows<E, P> {
+    code: unsafe extern "sysv64" fn(*const LitSphere<E>, *const LitRows<E>, u64, *mut P, u64, u64),
     symbol: &'static str,
 }
 
@@ -57,28 +77,46 @@ pub struct Bodies<S, E> {
     pub f32x4_fast: Shade<S, E, Vec4>,
     /// To 8-bit levels (in f32: with estimates).
     pub rgba8: Shade<S, E, Rgba8>,
+    /// The same where all light together does not exceed white: not clamped.
+    pub rgba8_dim: Shade<S, E, Rgba8>,
     /// To a row of buffers.
     pub planes: Planes<S, E>,
-    /// To a row of buffers, with estimates (in f64: as `planes`).
+    /// To a row of buffers as `rgba8` (in f64: as `planes`).
     pub planes_fast: Planes<S, E>,
     /// Finds the nearest.
     pub depth: Depth<S, E>,
+    /// To a row of buffers with the unit normal in place of the colour. None for a triangle, whose normal is a constant.
+    pub normals: Option<Planes<S, E>>,
+}
+
+/// What a sphere from outside under one light has in all outputs. The light does not exceed white.
+pub struct LitBodies<E> {
+    /// To linear floats.
+    pub f32x4: ShadeRows<E, Vec4>,
+    /// To linear floats with estimates (in f64: as `f32x4`).
+    pub f32x4_fast: ShadeRows<E, Vec4>,
+    /// To 8-bit levels (with estimates where there are good ones).
+    pub rgba8: ShadeRows<E, Rgba8>,
 }
 
 /// All packet kernels of an ISA for one element type.
 pub struct SpanKernels<E: 'static> {
     /// Rays in lockstep.
     pub lanes: usize,
-    /// A sphere from outside under one light, short form, to linear floats.
-    pub lit_f32x4: Shade<LitSpan<E>, E, Vec4>,
-    /// The same with estimates (in f64: without).
-    pub lit_f32x4_fast: Shade<LitSpan<E>, E, Vec4>,
-    /// The same to 8-bit levels; the weights are at most 127.5, so that nothing exceeds white.
-    pub lit_rgba8: Shade<LitSpan<E>, E, Rgba8>,
+    /// The rows of a sphere from outside under one light, short form.
+    pub lit_rows: RowSetup<E>,
+    /// Shades such rows.
+    pub lit: LitBodies<E>,
     /// The same where the three weights are equal.
-    pub grey_rgba8: Shade<LitSpan<E>, E, Rgba8>,
+    pub grey: LitBodies<E>,
+    /// Shades a span of such a row in a row of buffers. What finds the nearest is that of any sphere from outside.
+    pub lit_planes: LitPlanes<E>,
+    /// The same as `rgba8` does.
+    pub lit_planes_fast: LitPlanes<E>,
     /// Spheres from outside.
     pub outside: Bodies<OutsideSpan<E>, E>,
+    /// Spheres from outside at less than sqrt 2 radii.
+    pub near: Bodies<NearSpan<E>, E>,
     /// Spheres from inside.
     pub inside: Bodies<InsideSpan<E>, E>,
     /// Triangles.
@@ -128,9 +166,18 @@ pub struct PacketKernels {
 }
 
 impl<S, E> Bodies<S, E> {
-    fn symbols(&self) -> [&'static str; 6] {
-        let Bodies { f32x4, f32x4_fast, rgba8, planes, planes_fast, depth } = self;
-        [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, planes.symbol, planes_fast.symbol, depth.symbol]
+    fn symbols(&self) -> Vec<&'static str> {
+        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth, normals } = self;
+        let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol];
+        let rows = [planes.symbol, planes_fast.symbol, depth.symbol];
+        shades.into_iter().chain(rows).chain(normals.as_ref().map(|normals| normals.symbol)).collect()
+    }
+}
+
+impl<E> LitBodies<E> {
+    fn symbols(&self) -> Vec<&'static str> {
+        let LitBodies { f32x4, f32x4_fast, rgba8 } = self;
+        vec![f32x4.symbol, f32x4_fast.symbol, rgba8.symbol]
     }
 }
 
@@ -138,14 +185,13 @@ impl<E: Element> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
         #[rustfmt::skip]
         let SpanKernels {
-            lanes: _, lit_f32x4, lit_f32x4_fast, lit_rgba8, grey_rgba8, outside, inside, triangle, emit_f32x4, emit_rgba8,
-            tiles,
+            lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, near, inside, triangle, emit_f32x4,
+            emit_rgba8, tiles,
         } = self;
-        let mut symbols = vec![lit_f32x4.symbol, lit_f32x4_fast.symbol, lit_rgba8.symbol, grey_rgba8.symbol];
-        symbols.extend(outside.symbols().into_iter().chain(inside.symbols()).chain(triangle.symbols()));
-        symbols.extend([emit_f32x4.symbol, emit_rgba8.symbol]);
-        symbols.extend(tiles.symbols());
-        symbols
+        let spheres = [outside.symbols(), near.symbols(), inside.symbols()].concat();
+        let rows = vec![lit_rows.symbol, lit_planes.symbol, lit_planes_fast.symbol];
+        let emits = vec![emit_f32x4.symbol, emit_rgba8.symbol];
+        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits, tiles.symbols().to_vec()].concat()
     }
 }
 
@@ -193,6 +239,90 @@ impl<S, E, P> Shade<S, E, P> {
     }
 }
 
+impl<E: Element> RowSetup<E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
+    /// Sets the first `count` of `rows`, which are the picture's rows from `first` on.
+    ///
+    /// # Panics
+    /// Where there is no room for as many.
+    pub fn call(&self, setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>) {
+        assert!(count <= LIT_ROWS, "{count} rows do not fit");
+        if count > 0 {
+            // SAFETY: the references prove the addresses; LIT_ROWS is a multiple of every packet's lanes, so that there
+            // is room for the last packet of rows. The CPU as in Shade::call.
+            unsafe { (self.code)(setup, first.into(), count as u64, rows) }
+        }
+    }
+
+    /// As [`RowSetup::call`], with a look at whether the kernel keeps the calling convention.
+    pub fn call_checked(
+        &self,
+        setup: &LitSetup<f64>,
+        first: u32,
+        count: usize,
+        rows: &mut LitRows<E>,
+    ) -> Result<(), Vec<Fault>> {
+        assert!((1..=LIT_ROWS).contains(&count));
+        let (setup, rows) = (std::ptr::from_ref(setup) as u64, std::ptr::from_mut(rows) as u64);
+        // SAFETY: as in call; these are the arguments of its signature.
+        unsafe { checked::call(self.code as *const (), [setup, first.into(), count as u64, rows, 0, 0]) }
+    }
+}
+
+impl<E: Element, P: Copy> ShadeRows<E, P> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
+    /// Makes the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past the cache, where the
+    /// output can.
+    ///
+    /// # Panics
+    /// Where `out` is not aligned to 4, has no whole number of rows or more than there are, or where one of the spans
+    /// does not lie in its row.
+    pub fn call(&self, sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) {
+        if !out.is_empty() {
+            let [sphere, rows, count, out, width, streaming] = Self::arguments(sphere, rows, out, width, streaming);
+            let (sphere, rows, out) = (sphere as *const _, rows as *const _, out as *mut _);
+            // SAFETY: the references that became these addresses prove them and the lengths, arguments() that every span
+            // lies in its row; any bits are pixels. The CPU as in Shade::call.
+            unsafe { (self.code)(sphere, rows, count, out, width, streaming) }
+        }
+    }
+
+    /// As [`ShadeRows::call`], with a look at whether the kernel keeps the calling convention.
+    pub fn call_checked(
+        &self,
+        sphere: &LitSphere<E>,
+        rows: &LitRows<E>,
+        out: &mut [P],
+        width: usize,
+        streaming: bool,
+    ) -> Result<(), Vec<Fault>> {
+        assert!(!out.is_empty());
+        let args = Self::arguments(sphere, rows, out, width, streaming);
+        // SAFETY: as in call; these are the arguments of its signature.
+        unsafe { checked::call(self.code as *const (), args) }
+    }
+
+    fn arguments(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) -> [u64; 6] {
+        assert!(out.as_ptr().cast::<u32>().is_aligned(), "pixels must be aligned to 4 bytes");
+        let count = out.len() / width;
+        assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());
+        for row in 0..count {
+            let (start, end) = (rows.start[row].to_f64(), rows.end[row].to_f64());
+            assert!(start >= 0.0 && end <= width as f64, "columns {start} to {end} of {width}");
+        }
+        let (sphere, rows) = (std::ptr::from_ref(sphere) as u64, std::ptr::from_ref(rows) as u64);
+        [sphere, rows, count as u64, out.as_mut_ptr() as u64, width as u64, streaming.into()]
+    }
+}
+
 impl<S, E: Element> Planes<S, E> {
     /// The symbol of its code.
     pub fn symbol(&self) -> &'static str {
@@ -223,6 +353,37 @@ impl<S, E: Element> Planes<S, E> {
         let args = [span, lits.as_ptr() as u64, lits.len() as u64, first as u64, pixels, stride];
         // SAFETY: as in call; these are the arguments of its signature.
         unsafe { checked::call(self.code as *const (), args) }
+    }
+}
+
+impl<E: Element> LitPlanes<E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.symbol
+    }
+
+    /// Shades the pixels `span_x` of the row that carry the id of the first of `rows`.
+    pub fn call(&self, sphere: &LitSphere<E>, rows: &LitRows<E>, row: &mut Row<E>, span_x: Range<usize>) {
+        if !span_x.is_empty() {
+            let (first, pixels, stride) = row.part(span_x);
+            // SAFETY: as in Planes::call; the references prove the addresses of the sphere and its rows.
+            unsafe { (self.code)(sphere, rows, 0, first, pixels, stride) }
+        }
+    }
+
+    /// As [`LitPlanes::call`], with a look at whether the kernel keeps the calling convention.
+    pub fn call_checked(
+        &self,
+        sphere: &LitSphere<E>,
+        rows: &LitRows<E>,
+        row: &mut Row<E>,
+        span_x: Range<usize>,
+    ) -> Result<(), Vec<Fault>> {
+        assert!(!span_x.is_empty());
+        let (first, pixels, stride) = row.part(span_x);
+        let (sphere, rows) = (std::ptr::from_ref(sphere) as u64, std::ptr::from_ref(rows) as u64);
+        // SAFETY: as in call; these are the arguments of its signature.
+        unsafe { checked::call(self.code as *const (), [sphere, rows, 0, first as u64, pixels, stride]) }
     }
 }
 
@@ -356,7 +517,7 @@ impl<E: Element> Row<E> {
 
 /// Declares the kernels of one ISA and element type, and makes their table.
 macro_rules! span_kernels {
-    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal) => {{
+    ($element:ty, $lanes:literal, $prefix:expr, $fast:literal, $lit_fast:literal) => {{
         macro_rules! shade {
             ($body:literal, $span:ty, $output:expr, $pixel:ty) => {{
                 unsafe extern "sysv64" {
@@ -367,16 +528,16 @@ macro_rules! span_kernels {
             }};
         }
         macro_rules! planes {
-            ($body:literal, $span:ty, $fast_name:literal) => {{
+            ($body:literal, $span:ty, $output:expr) => {{
                 unsafe extern "sysv64" {
-                    #[link_name = concat!($prefix, $body, "_planes", $fast_name)]
+                    #[link_name = concat!($prefix, $body, $output)]
                     fn kernel(s: *const $span, l: *const Lit<$element>, n: u64, row: *mut $element, p: u64, f: u64);
                 }
-                Planes { code: kernel, symbol: concat!($prefix, $body, "_planes", $fast_name) }
+                Planes { code: kernel, symbol: concat!($prefix, $body, $output) }
             }};
         }
         macro_rules! bodies {
-            ($body:literal, $span:ty) => {{
+            ($body:literal, $span:ty, $normals:expr) => {{
                 unsafe extern "sysv64" {
                     #[link_name = concat!($prefix, $body, "_depth")]
                     fn kernel(s: *const $span, row: *mut $element, p: u64, f: u64);
@@ -385,9 +546,11 @@ macro_rules! span_kernels {
                     f32x4: shade!($body, $span, "_f32x4", Vec4),
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
-                    planes: planes!($body, $span, ""),
-                    planes_fast: planes!($body, $span, $fast),
+                    rgba8_dim: shade!($body, $span, "_rgba8_dim", Rgba8),
+                    planes: planes!($body, $span, "_planes"),
+                    planes_fast: planes!($body, $span, concat!("_planes", $fast)),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
+                    normals: $normals,
                 }
             }};
         }
@@ -409,15 +572,66 @@ macro_rules! span_kernels {
                 ShadeTile { code: kernel, symbol: concat!($prefix, "tile_", $output), writes: PhantomData }
             }};
         }
+        macro_rules! lit {
+            ($body:literal, $output:expr, $pixel:ty) => {{
+                unsafe extern "sysv64" {
+                    #[link_name = concat!($prefix, $body, $output)]
+                    fn kernel(
+                        sphere: *const LitSphere<$element>,
+                        rows: *const LitRows<$element>,
+                        n: u64,
+                        out: *mut $pixel,
+                        w: u64,
+                        f: u64,
+                    );
+                }
+                ShadeRows { code: kernel, symbol: concat!($prefix, $body, $output) }
+            }};
+        }
+        macro_rules! lit_planes {
+            ($fast_name:literal) => {{
+                unsafe extern "sysv64" {
+                    #[link_name = concat!($prefix, "lit_planes", $fast_name)]
+                    fn kernel(
+                        sphere: *const LitSphere<$element>,
+                        rows: *const LitRows<$element>,
+                        unused: u64,
+                        row: *mut $element,
+                        p: u64,
+                        f: u64,
+                    );
+                }
+                LitPlanes { code: kernel, symbol: concat!($prefix, "lit_planes", $fast_name) }
+            }};
+        }
+        macro_rules! lit_bodies {
+            ($body:literal) => {
+                LitBodies {
+                    f32x4: lit!($body, "_f32x4", Vec4),
+                    f32x4_fast: lit!($body, concat!("_f32x4", $fast), Vec4),
+                    rgba8: lit!($body, "_rgba8", Rgba8),
+                }
+            };
+        }
+        unsafe extern "sysv64" {
+            #[link_name = concat!($prefix, "lit_rows")]
+            fn lit_rows(setup: *const LitSetup<f64>, first: u64, count: u64, rows: *mut LitRows<$element>);
+        }
         SpanKernels {
             lanes: $lanes,
-            lit_f32x4: shade!("lit", LitSpan<$element>, "_f32x4", Vec4),
-            lit_f32x4_fast: shade!("lit", LitSpan<$element>, concat!("_f32x4", $fast), Vec4),
-            lit_rgba8: shade!("lit", LitSpan<$element>, "_rgba8", Rgba8),
-            grey_rgba8: shade!("grey", LitSpan<$element>, "_rgba8", Rgba8),
-            outside: bodies!("outside", OutsideSpan<$element>),
-            inside: bodies!("inside", InsideSpan<$element>),
-            triangle: bodies!("triangle", TriangleSpan<$element>),
+            lit_rows: RowSetup { code: lit_rows, symbol: concat!($prefix, "lit_rows") },
+            lit: lit_bodies!("lit"),
+            grey: lit_bodies!("grey"),
+            lit_planes: lit_planes!(""),
+            lit_planes_fast: lit_planes!($lit_fast),
+            outside: bodies!(
+                "outside",
+                OutsideSpan<$element>,
+                Some(planes!("outside", OutsideSpan<$element>, "_normals"))
+            ),
+            near: bodies!("near", NearSpan<$element>, Some(planes!("near", NearSpan<$element>, "_normals"))),
+            inside: bodies!("inside", InsideSpan<$element>, Some(planes!("inside", InsideSpan<$element>, "_normals"))),
+            triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),
             emit_rgba8: emit!("rgba8", Rgba8),
             tiles: {
@@ -446,7 +660,7 @@ macro_rules! span_kernels {
 }
 
 macro_rules! packet_kernels {
-    ($static:ident, $isa:literal, $single:literal, $double:literal) => {
+    ($static:ident, $isa:literal, $single:literal, $double:literal, $lit_fast:literal) => {
         static $static: PacketKernels = {
             unsafe extern "sysv64" {
                 #[link_name = concat!("rayo_", $isa, "_fill")]
@@ -455,8 +669,8 @@ macro_rules! packet_kernels {
                 fn bounds(view: *const BoundsView<f32>, task: *const BoundsTask);
             }
             PacketKernels {
-                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast"),
-                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), ""),
+                single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast", "_fast"),
+                double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
                 bounds: Bounds { code: bounds, symbol: concat!("rayo_", $isa, "_bounds") },
             }
@@ -464,9 +678,10 @@ macro_rules! packet_kernels {
     };
 }
 
-packet_kernels!(SSE41, "sse41", 4, 2);
-packet_kernels!(AVX2, "avx2", 8, 4);
-packet_kernels!(AVX512, "avx512", 16, 8);
+// The last is what the short form with estimates in f64 is called: AVX-512 alone has these.
+packet_kernels!(SSE41, "sse41", 4, 2, "");
+packet_kernels!(AVX2, "avx2", 8, 4, "");
+packet_kernels!(AVX512, "avx512", 16, 8, "_fast");
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {

@@ -4,6 +4,8 @@ use super::types::Plain;
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialOrd + Send + Sync {
+    /// From 1 to the next number: twice the largest relative error of a rounding.
+    const EPSILON: f64;
     /// Rounded to nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.
@@ -11,6 +13,7 @@ pub trait Element: Plain + Default + PartialOrd + Send + Sync {
 }
 
 impl Element for f32 {
+    const EPSILON: f64 = f32::EPSILON as f64;
     fn from_f64(x: f64) -> Self {
         x as f32
     }
@@ -20,6 +23,7 @@ impl Element for f32 {
 }
 
 impl Element for f64 {
+    const EPSILON: f64 = f64::EPSILON;
     fn from_f64(x: f64) -> Self {
         x
     }
@@ -60,14 +64,91 @@ pub(super) use records;
 records! {
     /// What all spans begin with.
     Span { j, end, id, near }
-    /// A sphere seen from outside and lit by one light, in the short form.
-    LitSpan { j, end, id, near, left, right, h1, h0, q1, q0, kn, ke, red, green, blue }
+    /// A sphere seen from outside and lit by one light, in the short form: what all its rows share.
+    LitSphere { h1, q1, kn, ke, red, green, blue }
+    /// One of its rows.
+    LitRow { start, end, j, stop, m, a, h0, q0, id }
+    /// What its rows are made of, in f64.
+    LitSetup {
+        step, half_width, half_height, columns, width, cx, cy, cz, k, m, nx, zz, cyz, czz, h, q, lx, ly, lzz,
+    }
     /// A sphere seen from outside.
     OutsideSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y1, y0, z1, z0, cx, cy, cz }
+    /// A sphere seen from outside at less than sqrt 2 radii.
+    NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y, z, cx, cy, cz }
     /// A sphere seen from inside.
     InsideSpan { j, end, id, near, x1, x0, y, z, g, h1, h0, k, cx, cy, cz }
     /// A triangle.
     TriangleSpan { j, end, id, near, w1, w0, x1, x0, y1, y0, z1, z0 }
     /// One light on one object.
     Lit { x, y, z, cosine, red, green, blue, padding }
+}
+
+/// Rows of a [`LitSphere`], a field after another: as the kernels read them.
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+#[expect(missing_docs, reason = "layout.inc says what each field is")]
+pub struct LitRows<E> {
+    pub start: [E; LIT_ROWS],
+    pub end: [E; LIT_ROWS],
+    pub j: [E; LIT_ROWS],
+    pub stop: [E; LIT_ROWS],
+    pub m: [E; LIT_ROWS],
+    pub a: [E; LIT_ROWS],
+    pub h0: [E; LIT_ROWS],
+    pub q0: [E; LIT_ROWS],
+    pub id: [E; LIT_ROWS],
+}
+
+/// The rows that [`LitRows`] has room for.
+pub const LIT_ROWS: usize = 64;
+
+impl<E: Element> LitRows<E> {
+    /// A row.
+    pub fn row(&self, row: usize) -> LitRow<E> {
+        let LitRows { start, end, j, stop, m, a, h0, q0, id } = self;
+        LitRow {
+            start: start[row],
+            end: end[row],
+            j: j[row],
+            stop: stop[row],
+            m: m[row],
+            a: a[row],
+            h0: h0[row],
+            q0: q0[row],
+            id: id[row],
+        }
+    }
+
+    /// Sets a row.
+    pub fn set_row(&mut self, row: usize, of: &LitRow<E>) {
+        let LitRows { start, end, j, stop, m, a, h0, q0, id } = self;
+        for (field, value) in [
+            (start, of.start),
+            (end, of.end),
+            (j, of.j),
+            (stop, of.stop),
+            (m, of.m),
+            (a, of.a),
+            (h0, of.h0),
+            (q0, of.q0),
+            (id, of.id),
+        ] {
+            field[row] = value;
+        }
+    }
+}
+
+// SAFETY: nothing but elements, which fill it, as the offsets asserted in types.rs show.
+unsafe impl<E: Element> Plain for LitRows<E> {
+    const ZERO: Self = {
+        let none = [E::ZERO; LIT_ROWS];
+        LitRows { start: none, end: none, j: none, stop: none, m: none, a: none, h0: none, q0: none, id: none }
+    };
+}
+
+impl<E: Element> Default for LitRows<E> {
+    fn default() -> Self {
+        Self::ZERO
+    }
 }

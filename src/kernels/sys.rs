@@ -52,9 +52,14 @@ pub fn store_fence() {
 }
 
 /// Keeps the calling thread on the core it is on, and says which that is.
-#[cfg(target_os = "linux")]
 pub fn pin_to_this_core() -> io::Result<usize> {
-    let core = current_core().ok_or_else(io::Error::last_os_error)?;
+    let core = current_core().ok_or_else(|| io::Error::other("which core this is cannot be known"))?;
+    pin_to(core).map(|()| core)
+}
+
+/// Keeps the calling thread on that core.
+#[cfg(target_os = "linux")]
+pub fn pin_to(core: usize) -> io::Result<()> {
     // SAFETY: a set of bits, for which all 0 is a value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
     if core >= 8 * size_of_val(&set) {
@@ -64,14 +69,14 @@ pub fn pin_to_this_core() -> io::Result<usize> {
     unsafe { libc::CPU_SET(core, &mut set) };
     // SAFETY: 0 is the calling thread, the set is ours and its size is given.
     match unsafe { libc::sched_setaffinity(0, size_of_val(&set), &set) } {
-        0 => Ok(core),
+        0 => Ok(()),
         _ => Err(io::Error::last_os_error()),
     }
 }
 
 /// Pinning is not known here.
 #[cfg(not(target_os = "linux"))]
-pub fn pin_to_this_core() -> io::Result<usize> {
+pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
@@ -110,6 +115,12 @@ impl Cores {
         }
     }
 
+    /// How many there are, at least 1.
+    pub fn count(&self) -> usize {
+        // SAFETY: the set was filled when it was made.
+        (unsafe { libc::CPU_COUNT(&self.0) }).try_into().unwrap_or(1).max(1)
+    }
+
     /// Lets the calling thread, and those that it will start, run on them.
     pub fn allow(&self) -> io::Result<()> {
         // SAFETY: 0 is the calling thread, the set is ours and its size is given.
@@ -130,6 +141,11 @@ impl Cores {
     /// All of them.
     pub fn of_this_thread() -> io::Result<Self> {
         Ok(Cores(()))
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        std::thread::available_parallelism().map_or(1, usize::from)
     }
 
     /// Nothing to do.
@@ -166,6 +182,26 @@ pub fn thread_cpu_time() -> std::time::Duration {
     // SAFETY: the structure is ours to write. POSIX has the clock; without it the zeros would remain.
     unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
     std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
+}
+
+/// The time that the processes which this one has started and waited for had a core.
+#[cfg(unix)]
+pub fn children_cpu_time() -> std::time::Duration {
+    // SAFETY: numbers, for which all bits 0 are a value.
+    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
+    unsafe { libc::getrusage(libc::RUSAGE_CHILDREN, &mut usage) };
+    let seconds = |time: libc::timeval| {
+        let (seconds, micros) = (time.tv_sec.try_into().unwrap_or(0), time.tv_usec.try_into().unwrap_or(0));
+        std::time::Duration::from_secs(seconds) + std::time::Duration::from_micros(micros)
+    };
+    seconds(usage.ru_utime) + seconds(usage.ru_stime)
+}
+
+/// The time of other processes is not known here.
+#[cfg(not(unix))]
+pub fn children_cpu_time() -> std::time::Duration {
+    std::time::Duration::ZERO
 }
 
 /// The time of a thread is not known here.

@@ -189,7 +189,7 @@ macro_rules! layout_checks {
     };
 }
 #[cfg(rayo_asm)]
-use super::spans::{InsideSpan, Lit, LitSpan, OutsideSpan, Span, TriangleSpan};
+use super::spans::{InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan};
 #[cfg(rayo_asm)]
 use super::tiles::{
     BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, ShortLit, Tile, TileLight, TileRays,

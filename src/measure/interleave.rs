@@ -1,5 +1,8 @@
 //! The interleaved runner: contestants take turns, so that whatever changes over time changes for all of them.
 
+use std::ops::Range;
+use std::time::Instant;
+
 use super::cycles::Cycles;
 use super::statistics;
 use crate::kernels::sys;
@@ -32,6 +35,32 @@ impl Clock for TscClock {
         let start = Cycles::start();
         work();
         start.stop()
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        sys::current_core()
+    }
+}
+
+/// The operating system's clock, for machines without a counter: its ticks are nanoseconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WallClock(());
+
+impl WallClock {
+    /// Ticks in a second.
+    pub const HZ: f64 = 1e9;
+
+    /// Any machine has one.
+    pub fn new() -> Self {
+        WallClock(())
+    }
+}
+
+impl Clock for WallClock {
+    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_nanos() as u64
     }
 
     fn core(&mut self) -> Option<usize> {
@@ -84,19 +113,19 @@ impl Runs {
     }
 }
 
-/// Times each of `contestants` once a round, for `rounds` rounds; none is dropped. Every other round goes backwards, so
-/// that each follows its neighbour as often as it precedes it.
+/// Times each of `contestants` once in each of `rounds`; none is dropped. Rounds of odd numbers go backwards, so that each
+/// follows its neighbour as often as it precedes it.
 ///
 /// `proceed` is asked after each round; where it says no, the result is None.
 pub fn interleave(
     clock: &mut dyn Clock,
     contestants: &mut [Work<'_>],
-    rounds: usize,
+    rounds: Range<usize>,
     proceed: &mut dyn FnMut() -> bool,
 ) -> Option<Vec<Runs>> {
     let count = contestants.len();
     let mut runs = vec![Runs::default(); count];
-    for round in 0..rounds {
+    for round in rounds {
         let mut turn = |index: usize| {
             let core = clock.core();
             runs[index].ticks.push(clock.time(&mut contestants[index]) as f64);
@@ -178,9 +207,9 @@ mod tests {
             })
         };
         let mut contestants = [contestant('a', 5), contestant('b', 7), contestant('c', 11)];
-        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 3, &mut || true).unwrap();
+        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..3, &mut || true).unwrap();
         drop(contestants);
-        assert_eq!(order.into_inner(), "abccbaabc");
+        assert_eq!(order.into_inner(), "abccbaabc", "odd rounds backwards");
         for (runs, ticks) in runs.iter().zip([5.0, 7.0, 11.0]) {
             assert_eq!(*runs, Runs { ticks: vec![ticks; 3], migrations: 0 });
         }
@@ -190,7 +219,7 @@ mod tests {
     fn a_migration_is_counted_against_the_run_in_which_it_happened() {
         let (now, core) = (Cell::new(0), Cell::new(3));
         let mut contestants: [Work<'_>; 2] = [Box::new(|| ()), Box::new(|| core.set(core.get() + 1))];
-        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 4, &mut || true).unwrap();
+        let runs = interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..4, &mut || true).unwrap();
         assert_eq!((runs[0].migrations, runs[1].migrations), (0, 4));
     }
 
@@ -199,7 +228,7 @@ mod tests {
         let (now, core, rounds) = (Cell::new(0), Cell::new(0), Cell::new(0));
         let mut contestants: [Work<'_>; 1] = [Box::new(|| rounds.set(rounds.get() + 1))];
         let stop_after_two = &mut || rounds.get() < 2;
-        assert_eq!(interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 9, stop_after_two), None);
+        assert_eq!(interleave(&mut Fake { now: &now, core: &core }, &mut contestants, 0..9, stop_after_two), None);
         assert_eq!(rounds.get(), 2);
     }
 

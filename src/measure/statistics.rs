@@ -68,22 +68,27 @@ pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
 
 /// The median of all values in `groups`, with its percentile bootstrap interval at [`CONFIDENCE`].
 ///
-/// A resample draws from each group as many as it has, so that groups of different kinds keep their shares. `random`
-/// gives 64 random bits a call; the same bits give the same interval.
-pub fn median_with_interval(groups: &[&[f64]], random: &mut dyn FnMut() -> u64) -> Estimate {
-    let all: Vec<f64> = groups.concat();
-    let mut drawn = Vec::with_capacity(all.len());
+/// A resample draws as many groups as there are, each with all its values: those that were measured together may be off
+/// together, and tell less than as many that are independent. `random` gives 64 random bits a call; the same bits give the
+/// same interval.
+pub fn median_with_interval<'a>(
+    groups: impl IntoIterator<Item = &'a [f64]>,
+    random: &mut dyn FnMut() -> u64,
+) -> Estimate {
+    let groups: Vec<&[f64]> = groups.into_iter().collect();
+    let mut drawn = Vec::with_capacity(groups.iter().map(|group| group.len()).sum());
     let medians = (0..RESAMPLES).map(|_| {
         drawn.clear();
-        for group in groups {
-            drawn.extend(group.iter().map(|_| group[below(group.len(), random)]));
+        for _ in &groups {
+            drawn.extend_from_slice(groups[below(groups.len(), random)]);
         }
         median_of(&mut drawn)
     });
     let mut medians: Vec<_> = medians.collect();
     medians.sort_unstable_by(f64::total_cmp);
     let tail = (1.0 - CONFIDENCE) / 2.0;
-    Estimate { value: median(&all), low: quantile(&medians, tail), high: quantile(&medians, 1.0 - tail) }
+    let value = median_of(&mut groups.concat());
+    Estimate { value, low: quantile(&medians, tail), high: quantile(&medians, 1.0 - tail) }
 }
 
 /// A line through points, by least squares.
@@ -178,30 +183,34 @@ mod tests {
         assert_eq!(outliers(&[5.0; 4], 3.0), 0);
     }
 
+    /// Of values that are independent.
+    fn of_each(values: &[f64]) -> Estimate {
+        median_with_interval(values.chunks(1), &mut even())
+    }
+
     #[test]
     fn the_interval_of_equal_values_is_a_point_and_that_of_others_lies_between_their_extremes() {
-        let point = median_with_interval(&[&[2.0; 5]], &mut even());
-        assert_eq!(point, Estimate { value: 2.0, low: 2.0, high: 2.0 });
-        let spread = median_with_interval(&[&[1.0, 2.0, 3.0, 4.0, 5.0]], &mut even());
+        assert_eq!(of_each(&[2.0; 5]), Estimate { value: 2.0, low: 2.0, high: 2.0 });
+        let spread = of_each(&[1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(spread.value, 3.0);
         assert!(1.0 <= spread.low && spread.low < 3.0 && 3.0 < spread.high && spread.high <= 5.0, "{spread:?}");
     }
 
     #[test]
-    fn a_resample_keeps_the_share_of_each_group() {
-        // Three values of one group against two of the other: the median is always of the larger group.
-        let estimate = median_with_interval(&[&[1.0; 3], &[9.0; 2]], &mut even());
-        assert_eq!(estimate, Estimate { value: 1.0, low: 1.0, high: 1.0 });
+    fn values_of_one_group_are_drawn_together_so_that_many_of_them_make_no_narrower_interval() {
+        // Five runs that are off from each other, each measured a hundred times.
+        let runs: Vec<_> = (0..5).map(|run| [f64::from(run); 100]).collect();
+        let together = median_with_interval(runs.iter().map(<[f64; 100]>::as_slice), &mut even());
+        assert_eq!(together, of_each(&[0.0, 1.0, 2.0, 3.0, 4.0]));
+        let apart = of_each(&runs.concat());
+        assert!(apart.high - apart.low < together.high - together.low, "{apart:?} {together:?}");
     }
 
     #[test]
     fn more_values_make_a_narrower_interval() {
         let few: Vec<f64> = (0..5).map(f64::from).collect();
         let many: Vec<f64> = (0..500).map(|i| f64::from(i) / 100.0).collect();
-        let width = |values: &[f64]| {
-            let estimate = median_with_interval(&[values], &mut even());
-            estimate.high - estimate.low
-        };
+        let width = |values: &[f64]| of_each(values).high - of_each(values).low;
         assert!(width(&many) < width(&few) / 2.0);
     }
 

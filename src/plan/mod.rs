@@ -1,11 +1,16 @@
-//! What a scene becomes before the first ray: the packed arrays that kernels read.
+//! What a scene becomes before the first ray: the packed arrays that kernels read, and what is left out of them.
 
+mod light;
+mod omission;
 mod packed;
+mod report;
 mod spans;
 #[cfg(rayo_asm)]
 mod tiles;
 
+pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
-pub use spans::{RowSpan, Spans, UseRecord};
+pub use report::{Kept, LeftOut, Report, grouped};
+pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 #[cfg(rayo_asm)]
 pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};

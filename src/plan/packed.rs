@@ -1,8 +1,11 @@
 //! A scene as the kernels of one vector per register read it.
 
-use crate::kernels::{Frame, Light, Objects, Sphere, Triangle};
+use crate::kernels::{Frame, Light, Objects, Sphere, Triangle, Vec4};
 use crate::reference::geometry;
-use crate::scene::{self, Camera, Scene};
+use crate::scene::{Camera, Object, Scene};
+
+/// Numbers of objects have two digits, each exact in f32.
+const DIGIT: usize = 1 << 20;
 
 /// The lights and objects of a scene in arrays of their own, and its rays in f32.
 #[derive(Clone, Debug)]
@@ -11,6 +14,8 @@ pub struct Packed {
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
+    /// Which of the scene's triangles these are.
+    sources: Vec<usize>,
 }
 
 impl Packed {
@@ -28,11 +33,11 @@ impl Packed {
             padding: [0.0; 3],
         });
         // Of a triangle that is never hit, eq. 9 in f32 could see the rounding.
-        let hit =
-            |triangle: &&scene::Triangle| geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_some();
-        let triangles = scene.triangles.iter().filter(hit).map(|triangle| {
-            let [v1, v2, v3] = triangle.vertices.map(Into::into);
-            Triangle { v1, v2, v3, colour: triangle.colour.into() }
+        let hit = |i: &usize| geometry::triangle_volume(scene.triangles[*i].vertices.map(|v| v.as_dvec3())).is_some();
+        let sources: Vec<usize> = (0..scene.triangles.len()).filter(hit).collect();
+        let triangles = sources.iter().map(|i| {
+            let [v1, v2, v3] = scene.triangles[*i].vertices.map(Into::into);
+            Triangle { v1, v2, v3, colour: scene.triangles[*i].colour.into() }
         });
         let grid = camera.grid::<f32>();
         Packed {
@@ -46,12 +51,32 @@ impl Packed {
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: triangles.collect(),
+            sources,
         }
     }
 
     /// The rays.
     pub fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// The same with a number in place of each colour, which [`Packed::object`] can read.
+    pub fn numbered(&self) -> Self {
+        let mut numbered = self.clone();
+        let number = |kind: f32, i: usize| Vec4::new((i % DIGIT) as f32, (i / DIGIT) as f32, kind);
+        numbered.spheres.iter_mut().enumerate().for_each(|(i, sphere)| sphere.colour = number(1.0, i));
+        numbered.triangles.iter_mut().enumerate().for_each(|(i, triangle)| triangle.colour = number(2.0, i));
+        numbered
+    }
+
+    /// The object that a colour of [`Packed::numbered`] stands for; None for black.
+    pub fn object(&self, colour: Vec4) -> Option<Object> {
+        let i = colour.x as usize + colour.y as usize * DIGIT;
+        match colour.z as u32 {
+            0 => None,
+            1 => Some(Object::Sphere(i)),
+            _ => Some(Object::Triangle(self.sources[i])),
+        }
     }
 
     /// The lights and objects.

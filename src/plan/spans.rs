@@ -8,35 +8,116 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::kernels::{Element, InsideSpan, Lit, LitSpan, OutsideSpan, TriangleSpan};
-use crate::scene::{Camera, Grid, Light, Scene};
+use super::light::{self, LightOn};
+use super::omission::{Keep, Omission};
+use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan};
+use crate::reference::geometry;
+use crate::scene::{self, Camera, Grid, Light, Scene};
 
 /// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
 const SHORT_FORM_LOSS: f64 = 64.0;
 
+/// Elements count columns exactly up to here.
+const SHORT_FORM_WIDTH: u32 = 1 << 24;
+
+/// Half of a silhouette may have so many columns; one column inside of it, p is then far above its rounding.
+const SHORT_FORM_COLUMNS: f64 = 1048576.0;
+
 /// A row of more spans than this is left to the depth of each pixel.
 const MOST_CUT: usize = 16;
 
-/// A scene's objects as one camera sees them.
+/// A sphere with less than this for k is less than sqrt 2 radii away: lights are seen from the camera then.
+const NEAR: f64 = 1.0;
+
+/// A triangle with edges of less than this share of its distance is seen from one of its vertices.
+const SMALL_TRIANGLE: f64 = 0.25;
+
+/// Powers of two that numbers must keep between for f32 to hold them, their squares and what these are multiplied by.
+const SQUARED: f64 = (1u64 << 50) as f64;
+const LINEAR: f64 = SQUARED * SQUARED;
+/// The same for the numbers of the short form, of which it multiplies three, and the weight squared.
+const CUBED: f64 = (1u64 << 36) as f64;
+
+/// A scene's objects as one camera sees them, and what is to be done for each.
 pub struct Spans<E> {
     camera: Camera,
+    /// The camera's rays times `unit`.
     grid: Grid<f64>,
     /// 1 / grid.step.
     columns_per_x: f64,
-    objects: Vec<Object<E>>,
+    keep: Keep,
+    /// How often each omission was made among objects and lights.
+    left_out: [u64; Omission::ALL.len()],
+    /// What the camera's grid was multiplied by: a power of two.
+    unit: f64,
+    objects: Vec<Object>,
+    /// The rows of the objects whose numbers f32 does not hold.
+    wide: Vec<Range<u32>>,
+    /// The lights of one object after those of another, for each scale that was asked for.
+    lits: [Vec<Lit<E>>; Scale::ALL.len()],
+}
+
+/// What full light is in the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// 1, for floats.
+    Linear,
+    /// 255, for bytes.
+    Levels,
+}
+
+impl Scale {
+    /// Both.
+    pub const ALL: [Scale; 2] = [Scale::Linear, Scale::Levels];
+
+    /// Full light.
+    pub fn white(self) -> f64 {
+        match self {
+            Scale::Linear => 1.0,
+            Scale::Levels => 255.0,
+        }
+    }
 }
 
 /// An object that some row of the picture may see.
-struct Object<E> {
+struct Object {
+    source: scene::Object,
     rows: Range<u32>,
+    /// Whether f32 holds the numbers of its records.
+    fits: bool,
     shape: Shape,
-    /// Its lights, weighted for floats.
-    lits: Vec<Lit<E>>,
+    /// Its lights' place in the lists.
+    lits: Range<usize>,
+    shading: Shading,
+}
+
+/// What the shading of an object may leave out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shading {
+    /// All of it: no light reaches the object.
+    pub unlit: bool,
+    /// The clamp of bytes to white.
+    pub dim: bool,
+    /// Two channels of three, where the form is short.
+    pub grey: bool,
+}
+
+/// How the spans of a row are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// One by one, from left to right: they share no pixel.
+    Apart,
+    /// By the depth of each pixel.
+    Nearest,
+    /// The same, every object along all of the row.
+    NearestInRow,
 }
 
 enum Shape {
     Sphere(Sphere),
     Triangle(Triangle),
+    /// Never hit, and here only because nothing is to be left out.
+    Nothing,
 }
 
 /// A sphere in units of its radius.
@@ -44,28 +125,34 @@ struct Sphere {
     centre: DVec3,
     /// |c|^2 - 1: negative for a camera inside.
     k: f64,
-    radius: f64,
+    /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
+    scale: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
     short: Option<ShortForm>,
 }
 
-/// The constants of the short form, SPHERE_LIT.
-struct ShortForm {
-    /// From the centre to the light.
-    light: DVec3,
-    /// What sqrt D is over the root of (j - left) (right - j), in units of x.
-    slope: f64,
-    kn: f64,
-    ke: f64,
-    weights: DVec3,
+/// A sphere from outside under one light, for SPHERE_LIT.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortForm {
+    /// What its rows are made of, in each scale.
+    setups: [LitSetup<f64>; Scale::ALL.len()],
+    /// What its rows share, in each scale.
+    spheres: [LitSphere<f64>; Scale::ALL.len()],
 }
 
 struct Triangle {
     /// The planes through the camera and each edge; a ray inside is on the positive side of all or on one of them.
     edges: [DVec3; 3],
-    vertex: DVec3,
+    /// Where its points are seen from: a vertex if it is far for its size, else the camera.
+    origin: DVec3,
     /// n / (n . v): 1/t is its product with the ray.
     plane: DVec3,
     size: f64,
+    /// The largest that the terms of 1/t become in the picture: what their roundings are relative to.
+    reach: f64,
+    /// 1/t of the camera's rays over 1/t in this record.
+    near: f64,
 }
 
 /// The pixels of one row that one object covers.
@@ -77,8 +164,49 @@ pub struct RowSpan {
     pub start: u32,
     /// Column past the last.
     pub end: u32,
+    /// The column from which j counts. The object and the row decide it: an object's pixels are the same to the last bit
+    /// whatever hides a part of it.
+    origin: u32,
     /// For a sphere seen from outside.
     silhouette: Silhouette,
+}
+
+/// The spans of one row after another, in memory that all share.
+#[derive(Default)]
+pub struct RowSpans {
+    /// Those of the present row.
+    pub spans: Vec<RowSpan>,
+    visible: Vec<RowSpan>,
+    rest: Vec<RowSpan>,
+    /// Where each begins and which it is, as one number: what is sorted, since spans are large.
+    order: Vec<u64>,
+}
+
+impl RowSpans {
+    /// Whether no two spans share a pixel; they are then sorted from left to right, and else in their order.
+    fn are_apart(&mut self) -> bool {
+        if self.spans.len() < 2 {
+            return true;
+        }
+        self.order.clear();
+        self.order.extend((0..).zip(&self.spans).map(|(i, span)| u64::from(span.start) << 32 | i));
+        self.order.sort_unstable();
+        let span = |i: u64| &self.spans[(i & 0xffff_ffff) as usize];
+        let apart = self.order.windows(2).all(|pair| span(pair[0]).end <= span(pair[1]).start);
+        if apart {
+            self.visible.clear();
+            self.visible.extend(self.order.iter().map(|i| *span(*i)));
+            std::mem::swap(&mut self.spans, &mut self.visible);
+        }
+        apart
+    }
+}
+
+impl RowSpan {
+    /// The same span, of other columns: j counts from where it did.
+    pub fn part(&self, columns: Range<u32>) -> RowSpan {
+        RowSpan { start: columns.start, end: columns.end, ..*self }
+    }
 }
 
 /// What to do with a span's record: one method for each kernel that there is.
@@ -88,10 +216,12 @@ pub struct RowSpan {
 pub trait UseRecord<E> {
     /// What comes of it.
     type Result;
-    /// A sphere from outside under one light, in the short form.
-    fn lit(self, record: &LitSpan<E>) -> Self::Result;
+    /// A row of a sphere from outside under one light, in the short form; the first column is column 0.
+    fn lit(self, sphere: &ShortForm, row: &LitRow<E>) -> Self::Result;
     /// A sphere from outside.
     fn outside(self, record: &OutsideSpan<E>) -> Self::Result;
+    /// A sphere from outside at less than sqrt 2 radii.
+    fn near(self, record: &NearSpan<E>) -> Self::Result;
     /// A sphere from inside.
     fn inside(self, record: &InsideSpan<E>) -> Self::Result;
     /// A triangle.
@@ -99,42 +229,269 @@ pub trait UseRecord<E> {
 }
 
 impl<E: Element> Spans<E> {
-    /// Plans `scene` for `camera`; `white` is what full light is in the output: 1, or 255 for bytes.
-    pub fn new(scene: &Scene, camera: &Camera, white: f64) -> Self {
-        let grid = camera.grid::<f64>();
-        let lights = &scene.lights[..];
-        let spheres = scene.spheres.iter().filter_map(|sphere| {
-            let colour = white * sphere.colour.as_dvec3();
-            let shape = Sphere::new(sphere.centre.as_dvec3(), sphere.radius.into(), colour, white, lights);
-            let rows = shape.rows(&grid, camera.height())?;
-            let lits = lights.iter().map(|light| {
-                lit((light.position.as_dvec3() - sphere.centre.as_dvec3()) / shape.radius, 0.0, colour, light)
-            });
-            Some(Object { rows, lits: lits.collect(), shape: Shape::Sphere(shape) })
-        });
-        let triangles = scene.triangles.iter().filter_map(|triangle| {
-            let vertices = triangle.vertices.map(|v| v.as_dvec3());
-            let colour = white * triangle.colour.as_dvec3();
-            let (shape, normal) = Triangle::new(vertices)?;
-            let rows = rows_of_triangle(vertices, &grid, camera.height())?;
-            let lits = lights.iter().map(|light| {
-                let to_light = (light.position.as_dvec3() - shape.vertex) / shape.size;
-                lit(to_light, normal.dot(to_light).abs(), colour, light)
-            });
-            Some(Object { rows, lits: lits.collect(), shape: Shape::Triangle(shape) })
-        });
-        Spans { camera: *camera, grid, columns_per_x: 1.0 / grid.step, objects: spheres.chain(triangles).collect() }
+    /// Plans `scene` for `camera`: for the output of `scale`, or for any (None). What is in `keep` is not left out.
+    pub fn new(scene: &Scene, camera: &Camera, scale: Option<Scale>, keep: Keep) -> Self {
+        // Rays of about length 1 keep their squares within the range of f32. The factor is exact.
+        let Grid { step, half_width, half_height, focal } = camera.grid::<f64>();
+        let unit = 1.0 / power_of_two(focal.max(half_width).max(half_height));
+        let grid = Grid {
+            step: unit * step,
+            half_width: unit * half_width,
+            half_height: unit * half_height,
+            focal: unit * focal,
+        };
+        let mut spans = Spans {
+            camera: *camera,
+            grid,
+            unit,
+            columns_per_x: 1.0 / grid.step,
+            keep,
+            left_out: [0; Omission::ALL.len()],
+            objects: Vec::with_capacity(scene.spheres.len() + scene.triangles.len()),
+            lits: Scale::ALL.map(|_| Vec::new()),
+            wide: Vec::new(),
+        };
+        let lights = light::lights(scene, keep);
+        spans.leave_out(Omission::DarkLights, scene.lights.iter().filter(|light| light::is_dark(light)).count());
+        let scales = match scale {
+            Some(scale) => &[scale][..],
+            None => &Scale::ALL,
+        };
+        // The lights on one object: in one place for all, since there may be many objects.
+        let mut on = Vec::with_capacity(lights.len());
+        for (i, sphere) in scene.spheres.iter().enumerate() {
+            spans.push_sphere(scene::Object::Sphere(i), sphere, &lights, &mut on, scales);
+        }
+        for (i, triangle) in scene.triangles.iter().enumerate() {
+            spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
+        }
+        let deep = grid.focal * SQUARED > 1.0;
+        let wide = spans.objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone());
+        spans.wide = wide.collect();
+        spans
+    }
+
+    /// Notes an omission; gives whether it is made.
+    fn leave_out(&mut self, omission: Omission, count: usize) -> bool {
+        self.left_out[omission as usize] += count as u64;
+        !self.keep.has(omission)
+    }
+
+    /// The rows of an object of which `seen` is what is known, None if it is to be left out.
+    fn rows_kept(&mut self, seen: Result<Range<u32>, Omission>) -> Option<Range<u32>> {
+        let rows = match seen {
+            Ok(rows) => rows,
+            Err(why) if self.leave_out(why, 1) => return None,
+            Err(_) => 0..0,
+        };
+        Some(if self.keep.has(Omission::Misses) { 0..self.camera.height() } else { rows })
+    }
+
+    fn push_sphere<'a>(
+        &mut self,
+        source: scene::Object,
+        sphere: &scene::Sphere,
+        lights: &[&'a Light],
+        on: &mut Vec<LightOn<'a>>,
+        scales: &[Scale],
+    ) {
+        let (centre, colour) = (sphere.centre.as_dvec3(), sphere.colour.as_dvec3());
+        let radius = f64::from(sphere.radius);
+        let mut shape = Sphere::new(centre, radius, self.unit);
+        let Some(rows) = self.rows_kept(shape.seen(&self.grid, &self.camera)) else { return };
+        on.clear();
+        on.extend(lights.iter().map(|light| {
+            let at = light.position.as_dvec3();
+            let to_light = (at - centre) / radius;
+            let seen = if shape.k < NEAR { at / radius } else { to_light };
+            LightOn::on_sphere(shape.centre, to_light, seen, colour, light, lights.len())
+        }));
+        let mut reaching = on.iter().filter(|light| light.reaches);
+        if let (Some(one), None) = (reaching.next(), reaching.next())
+            && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
+            && self.leave_out(Omission::Loop, 1)
+        {
+            shape.short = Some(short);
+        }
+        let short = shape.short.is_some();
+        let fits = shape.fits();
+        self.push((source, fits, rows), Shape::Sphere(shape), colour, short, on, scales);
+    }
+
+    fn push_triangle<'a>(
+        &mut self,
+        source: scene::Object,
+        triangle: &scene::Triangle,
+        lights: &[&'a Light],
+        on: &mut Vec<LightOn<'a>>,
+        scales: &[Scale],
+    ) {
+        let (vertices, colour) = (triangle.vertices.map(|v| v.as_dvec3()), triangle.colour.as_dvec3());
+        let shape = Triangle::new(vertices, self.unit, &self.grid);
+        let seen =
+            shape.as_ref().map_err(|why| *why).and_then(|_| seen_of_triangle(vertices, &self.grid, &self.camera));
+        let Some(rows) = self.rows_kept(seen) else { return };
+        on.clear();
+        let (shape, fits) = match shape {
+            Ok((shape, normal)) => {
+                on.extend(lights.iter().map(|light| {
+                    let at = light.position.as_dvec3();
+                    let height = normal.dot(at - vertices[0]).abs() / shape.size;
+                    LightOn::on_triangle::<E>(height, (at - shape.origin) / shape.size, colour, light, lights.len())
+                }));
+                let fits = shape.fits(&vertices);
+                (Shape::Triangle(shape), fits)
+            }
+            Err(_) => (Shape::Nothing, true),
+        };
+        self.push((source, fits, rows), shape, colour, false, on, scales);
+    }
+
+    /// Takes in an object, the lights `on` it, and what its shading may leave out. The lights that reach it decide that,
+    /// whatever others are kept.
+    fn push(
+        &mut self,
+        (source, fits, rows): (scene::Object, bool, Range<u32>),
+        shape: Shape,
+        colour: DVec3,
+        short: bool,
+        on: &[LightOn<'_>],
+        scales: &[Scale],
+    ) {
+        let reaching = || on.iter().filter(|light| light.reaches);
+        let light: DVec3 = reaching().map(|light| light.weights(Scale::Linear, colour)).sum();
+        let idle = on.iter().filter(|light| !light.reaches && !light.is_dark()).count();
+        self.leave_out(Omission::IdleLights, idle);
+        let lit = reaching().next().is_some();
+        let mut made = |omission, possible| possible && self.leave_out(omission, 1);
+        let shading = Shading {
+            unlit: made(Omission::Unlit, !lit),
+            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
+            grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
+        };
+        let start = self.lits[scales[0] as usize].len();
+        let mut end = start;
+        // The short form has its light in it.
+        if !short {
+            let keep = self.keep;
+            for scale in scales {
+                let lits = &mut self.lits[*scale as usize];
+                lits.extend(on.iter().filter(|light| light.is_kept(keep)).map(|light| light.record(*scale, colour)));
+                end = lits.len();
+            }
+        }
+        self.objects.push(Object { source, rows, fits, shape, lits: start..end, shading });
+    }
+
+    /// What is not left out.
+    pub fn keep(&self) -> Keep {
+        self.keep
+    }
+
+    /// How much of an object, a light or its shading is left out, or would be but for [`Spans::keep`].
+    pub fn left_out(&self, omission: Omission) -> u64 {
+        self.left_out[omission as usize]
+    }
+
+    /// Spheres and triangles that are kept.
+    pub fn counts(&self) -> (usize, usize) {
+        let spheres = self.objects.iter().filter(|object| matches!(object.shape, Shape::Sphere(_))).count();
+        (spheres, self.objects.len() - spheres)
+    }
+
+    /// Pixels of the picture.
+    pub fn pixels(&self) -> u64 {
+        self.camera.pixels()
+    }
+
+    /// Rays of a row against all objects.
+    pub fn tests_in_row(&self) -> u64 {
+        u64::from(self.camera.width()) * self.objects.len() as u64
+    }
+
+    /// Each row with the objects that it may see, in the scene's order.
+    pub fn rows_and_objects(&self) -> impl Iterator<Item = (u32, Vec<usize>)> {
+        let mut to_come: Vec<usize> = (0..self.objects.len()).collect();
+        to_come.sort_by_key(|object| std::cmp::Reverse(self.objects[*object].rows.start));
+        let mut seen: Vec<usize> = Vec::new();
+        (0..self.camera.height()).map(move |row| {
+            seen.retain(|object| row < self.objects[*object].rows.end);
+            let before = seen.len();
+            while let Some(object) = to_come.pop_if(|object| self.objects[*object].rows.start <= row) {
+                seen.push(object);
+            }
+            if seen.len() > before {
+                seen.sort_unstable();
+            }
+            (row, seen.clone())
+        })
     }
 
     /// The objects that some of `rows` may see, in the scene's order.
     pub fn seen_in(&self, rows: &Range<u32>) -> Vec<usize> {
-        let meets = |object: &Object<E>| object.rows.start < rows.end && rows.start < object.rows.end;
+        let meets = |object: &Object| object.rows.start < rows.end && rows.start < object.rows.end;
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
     }
 
-    /// The lights of an object.
-    pub fn lits(&self, object: usize) -> &[Lit<E>] {
-        &self.objects[object].lits
+    /// The short form of an object, if it has one.
+    pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
+        match &self.objects[object].shape {
+            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Triangle(_) | Shape::Nothing => None,
+        }
+    }
+
+    /// Which of the scene's objects it is.
+    pub fn source(&self, object: usize) -> scene::Object {
+        self.objects[object].source
+    }
+
+    /// Whether any object's numbers are beyond f32, so that there are rows to trace in f64.
+    pub fn any_wide(&self) -> bool {
+        !self.wide.is_empty()
+    }
+
+    /// Whether `row` may see an object whose numbers are beyond f32.
+    pub fn is_wide(&self, row: u32) -> bool {
+        self.wide.iter().any(|rows| rows.contains(&row))
+    }
+
+    /// The lights of an object, as weighted for a scale that was asked for.
+    pub fn lits(&self, object: usize, scale: Scale) -> &[Lit<E>] {
+        &self.lits[scale as usize][self.objects[object].lits.clone()]
+    }
+
+    /// What the shading of an object leaves out.
+    #[inline]
+    pub fn shading(&self, object: usize) -> Shading {
+        self.objects[object].shading
+    }
+
+    /// The spans of a row among the objects `seen`, and how they are to be traced: sorted from left to right if apart,
+    /// else in the scene's order, in which the first of equals is the nearest.
+    pub fn spans_in(&self, row: u32, seen: &[usize], in_row: &mut RowSpans) -> Way {
+        let spans = &mut in_row.spans;
+        spans.clear();
+        if self.keep.has(Omission::Misses) {
+            let nothing = |object| RowSpan { object, start: 0, end: 0, origin: 0, silhouette: Silhouette::default() };
+            spans.extend(seen.iter().map(|&object| self.row(object, row).unwrap_or_else(|| nothing(object))));
+            return Way::NearestInRow;
+        }
+        spans.extend(seen.iter().filter_map(|object| self.row(*object, row)));
+        let apart = in_row.are_apart() || !self.keep.has(Omission::Depths) && self.cut_hidden(row, in_row);
+        if apart && !self.keep.has(Omission::Search) {
+            return Way::Apart;
+        }
+        if apart {
+            in_row.spans.sort_unstable_by_key(|span| span.object);
+        }
+        Way::Nearest
+    }
+
+    /// The object of `seen` that has all pixels of its spans to itself since there is no other.
+    pub fn alone(&self, seen: &[usize]) -> Option<usize> {
+        let searches = self.keep.has(Omission::Search) || self.keep.has(Omission::Misses);
+        if let ([object], false) = (seen, searches) { Some(*object) } else { None }
     }
 
     /// The pixels of `row` that `object` covers, if any.
@@ -145,28 +502,45 @@ impl<E: Element> Spans<E> {
             return None;
         }
         let width = self.camera.width();
+        // 1/t of a triangle is w1 j + w0: both terms are positive, and so exact but for two roundings, where j counts
+        // from the farthest pixel.
+        let mut from_end = None;
         let (columns, silhouette) = match shape {
-            Shape::Sphere(sphere) if sphere.k <= 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k < 0.0 => (0..width, Silhouette::default()),
+            Shape::Sphere(sphere) if sphere.k == 0.0 => (sphere.half(&self.grid, row, width), Silhouette::default()),
             Shape::Sphere(sphere) => {
                 let [_, y, z] = self.grid.ray(row, 0);
                 let silhouette = sphere.silhouette(y, z)?;
                 (self.columns(silhouette.left, silhouette.right), silhouette)
             }
-            Shape::Triangle(triangle) => (triangle.columns(&self.grid, row, width), Silhouette::default()),
+            Shape::Triangle(triangle) => {
+                from_end = Some(triangle.plane.x < 0.0);
+                (triangle.columns(&self.grid, row, width), Silhouette::default())
+            }
+            Shape::Nothing => return None,
         };
         let Range { start, end } = columns;
-        (start < end).then_some(RowSpan { object, start, end, silhouette })
+        if start >= end {
+            return None;
+        }
+        let origin = match from_end {
+            None => (start + end) / 2,
+            Some(false) => start,
+            Some(true) => end - 1,
+        };
+        Some(RowSpan { object, start, end, origin, silhouette })
     }
 
     /// Cuts spans of triangles where a nearer one covers them: 1/t is linear along a row, so that one which is nearer at
     /// both ends of what two share is nearer all over it. Gives whether no two spans share a pixel any more; false, with
     /// nothing changed, where that would take a look at each pixel.
-    pub fn cut_hidden(&self, row: u32, spans: &mut Vec<RowSpan>) -> bool {
+    fn cut_hidden(&self, row: u32, in_row: &mut RowSpans) -> bool {
+        let RowSpans { spans, visible, rest, .. } = in_row;
         if spans.len() > MOST_CUT {
             return false;
         }
-        let mut visible: Vec<RowSpan> = Vec::with_capacity(2 * spans.len());
-        let mut rest = spans.clone();
+        visible.clear();
+        rest.clone_from(spans);
         while let Some(new) = rest.pop() {
             let Some(at) = visible.iter().position(|old| old.start < new.end && new.start < old.end) else {
                 visible.push(new);
@@ -177,55 +551,66 @@ impl<E: Element> Spans<E> {
             let Some(new_in_front) = self.in_front(row, &new, &old, &shared) else { return false };
             let (front, back) = if new_in_front { (new, old) } else { (old, new) };
             // What is left of the one behind may be hidden by others, and the one in front too.
-            let left = RowSpan { end: shared.start, ..back };
-            let right = RowSpan { start: shared.end, ..back };
+            let (left, right) = (back.part(back.start..shared.start), back.part(shared.end..back.end));
             rest.extend([front, left, right].into_iter().filter(|span| span.start < span.end));
         }
         visible.sort_unstable_by_key(|span| span.start);
-        *spans = visible;
+        std::mem::swap(spans, visible);
         true
     }
 
-    /// Whether `a` is in front of `b` all over `shared`, or `b` in front of `a`; None where neither is known to be.
+    /// Whether `a` is in front of `b` all over `shared`, or `b` in front of `a`; None where neither is known to be so
+    /// clearly that the depths which kernels compute say the same.
     fn in_front(&self, row: u32, a: &RowSpan, b: &RowSpan, shared: &Range<u32>) -> Option<bool> {
         let (Shape::Triangle(one), Shape::Triangle(other)) =
             (&self.objects[a.object].shape, &self.objects[b.object].shape)
         else {
             return None;
         };
+        // A kernel's w1 j + w0 has two constants, a product and a sum that are rounded, none larger than 2 reach; and
+        // the constants come from f64.
+        let slack = 8.0 * E::EPSILON * (one.reach + other.reach);
         let nearer = |col: u32| {
             let d = DVec3::from(self.grid.ray(row, col));
-            let (one, other) = (one.plane.dot(d), other.plane.dot(d));
-            // The first of equals is in front.
-            if a.object < b.object { one >= other } else { one > other }
+            let gap = one.plane.dot(d) - other.plane.dot(d);
+            (gap.abs() > slack).then_some(gap > 0.0)
         };
-        let (first, last) = (nearer(shared.start), nearer(shared.end - 1));
-        (first == last).then_some(first)
+        let first = nearer(shared.start)?;
+        (nearer(shared.end - 1)? == first).then_some(first)
     }
 
-    /// Lends the record from which a kernel shades a span of `row`, with the span's `id` in it; in the short form if
-    /// `short` and the object has one.
+    /// Lends the record from which a kernel shades a span of `row` in a scale, or finds its depth (None), with the span's
+    /// `id` in it. Only shading has a short form.
     #[inline]
-    pub fn with_record<U: UseRecord<E>>(&self, span: &RowSpan, row: u32, id: f64, short: bool, user: U) -> U::Result {
-        // j counts from a pixel in the middle of the span.
-        let middle = (span.start + span.end) / 2;
-        let d = DVec3::from(self.grid.ray(row, middle));
-        let (j, end) = (f64::from(span.start) - f64::from(middle), f64::from(span.end) - f64::from(middle));
+    pub fn with_record<U: UseRecord<E>>(
+        &self,
+        span: &RowSpan,
+        row: u32,
+        id: f64,
+        scale: Option<Scale>,
+        user: U,
+    ) -> U::Result {
+        let d = DVec3::from(self.grid.ray(row, span.origin));
+        let (j, end) = (f64::from(span.start) - f64::from(span.origin), f64::from(span.end) - f64::from(span.origin));
         let step = self.grid.step;
         match &self.objects[span.object].shape {
             Shape::Sphere(sphere) if sphere.k <= 0.0 => {
                 user.inside(&InsideSpan { j, end, id, ..sphere.inside(step, d) }.round())
             }
-            Shape::Sphere(sphere) => match &sphere.short {
-                Some(form) if short => {
-                    let record = sphere.lit(form, step, self.columns_per_x, d, &span.silhouette);
-                    user.lit(&LitSpan { j, end, id, ..record }.round())
+            Shape::Sphere(sphere) => match (&sphere.short, scale) {
+                (Some(form), Some(scale)) => {
+                    let row = sphere.lit_row(form.setup(scale), span, d);
+                    user.lit(form, &LitRow { start: 0.0, end: end - j, id, ..row }.round())
+                }
+                _ if sphere.k < NEAR => {
+                    user.near(&NearSpan { j, end, id, ..sphere.near(step, d, &span.silhouette) }.round())
                 }
                 _ => user.outside(&OutsideSpan { j, end, id, ..sphere.outside(step, d, &span.silhouette) }.round()),
             },
             Shape::Triangle(triangle) => {
                 user.triangle(&TriangleSpan { j, end, id, ..triangle.record(step, d) }.round())
             }
+            Shape::Nothing => user.triangle(&TriangleSpan { j, end, id, ..TriangleSpan::default() }.round()),
         }
     }
 
@@ -242,25 +627,14 @@ impl<E: Element> Spans<E> {
     }
 }
 
-/// One light on one object: `to_light` and `cosine` as in the record, the object's colour as it is weighted.
-pub(super) fn lit<E: Element>(to_light: DVec3, cosine: f64, colour: DVec3, light: &Light) -> Lit<E> {
-    let weights = weights(light, colour);
-    Lit {
-        x: to_light.x,
-        y: to_light.y,
-        z: to_light.z,
-        cosine,
-        red: weights.x,
-        green: weights.y,
-        blue: weights.z,
-        padding: 0.0,
-    }
-    .round()
-}
-
-/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
-pub(super) fn weights(light: &Light, colour: DVec3) -> DVec3 {
-    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
+/// Whether an object is beyond one of the four planes that border all rays of the picture and a pixel more on each side:
+/// `beyond` says so of one, by its inward normal.
+fn beside(grid: &Grid<f64>, beyond: impl Fn(DVec3) -> bool) -> bool {
+    let (across, up) = (grid.half_width + grid.step, grid.half_height + grid.step);
+    let f = grid.focal;
+    [DVec3::new(f, 0.0, across), DVec3::new(-f, 0.0, across), DVec3::new(0.0, f, up), DVec3::new(0.0, -f, up)]
+        .into_iter()
+        .any(beyond)
 }
 
 /// The rows whose rays have y from `low` to `high`, and one more on each side for the rounding.
@@ -285,43 +659,111 @@ struct Silhouette {
     sign: f64,
 }
 
-impl Sphere {
-    fn new(centre: DVec3, radius: f64, colour: DVec3, white: f64, lights: &[Light]) -> Self {
-        let k = (centre.dot(centre) - radius * radius) / (radius * radius);
-        let c = centre / radius;
-        let short = match lights {
-            [light] if k > 0.0 => {
-                let l = light.position.as_dvec3() / radius;
-                let light_from_centre = (light.position.as_dvec3() - centre) / radius;
-                let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
-                let (far, gap) = (c.length() + 1.0, light_from_centre.length() - 1.0);
-                let products = far * light_from_centre.length();
-                let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
-                let weights = 0.5 * weights(light, colour);
-                let slope = (c.y * c.y + c.z * c.z - 1.0).sqrt();
-                // It does not clamp.
-                let dim = weights.max_element() <= 0.5 * white;
-                let fine = gap > 0.25 && loss < SHORT_FORM_LOSS && slope > 0.0 && dim;
-                fine.then_some(ShortForm { light: light_from_centre, slope, kn, ke, weights })
-            }
-            _ => None,
-        };
-        Sphere { centre: c, k, radius, short }
-    }
-
-    /// The rows that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches.
-    fn rows(&self, grid: &Grid<f64>, height: u32) -> Option<Range<u32>> {
-        let DVec3 { y: cy, z: cz, .. } = self.centre;
-        if cz <= -1.0 {
+impl ShortForm {
+    /// Of a sphere under one light; None where its terms would cancel too much, or where it would have to clamp.
+    fn new(sphere: &Sphere, light: &LightOn<'_>, colour: DVec3, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {
+        let (c, k, towards) = (sphere.centre, sphere.k, light.to_light);
+        let l = c + towards;
+        let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
+        let (far, gap) = (c.length() + 1.0, towards.length() - 1.0);
+        let products = far * towards.length();
+        let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+        let m = c.y * c.y + c.z * c.z - 1.0;
+        let columns = 1.0 / grid.step;
+        // sqrt(k (g - across^2)) / m is half the width of the silhouette.
+        let [_, y, z] = grid.ray(0, 0);
+        let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
+        let dim = light.weights(Scale::Linear, colour).max_element() <= 1.0;
+        let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
+        let gain = Scale::ALL.map(|scale| 0.25 * light.weights(scale, colour).max_element().powi(2));
+        let pixels = c.length_squared() * reach / (m * grid.step);
+        let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length(), 1.0 / gain[0]];
+        let in_range = large.into_iter().all(|x| x < CUBED);
+        let fine = k > 0.0 && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
+        if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
             return None;
         }
+        // sqrt D in units of a column.
+        let scale = columns / m.sqrt();
+        let setups = gain.map(|gain| LitSetup {
+            step: grid.step,
+            half_width: grid.half_width,
+            half_height: grid.half_height,
+            columns,
+            width: camera.width().into(),
+            cx: c.x,
+            cy: c.y,
+            cz: c.z,
+            k,
+            m,
+            nx: 1.0 - c.x * c.x,
+            zz: z * z,
+            cyz: c.y * z,
+            czz: c.z * z,
+            h: scale,
+            q: 2.0 * gain * k * scale,
+            lx: towards.x,
+            ly: towards.y,
+            lzz: towards.z * z,
+        });
+        let weights = light.weights(Scale::Linear, colour);
+        let relative = if weights == DVec3::ZERO { weights } else { weights / weights.max_element() };
+        let spheres = Scale::ALL.map(|scale| {
+            let (setup, gain) = (&setups[scale as usize], gain[scale as usize]);
+            LitSphere {
+                h1: setup.cx * grid.step * setup.h,
+                q1: setup.lx * grid.step * setup.q,
+                kn: 2.0 * gain * kn,
+                ke: gain * ke,
+                red: relative.x,
+                green: relative.y,
+                blue: relative.z,
+            }
+        });
+        Some(ShortForm { setups, spheres })
+    }
+
+    /// What its rows are made of.
+    pub fn setup(&self, scale: Scale) -> &LitSetup<f64> {
+        &self.setups[scale as usize]
+    }
+
+    /// What its rows share.
+    pub fn sphere(&self, scale: Scale) -> &LitSphere<f64> {
+        &self.spheres[scale as usize]
+    }
+}
+
+impl Sphere {
+    fn new(centre: DVec3, radius: f64, unit: f64) -> Self {
+        let k = geometry::power(centre, radius) / (radius * radius);
+        let scale = power_of_two(k.max(1.0).sqrt());
+        Sphere { centre: centre / radius, k, scale, near: 1.0 / (radius * unit * scale), short: None }
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self) -> bool {
+        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
+    }
+
+    /// The rays that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches;
+    /// or why there are none.
+    fn seen(&self, grid: &Grid<f64>, camera: &Camera) -> Result<Range<u32>, Omission> {
+        let DVec3 { y: cy, z: cz, .. } = self.centre;
+        if cz <= -1.0 {
+            return Err(Omission::Behind);
+        }
+        if self.k > 0.0 && beside(grid, |normal| self.centre.dot(normal) < -normal.length()) {
+            return Err(Omission::Outside);
+        }
         if self.k <= 0.0 || cz <= 1.0 {
-            return Some(0..height);
+            return Ok(0..camera.height());
         }
         // |c y f - c z y| <= sqrt(y^2 + f^2), solved for y.
         let m = cz * cz - 1.0;
         let root = (cy * cy + m).sqrt();
-        rows(grid, height, grid.focal * (cy * cz - root) / m, grid.focal * (cy * cz + root) / m)
+        let (low, high) = (grid.focal * (cy * cz - root) / m, grid.focal * (cy * cz + root) / m);
+        rows(grid, camera.height(), low, high).ok_or(Omission::Outside)
     }
 
     /// Eq. 5's discriminant along a row, D(x) = (d . c)^2 - k d . d = -m x^2 + 2 b x + c0, and its roots.
@@ -330,15 +772,20 @@ impl Sphere {
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
         let c = self.centre;
         let g = y * y + z * z;
-        let across = c.y * z - c.z * y;
-        let disc = self.k * (g - across * across);
+        let h = c.y * y + c.z * z;
+        let (m, c0, disc) = if self.k < NEAR {
+            // Near by, k = |c|^2 - 1 is small and known to all of f64; what is small for its sake is made of it.
+            let m = self.k - c.x * c.x;
+            (m, h * h - self.k * g, self.k * (h * h - m * g))
+        } else {
+            let across = c.y * z - c.z * y;
+            let m = c.y * c.y + c.z * c.z - 1.0;
+            (m, (1.0 - c.x * c.x) * g - across * across, self.k * (g - across * across))
+        };
         if disc.is_nan() || disc < 0.0 {
             return None;
         }
-        let h = c.y * y + c.z * z;
-        let m = c.y * c.y + c.z * c.z - 1.0;
         let b = c.x * h;
-        let c0 = (1.0 - c.x * c.x) * g - across * across;
         let q = b + disc.sqrt().copysign(b);
         let p = if q == 0.0 { 0.0 } else { c0 / q };
         if m > 0.0 {
@@ -349,32 +796,47 @@ impl Sphere {
         } else {
             // The row leaves the cone of the sphere on one side only: where x has the sign of the centre's.
             let (one, other) = if m == 0.0 { (-p, -p) } else { (q / m, -p) };
-            if m == 0.0 && b <= 0.0 {
+            if m == 0.0 && h <= 0.0 {
                 return None;
             }
             let right_open = c.x > 0.0;
             let left = if right_open { one.max(other) } else { f64::NEG_INFINITY };
             let right = if right_open { f64::INFINITY } else { one.min(other) };
-            let sign = if m == 0.0 || right_open { 1.0 } else { -1.0 };
+            let sign = if right_open { 1.0 } else { -1.0 };
             Some(Silhouette { left, right, h, m, q, p, sign })
         }
     }
 
+    /// The columns of a row whose rays leave a sphere that the camera is on: those ahead of it.
+    fn half(&self, grid: &Grid<f64>, row: u32, width: u32) -> Range<u32> {
+        let ahead = |col: u32| self.centre.dot(grid.ray(row, col).into()) > 0.0;
+        if self.centre.x > 0.0 { partition(width, |col| !ahead(col))..width } else { 0..partition(width, ahead) }
+    }
+
+    fn near(&self, step: f64, d: DVec3, s: &Silhouette) -> NearSpan<f64> {
+        let OutsideSpan { near, a1, a0, b1, b0, h1, h0, cx, cy, cz, .. } = self.outside(step, d, s);
+        let (j, end, id) = (0.0, 0.0, 0.0);
+        let DVec3 { x: x0, y, z } = self.scale * d;
+        NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1: self.scale * step, x0, y, z, cx, cy, cz }
+    }
+
     fn outside(&self, step: f64, d: DVec3, s: &Silhouette) -> OutsideSpan<f64> {
         let c = self.centre;
-        // Scaled so that h + sqrt D is 1/t.
+        // Scaled so that h + sqrt D is 1/t, and that is near 1.
         let scale = s.sign / self.k;
-        let (h1, h0) = (c.x * step / self.k, (s.h + c.x * d.x) / self.k);
+        let (step, d, h, q, p) =
+            (self.scale * step, self.scale * d, self.scale * s.h, self.scale * s.q, self.scale * s.p);
+        let (h1, h0) = (c.x * step / self.k, (h + c.x * d.x) / self.k);
         let at_middle = d - h0 * c;
         OutsideSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             a1: -s.m * step * scale,
-            a0: (s.q - s.m * d.x) * scale,
+            a0: (q - s.m * d.x) * scale,
             b1: step * scale,
-            b0: (d.x + s.p) * scale,
+            b0: (d.x + p) * scale,
             h1,
             h0,
             x1: step - h1 * c.x,
@@ -389,25 +851,22 @@ impl Sphere {
         }
     }
 
-    fn lit(&self, form: &ShortForm, step: f64, columns_per_x: f64, d: DVec3, s: &Silhouette) -> LitSpan<f64> {
-        // Scaled so that sqrt D is the root of (j - left) (right - j).
-        let scale = columns_per_x / form.slope;
-        LitSpan {
-            j: 0.0,
-            end: 0.0,
+    /// A row of the short form; d is the ray at the span's origin. Kernels make many of them by the same operations, see
+    /// asm/tracers/lit_rows.asm.
+    fn lit_row(&self, setup: &LitSetup<f64>, span: &RowSpan, d: DVec3) -> LitRow<f64> {
+        let s = &span.silhouette;
+        let [start, end, origin] = [span.start, span.end, span.origin].map(f64::from);
+        let half_width = 0.5 * (s.right - s.left) * setup.columns;
+        LitRow {
+            start,
+            end,
+            j: start - origin,
+            stop: end - origin,
+            m: (0.5 * (s.left + s.right) - d.x) * setup.columns,
+            a: half_width * half_width,
+            h0: (s.h + setup.cx * d.x) * setup.h,
+            q0: (setup.lx * d.x + setup.ly * d.y + setup.lzz) * setup.q,
             id: 0.0,
-            near: 0.0,
-            left: (s.left - d.x) * columns_per_x,
-            right: (s.right - d.x) * columns_per_x,
-            h1: self.centre.x * step * scale,
-            h0: (s.h + self.centre.x * d.x) * scale,
-            q1: 2.0 * self.k * form.light.x * step * scale,
-            q0: 2.0 * self.k * form.light.dot(d) * scale,
-            kn: 2.0 * form.kn,
-            ke: form.ke,
-            red: form.weights.x,
-            green: form.weights.y,
-            blue: form.weights.z,
         }
     }
 
@@ -417,7 +876,7 @@ impl Sphere {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.radius,
+            near: self.near,
             x1: step,
             x0: d.x,
             y: d.y,
@@ -433,31 +892,48 @@ impl Sphere {
     }
 }
 
-/// The rows that may see a triangle: those between its projected vertices, or all if one is not in front of the camera.
-fn rows_of_triangle(vertices: [DVec3; 3], grid: &Grid<f64>, height: u32) -> Option<Range<u32>> {
+/// The rows that may see a triangle: those between its projected vertices, or all if one is not in front of the camera;
+/// or why there are none.
+fn seen_of_triangle(vertices: [DVec3; 3], grid: &Grid<f64>, camera: &Camera) -> Result<Range<u32>, Omission> {
     if vertices.iter().all(|v| v.z <= 0.0) {
-        None
+        Err(Omission::Behind)
+    } else if beside(grid, |normal| vertices.iter().all(|v| v.dot(normal) < 0.0)) {
+        Err(Omission::Outside)
     } else if vertices.iter().any(|v| v.z <= 0.0) {
-        Some(0..height)
+        Ok(0..camera.height())
     } else {
         let y = vertices.map(|v| grid.focal * (v.y / v.z));
-        rows(grid, height, y[0].min(y[1]).min(y[2]), y[0].max(y[1]).max(y[2]))
+        let (low, high) = (y[0].min(y[1]).min(y[2]), y[0].max(y[1]).max(y[2]));
+        rows(grid, camera.height(), low, high).ok_or(Omission::Outside)
     }
 }
 
 impl Triangle {
-    /// With its unit normal. None for a triangle of no area or whose plane passes through the camera, which is never
-    /// hit: the rule and the order of operations are those of `reference::geometry::triangle`.
-    fn new([v1, v2, v3]: [DVec3; 3]) -> Option<(Self, DVec3)> {
+    /// With its unit normal. A triangle of no area or whose plane passes through the camera is never hit: the rule and
+    /// the order of operations are those of `reference::geometry::triangle`.
+    fn new([v1, v2, v3]: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
         let n = (v1 - v2).cross(v1 - v3);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
-            return None;
+            return Err(if geometry::has_no_area([v1, v2, v3]) { Omission::NoArea } else { Omission::EdgeOn });
         }
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
+        let plane = n / volume;
+        // From the camera, P = t d is as exact as from a vertex that is as far from P as the camera is.
+        let far = (v2 - v1).length().max((v3 - v1).length()) < SMALL_TRIANGLE * v1.length();
+        let origin = if far { v1 } else { DVec3::ZERO };
+        // Of P, or of the way to the plane.
+        let size = if far { v1.abs().max_element() } else { 1.0 / plane.length() };
         // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
-        let size = 2f64.powi(v1.abs().max(v2.abs()).max(v3.abs()).max_element().log2() as i32);
-        Some((Triangle { edges, vertex: v1, plane: n / volume, size }, n.normalize()))
+        let size = power_of_two(size);
+        let reach = plane.abs().dot(DVec3::new(grid.half_width, grid.half_height, grid.focal));
+        Ok((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit), reach }, n.normalize()))
+    }
+
+    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    fn fits(&self, vertices: &[DVec3; 3]) -> bool {
+        let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
+        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
     }
 
     /// The columns of a row whose rays are between the edges.
@@ -491,22 +967,27 @@ impl Triangle {
 
     fn record(&self, step: f64, d: DVec3) -> TriangleSpan<f64> {
         let (w1, w0) = (self.plane.x * step, self.plane.dot(d));
-        let at_middle = d - w0 * self.vertex;
+        let at_middle = d - w0 * self.origin;
         TriangleSpan {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: 1.0 / self.size,
+            near: self.near,
             w1: w1 * self.size,
             w0: w0 * self.size,
-            x1: step - w1 * self.vertex.x,
+            x1: step - w1 * self.origin.x,
             x0: at_middle.x,
-            y1: -w1 * self.vertex.y,
+            y1: -w1 * self.origin.y,
             y0: at_middle.y,
-            z1: -w1 * self.vertex.z,
+            z1: -w1 * self.origin.z,
             z0: at_middle.z,
         }
     }
+}
+
+/// The largest power of two that is at most `x`, which is positive and finite.
+fn power_of_two(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & f64::INFINITY.to_bits())
 }
 
 /// The first column for which `before` does not hold, if it holds for all columns up to one and for none after.

@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::spans::{lit, weights};
 use crate::kernels::sys;
 use crate::kernels::{
     Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
@@ -118,7 +117,7 @@ impl<'a, E: Element> Tiles<'a, E> {
                     let colour = white * sphere.colour.as_dvec3();
                     scene.lights.iter().map(move |light| {
                         let from_centre = (light.position.as_dvec3() - centre) / radius;
-                        lit(nearer(from_centre, far), 0.0, colour, light)
+                        lit(nearer(from_centre, far), colour, light)
                     })
                 })
                 .collect(),
@@ -594,4 +593,24 @@ fn roomy<T: Copy + Default>(len: usize) -> Vec<T> {
     let mut zeros = vec![T::default(); len];
     sys::large_pages(&mut zeros);
     zeros
+}
+
+/// One light on one sphere, as it is seen from the centre in radii.
+fn lit<E: Element>(to_light: DVec3, colour: DVec3, light: &Light) -> Lit<E> {
+    let weights = weights(light, colour);
+    Lit {
+        x: to_light.x,
+        y: to_light.y,
+        z: to_light.z,
+        red: weights.x,
+        green: weights.y,
+        blue: weights.z,
+        ..Lit::default()
+    }
+    .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
 }

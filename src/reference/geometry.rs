@@ -6,18 +6,48 @@ use glam::DVec3;
 
 /// The smallest t > 0 at which the ray is on the sphere, eq. 5.
 ///
-/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers.
+/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers. From
+/// far away h^2 and a k are like numbers too; there a r^2 - |c x d|^2 is the same.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let a = d.dot(d);
     let h = d.dot(centre);
-    let k = centre.dot(centre) - radius * radius;
-    let disc = h * h - a * k;
+    let r2 = radius * radius;
+    let disc = if centre.dot(centre) < 2.0 * r2 {
+        h * h - a * power(centre, radius)
+    } else {
+        a * r2 - centre.cross(d).length_squared()
+    };
     if disc.is_nan() || disc < 0.0 {
         return None;
     }
+    let k = power(centre, radius);
     let q = h + disc.sqrt().copysign(h);
     let hits = [k / q, q / a].into_iter().filter(|t| *t > 0.0);
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
+}
+
+/// |c|^2 - r^2, the power of the camera: its sign says whether the camera is outside, on or inside of the sphere, and is
+/// right for numbers of f32, however much cancels.
+pub fn power(centre: DVec3, radius: f64) -> f64 {
+    // The squares of 24 bits are exact. Their sum is kept as parts that do not overlap, the largest last: Shewchuk's
+    // expansions.
+    let mut parts = [0.0; 4];
+    for (i, square) in [centre.x, centre.y, centre.z].map(|c| c * c).into_iter().chain([-radius * radius]).enumerate() {
+        let mut sum = square;
+        for part in &mut parts[..i] {
+            let (rounded, rest) = two_sum(sum, *part);
+            (sum, *part) = (rounded, rest);
+        }
+        parts[i] = sum;
+    }
+    parts.iter().sum()
+}
+
+/// a + b as its rounded value and what that leaves out: Knuth's, for any a and b.
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let from_b = sum - a;
+    (sum, (a - (sum - from_b)) + (b - from_b))
 }
 
 /// The unit normal of a sphere at its point `p`, outward.
@@ -49,6 +79,14 @@ pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.
 pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
     (v1 - v2).cross(v1 - v3)
+}
+
+/// Whether the corners of a triangle are on one line, or one point: its normal is 0 but for the rounding of corners.
+pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {
+    let longest = (v1 - v2).abs().max((v1 - v3).abs()).max_element();
+    let furthest = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
+    let size = triangle_plane([v1, v2, v3]).abs().max_element();
+    size.is_nan() || size <= 4.0 * f64::EPSILON * longest * furthest
 }
 
 /// L . N of eq. 11 for the side that the unit normal `n` points to: from 0 to 1, and 0 for a light on the surface.
@@ -121,6 +159,22 @@ mod tests {
         let edge_on = [corner(0.1, -1.0, 3.0), corner(0.2, 2.0, 6.0), corner(0.1, 1.0, 3.0)];
         let through_camera = [edge_on[0], edge_on[1], -edge_on[0]];
         assert_eq!(triangle(edge_on[1], through_camera), None);
+    }
+
+    #[test]
+    fn corners_on_one_line_are_told_from_a_plane_through_the_camera() {
+        let (a, b) = (corner(0.1, 0.7, 3.0), corner(1.3, -0.2, 0.3));
+        for (corners, none) in [
+            ([a, a, a], true),
+            ([a, b, a], true),
+            ([a, a + b, a + 4.0 * b], true),
+            ([a, a + 0.1 * b, a + 0.3 * b], true),
+            ([a, b, -a], false),
+            ([a, b, DVec3::ZERO], false),
+            ([a, b, corner(0.1, 0.7, 3.000_001)], false),
+        ] {
+            assert_eq!(has_no_area(corners), none, "{corners:?}");
+        }
     }
 
     #[test]

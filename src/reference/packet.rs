@@ -24,12 +24,12 @@ pub struct Linear<T> {
     pub offset: T,
 }
 
-/// A sphere, seen from outside, lit by one light.
+/// A row of a sphere, seen from outside, lit by one light.
 #[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of LitSpan is")]
+#[expect(missing_docs, reason = "layout.inc says what each field of LitSphere and LitRows is")]
 pub struct LitSphere<T> {
-    pub left: T,
-    pub right: T,
+    pub m: T,
+    pub a: T,
     pub h: Linear<T>,
     pub q: Linear<T>,
     pub kn: T,
@@ -45,6 +45,19 @@ pub struct Outside<T> {
     pub b: Linear<T>,
     pub h: Linear<T>,
     pub xyz: [Linear<T>; 3],
+    pub c: [T; 3],
+}
+
+/// A sphere, seen from outside at less than sqrt 2 radii.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of NearSpan is")]
+pub struct Near<T> {
+    pub a: Linear<T>,
+    pub b: Linear<T>,
+    pub h: Linear<T>,
+    pub x: Linear<T>,
+    pub y: T,
+    pub z: T,
     pub c: [T; 3],
 }
 
@@ -72,12 +85,23 @@ pub struct Triangle<T> {
 /// One light on one object.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<T> {
-    /// From the object's centre (a triangle's first vertex) to the light.
+    /// From the origin of the object's points to the light.
     pub position: [T; 3],
     /// For triangles: |N . (light - v)|.
     pub cosine: T,
     /// Of red, green and blue: I_L C.
     pub weights: [T; 3],
+}
+
+/// From where the points of an object are seen, and what its normal is: the ways of LAMBERT3.
+#[derive(Clone, Copy, Debug)]
+enum Seen<T> {
+    /// From the centre of a sphere of radius 1: the point is the normal.
+    FromCentre,
+    /// On a plane: N . L is the light's own.
+    OnPlane,
+    /// From the camera, of a sphere of radius 1 about this centre.
+    FromCamera([T; 3]),
 }
 
 /// VMAX: b where either is NaN.
@@ -109,33 +133,61 @@ impl Rounding {
         self.fma(a[2], b[2], self.fma(a[1], b[1], a[0] * b[0]))
     }
 
-    /// SPHERE_LIT and the weights: the colour at pixel j.
-    pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T) -> [T; 3] {
-        let p = (j - sphere.left) * (sphere.right - j);
-        let den = self.affine(sphere.h, j) + max(p, T::from_f64(1e-30)).sqrt();
+    /// SPHERE_LIT and the weights: the colour at pixel j, which is in a packet with an end of the span or not.
+    pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T, edge: bool) -> [T; 3] {
+        let u = j - sphere.m;
+        let p = self.fma(-u, u, sphere.a);
+        let den = self.affine(sphere.h, j) + if edge { max(p, T::ZERO) } else { p }.sqrt();
         let q = self.affine(sphere.q, j);
         let e = self.fma(den, sphere.ke, -q) * den;
-        let cosine = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
-        sphere.weights.map(|weight| cosine * weight)
+        let light = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
+        sphere.weights.map(|weight| light * weight)
     }
 
     /// SPHERE_DEN: 1/t at pixel j, and sqrt D.
-    fn outside_den_and_root<T: Real>(self, sphere: &Outside<T>, j: T) -> (T, T) {
-        let root = max(self.affine(sphere.a, j) * self.affine(sphere.b, j), T::ZERO).sqrt();
-        (self.affine(sphere.h, j) + root, root)
+    fn den_and_root<T: Real>(self, [a, b, h]: [Linear<T>; 3], j: T) -> (T, T) {
+        let root = max(self.affine(a, j) * self.affine(b, j), T::ZERO).sqrt();
+        (self.affine(h, j) + root, root)
     }
 
     /// SPHERE_DEN: 1/t at pixel j.
     pub fn outside_den<T: Real>(self, sphere: &Outside<T>, j: T) -> T {
-        self.outside_den_and_root(sphere, j).0
+        self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
+    }
+
+    /// SPHERE_OUTSIDE: the unit normal at pixel j.
+    pub fn outside_normal<T: Real>(self, sphere: &Outside<T>, j: T) -> [T; 3] {
+        let (den, root) = self.den_and_root([sphere.a, sphere.b, sphere.h], j);
+        let t = T::ONE / den;
+        let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
+        [0, 1, 2].map(along)
     }
 
     /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
     pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        let (den, root) = self.outside_den_and_root(sphere, j);
-        let t = T::ONE / den;
-        let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
-        self.lights(lights, [0, 1, 2].map(along), false)
+        self.lights(lights, self.outside_normal(sphere, j), Seen::FromCentre)
+    }
+
+    /// SPHERE_DEN: 1/t at pixel j.
+    pub fn near_den<T: Real>(self, sphere: &Near<T>, j: T) -> T {
+        self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
+    }
+
+    /// SPHERE_NEAR: the point at pixel j.
+    fn near_point<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
+        let t = T::ONE / self.near_den(sphere, j);
+        [self.affine(sphere.x, j) * t, t * sphere.y, t * sphere.z]
+    }
+
+    /// The unit normal that LAMBERT3 takes at pixel j.
+    pub fn near_normal<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
+        let p = self.near_point(sphere, j);
+        [0, 1, 2].map(|i| p[i] - sphere.c[i])
+    }
+
+    /// SPHERE_NEAR and its lights: the colour at pixel j.
+    pub fn near<T: Real>(self, sphere: &Near<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+        self.lights(lights, self.near_point(sphere, j), Seen::FromCamera(sphere.c))
     }
 
     /// SPHERE_FAR_WALL: t at pixel j, and d.x.
@@ -150,11 +202,21 @@ impl Rounding {
         T::ONE / self.far_wall(sphere, j).0
     }
 
+    /// SPHERE_INSIDE: the point at pixel j.
+    fn inside_point<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
+        let (t, x) = self.far_wall(sphere, j);
+        [x * t, t * sphere.y, t * sphere.z]
+    }
+
+    /// The unit normal that LAMBERT3 takes at pixel j.
+    pub fn inside_normal<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
+        let p = self.inside_point(sphere, j);
+        [0, 1, 2].map(|i| p[i] - sphere.c[i])
+    }
+
     /// SPHERE_INSIDE and its lights: the colour at pixel j.
     pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        let (t, x) = self.far_wall(sphere, j);
-        let [cx, cy, cz] = sphere.c;
-        self.lights(lights, [x * t - cx, t * sphere.y - cy, t * sphere.z - cz], false)
+        self.lights(lights, self.inside_point(sphere, j), Seen::FromCamera(sphere.c))
     }
 
     /// 1/t at pixel j.
@@ -165,14 +227,18 @@ impl Rounding {
     /// TRIANGLE_PLANE and its lights: the colour at pixel j.
     pub fn triangle<T: Real>(self, triangle: &Triangle<T>, lights: &[Light<T>], j: T) -> [T; 3] {
         let t = T::ONE / self.triangle_den(triangle, j);
-        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), true)
+        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), Seen::OnPlane)
     }
 
-    /// LAMBERT3 of every light, on black: the colour of the point o, of a triangle where `flat`.
-    fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], flat: bool) -> [T; 3] {
+    /// LAMBERT3 of every light, on black: the colour of the point o.
+    fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>) -> [T; 3] {
         lights.iter().fold([T::ZERO; 3], |colour, light| {
             let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
-            let numerator = if flat { light.cosine } else { self.dot(o, l) };
+            let numerator = match seen {
+                Seen::FromCentre => self.dot(o, l),
+                Seen::OnPlane => light.cosine,
+                Seen::FromCamera(c) => self.dot([0, 1, 2].map(|i| o[i] - c[i]), l),
+            };
             let cosine = min(max(numerator / self.dot(l, l).sqrt(), T::ZERO), T::ONE);
             [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
         })

@@ -3,7 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::Tracer;
 #[cfg(rayo_asm)]
 use super::aos::AosTracer;
 #[cfg(rayo_asm)]
@@ -12,11 +11,13 @@ use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 #[cfg(rayo_asm)]
 use super::tiles::TileTracer;
+use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Element, Isa, PacketKernels, SpanKernels};
+use crate::kernels::{self, Isa, PacketKernels};
 #[cfg(rayo_asm)]
 use crate::plan;
-use crate::scene::{Camera, Scene};
+use crate::plan::{Keep, Omission, Report, Scale, Spans};
+use crate::scene::{Camera, InvalidScene, Scene};
 
 /// Who computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -34,6 +35,17 @@ pub enum Engine {
     /// NASM packets, one ray in each lane.
     #[cfg(rayo_asm)]
     Packet(Isa),
+}
+
+/// What an engine is got ready for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Purpose {
+    /// In what numbers; None: the engine's own.
+    pub precision: Option<Precision>,
+    /// The one format that it will write; None: any.
+    pub format: Option<PixelFormat>,
+    /// What is not to be left out.
+    pub keep: Keep,
 }
 
 /// In what numbers an engine computes.
@@ -67,6 +79,9 @@ pub enum EngineError {
     /// The engine has not got that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
+    /// The scene has a number that no scene may have.
+    #[error("the scene cannot be traced: {0}")]
+    Scene(#[from] InvalidScene),
 }
 
 /// The engines that can be used here, in words.
@@ -145,29 +160,60 @@ impl Engine {
         }
     }
 
-    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own).
+    /// Whether it computes its rays in f64, whatever its precision.
+    pub fn rays_in_f64(self) -> bool {
+        match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
     pub fn prepare<'a>(
         self,
         precision: Option<Precision>,
         scene: &'a Scene,
         camera: &Camera,
     ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
-        let precision = precision.unwrap_or(self.precision());
-        if !self.precisions().contains(&precision) {
-            return Err(EngineError::NoPrecision(self, precision));
-        }
+        self.prepare_for(Purpose { precision, ..Purpose::default() }, scene, camera)
+    }
+
+    /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
+    pub fn prepare_for<'a>(
+        self,
+        purpose: Purpose,
+        scene: &'a Scene,
+        camera: &Camera,
+    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
+        let precision = self.precision_for(purpose)?;
+        scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
             Engine::Rust => Box::new(RustTracer::new(scene, camera)),
             #[cfg(rayo_asm)]
-            Engine::C => Box::new(AosTracer::new(kernels::c(), scene, camera)),
+            Engine::C => Box::new(AosTracer::new(kernels::c(), kernels::hits_of_c(), scene, camera)),
             #[cfg(rayo_asm)]
             Engine::Paper => {
-                let kernels = kernels::paper().ok_or(EngineError::Unusable(self))?;
-                Box::new(AosTracer::new(kernels, scene, camera))
+                let kernels = kernels::paper().zip(kernels::hits_of_paper());
+                let (kernels, hits) = kernels.ok_or(EngineError::Unusable(self))?;
+                Box::new(AosTracer::new(kernels, hits, scene, camera))
             }
             #[cfg(rayo_asm)]
-            Engine::Packet(isa) => packet_tracer(isa, precision, scene, camera, Order::Planned)?,
+            Engine::Packet(isa) => {
+                let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
+                let Purpose { format, keep, .. } = purpose;
+                if plan::tiles_pay(scene, camera) {
+                    let keep_all = keep.has(Omission::Misses);
+                    return Ok(tiles(kernels, precision, scene, camera, keep_all));
+                }
+                match precision {
+                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
+                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
+                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera, format, keep)),
+                }
+            }
         })
     }
 
@@ -182,51 +228,76 @@ impl Engine {
         keep_all: bool,
     ) -> Option<Box<dyn Tracer + 'a>> {
         let Engine::Packet(isa) = self else { return None };
-        packet_tracer(isa, precision, scene, camera, Order::Tiles { keep_all }).ok()
+        Some(tiles(kernels::packets(isa)?, precision, scene, camera, keep_all))
     }
 }
 
-/// How packets go through a picture.
 #[cfg(rayo_asm)]
-#[derive(Clone, Copy)]
-enum Order {
-    /// Few objects span by span, many tile by tile.
-    Planned,
-    /// Tile by tile; every object at every pixel if it is to keep all.
-    Tiles { keep_all: bool },
-}
-
-#[cfg(rayo_asm)]
-fn packet_tracer<'a>(
-    isa: Isa,
+fn tiles<'a>(
+    kernels: &'static PacketKernels,
     precision: Precision,
     scene: &'a Scene,
     camera: &Camera,
-    order: Order,
-) -> Result<Box<dyn Tracer + 'a>, EngineError> {
-    fn of<'a, E: Element>(
-        packets: &'static PacketKernels,
-        kernels: &'static SpanKernels<E>,
-        fast: bool,
-        scene: &'a Scene,
-        camera: &Camera,
-        order: Order,
-    ) -> Box<dyn Tracer + 'a> {
-        let keep_all = match order {
-            Order::Planned => plan::tiles_pay(scene, camera).then_some(false),
-            Order::Tiles { keep_all } => Some(keep_all),
-        };
-        match keep_all {
-            Some(keep_all) => Box::new(TileTracer::new(packets, kernels, fast, scene, camera, keep_all)),
-            None => Box::new(PacketTracer::new(packets, kernels, fast, scene, camera)),
+    keep_all: bool,
+) -> Box<dyn Tracer + 'a> {
+    match precision {
+        Precision::Single => Box::new(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep_all)),
+        Precision::Fast => Box::new(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep_all)),
+        Precision::Double => Box::new(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep_all)),
+    }
+}
+
+impl Engine {
+    /// What it leaves out of a scene.
+    pub fn omissions(self) -> &'static [Omission] {
+        match self {
+            Engine::Reference => &[Omission::Hidden],
+            // In f32, eq. 9 would see the rounding of what is never hit.
+            Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
+            #[cfg(rayo_asm)]
+            Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => &Omission::ALL,
         }
     }
-    let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(Engine::Packet(isa)))?;
-    Ok(match precision {
-        Precision::Single => of(kernels, &kernels.single, false, scene, camera, order),
-        Precision::Fast => of(kernels, &kernels.single, true, scene, camera, order),
-        Precision::Double => of(kernels, &kernels.double, false, scene, camera, order),
-    })
+
+    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats.
+    pub fn format_for(self, bytes: bool) -> PixelFormat {
+        let writes_bytes = match self {
+            Engine::Reference => true,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => true,
+            _ => false,
+        };
+        if bytes && writes_bytes { PixelFormat::Rgba8 } else { PixelFormat::F32x4 }
+    }
+
+    /// What it would keep and leave out of `scene` as `camera` sees it. Where no format is given, bytes.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPrecision`].
+    pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
+        let precision = self.precision_for(purpose)?;
+        let bytes = purpose.format != Some(PixelFormat::F32x4);
+        let scale = if bytes { Scale::Levels } else { Scale::Linear };
+        // What is not a packet engine's to keep or leave out is as it is.
+        let switches = self.omissions().contains(&Omission::Outside);
+        let keep = if switches { purpose.keep } else { Keep::NOTHING };
+        Ok(if precision == Precision::Double {
+            Report::new(scene, &Spans::<f64>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        } else {
+            Report::new(scene, &Spans::<f32>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
+        })
+    }
+
+    /// The precision that is asked for, if it has that.
+    fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
+        let precision = purpose.precision.unwrap_or(self.precision());
+        if !self.precisions().contains(&precision) {
+            return Err(EngineError::NoPrecision(self, precision));
+        }
+        Ok(precision)
+    }
 }
 
 impl FromStr for Engine {

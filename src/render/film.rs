@@ -103,6 +103,11 @@ pub fn level(v: f64) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)) as u8
 }
 
+/// The pixels of 8 bits that linear ones become.
+pub fn levels(linear: &Vec4) -> [u8; 4] {
+    [level(linear.x.into()), level(linear.y.into()), level(linear.z.into()), 255]
+}
+
 #[cfg(test)]
 mod tests {
     use super::level;

@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Film, FilmMut, ImageError, ImageWriter, PixelFormat, Tracer, level};
-use crate::kernels::Vec4;
+use super::{Film, FilmMut, ImageError, ImageWriter, PixelFormat, Tracer, levels};
 use crate::measure::Cycles;
 use crate::scene::Camera;
 
@@ -128,7 +127,7 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     let band_rows =
         band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
     let mut film = frame.film(format, band_rows)?;
-    let mut levels = Vec::new();
+    let mut bytes_of_floats = Vec::new();
     let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
     for start in (0..camera.height()).step_by(band_rows as usize) {
         let rows = start..camera.height().min(start + band_rows);
@@ -142,9 +141,9 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
         let clock = (Instant::now(), image.writing());
         match &film {
             Film::F32x4(film) if bytes => {
-                levels.clear();
-                levels.extend(film[..pixels].iter().map(levels_of));
-                image.write_rgba8(&levels)?;
+                bytes_of_floats.clear();
+                bytes_of_floats.extend(film[..pixels].iter().map(levels));
+                image.write_rgba8(&bytes_of_floats)?;
             }
             Film::F32x4(film) => image.write_f32x4(&film[..pixels])?,
             Film::Rgba8(film) => image.write_rgba8(&film[..pixels])?,
@@ -154,8 +153,4 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
         stats.encode += clock.0.elapsed().saturating_sub(write);
     }
     Ok(stats)
-}
-
-fn levels_of(v: &Vec4) -> [u8; 4] {
-    [level(v.x.into()), level(v.y.into()), level(v.z.into()), 255]
 }

@@ -1,10 +1,10 @@
 //! Image files: written band by band, so that no image needs to be in memory whole, and read back.
 
-mod destination;
 mod encode;
 mod read;
+mod threaded;
 
-use destination::{Destination, Existing};
+use super::output::{self, Destination, Existing, OutputError};
 use encode::Encode;
 pub use read::read;
 use std::io;
@@ -16,7 +16,8 @@ use crate::kernels::Vec4;
 
 /// A format that images are written in.
 ///
-/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], and its encoder in `encode.rs`.
+/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder in `encode.rs`, and its decoder in
+/// `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -27,6 +28,14 @@ pub enum Format {
     PpmText,
     /// PFM: linear floats as they are, little endian.
     Pfm,
+    /// OpenEXR: linear floats as they are, compressed without loss.
+    Exr,
+    /// Radiance HDR: linear values from 0 in 8 bits each with a common exponent.
+    Hdr,
+    /// TIFF: 8 bits per channel, compressed without loss. BigTIFF where the image could need more than 4 GiB.
+    Tiff,
+    /// QOI: 8 bits per channel, compressed without loss; held in memory until it is whole.
+    Qoi,
 }
 
 impl Format {
@@ -37,6 +46,11 @@ impl Format {
         // By its name a grey image; but scenes from the paper's time name their P3 colour images so.
         ("pgm", Format::PpmText),
         ("pfm", Format::Pfm),
+        ("exr", Format::Exr),
+        ("hdr", Format::Hdr),
+        ("tiff", Format::Tiff),
+        ("tif", Format::Tiff),
+        ("qoi", Format::Qoi),
     ];
 
     /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none.
@@ -53,8 +67,8 @@ impl Format {
     /// ([`ImageWriter::write_f32x4`]).
     pub fn is_8bit(self) -> bool {
         match self {
-            Format::Png | Format::Ppm | Format::PpmText => true,
-            Format::Pfm => false,
+            Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => true,
+            Format::Pfm | Format::Exr | Format::Hdr => false,
         }
     }
 }
@@ -70,37 +84,14 @@ pub enum ImageError {
     #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
         path = path.display())]
     NoPixels { path: PathBuf, width: u32, height: u32 },
-    /// There is something of that name, and it must not be replaced.
-    #[error("{path} already exists: add --force to replace it, or name another file", path = path.display())]
-    Exists { path: PathBuf },
-    /// The file to replace is write-protected.
-    #[error("{path} is write-protected: make it writable, or name another file", path = path.display())]
-    ReadOnly { path: PathBuf },
-    /// The directory of the file does not exist.
-    #[error("cannot write {path}: there is no directory {directory}; create it first",
-        path = path.display(), directory = directory.display())]
-    NoDirectory {
-        path: PathBuf,
-        /// The one that is missing.
-        directory: PathBuf,
-    },
-    /// The directory of the file takes no new files.
-    #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
-        name one that you may write to", path = path.display(), directory = directory.display())]
-    Directory {
-        path: PathBuf,
-        /// The one that refuses.
-        directory: PathBuf,
-        /// What the system says.
-        error: io::ErrorKind,
-    },
-    /// Creating, writing, renaming or closing failed.
-    #[error("cannot write {path}: {error}{}", advice(.error), path = path.display())]
-    Write {
-        path: PathBuf,
-        /// What the system says.
-        error: io::Error,
-    },
+    /// More pixels than are held in memory, in a format that cannot be written row by row.
+    #[error("{path}: an image of {width}x{height} takes {need} MiB of memory in this format, which is written as a \
+        whole, and {limit} MiB are allowed: name it .png, .tiff, .ppm, .exr or .pfm, which are written row by row",
+        path = path.display(), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
+    Whole { path: PathBuf, width: u32, height: u32 },
+    /// The file could not be begun, written or given its name.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// [`ImageWriter::finish`] was called before all rows had come.
     #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = path.display())]
     RowsMissing {
@@ -118,8 +109,8 @@ pub enum ImageError {
         error: io::Error,
     },
     /// The content begins like no format that can be read.
-    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5) and PFM are",
-        path = path.display())]
+    #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and QOI \
+        are", path = path.display())]
     NotAnImage { path: PathBuf },
     /// It begins like an image, but is cut off, damaged or absurd.
     #[error("{path} is damaged or incomplete: {what}", path = path.display())]
@@ -151,22 +142,9 @@ fn extensions() -> String {
     }
 }
 
-/// What to do about a failed write, where there is something to say.
-fn advice(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
-        io::ErrorKind::BrokenPipe => "; whatever was reading it has stopped",
-        io::ErrorKind::IsADirectory => "; name a file in it",
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "; name a file that you may write to",
-        _ => "",
-    }
-}
-
 /// An image file in the making: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
 ///
-/// Until then it is a hidden file beside the target, and dropping the writer removes that. Three kinds of target differ:
-/// a symbolic link stays and the file that it points to is replaced; what is no regular file (`/dev/null`, a FIFO) is
-/// written to directly; and so is the program's own standard output under the name `/dev/stdout`.
+/// What that means for links, devices and pipes is told at [`OutputFile`](super::OutputFile).
 pub struct ImageWriter {
     path: PathBuf,
     format: Format,
@@ -182,7 +160,8 @@ impl ImageWriter {
     /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
     ///
     /// # Errors
-    /// If a side is zero, or if nothing can be written there.
+    /// If a side is zero, if nothing can be written there, or if the format is held in memory and there would be too much
+    /// of it ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::new(path, format, width, height, Existing::Replace)
     }
@@ -192,7 +171,7 @@ impl ImageWriter {
     /// What appears there while the image is being rendered is not replaced either: then [`finish`](Self::finish) fails.
     ///
     /// # Errors
-    /// As [`create`](Self::create), and [`ImageError::Exists`].
+    /// As [`create`](Self::create), and [`OutputError::Exists`].
     pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::new(path, format, width, height, Existing::Keep)
     }
@@ -201,9 +180,11 @@ impl ImageWriter {
         if width == 0 || height == 0 {
             return Err(ImageError::NoPixels { path: path.into(), width, height });
         }
-        let (destination, sink) = destination::open(path, existing, encode::needs_seeking(format))?;
-        let encoder = encode::encoder(format, sink, width, height)
-            .map_err(|error| ImageError::Write { path: path.into(), error: destination.failure().unwrap_or(error) })?;
+        if encode::is_whole(format) && encode::whole_bytes(width, height) > encode::MAX_WHOLE {
+            return Err(ImageError::Whole { path: path.into(), width, height });
+        }
+        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
+        let encoder = encode::encoder(format, sink, width, height).map_err(|error| destination.explain(path, error))?;
         Ok(ImageWriter { path: path.into(), format, width, height, rows: 0, encoder, destination })
     }
 
@@ -258,10 +239,7 @@ impl ImageWriter {
         assert!(pixels.is_multiple_of(width), "{pixels} pixels are no whole rows of {width}");
         let left = self.height - self.rows;
         assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
-        write(self.encoder.as_mut()).map_err(|error| {
-            let error = self.destination.failure().unwrap_or(error);
-            ImageError::Write { path: self.path.clone(), error }
-        })?;
+        write(self.encoder.as_mut()).map_err(|error| self.destination.explain(&self.path, error))?;
         self.rows += (pixels / width) as u32;
         Ok(())
     }
@@ -277,12 +255,8 @@ impl ImageWriter {
             return Err(ImageError::RowsMissing { path, rows, height });
         }
         if let Err(error) = encoder.finish() {
-            let error = destination.failure().unwrap_or(error);
-            return Err(ImageError::Write { path, error });
+            return Err(destination.explain(&path, error).into());
         }
-        destination.finish().map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => ImageError::Exists { path },
-            _ => ImageError::Write { path, error },
-        })
+        Ok(destination.finish(path)?)
     }
 }

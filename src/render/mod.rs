@@ -5,24 +5,31 @@ mod aos;
 mod engine;
 mod film;
 mod frame;
+mod hits;
 mod image_file;
+mod output;
 #[cfg(rayo_asm)]
 mod packet;
 pub mod reference;
 mod rust;
 #[cfg(rayo_asm)]
 mod tiles;
+mod truth;
 
-pub use engine::{Engine, EngineError, Precision};
-pub use film::{Film, FilmMut, PixelFormat, level};
+pub use engine::{Engine, EngineError, Precision, Purpose};
+pub use film::{Film, FilmMut, PixelFormat, level, levels};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
+pub use hits::{Distance, Found};
 pub use image_file::{Format, ImageError, ImageWriter, read};
+pub use output::{Existing, OutputError, OutputFile, remove_unfinished};
+pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;
 
 /// An engine that is ready for one scene: writes any rows of the picture, in any order, from any thread.
 pub trait Tracer: Sync {
-    /// The format it computes in; it writes [`PixelFormat::F32x4`] in any case.
+    /// Whether it computes in a format; it does in [`PixelFormat::F32x4`] in any case, unless it was got ready for another
+    /// alone.
     fn writes(&self, format: PixelFormat) -> bool;
 
     /// How many rows, from a multiple of it on, cost least when they are traced together.
@@ -37,4 +44,7 @@ pub trait Tracer: Sync {
     /// # Panics
     /// Where `out` is not as long as the rows, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
+
+    /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
 }

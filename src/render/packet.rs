@@ -1,15 +1,17 @@
 //! The engines `sse41`, `avx2` and `avx512`: packets of rays along the spans of each row.
 
+mod hits;
+
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, Lit, LitSpan, OutsideSpan, PacketKernels, Planes, Rgba8, Row, Shade,
-    SpanKernels, TriangleSpan, Vec4,
+    Bodies, Element, Emit, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan, OutsideSpan,
+    PacketKernels, Planes, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
-use crate::plan::{RowSpan, Spans, UseRecord};
+use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::{Camera, Scene};
 
 /// Float pictures larger than this do not stay in any cache, and are stored past it.
@@ -23,60 +25,106 @@ pub struct PacketTracer<E: 'static> {
     fast: bool,
     width: usize,
     streaming: bool,
-    /// Weighted for floats.
-    linear: Spans<E>,
-    /// Weighted for bytes.
-    levels: Spans<E>,
+    /// The one format that it is ready for; None: any.
+    format: Option<PixelFormat>,
+    plan: Spans<E>,
+    /// For the rows that see an object whose numbers are beyond f32.
+    wide: Option<Box<PacketTracer<f64>>>,
 }
 
 impl<E: Element> PacketTracer<E> {
-    /// Plans `scene` for the kernels; `spans` is theirs for one element type.
-    pub fn new(
+    /// Plans `scene` for the kernels; `spans` is theirs for one element type. It then writes `format`, or any if None.
+    fn planned(
         kernels: &'static PacketKernels,
         spans: &'static SpanKernels<E>,
         fast: bool,
         scene: &Scene,
         camera: &Camera,
+        format: Option<PixelFormat>,
+        keep: Keep,
     ) -> Self {
+        let scale = format.map(|format| match format {
+            PixelFormat::F32x4 => Scale::Linear,
+            PixelFormat::Rgba8 => Scale::Levels,
+        });
         PacketTracer {
             kernels,
             spans,
             fast,
             width: camera.width() as usize,
             streaming: camera.pixels() * size_of::<Vec4>() as u64 > STREAMING_BYTES,
-            linear: Spans::new(scene, camera, 1.0),
-            levels: Spans::new(scene, camera, 255.0),
+            format,
+            plan: Spans::new(scene, camera, scale, keep),
+            wide: None,
         }
     }
 }
 
+impl PacketTracer<f32> {
+    /// Plans `scene` for the kernels in f32, with estimates where `fast`; `format` and `keep` as in [`Self::planned`].
+    pub fn single(
+        kernels: &'static PacketKernels,
+        fast: bool,
+        scene: &Scene,
+        camera: &Camera,
+        format: Option<PixelFormat>,
+        keep: Keep,
+    ) -> Self {
+        let tracer = Self::planned(kernels, &kernels.single, fast, scene, camera, format, keep);
+        let wide = || Box::new(PacketTracer::double(kernels, scene, camera, format, keep));
+        PacketTracer { wide: tracer.plan.any_wide().then(wide), ..tracer }
+    }
+}
+
+impl PacketTracer<f64> {
+    /// Plans `scene` for the kernels in f64.
+    pub fn double(
+        kernels: &'static PacketKernels,
+        scene: &Scene,
+        camera: &Camera,
+        format: Option<PixelFormat>,
+        keep: Keep,
+    ) -> Self {
+        Self::planned(kernels, &kernels.double, false, scene, camera, format, keep)
+    }
+}
+
 /// What differs between the outputs.
-trait Output<E: 'static>: Sized {
+trait Output<E: 'static>: Copy {
+    /// What full light is.
+    const SCALE: Scale;
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
-    /// The kernel that shades a sphere in the short form.
-    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self>;
+    /// The kernel that makes rows of a sphere in the short form.
+    fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self>;
     /// The kernel that shades a span that is alone.
-    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self>;
-    /// The kernel that shades where spans overlap.
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self>;
+    /// The kernels that shade where spans overlap.
     fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E>;
+    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E>;
     fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self>;
 }
 
 impl<E: Element> Output<E> for Vec4 {
+    const SCALE: Scale = Scale::Linear;
+
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
         tracer.kernels.fill.f32x4(out, tracer.streaming);
     }
 
-    fn lit<'a>(tracer: &'a PacketTracer<E>, _: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
-        if tracer.fast { &tracer.spans.lit_f32x4_fast } else { &tracer.spans.lit_f32x4 }
+    fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
     }
 
-    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, _: Shading) -> &'a Shade<S, E, Self> {
         if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
     }
 
     fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
         if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
+    }
+
+    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+        if tracer.fast { &tracer.spans.lit_planes_fast } else { &tracer.spans.lit_planes }
     }
 
     fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
@@ -85,21 +133,26 @@ impl<E: Element> Output<E> for Vec4 {
 }
 
 impl<E: Element> Output<E> for Rgba8 {
+    const SCALE: Scale = Scale::Levels;
+
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
         tracer.kernels.fill.rgba8(out);
     }
 
-    fn lit<'a>(tracer: &'a PacketTracer<E>, record: &LitSpan<E>) -> &'a Shade<LitSpan<E>, E, Self> {
-        let grey = record.red == record.green && record.green == record.blue;
-        if grey { &tracer.spans.grey_rgba8 } else { &tracer.spans.lit_rgba8 }
+    fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+        &bodies.rgba8
     }
 
-    fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
-        &bodies.rgba8
+    fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self> {
+        if shading.dim { &bodies.rgba8_dim } else { &bodies.rgba8 }
     }
 
     fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
         &bodies.planes_fast
+    }
+
+    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+        &tracer.spans.lit_planes_fast
     }
 
     fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
@@ -110,28 +163,45 @@ impl<E: Element> Output<E> for Rgba8 {
 /// Shades a span that is alone in its pixels.
 struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
+    shading: Shading,
     lits: &'a [Lit<E>],
+    /// Where the row of a short form is put.
+    lit_rows: &'a mut LitRows<E>,
     out: &'a mut [P],
 }
 
 impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
     type Result = ();
 
-    fn lit(self, record: &LitSpan<E>) {
-        P::lit(self.tracer, record).call(record, self.lits, self.out, self.tracer.streaming);
+    fn lit(self, form: &ShortForm, row: &LitRow<E>) {
+        self.lit_rows.set_row(0, row);
+        let kernel = self.tracer.lit::<P>(self.shading);
+        let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
+        kernel.call(&sphere, self.lit_rows, self.out, width, self.tracer.streaming);
     }
     fn outside(self, record: &OutsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.outside);
+        let kernel = P::shade(self.tracer, &self.tracer.spans.outside, self.shading);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
+    fn near(self, record: &NearSpan<E>) {
+        let kernel = P::shade(self.tracer, &self.tracer.spans.near, self.shading);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
     }
     fn inside(self, record: &InsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.inside);
+        let kernel = P::shade(self.tracer, &self.tracer.spans.inside, self.shading);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
     }
     fn triangle(self, record: &TriangleSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.triangle);
+        let kernel = P::shade(self.tracer, &self.tracer.spans.triangle, self.shading);
         kernel.call(record, self.lits, self.out, self.tracer.streaming);
     }
+}
+
+/// What is in cache while spans that overlap are traced.
+struct Buffers<E> {
+    row: Row<E>,
+    /// Where the row of a short form is put.
+    lit_rows: LitRows<E>,
 }
 
 /// Finds the nearest, or shades it, along one of several spans that overlap.
@@ -141,6 +211,8 @@ struct Overlapping<'a, E: 'static, P> {
     x: Range<usize>,
     /// None: find the nearest. Some: shade it under these lights.
     lits: Option<&'a [Lit<E>]>,
+    /// Where the row of a short form is put.
+    lit_rows: &'a mut LitRows<E>,
     output: PhantomData<P>,
 }
 
@@ -156,11 +228,17 @@ impl<E: Element, P: Output<E>> Overlapping<'_, E, P> {
 impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
     type Result = ();
 
-    fn lit(self, _: &LitSpan<E>) {
-        unreachable!("the short form is not asked for where spans overlap");
+    fn lit(self, form: &ShortForm, row: &LitRow<E>) {
+        self.lit_rows.set_row(0, row);
+        let sphere = form.sphere(P::SCALE).round();
+        P::lit_planes(self.tracer).call(&sphere, self.lit_rows, self.row, self.x);
     }
     fn outside(self, record: &OutsideSpan<E>) {
         let bodies = &self.tracer.spans.outside;
+        self.call(bodies, record);
+    }
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.tracer.spans.near;
         self.call(bodies, record);
     }
     fn inside(self, record: &InsideSpan<E>) {
@@ -174,23 +252,47 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
 }
 
 impl<E: Element> PacketTracer<E> {
-    fn trace<P: Output<E>>(&self, plan: &Spans<E>, rows: Range<u32>, out: &mut [P]) {
+    /// The kernel for a sphere in the short form.
+    fn lit<P: Output<E>>(&self, shading: Shading) -> &ShadeRows<E, P> {
+        P::lit(self, if shading.grey { &self.spans.grey } else { &self.spans.lit })
+    }
+
+    /// Makes rows in which there is nothing but one sphere under one light.
+    fn trace_lit<P: Output<E>>(&self, form: &ShortForm, shading: Shading, rows: Range<u32>, out: &mut [P]) {
+        let (kernel, sphere) = (self.lit(shading), form.sphere(P::SCALE).round());
+        let mut lit_rows = LitRows::default();
+        for (first, out) in rows.step_by(LIT_ROWS).zip(out.chunks_mut(LIT_ROWS * self.width)) {
+            self.spans.lit_rows.call(form.setup(P::SCALE), first, out.len() / self.width, &mut lit_rows);
+            kernel.call(&sphere, &lit_rows, out, self.width, self.streaming);
+        }
+    }
+
+    fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        let plan = &self.plan;
         let seen = plan.seen_in(&rows);
-        let mut spans: Vec<RowSpan> = Vec::with_capacity(seen.len());
-        let mut buffers = None;
         // The pixels of `out` that are written: nothing is written twice, and what no span covers in one piece.
         let mut done = 0;
         // What is in front of `span` since the last one, and the span, which is alone in its pixels.
-        let shade_alone = |span: &RowSpan, row: u32, start: usize, done: &mut usize, out: &mut [P]| {
+        let mut lit_rows = LitRows::default();
+        let mut shade_alone = |span: &RowSpan, row: u32, start: usize, done: &mut usize, out: &mut [P]| {
+            let shading = plan.shading(span.object);
+            if shading.unlit {
+                return;
+            }
             let (first, end) = (start + span.start as usize, start + span.end as usize);
             P::fill(self, &mut out[*done..first]);
-            let alone = Alone { tracer: self, lits: plan.lits(span.object), out: &mut out[first..end] };
-            plan.with_record(span, row, 0.0, true, alone);
+            let lits = plan.lits(span.object, P::SCALE);
+            let out = &mut out[first..end];
+            let alone = Alone { tracer: self, shading, lits, lit_rows: &mut lit_rows, out };
+            plan.with_record(span, row, 0.0, Some(P::SCALE), alone);
             *done = end;
         };
         // One object has nothing to overlap with, and its span need not pass through the list.
-        if let [object] = seen[..] {
+        if let Some(object) = plan.alone(&seen) {
+            if let (Some(form), false) = (plan.short_form(object), plan.shading(object).unlit) {
+                return self.trace_lit(form, plan.shading(object), rows, out);
+            }
             for row in rows.clone() {
                 let start = (row - rows.start) as usize * self.width;
                 if let Some(span) = plan.row(object, row) {
@@ -200,56 +302,111 @@ impl<E: Element> PacketTracer<E> {
             P::fill(self, &mut out[done..]);
             return;
         }
+        let mut in_row = RowSpans::default();
+        let mut buffers = None;
         for row in rows.clone() {
-            spans.clear();
-            spans.extend(seen.iter().filter_map(|object| plan.row(*object, row)));
+            let way = plan.spans_in(row, &seen, &mut in_row);
+            let spans = &in_row.spans[..];
             let start = (row - rows.start) as usize * self.width;
-            if overlap(&mut spans) && !plan.cut_hidden(row, &mut spans) {
-                let columns = columns(&spans);
-                let buffers = buffers.get_or_insert_with(|| Row::new(self.width));
-                P::fill(self, &mut out[done..start + columns.start]);
-                self.trace_overlapping::<P>(plan, row, &mut spans, buffers, columns.clone());
-                done = start + columns.end;
-                P::emit(self).call(buffers, columns.start, &mut out[start + columns.start..done]);
-            } else {
-                for span in &spans {
+            if way == Way::Apart {
+                for span in spans {
                     shade_alone(span, row, start, &mut done, out);
                 }
+                continue;
             }
+            let columns = if way == Way::NearestInRow { 0..self.width } else { columns(spans) };
+            let buffers =
+                buffers.get_or_insert_with(|| Buffers { row: Row::new(self.width), lit_rows: LitRows::default() });
+            P::fill(self, &mut out[done..start + columns.start]);
+            buffers.row.clear(columns.clone());
+            match (way, plan.keep().has(Omission::Hidden)) {
+                (Way::Nearest, false) => self.trace_overlapping::<P>(row, spans, buffers),
+                (_, hidden) => {
+                    let all = (way == Way::NearestInRow).then_some(columns.clone());
+                    self.trace_by_force::<P>(row, spans, all, hidden, buffers);
+                }
+            }
+            done = start + columns.end;
+            P::emit(self).call(&mut buffers.row, columns.start, &mut out[start + columns.start..done]);
         }
         P::fill(self, &mut out[done..]);
     }
 
-    /// Finds who is nearest at each pixel, and then shades each object's own.
-    fn trace_overlapping<P: Output<E>>(
-        &self,
-        plan: &Spans<E>,
-        row: u32,
-        spans: &mut [RowSpan],
-        buffers: &mut Row<E>,
-        columns: Range<usize>,
-    ) {
-        // The first of equals is the nearest: the scene's order.
-        spans.sort_unstable_by_key(|span| span.object);
-        buffers.clear(columns);
-        for shading in [false, true] {
-            for (id, span) in (1..).zip(&*spans) {
-                let lits = shading.then(|| plan.lits(span.object));
-                let x = span.start as usize..span.end as usize;
-                let user = Overlapping { tracer: self, row: buffers, x, lits, output: PhantomData::<P> };
-                plan.with_record(span, row, id.into(), false, user);
+    /// Rows whose objects have numbers that the elements hold.
+    fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        match out {
+            FilmMut::F32x4(out) => {
+                self.trace(rows, out);
+                if self.streaming {
+                    sys::store_fence();
+                }
             }
+            FilmMut::Rgba8(out) => self.trace(rows, out),
         }
     }
-}
 
-/// Whether any two spans share a pixel; leaves them sorted from left to right.
-fn overlap(spans: &mut [RowSpan]) -> bool {
-    if spans.len() < 2 {
-        return false;
+    /// Finds who is nearest at each pixel, and then shades each object's own.
+    fn trace_overlapping<P: Output<E>>(&self, row: u32, spans: &[RowSpan], buffers: &mut Buffers<E>) {
+        for (id, span) in (1..).zip(spans) {
+            self.pass::<P>(row, span, id, span.start..span.end, false, buffers);
+        }
+        for (id, span) in (1..).zip(spans) {
+            self.pass::<P>(row, span, id, span.start..span.end, true, buffers);
+        }
     }
-    spans.sort_unstable_by_key(|span| span.start);
-    spans.windows(2).any(|pair| pair[1].start < pair[0].end)
+
+    /// The same with work that need not be: along all of `columns` for each object, if there are any, and shading what may
+    /// yet be hidden, if `hidden`.
+    #[cold]
+    fn trace_by_force<P: Output<E>>(
+        &self,
+        row: u32,
+        spans: &[RowSpan],
+        columns: Option<Range<usize>>,
+        hidden: bool,
+        buffers: &mut Buffers<E>,
+    ) {
+        let pass = |id: u32, span: &RowSpan, x: Range<u32>, shading: bool, buffers: &mut Buffers<E>| {
+            self.pass::<P>(row, span, id, x, shading, buffers);
+        };
+        let columns = columns.map(|columns| columns.start as u32..columns.end as u32);
+        let both = |id: u32, span: &RowSpan, [depth, shading]: [bool; 2], buffers: &mut Buffers<E>| {
+            let x = columns.clone().unwrap_or(span.start..span.end);
+            if depth {
+                // Before the span all rays miss, and so do those past its end, which the record tells.
+                pass(id, &span.part(x.start..x.start), x.start..span.start, false, buffers);
+                pass(id, span, span.start..x.end, false, buffers);
+            }
+            if shading {
+                pass(id, &span.part(x.start..span.end), x, true, buffers);
+            }
+        };
+        let passes = if hidden { &[[true, true]][..] } else { &[[true, false], [false, true]] };
+        for which in passes {
+            (1..).zip(spans).for_each(|(id, span)| both(id, span, *which, buffers));
+        }
+    }
+
+    /// Makes the pixels `x` of the row a span's own where it is nearest; or shades those that are its own.
+    #[inline(always)]
+    fn pass<P: Output<E>>(
+        &self,
+        row: u32,
+        span: &RowSpan,
+        id: u32,
+        x: Range<u32>,
+        shading: bool,
+        buffers: &mut Buffers<E>,
+    ) {
+        if shading && self.plan.shading(span.object).unlit {
+            return;
+        }
+        let lits = shading.then(|| self.plan.lits(span.object, P::SCALE));
+        let x = x.start as usize..x.end as usize;
+        let Buffers { row: pixels, lit_rows } = buffers;
+        let user = Overlapping { tracer: self, row: pixels, x, lits, lit_rows, output: PhantomData::<P> };
+        self.plan.with_record(span, row, id.into(), shading.then_some(P::SCALE), user);
+    }
 }
 
 /// The columns from the first span to the end of the last.
@@ -260,19 +417,38 @@ fn columns(spans: &[RowSpan]) -> Range<usize> {
 }
 
 impl<E: Element> Tracer for PacketTracer<E> {
-    fn writes(&self, _: PixelFormat) -> bool {
-        true
+    fn writes(&self, format: PixelFormat) -> bool {
+        self.format.is_none_or(|own| own == format)
     }
 
-    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        match out {
-            FilmMut::F32x4(out) => {
-                self.trace(&self.linear, rows, out);
-                if self.streaming {
-                    sys::store_fence();
-                }
+    fn rows(&self, rows: Range<u32>, mut out: FilmMut<'_>) {
+        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        let format = match &out {
+            FilmMut::F32x4(_) => PixelFormat::F32x4,
+            FilmMut::Rgba8(_) => PixelFormat::Rgba8,
+        };
+        assert!(self.writes(format), "the plan is for {} alone", self.format.map_or("", PixelFormat::name));
+        let Some(wide) = &self.wide else { return self.narrow_rows(rows, out) };
+        // Row by row, so that no row depends on those it is traced with.
+        for row in rows.clone() {
+            let range = (row - rows.start) as usize * self.width..(row + 1 - rows.start) as usize * self.width;
+            let out = match &mut out {
+                FilmMut::F32x4(out) => FilmMut::F32x4(&mut out[range]),
+                FilmMut::Rgba8(out) => FilmMut::Rgba8(&mut out[range]),
+            };
+            if self.plan.is_wide(row) {
+                wide.rows(row..row + 1, out);
+            } else {
+                self.narrow_rows(row..row + 1, out);
             }
-            FilmMut::Rgba8(out) => self.trace(&self.levels, rows, out),
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        rows.flat_map(|row| match &self.wide {
+            Some(wide) if self.plan.is_wide(row) => wide.found(row..row + 1),
+            _ => self.found(row..row + 1),
+        })
+        .collect()
     }
 }

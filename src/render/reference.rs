@@ -4,18 +4,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{FilmMut, PixelFormat, Tracer, level};
+use super::{Distance, FilmMut, Found, PixelFormat, Tracer, level};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Scene};
-
-/// An object of a scene by its place in its list.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Object {
-    /// A sphere.
-    Sphere(usize),
-    /// A triangle.
-    Triangle(usize),
-}
+use crate::scene::{Camera, Grid, Object, Scene};
 
 /// What a ray hits first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,17 +88,22 @@ impl ReferenceTracer {
         hits.reduce(|nearest, hit| if hit.t < nearest.t { hit } else { nearest })
     }
 
+    /// The unit normal of an object at its point `p`.
+    fn normal(&self, object: Object, p: DVec3) -> DVec3 {
+        match object {
+            Object::Sphere(i) => geometry::sphere_normal(p, self.spheres[i].centre),
+            Object::Triangle(i) => self.triangles[i].normal,
+        }
+    }
+
     /// The linear colour of a pixel, not clamped.
     pub fn colour(&self, row: u32, col: u32) -> DVec3 {
         let Some(Hit { object, t }) = self.hit(row, col) else { return DVec3::ZERO };
         let p = t * self.ray(row, col);
+        let n = self.normal(object, p);
         let (colour, cosine): (DVec3, Box<dyn Fn(DVec3) -> f64>) = match object {
-            Object::Sphere(i) => {
-                let n = geometry::sphere_normal(p, self.spheres[i].centre);
-                (self.spheres[i].colour, Box::new(move |light| geometry::lambert(light, p, n)))
-            }
+            Object::Sphere(i) => (self.spheres[i].colour, Box::new(move |light| geometry::lambert(light, p, n))),
             Object::Triangle(i) => {
-                let n = self.triangles[i].normal;
                 (self.triangles[i].colour, Box::new(move |light| geometry::lambert_two_sided(light, p, n)))
             }
         };
@@ -124,11 +120,23 @@ impl Tracer for ReferenceTracer {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour(row, col)));
         match out {
-            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| *out = v.as_vec3().into()),
+            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
+                // The brightest lights together are beyond f32.
+                *out = v.min(DVec3::splat(f32::MAX.into())).as_vec3().into();
+            }),
             FilmMut::Rgba8(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
                 *out = [level(v.x), level(v.y), level(v.z), 255];
             }),
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let found = |row, col| {
+            let Hit { object, t } = self.hit(row, col)?;
+            let normal = self.normal(object, t * self.ray(row, col));
+            Some(Found { object, distance: Distance::T(t), normal: Some(normal) })
+        };
+        rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
     }
 }
 

@@ -6,9 +6,9 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
-use super::{FilmMut, PixelFormat, Tracer};
+use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
 use crate::reference::geometry;
-use crate::scene::{self, Camera, Grid, Scene};
+use crate::scene::{self, Camera, Grid, Object, Scene};
 
 struct Light {
     position: Vec3A,
@@ -19,6 +19,10 @@ struct Sphere {
     centre: Vec3A,
     /// |c|^2 - r^2, the constant of eq. 5 for rays from the origin.
     constant: f32,
+    /// r^2.
+    squared_radius: f32,
+    /// Whether it is sqrt 2 radii away or more.
+    far: bool,
     colour: Vec3A,
 }
 
@@ -26,6 +30,8 @@ struct Sphere {
 /// passes through the camera, would itself be a plane. Their normals are [`near_1`], so that no size is beyond the range
 /// of f32.
 struct Triangle {
+    /// Which of the scene's triangles it is.
+    source: usize,
     /// n of eq. 6.
     normal: Vec3A,
     /// v1 . n of eq. 9.
@@ -37,12 +43,13 @@ struct Triangle {
 
 impl Triangle {
     /// None for a triangle that is never hit.
-    fn new(triangle: &scene::Triangle) -> Option<Self> {
+    fn new((source, triangle): (usize, &scene::Triangle)) -> Option<Self> {
         let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
         let volume = geometry::triangle_volume(vertices)?;
         let normal = near_1(geometry::triangle_plane(vertices));
         let edges = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|edge| near_1(edge) * volume.signum());
         Some(Triangle {
+            source,
             normal: normal.as_vec3a(),
             offset: v1.dot(normal) as f32,
             edges: edges.map(|edge| edge.as_vec3a()),
@@ -55,6 +62,15 @@ impl Triangle {
 fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
+}
+
+/// What a ray hits first: the point p = t d, where the unit normal is n.
+struct Hit {
+    object: Object,
+    t: f32,
+    p: Vec3A,
+    n: Vec3A,
+    colour: Vec3A,
 }
 
 /// A scene with its constants.
@@ -74,34 +90,44 @@ impl RustTracer {
             .iter()
             .map(|light| Light { position: light.position.into(), radiance: light.radiance().into() });
         let spheres = scene.spheres.iter().map(|sphere| {
-            let centre = Vec3A::from(sphere.centre);
-            let constant = centre.length_squared() - sphere.radius * sphere.radius;
-            Sphere { centre, constant, colour: sphere.colour.into() }
+            let radius = f64::from(sphere.radius);
+            let constant = geometry::power(sphere.centre.as_dvec3(), radius);
+            Sphere {
+                centre: sphere.centre.into(),
+                squared_radius: (radius * radius) as f32,
+                constant: constant as f32,
+                far: constant >= radius * radius,
+                colour: sphere.colour.into(),
+            }
         });
         RustTracer {
             width: camera.width(),
             grid: camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
-            triangles: scene.triangles.iter().filter_map(Triangle::new).collect(),
+            triangles: scene.triangles.iter().enumerate().filter_map(Triangle::new).collect(),
         }
     }
 
-    fn pixel(&self, d: Vec3A) -> Vec3A {
+    /// The nearest hit.
+    #[inline]
+    fn hit(&self, d: Vec3A) -> Option<Hit> {
         let mut nearest = f32::INFINITY;
         let mut sphere = None;
         let mut triangle = None;
         let a = d.length_squared();
-        for s in &self.spheres {
+        for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
-            let disc = h * h - a * s.constant;
+            // The same twice, and from far away only the latter is no difference of like numbers.
+            let disc =
+                if s.far { a * s.squared_radius - s.centre.cross(d).length_squared() } else { h * h - a * s.constant };
             if disc >= 0.0 {
-                let root = disc.sqrt();
-                let near = (h - root) / a;
-                let t = if near > 0.0 { near } else { (h + root) / a };
+                let q = h + disc.sqrt().copysign(h);
+                let near = s.constant / q;
+                let t = if near > 0.0 { near } else { q / a };
                 if t > 0.0 && t < nearest {
                     nearest = t;
-                    sphere = Some(s);
+                    sphere = Some(i);
                 }
             }
         }
@@ -112,16 +138,22 @@ impl RustTracer {
                 triangle = Some(s);
             }
         }
-        let p = nearest * d;
+        let (t, p) = (nearest, nearest * d);
         if let Some(s) = triangle {
-            let n = s.normal.normalize();
-            self.shade(p, s.colour, |l| l.dot(n).abs())
-        } else if let Some(s) = sphere {
+            Some(Hit { object: Object::Triangle(s.source), t, p, n: s.normal.normalize(), colour: s.colour })
+        } else {
+            let (i, s) = sphere.map(|i| (i, &self.spheres[i]))?;
             // A sphere can be smaller than the rounding of P.
             let n = (p - s.centre).normalize_or_zero();
-            self.shade(p, s.colour, |l| l.dot(n).max(0.0))
-        } else {
-            Vec3A::ZERO
+            Some(Hit { object: Object::Sphere(i), t, p, n, colour: s.colour })
+        }
+    }
+
+    fn pixel(&self, d: Vec3A) -> Vec3A {
+        match self.hit(d) {
+            Some(Hit { object: Object::Triangle(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).abs()),
+            Some(Hit { object: Object::Sphere(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).max(0.0)),
+            None => Vec3A::ZERO,
         }
     }
 
@@ -144,5 +176,13 @@ impl Tracer for RustTracer {
                 *out = GlamVec4::from((self.pixel(self.grid.ray(row, col).into()), 0.0)).to_array().into();
             }
         }
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let found = |row, col| {
+            let Hit { object, t, n, .. } = self.hit(self.grid.ray(row, col).into())?;
+            Some(Found { object, distance: Distance::T(t.into()), normal: Some(n.as_dvec3()) })
+        };
+        rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
     }
 }

@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{FilmMut, PixelFormat, Tracer, level};
+use super::{Distance, FilmMut, Found, PixelFormat, Tracer, level};
 use crate::kernels::{
     CHUNK, Element, Looks, PacketKernels, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers,
     TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{TilePlace, Tiles, Weighted};
 use crate::reference::geometry;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Object, Scene};
 
 /// In a tile of fewer triangles it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
@@ -82,7 +82,8 @@ impl<E: Element> Output<E> for Rgba8 {
 }
 
 /// What a thread needs beside the plan.
-struct Scratch<E> {
+#[derive(Default)]
+struct Scratch<E: Element> {
     buffers: TileBuffers<E>,
     spheres: Vec<u32>,
     triangles: Vec<u32>,
@@ -95,19 +96,21 @@ struct Scratch<E> {
 
 impl<E: Element> TileTracer<'_, E> {
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
+        let width = self.camera.width() as usize;
+        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
+        let mut scratch = Scratch::default();
+        self.each_tile(rows.clone(), |tile, window| {
+            let first = (window.row + window.rows.start - rows.start) as usize * width + window.column as usize;
+            self.trace_tile(tile, window, TileOut { pixels: &mut *out, first, width }, &mut scratch);
+        });
+    }
+
+    /// Says of all tiles of `rows` what of them is in these.
+    fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         let (width, height) = (self.camera.width(), TILE_HEIGHT as u32);
-        assert_eq!(out.len(), rows.len() * width as usize, "the film must have the size of the rows");
         if rows.is_empty() {
             return;
         }
-        let mut scratch = Scratch {
-            buffers: TileBuffers::default(),
-            spheres: Vec::new(),
-            triangles: Vec::new(),
-            behind: Vec::new(),
-            order: Vec::new(),
-            shades: Vec::new(),
-        };
         for down in rows.start / height..rows.end.div_ceil(height) {
             let first = down * height;
             let tile_rows = rows.start.max(first)..rows.end.min(first + height);
@@ -119,9 +122,7 @@ impl<E: Element> TileTracer<'_, E> {
                     columns: (width - column).min(TILE_WIDTH as u32),
                     rows: tile_rows.start - first..tile_rows.end - first,
                 };
-                let place = (tile_rows.start - rows.start) as usize * width as usize + column as usize;
-                let out = TileOut { pixels: &mut *out, first: place, width: width as usize };
-                self.trace_tile(TilePlace { across, down }, &window, out, &mut scratch);
+                say(TilePlace { across, down }, &window);
             }
         }
     }
@@ -133,17 +134,45 @@ impl<E: Element> TileTracer<'_, E> {
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
     ) {
-        let Scratch { buffers, spheres, triangles, behind, order, shades } = scratch;
-        self.plan.seen_in(tile, spheres, triangles);
-        if spheres.is_empty() && triangles.is_empty() {
+        let weighted = P::weighted(&self.plan);
+        if !self.find_nearest(tile, window, weighted, scratch) {
             for row in 0..window.rows.len() {
                 P::fill(self, &mut out.pixels[out.first + row * out.width..][..window.columns as usize]);
             }
             return;
         }
-        let (view, rays) = self.plan.view(tile);
+        let Scratch { buffers, spheres, shades, .. } = scratch;
+        let (_, rays) = self.plan.view(tile);
+        let looks = Looks {
+            shades,
+            lights: self.plan.points(),
+            sphere_ids: spheres,
+            spheres: self.plan.spheres(),
+            lits: &weighted.lits,
+            shorts: self.plan.shorts(),
+        };
+        let TileOut { pixels, first, width } = out;
+        P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+        if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
+            self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
+        }
+    }
+
+    /// Finds who is nearest at the pixels of a tile; false where nobody can be.
+    fn find_nearest(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        weighted: &Weighted<E>,
+        scratch: &mut Scratch<E>,
+    ) -> bool {
+        let Scratch { buffers, spheres, triangles, behind, order, shades } = scratch;
+        self.plan.seen_in(tile, spheres, triangles);
+        if spheres.is_empty() && triangles.is_empty() {
+            return false;
+        }
+        let (view, _) = self.plan.view(tile);
         let grid = self.plan.grid();
-        let weighted = P::weighted(&self.plan);
         buffers.clear();
         self.nearest_spheres(spheres, buffers, window);
         // Nobody's shades, and none for spheres, whose light is their own.
@@ -185,19 +214,7 @@ impl<E: Element> TileTracer<'_, E> {
             behind.retain(|id| f64::from(of(id)) >= farthest);
             nearest(behind, buffers);
         }
-        let looks = Looks {
-            shades,
-            lights: self.plan.points(),
-            sphere_ids: spheres,
-            spheres: self.plan.spheres(),
-            lits: &weighted.lits,
-            shorts: self.plan.shorts(),
-        };
-        let TileOut { pixels, first, width } = out;
-        P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
-        if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
-            self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
-        }
+        true
     }
 
     /// The spheres of a tile in their order: runs of those that the kernel takes, and between them the odd ones.
@@ -263,6 +280,31 @@ impl<E: Element> TileTracer<'_, E> {
 impl<E: Element> Tracer for TileTracer<'_, E> {
     fn writes(&self, _: PixelFormat) -> bool {
         true
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let width = self.camera.width() as usize;
+        let mut found = vec![None; rows.len() * width];
+        let mut scratch = Scratch::default();
+        self.each_tile(rows.clone(), |tile, window| {
+            if !self.find_nearest(tile, window, self.plan.linear(), &mut scratch) {
+                return;
+            }
+            let Scratch { buffers, spheres, order, .. } = &scratch;
+            for (row, column) in window.rows.clone().flat_map(|row| (0..window.columns).map(move |col| (row, col))) {
+                let (near, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
+                if who > 0 {
+                    let object = match order[who] {
+                        0 => Object::Sphere(spheres[who - 1] as usize),
+                        triangle => Object::Triangle(triangle as usize - 1),
+                    };
+                    let distance = Distance::Inverse(near.to_f64() / self.plan.scale());
+                    let place = (window.row + row - rows.start) as usize * width + (window.column + column) as usize;
+                    found[place] = Some(Found { object, distance, normal: None });
+                }
+            }
+        });
+        found
     }
 
     fn rows_together(&self) -> u32 {

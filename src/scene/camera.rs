@@ -35,6 +35,13 @@ pub enum CameraError {
     Film(f32),
 }
 
+/// The camera of a mesh alone: 800 x 600 pixels, focal distance 1, film 1.
+impl Default for Camera {
+    fn default() -> Self {
+        Camera { width: 800, height: 600, focal: 1.0, film: 1.0 }
+    }
+}
+
 impl Camera {
     /// A camera of `width` x `height` pixels at focal distance `focal` from a film whose diagonal is `film`
     /// (Algorithm 1: 1).

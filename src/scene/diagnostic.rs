@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use super::parse::is_line_end;
+use super::MeshError;
+use super::log::is_line_end;
 
 /// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small
 /// however long the line is.
@@ -73,6 +74,9 @@ pub enum SceneError {
         /// How many more there were beyond those that are kept.
         more: usize,
     },
+    /// The file is a mesh, and no good one.
+    #[error("{}", self.render(false))]
+    Mesh(MeshError),
 }
 
 impl Diagnostic {
@@ -122,7 +126,7 @@ impl SceneError {
     /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
-            SceneError::Read { .. } => &[],
+            SceneError::Read { .. } | SceneError::Mesh(_) => &[],
             SceneError::Invalid { diagnostics, .. } => diagnostics,
         }
     }
@@ -131,6 +135,7 @@ impl SceneError {
     pub fn lines(&self) -> Vec<String> {
         match self {
             SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
+            SceneError::Mesh(error) => vec![error.to_string()],
             SceneError::Invalid { name, diagnostics, more } => {
                 let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
                 if *more > 0 {
@@ -150,6 +155,14 @@ impl SceneError {
             SceneError::Read { path, cause } => {
                 let message = unreadable(&path.to_string_lossy(), cause);
                 parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+            }
+            SceneError::Mesh(error) => {
+                let path = printable(&error.path.to_string_lossy());
+                let title = Level::ERROR.primary_title(error.message.as_str());
+                let place = Origin::path(path.as_str());
+                let place = if let Some(line) = error.line { place.line(line) } else { place };
+                let help = error.expected.as_ref().map(|it| Level::NOTE.message(format!("expected {it}")));
+                parts.push(renderer.render(&[title.element(place).elements(help)]));
             }
             SceneError::Invalid { name, diagnostics, more } => {
                 let name = printable(name);
@@ -214,7 +227,7 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
 }
 
 /// `text` with its control characters spelled out, so that a file cannot steer the terminal.
-fn printable(text: &str) -> String {
+pub(super) fn printable(text: &str) -> String {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
 }

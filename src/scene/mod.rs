@@ -2,14 +2,26 @@
 
 mod camera;
 mod diagnostic;
+pub mod families;
+mod log;
+pub mod mesh;
+mod open;
 mod parse;
 mod random;
+mod tables;
+mod validity;
+mod view;
 mod write;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
-pub use parse::{parse, read};
+pub use mesh::{Mesh, MeshError, MeshFormat};
+pub use open::{Opened, SceneFormat, open, read};
+pub use parse::parse;
 pub use random::{Rng, many};
+pub use tables::parse_toml;
+pub use validity::InvalidScene;
+pub use view::{Setting, View};
 
 use glam::Vec3;
 
@@ -47,6 +59,15 @@ pub struct Sphere {
     pub colour: Vec3,
     /// The centre, in the camera's frame.
     pub centre: Vec3,
+}
+
+/// An object of a scene by its place in its list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Object {
+    /// A sphere.
+    Sphere(usize),
+    /// A triangle.
+    Triangle(usize),
 }
 
 /// A scene file's content: every number rounded once to f32, in the file's order.

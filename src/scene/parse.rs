@@ -1,53 +1,15 @@
 //! The paper's scene format: a byte lexer, and the parser that checks each number where it stands.
 
 use std::fmt;
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Read};
 use std::ops::Range;
-use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Camera, Diagnostic, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+use super::log::{Log, is_line_end};
+use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 
-/// The most errors that are kept of one file; the rest is counted.
-const MAX_ERRORS: usize = 20;
-/// The longest scene file, in bytes.
-const MAX_FILE: u64 = 4 << 30;
-/// The most that is read of what has no length of its own: a pipe, a device.
-const MAX_STREAM: u64 = 64 << 20;
 /// The film diagonal of Algorithm 1; the format has no place for another.
 const FILM: f32 = 1.0;
-const BYTE_ORDER_MARK: &str = "\u{feff}";
-
-/// Reads a scene file in the paper's format.
-///
-/// # Errors
-/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
-/// for a pipe or a device); otherwise what [`parse`] returns.
-pub fn read(path: &Path) -> Result<Scene, SceneError> {
-    let source = contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause })?;
-    parse(&source, &path.to_string_lossy())
-}
-
-fn contents(path: &Path) -> io::Result<Vec<u8>> {
-    let metadata = fs::metadata(path)?;
-    if metadata.is_dir() {
-        return Err(ErrorKind::IsADirectory.into());
-    }
-    let limit = if metadata.is_file() { MAX_FILE } else { MAX_STREAM };
-    let too_large = || {
-        let size = limit >> 20;
-        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, too many for a scene"))
-    };
-    if metadata.len() > limit {
-        return Err(too_large());
-    }
-    // The length is only what the file system says: what is read is held to the limit, too.
-    let mut source = Vec::new();
-    File::open(path)?.take(limit + 1).read_to_end(&mut source)?;
-    if source.len() as u64 > limit { Err(too_large()) } else { Ok(source) }
-}
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
 ///
@@ -60,17 +22,11 @@ fn contents(path: &Path) -> io::Result<Vec<u8>> {
 /// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
 /// `source`, whatever the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    let start = if source.starts_with(BYTE_ORDER_MARK.as_bytes()) { BYTE_ORDER_MARK.len() } else { 0 };
-    let place = Place { offset: start, line: 1, line_start: start, column: 1 };
-    let mut log = Log { source, place, diagnostics: Vec::new(), more: 0 };
-    let scene = match std::str::from_utf8(source) {
-        Ok(text) => Parser { text, at: start, last: start..start, announced: None, log: &mut log }.scene(),
-        Err(error) => Err(log.not_utf8(error)),
-    };
-    match scene {
-        Ok(scene) if log.diagnostics.is_empty() => Ok(scene),
-        _ => Err(SceneError::Invalid { name: name.to_owned(), diagnostics: log.diagnostics, more: log.more }),
-    }
+    let mut log = Log::new(source);
+    let scene = log.text().and_then(|(text, start)| {
+        Parser { text, at: start, last: start..start, announced: None, log: &mut log }.scene().ok()
+    });
+    log.finish(scene, name)
 }
 
 /// Whether `byte` separates tokens.
@@ -78,25 +34,21 @@ pub(super) fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | 0x0b | 0x0c) || is_line_end(byte)
 }
 
-pub(super) fn is_line_end(byte: u8) -> bool {
-    matches!(byte, b'\n' | b'\r')
-}
-
 /// Nothing more can be read; why has been noted.
 struct Stop;
 
 /// What a number must be.
 #[derive(Clone, Copy)]
-enum Rule {
+pub(super) enum Rule {
     Any,
     NotNegative,
     Positive,
 }
 
 /// Why a token is not the number that it should be.
-struct Problem {
-    what: &'static str,
-    help: Option<&'static str>,
+pub(super) struct Problem {
+    pub(super) what: &'static str,
+    pub(super) help: Option<&'static str>,
 }
 
 /// A number's name in a diagnostic: "the width", "sphere 3's radius".
@@ -140,23 +92,6 @@ struct Announced {
     kind: &'static Kind,
 }
 
-/// The errors so far, in the file's order.
-struct Log<'a> {
-    source: &'a [u8],
-    place: Place,
-    diagnostics: Vec<Diagnostic>,
-    more: usize,
-}
-
-/// A place in the file. It only ever moves forward, so that all places together cost one pass.
-#[derive(Clone, Copy)]
-struct Place {
-    offset: usize,
-    line: usize,
-    line_start: usize,
-    column: usize,
-}
-
 impl<'a> Parser<'a, '_> {
     fn scene(mut self) -> Result<Scene, Stop> {
         let Some(name) = self.token() else {
@@ -167,7 +102,7 @@ impl<'a> Parser<'a, '_> {
         };
         let name = &self.text[name];
         let scene = self.after_name(name);
-        if let Some(first) = self.log.diagnostics.first_mut()
+        if let Some(first) = self.log.first_mut()
             && name.parse::<f64>().is_ok()
         {
             // A forgotten name shifts all that follows, and the error shows far from its cause.
@@ -294,7 +229,7 @@ impl<'a> Parser<'a, '_> {
         let (what, expected) = match count {
             // A token and the white space before it take two bytes or more.
             Ok(count) if count <= ((self.text.len() - self.at) / 2 / kind.tokens) as u64 => {
-                let line = self.log.place.advance(self.log.source, place.start).line;
+                let line = self.log.line(place.start);
                 self.announced = Some(Announced { line, count, kind });
                 return Ok(count);
             }
@@ -326,46 +261,8 @@ impl<'a> Parser<'a, '_> {
     }
 }
 
-impl Log<'_> {
-    fn note(&mut self, token: Range<usize>, message: fmt::Arguments<'_>, expected: &str, help: Option<String>) {
-        if self.diagnostics.len() == MAX_ERRORS {
-            self.more += 1;
-            return;
-        }
-        let Place { line, line_start, column, .. } = *self.place.advance(self.source, token.start);
-        let mut diagnostic = Diagnostic::new(self.source, token, (line, line_start, column), message, expected);
-        diagnostic.help = help;
-        self.diagnostics.push(diagnostic);
-    }
-
-    fn not_utf8(&mut self, error: std::str::Utf8Error) -> Stop {
-        let start = error.valid_up_to();
-        let end = error.error_len().map_or(self.source.len(), |length| start + length);
-        let utf16 = self.source.starts_with(b"\xff\xfe") || self.source.starts_with(b"\xfe\xff");
-        let help = if utf16 { "this looks like UTF-16: save the file as UTF-8" } else { "save the file as UTF-8" };
-        let message = format_args!("byte {start} of the file, {:#04x}, is not UTF-8", self.source[start]);
-        self.note(start..end, message, "UTF-8 text", Some(help.to_owned()));
-        Stop
-    }
-}
-
-impl Place {
-    fn advance(&mut self, source: &[u8], to: usize) -> &Self {
-        while self.offset < to {
-            let byte = source[self.offset];
-            self.offset += 1;
-            if is_line_end(byte) && !source[self.offset - 1..].starts_with(b"\r\n") {
-                *self = Place { line: self.line + 1, line_start: self.offset, column: 1, ..*self };
-            } else if byte & 0xc0 != 0x80 {
-                self.column += 1;
-            }
-        }
-        self
-    }
-}
-
 impl Rule {
-    fn expected(self) -> &'static str {
+    pub(super) fn expected(self) -> &'static str {
         match self {
             Rule::Any => "a number",
             Rule::NotNegative => "a number of at least 0",
@@ -373,7 +270,8 @@ impl Rule {
         }
     }
 
-    fn check(self, token: &str) -> Result<f32, Problem> {
+    /// The token rounded to f32.
+    pub(super) fn check(self, token: &str) -> Result<f32, Problem> {
         let problem = |what, help| Err(Problem { what, help });
         let Ok(number) = token.parse::<f32>() else {
             let comma = token.contains(',');

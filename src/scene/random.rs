@@ -133,7 +133,7 @@ impl Spot {
 }
 
 /// A unit vector in the plane: a point of the unit disc, put on its rim.
-fn direction(rng: &mut Rng) -> (f32, f32) {
+pub(super) fn direction(rng: &mut Rng) -> (f32, f32) {
     loop {
         let (x, y) = (rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
         let length = (x * x + y * y).sqrt();

@@ -1,8 +1,8 @@
 //! What the tests of engines share: the engines that run here, and their pictures held against the reference's.
 
-use rayo::render::reference::{Object, ReferenceTracer};
+use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};
-use rayo::scene::{Camera, Scene};
+use rayo::scene::{Camera, Object, Scene};
 use rayon::prelude::*;
 
 /// An engine in one of its precisions.

@@ -1,8 +1,8 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitSpan, OpRef, OutsideSpan, PacketKernels, Sphere,
-    Surface, Triangle, TriangleSpan, Vec4,
+    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitRow, LitSphere, NearSpan, OpRef, OutsideSpan,
+    PacketKernels, Sphere, Surface, Triangle, TriangleSpan, Vec4,
 };
 use rayo::scene::Rng;
 
@@ -46,10 +46,28 @@ macro_rules! random_records {
 }
 
 random_records! {
-    lit_span: LitSpan { left right h1 h0 q1 q0 kn ke red green blue }
     outside_span: OutsideSpan { a1 a0 b1 b0 h1 h0 x1 x0 y1 y0 z1 z0 cx cy cz }
+    near_span: NearSpan { a1 a0 b1 b0 h1 h0 x1 x0 y z cx cy cz }
     inside_span: InsideSpan { x1 x0 y z g h1 h0 k cx cy cz }
     triangle_span: TriangleSpan { w1 w0 x1 x0 y1 y0 z1 z0 }
+}
+
+/// A sphere under one light, with a random number in every field, and weights that are finite and not below 0.
+pub fn lit_sphere<E: Element>(numbers: Numbers, rng: &mut Rng) -> LitSphere<E> {
+    let [h1, q1, kn, ke, red, green, blue] = [0; 7].map(|_| numbers.next(rng).into());
+    let [red, green, blue] = [red, green, blue].map(|weight: f64| weight.abs().min(1e30));
+    LitSphere { h1, q1, kn, ke, red, green, blue }.round()
+}
+
+/// A row of one, of so many pixels: with any columns, or one time in four none, and random numbers.
+pub fn lit_row<E: Element>(numbers: Numbers, width: usize, rng: &mut Rng) -> LitRow<E> {
+    let mut below = |n: usize| (rng.next_u64() % n as u64) as usize;
+    let (start, end) = (below(width + 1), below(width + 1));
+    let (start, end) = if below(4) == 0 { (end.max(start), end.min(start)) } else { (start.min(end), start.max(end)) };
+    let middle = (start + end) / 2;
+    let [start, end, middle] = [start, end, middle].map(|column| column as f64);
+    let [m, a, h0, q0] = [0; 4].map(|_| numbers.next(rng).into());
+    LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0, id: 1.0 }.round()
 }
 
 /// A light on an object, with a random number in every field.

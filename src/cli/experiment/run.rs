@@ -1,38 +1,34 @@
 //! Runs the experiment part by part, shows how far it is, and writes its files.
 
 use std::fs;
-use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
-
+use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
+use crate::cli::measuring::{bar, say, stop_on_ctrl_c, write_file};
 use crate::cli::{Failure, print, print_json};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
-use crate::experiments::speedup::{self, Settings, SpeedupError};
+use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
-/// Runs of the rungs: those of a ladder, and of the few that the claims need.
-const LADDER_RUNS: usize = 101;
-const FEW_RUNS: usize = 25;
+/// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
+const LADDER_ROUNDS: usize = 100;
+const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), args.engines.as_deref());
-    let settings = settings.map_err(Failure::input)?;
-    let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
+    let settings = settings(args)?;
+    let mut clock = TscClock::new().ok_or_else(no_clock)?;
     fs::create_dir_all(&args.out)
         .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
-    let cores = sys::Cores::of_this_thread()
-        .map_err(|error| Failure::output(format!("cannot ask for the cores of this thread: {error}")))?;
+    let cores = cores()?;
     let core = sys::pin_to_this_core();
     if let Err(error) = &core {
         say(&format!("warning: the thread is not pinned to a core: {error}"));
@@ -51,6 +47,21 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
+    let runs = args.runs.map(|runs| runs as usize);
+    Settings::new(args.quick, runs, args.engines.as_deref()).map_err(Failure::input)
+}
+
+pub(super) fn no_clock() -> Failure {
+    Failure::input("this machine has no time-stamp counter")
+}
+
+/// The cores that threads may run on.
+pub(super) fn cores() -> Result<sys::Cores, Failure> {
+    let failed = |error| Failure::output(format!("cannot ask for the cores of this thread: {error}"));
+    sys::Cores::of_this_thread().map_err(failed)
+}
+
 /// The parts one after the other, until the user asks for an end.
 fn measure(
     args: &ExperimentArgs,
@@ -62,26 +73,30 @@ fn measure(
     stop: &AtomicBool,
 ) -> Result<Document, Failure> {
     let quick = args.quick;
-    let rung_runs = match (args.ladder, args.runs) {
-        (true, Some(runs)) => runs as usize,
-        (true, None) if !quick => LADDER_RUNS,
-        _ => FEW_RUNS,
+    let rounds = match (args.ladder, args.runs) {
+        (true, Some(_)) => 1,
+        (true, None) => LADDER_ROUNDS.div_ceil(settings.runs),
+        (false, _) => FEW_ROUNDS.div_ceil(settings.runs),
     };
-    let (start, cpu) = (Instant::now(), sys::thread_cpu_time());
+    let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
+    let (start, cpu) = (Instant::now(), cpu_time());
     let mut clock = Totalled::new(clock);
-    let bar = bar(settings.work() + ladder::work(rung_runs) + jumps::work(quick) + claims::work(quick));
+    let of_rungs = (settings.runs * rounds) as u64 * ladder::WORK;
+    let bar = bar(settings.work() + of_rungs + jumps::work(quick) + claims::work(quick));
     let mut proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
     };
-    let measured = speedup::run(settings, &mut clock, &mut proceed).map_err(failure)?;
-    let mut complete = measured.complete();
-    let mut rungs = None;
+    speedup::check(settings).map_err(failure)?;
+    let instructions = ladder::check(args.ladder, cores, &mut proceed).map_err(failure)?;
+    let measured = runs(args, settings, core, cores, rounds, &mut proceed)?;
+    clock.total += measured.ticks;
+    let of_rungs = measured.rungs;
+    let measured = Speedup::of(settings, &measured.sizes).map_err(failure)?;
+    let mut complete = measured.complete() && of_rungs.len() == settings.runs;
+    let rungs = instructions.filter(|_| complete).map(|counts| ladder::of(args.ladder, cores, &counts, &of_rungs));
     let mut sweeps = None;
     let mut jumps = None;
-    if complete {
-        rungs = ladder::run(args.ladder, rung_runs, cores, &mut clock, &mut proceed).map_err(failure)?;
-    }
     if rungs.is_some() {
         sweeps = claims::sweeps(quick, &mut clock, &mut proceed).map_err(failure)?;
     }
@@ -91,10 +106,10 @@ fn measure(
     complete &= jumps.is_some();
     bar.finish_and_clear();
 
-    let (seconds, cpu) = (start.elapsed().as_secs_f64(), (sys::thread_cpu_time() - cpu).as_secs_f64());
+    let (seconds, cpu) = (start.elapsed().as_secs_f64(), (cpu_time() - cpu).as_secs_f64());
     let conditions = Conditions {
         core,
-        runs: settings.runs,
+        runs: measured.runs,
         complete,
         seconds,
         timed_share: machine.tsc_hz.map(|hz| clock.total as f64 / hz / seconds),
@@ -114,11 +129,59 @@ fn measure(
     if let Some(rungs) = rungs {
         document.explanations = ladder::explain(&rungs);
         if args.ladder {
+            document.against_compiler = ladder::against_compiler(&rungs);
             document.ladder = rungs;
             document.uncounted = ladder::uncounted();
         }
     }
     Ok(document)
+}
+
+/// What the processes of the runs measured.
+#[derive(Default)]
+struct Measured {
+    sizes: Vec<speedup::Run>,
+    rungs: Vec<ladder::Rounds>,
+    /// All that was timed.
+    ticks: u64,
+}
+
+/// Each run, with so many rounds of the ladder, by a process of its own.
+fn runs(
+    args: &ExperimentArgs,
+    settings: &Settings,
+    core: Option<usize>,
+    cores: &sys::Cores,
+    rounds: usize,
+    proceed: &mut speedup::Progress<'_>,
+) -> Result<Measured, Failure> {
+    let mut measured = Measured::default();
+    let mut go_on = proceed(0);
+    for number in 0..settings.runs {
+        if !go_on {
+            break;
+        }
+        let which = Which { args, settings, core, number, rounds: number * rounds..(number + 1) * rounds };
+        let mut sizes = speedup::Run::new();
+        one_run::in_own_process(&which, cores, &mut |message| {
+            let work = match message {
+                Message::Size(turns) => {
+                    measured.ticks += turns.iter().map(|turn| turn.ticks).sum::<u64>();
+                    sizes.push(turns);
+                    settings.work_at(sizes.len() - 1)
+                }
+                Message::Rungs(of_run) => {
+                    measured.ticks += of_run.iter().flatten().sum::<f64>() as u64;
+                    measured.rungs.push(of_run);
+                    rounds as u64 * ladder::WORK
+                }
+            };
+            go_on = proceed(work);
+            go_on
+        })?;
+        measured.sizes.push(sizes);
+    }
+    Ok(measured)
 }
 
 fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
@@ -130,49 +193,9 @@ fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
     write_file(directory, "ratio.svg", plot::ratio(document).map_err(Failure::output)?.as_bytes())
 }
 
-/// The file appears whole or not at all.
-fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
-    let path = directory.join(name);
-    let mut builder = tempfile::Builder::new();
-    // A temporary file is its owner's alone; a result is as readable as any other new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let written = builder.tempfile_in(directory).and_then(|mut file| {
-        file.write_all(content)?;
-        file.persist(&path).map_err(|error| error.error)
-    });
-    written.map(drop).map_err(|error| Failure::output(format!("cannot write {}: {error}", path.display())))
-}
-
-/// Set when the user asks for an end; a second time ends the process at once.
-fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let seen = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })
-    .map_err(|error| Failure::output(format!("cannot listen for Ctrl-C: {error}")))?;
-    Ok(stop)
-}
-
-/// A bar on standard error, if that is a terminal.
-fn bar(length: u64) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
-    bar.set_style(style.expect("the template is well formed"));
-    bar
-}
-
-fn failure(error: SpeedupError) -> Failure {
+pub(super) fn failure(error: SpeedupError) -> Failure {
     match error {
         SpeedupError::Engine(_) | SpeedupError::Memory { .. } | SpeedupError::Threads(_) => Failure::input(error),
         SpeedupError::Picture { .. } | SpeedupError::System { .. } | SpeedupError::Nothing => Failure::output(error),
     }
-}
-
-fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
 }

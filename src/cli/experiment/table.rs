@@ -2,58 +2,13 @@
 
 use std::fmt::Write as _;
 
+use crate::cli::table::Table;
 use crate::experiments::document::{Conditions, Document};
 use crate::experiments::jumps::Jumps;
-use crate::experiments::ladder::{self, Explanation};
+use crate::experiments::ladder::{self, AgainstCompiler, Explanation};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
-
-/// A table in Markdown whose columns are as wide as they need to be; all but the first `left` are aligned to the right.
-pub(super) struct Table {
-    left: usize,
-    head: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    pub(super) fn new<S: Into<String>>(left: usize, head: impl IntoIterator<Item = S>) -> Self {
-        Table { left, head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
-    }
-
-    /// Adds a row.
-    ///
-    /// # Panics
-    /// If it has not as many cells as the head.
-    pub(super) fn row(&mut self, cells: Vec<String>) {
-        assert_eq!(cells.len(), self.head.len());
-        self.rows.push(cells);
-    }
-
-    pub(super) fn text(&self) -> String {
-        let chars = |cell: &String| cell.chars().count();
-        let lines = || [&self.head].into_iter().chain(&self.rows);
-        let widths: Vec<_> =
-            (0..self.head.len()).map(|i| lines().map(|row| chars(&row[i])).max().unwrap_or(0).max(3)).collect();
-        let mut text = String::new();
-        for (number, row) in lines().enumerate() {
-            for (i, (cell, width)) in row.iter().zip(&widths).enumerate() {
-                let gap = " ".repeat(width - chars(cell));
-                let (left, right) = if i < self.left { ("", gap.as_str()) } else { (gap.as_str(), "") };
-                write!(text, "| {left}{cell}{right} ").expect("a String takes all");
-            }
-            text += "|\n";
-            if number == 0 {
-                for (i, width) in widths.iter().enumerate() {
-                    let dashes = "-".repeat(*width);
-                    text += &if i < self.left { format!("|-{dashes}-") } else { format!("|-{dashes}:") };
-                }
-                text += "|\n";
-            }
-        }
-        text
-    }
-}
 
 /// The number with the digits of its whole part in groups of three.
 fn grouped(number: f64) -> String {
@@ -89,8 +44,8 @@ pub(super) fn preamble(document: &Document) -> String {
         CPU: {cpu}, {cores} cores; {core}; time stamps {clock}, {promise}\n\
         C: {cc}; {cflags}\n\
         NASM: {nasm}; Rust: {rustc}\n\
-        Runs: {runs} of each size, interleaved; of {all} runs {migrated} migrated to another core and {off} were off by \
-        more than {OFF_BY_MAD} MAD; all are kept\n\
+        Runs: {runs} of each size, each in a process of its own, interleaved; of {all} pictures {migrated} migrated to \
+        another core and {off} were off by more than {OFF_BY_MAD} MAD; all are kept\n\
         Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
@@ -111,7 +66,7 @@ pub(super) fn headline(document: &Document) -> String {
     let ratios = PAPER.map(|row| row.ratio());
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
     format!(
-        "C/SIMD over all sizes: {} (median of the pairs; 95 % interval, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
+        "C/SIMD over all sizes: {} (median of the pairs; 95 % interval over runs, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
         interval(&document.c_by_simd),
         paper_mean_ratio(),
     )
@@ -224,6 +179,20 @@ fn ladder_table(document: &Document) -> String {
     table.text()
 }
 
+/// The packet engines against the compiler.
+fn against_compiler(document: &Document) -> String {
+    let line = |against: &AgainstCompiler| {
+        let AgainstCompiler { engine, compiled, ratio, low, high } = against;
+        format!("`{engine}` is {ratio:.2} [{low:.2}, {high:.2}] times as fast as `{compiled}`\n")
+    };
+    let lines: String = document.against_compiler.iter().map(line).collect();
+    if lines.is_empty() {
+        lines
+    } else {
+        format!("Packets against the best C, compiled for their instructions:\n\n{lines}")
+    }
+}
+
 /// Which share of the factor is what.
 fn explanation(document: &Document) -> String {
     let mut text = String::new();
@@ -311,6 +280,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
             "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
         ));
         parts.push(ladder_table(document));
+        parts.push(against_compiler(document));
         if let Some(reason) = &document.uncounted {
             parts.push(format!("Instructions are not counted: {reason}\n"));
         }
@@ -371,15 +341,15 @@ mod tests {
     use super::*;
     use crate::experiments::claims::{Claim, Verdict};
     use crate::experiments::ladder::{Rung, Share};
-    use crate::experiments::speedup::{self, Settings};
-    use crate::measure::{Cache, Scripted};
+    use crate::experiments::speedup::{self, Settings, Speedup};
+    use crate::measure::Cache;
 
     /// Two sizes of three engines on a machine that is nobody's.
     fn document() -> Document {
         let engines = [BASELINE, CONTROL, "rust"].map(|name| name.parse().unwrap()).to_vec();
         let settings = Settings { sizes: vec![0, 19], runs: 3, engines };
-        let mut clock = Scripted::new(&[47_000_000, 7_400_000, 7_500_000, 5_000_000], 3);
-        let measured = speedup::run(&settings, &mut clock, &mut |_| true).unwrap();
+        let runs = speedup::scripted_runs(&settings, &[47_000_000, 7_400_000, 7_500_000, 5_000_000]);
+        let measured = Speedup::of(&settings, &runs).unwrap();
         let machine = Machine {
             cpu: Some("a CPU".into()),
             cores: 4,
@@ -416,9 +386,12 @@ mod tests {
             gain_high: 1.1 * gain,
             gain_total: gain,
             samples: vec![cycles],
+            samples_per_run: 1,
         };
         document.ladder =
             vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];
+        document.against_compiler =
+            vec![AgainstCompiler { engine: "high", compiled: "low", ratio: 4.0, low: 3.6, high: 4.4 }];
         let share = |cause, factor, share| Share { cause, factor, share };
         document.explanations = vec![Explanation {
             from: "low",

@@ -5,15 +5,29 @@
 #define TRACE rayo_c_trace
 #endif
 
-static vec4 shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided) {
+#ifdef HITS
+/* A pixel is what would be shaded, with the t of the hit in the point's fourth lane. */
+typedef surface pixel_type;
+
+static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided, float t) {
+    (void)s, (void)two_sided;
+    p.w = t;
+    return (surface){.point = p, .normal = n, .colour = colour};
+}
+#else
+typedef vec4 pixel_type;
+
+static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided, float t) {
+    (void)t;
     vec4 sum = {0, 0, 0, 0};
     for (uint64_t i = 0; i < s->light_count; i++)
         sum = vec_add(sum, reflection(&s->lights[i], p, n, colour, two_sided));
     return sum;
 }
+#endif
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel. */
-__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+/* Writes the rows from `row` up to, but without, `end` to `out`, a pixel each: four floats. */
+__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, pixel_type *out) {
     for (; row < end; row++) {
         for (uint64_t col = 0; col < f->width; col++) {
             ray r = {
@@ -22,7 +36,7 @@ __attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t ro
                               -f->step * ((float)row + 0.5f) + f->half_height, f->focal, 0},
             };
             float nearest = INFINITY, t;
-            vec4 pixel = {0, 0, 0, 0};
+            pixel_type pixel = {0};
             for (uint64_t i = 0; i < s->sphere_count; i++) {
                 const sphere *o = &s->spheres[i];
                 if (sphere_hit(r, o, &t)) {
@@ -30,7 +44,7 @@ __attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t ro
                     float distance = vec_norm(vec_sub(p, r.origin));
                     if (distance < nearest) {
                         nearest = distance;
-                        pixel = shade(s, p, vec_normalise(vec_sub(p, o->centre)), o->colour, false);
+                        pixel = shade(s, p, vec_normalise(vec_sub(p, o->centre)), o->colour, false, t);
                     }
                 }
             }
@@ -41,7 +55,7 @@ __attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t ro
                     float distance = vec_norm(vec_sub(p, r.origin));
                     if (distance < nearest) {
                         nearest = distance;
-                        pixel = shade(s, p, vec_normalise(plane_normal(o)), o->colour, true);
+                        pixel = shade(s, p, vec_normalise(plane_normal(o)), o->colour, true, t);
                     }
                 }
             }

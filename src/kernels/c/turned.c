@@ -11,8 +11,14 @@ typedef struct {
     float red[BLOCK], green[BLOCK], blue[BLOCK], two_sided[BLOCK];
 } block;
 
+/* Both are computed: what only one of them reads or writes would be a branch. */
+static inline float choose(int first, float a, float b) {
+    return first ? a : b;
+}
+
 static inline void meet_sphere(block *restrict b, float y, float z, const sphere *o, float constant) {
     float cx = o->centre.x, cy = o->centre.y, cz = o->centre.z;
+    float red = o->colour.x, green = o->colour.y, blue = o->colour.z;
     for (int j = 0; j < BLOCK; j++) {
         float x = b->x[j];
         float a = x * x + y * y + z * z;
@@ -21,15 +27,17 @@ static inline void meet_sphere(block *restrict b, float y, float z, const sphere
         float root = sqrtf(disc > 0 ? disc : 0);
         float near = (h - root) / a, far = (h + root) / a;
         float t = near > 0 ? near : far;
-        bool hit = (disc >= 0) & (t > 0) & (t < b->nearest[j]);
-        b->nearest[j] = hit ? t : b->nearest[j];
-        b->nx[j] = hit ? t * x - cx : b->nx[j];
-        b->ny[j] = hit ? t * y - cy : b->ny[j];
-        b->nz[j] = hit ? t * z - cz : b->nz[j];
-        b->red[j] = hit ? o->colour.x : b->red[j];
-        b->green[j] = hit ? o->colour.y : b->green[j];
-        b->blue[j] = hit ? o->colour.z : b->blue[j];
-        b->two_sided[j] = hit ? 0 : b->two_sided[j];
+        t = disc >= 0 ? t : FLT_MAX;
+        t = t > 0 ? t : FLT_MAX;
+        int hit = t < b->nearest[j];
+        b->nearest[j] = choose(hit, t, b->nearest[j]);
+        b->nx[j] = choose(hit, t * x - cx, b->nx[j]);
+        b->ny[j] = choose(hit, t * y - cy, b->ny[j]);
+        b->nz[j] = choose(hit, t * z - cz, b->nz[j]);
+        b->red[j] = choose(hit, red, b->red[j]);
+        b->green[j] = choose(hit, green, b->green[j]);
+        b->blue[j] = choose(hit, blue, b->blue[j]);
+        b->two_sided[j] = choose(hit, 0, b->two_sided[j]);
     }
 }
 
@@ -42,22 +50,24 @@ static inline float side(vec4 v, vec4 w, vec4 across, float px, float py, float 
 }
 
 static inline void meet_triangle(block *restrict b, float y, float z, const triangle *o, vec4 n, float constant) {
+    float red = o->colour.x, green = o->colour.y, blue = o->colour.z;
+    vec4 v1 = o->v1, v2 = o->v2, v3 = o->v3;
     for (int j = 0; j < BLOCK; j++) {
         float x = b->x[j];
         float across = x * n.x + y * n.y + z * n.z;
         float t = constant / (across == 0 ? -constant : across);
         float px = t * x, py = t * y, pz = t * z;
-        bool inside = (side(o->v1, o->v2, o->v3, px, py, pz) >= 0) & (side(o->v2, o->v3, o->v1, px, py, pz) >= 0) &
-                      (side(o->v3, o->v1, o->v2, px, py, pz) >= 0);
-        bool hit = inside & (t > 0) & (t < b->nearest[j]);
-        b->nearest[j] = hit ? t : b->nearest[j];
-        b->nx[j] = hit ? n.x : b->nx[j];
-        b->ny[j] = hit ? n.y : b->ny[j];
-        b->nz[j] = hit ? n.z : b->nz[j];
-        b->red[j] = hit ? o->colour.x : b->red[j];
-        b->green[j] = hit ? o->colour.y : b->green[j];
-        b->blue[j] = hit ? o->colour.z : b->blue[j];
-        b->two_sided[j] = hit ? 1 : b->two_sided[j];
+        int inside = (side(v1, v2, v3, px, py, pz) >= 0) & (side(v2, v3, v1, px, py, pz) >= 0) &
+                      (side(v3, v1, v2, px, py, pz) >= 0);
+        int hit = inside & (t > 0) & (t < b->nearest[j]);
+        b->nearest[j] = choose(hit, t, b->nearest[j]);
+        b->nx[j] = choose(hit, n.x, b->nx[j]);
+        b->ny[j] = choose(hit, n.y, b->ny[j]);
+        b->nz[j] = choose(hit, n.z, b->nz[j]);
+        b->red[j] = choose(hit, red, b->red[j]);
+        b->green[j] = choose(hit, green, b->green[j]);
+        b->blue[j] = choose(hit, blue, b->blue[j]);
+        b->two_sided[j] = choose(hit, 1, b->two_sided[j]);
     }
 }
 

@@ -1,9 +1,12 @@
 //! One encoder per format: rows in, bytes out.
 
 use super::Format;
-use super::destination::Sink;
+use super::threaded;
 use crate::kernels::Vec4;
-use std::io::{self, Write};
+use crate::render::output::Sink;
+use image::Rgb;
+use image::codecs::hdr::HdrEncoder;
+use std::io::{self, Seek, SeekFrom, Write};
 
 /// Turns rows from the top, whole ones and never too many, into the bytes of a file.
 pub(super) trait Encode: Send {
@@ -30,14 +33,31 @@ pub(super) fn encoder(format: Format, sink: Sink, width: u32, height: u32) -> io
         Format::Ppm => Box::new(Ppm::new(sink, width, height)?),
         Format::PpmText => Box::new(PpmText::new(sink, width, height)?),
         Format::Pfm => Box::new(Pfm::new(sink, width, height)?),
+        Format::Exr => Box::new(threaded::exr(sink, width, height)?),
+        Format::Hdr => Box::new(Hdr::new(sink, width, height)?),
+        Format::Tiff => Box::new(threaded::tiff(sink, width, height)?),
+        Format::Qoi => Box::new(Qoi::new(sink, width, height)),
     })
+}
+
+/// The most bytes of an image that is held in memory until it is whole.
+pub(super) const MAX_WHOLE: u64 = 1 << 30;
+
+/// Whether the encoder of `format` holds the image in memory.
+pub(super) fn is_whole(format: Format) -> bool {
+    format == Format::Qoi
+}
+
+/// How much it holds.
+pub(super) fn whole_bytes(width: u32, height: u32) -> u64 {
+    3 * u64::from(width) * u64::from(height)
 }
 
 /// Whether the encoder of `format` writes out of order.
 pub(super) fn needs_seeking(format: Format) -> bool {
     match format {
-        Format::Png | Format::Ppm | Format::PpmText => false,
-        Format::Pfm => true,
+        Format::Png | Format::Ppm | Format::PpmText | Format::Hdr | Format::Qoi => false,
+        Format::Pfm | Format::Exr | Format::Tiff => true,
     }
 }
 
@@ -171,12 +191,85 @@ impl Encode for Pfm {
     fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
         let rows = rows.chunks_exact(self.width);
         self.end -= rows.len() as u64 * Self::bytes_per_row(self.width);
-        self.sink.seek_to(self.end)?;
+        self.sink.seek(SeekFrom::Start(self.end))?;
         for pixels in rows.rev() {
             self.row.clear();
             self.row.extend(pixels.iter().flat_map(|v| [v.x, v.y, v.z]).flat_map(|value| value.to_le_bytes()));
             self.sink.write_all(&self.row)?;
         }
+        Ok(())
+    }
+}
+
+/// Radiance's format, which the image crate encodes whole or, as here, a picture of one row at a time.
+struct Hdr {
+    sink: Sink,
+    width: usize,
+    row: Vec<Rgb<f32>>,
+    encoded: Vec<u8>,
+}
+
+impl Hdr {
+    /// Behind the header of each row, that of a picture of one row.
+    const HEADER_END: &[u8] = b"\n\n-Y 1 +X ";
+    /// Below this a pixel is black: the exponent has 8 bits.
+    const SMALLEST: f32 = f32::MIN_POSITIVE;
+    /// The largest power of two that the exponent holds, so that nothing is rounded up beyond it.
+    const LARGEST: f32 = 8.507_059e37;
+
+    fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
+        write!(sink, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
+        Ok(Hdr { sink, width: width as usize, row: Vec::new(), encoded: Vec::new() })
+    }
+}
+
+impl Encode for Hdr {
+    fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
+        for pixels in rows.chunks_exact(self.width) {
+            self.row.clear();
+            self.row.extend(pixels.iter().map(|v| {
+                let channels = [v.x, v.y, v.z].map(|value| value.clamp(0.0, Self::LARGEST));
+                let seen = channels.iter().any(|value| *value >= Self::SMALLEST);
+                Rgb(if seen { channels } else { [0.0; 3] })
+            }));
+            self.encoded.clear();
+            HdrEncoder::new(&mut self.encoded).encode(&self.row, self.width, 1).map_err(io::Error::other)?;
+            let header = self.encoded.windows(Self::HEADER_END.len()).position(|window| window == Self::HEADER_END);
+            let line = header.map(|at| &self.encoded[at + Self::HEADER_END.len()..]).unwrap_or_default();
+            let digits = line.iter().take_while(|byte| byte.is_ascii_digit()).count();
+            let scan_line = line.get(digits + 1..).ok_or_else(|| io::Error::other("the encoder wrote no row"))?;
+            self.sink.write_all(scan_line)?;
+        }
+        Ok(())
+    }
+}
+
+/// QOI: its encoder takes all pixels at once.
+struct Qoi {
+    sink: Sink,
+    size: (u32, u32),
+    pixels: Vec<u8>,
+}
+
+impl Qoi {
+    fn new(sink: Sink, width: u32, height: u32) -> Self {
+        Qoi { sink, size: (width, height), pixels: Vec::new() }
+    }
+}
+
+impl Encode for Qoi {
+    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
+        if self.pixels.is_empty() {
+            self.pixels.try_reserve_exact(whole_bytes(self.size.0, self.size.1) as usize)?;
+        }
+        push_rgb(&mut self.pixels, rows);
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        let (width, height) = self.size;
+        let encoder = qoi::Encoder::new(&self.pixels, width, height).map_err(io::Error::other)?;
+        encoder.with_colorspace(qoi::ColorSpace::Linear).encode_to_stream(&mut self.sink).map_err(io::Error::other)?;
         Ok(())
     }
 }

@@ -2,7 +2,9 @@
 
 use super::ImageError;
 use crate::measure::picture::{Picture, Pixels};
-use image::codecs::{png::PngDecoder, pnm::PnmDecoder};
+use image::codecs::{
+    hdr::HdrDecoder, openexr::OpenExrDecoder, png::PngDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder,
+};
 use image::{ColorType, ImageDecoder, Limits};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
@@ -13,8 +15,14 @@ pub(super) const MAX_BYTES: u64 = 2 << 30;
 
 /// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
 const DEFLATE_EXPANSION: u64 = 1032;
+/// As many pixels at most as a byte of EXR or TIFF stands for, in any of their compressions of a picture.
+const MOST_EXPANSION: u64 = 4096;
+/// The same for HDR: 127 equal pixels take two bytes for each of four channels.
+const HDR_EXPANSION: u64 = 16;
+/// The same for QOI: 62 equal pixels take one.
+const QOI_EXPANSION: u64 = 62;
 
-/// Reads a PNG, PPM (P3, P6), PGM (P2, P5) or PFM file; its content tells the format, not its name.
+/// Reads a PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF or QOI file; its content tells the format, not its name.
 ///
 /// Grey becomes R = G = B. Alpha is dropped where it is opaque everywhere. A PPM whose largest level is below 255 is
 /// stretched to it; the scale of a PFM, beyond its sign, is ignored.
@@ -47,6 +55,10 @@ enum Magic {
     /// PPM and PGM, at least one byte to a sample.
     PnmBinary,
     Pfm,
+    Exr,
+    Hdr,
+    Tiff,
+    Qoi,
 }
 
 impl Magic {
@@ -56,6 +68,10 @@ impl Magic {
             [b'P', b'2' | b'3', ..] => Some(Magic::PnmText),
             [b'P', b'5' | b'6', ..] => Some(Magic::PnmBinary),
             [b'P', b'F' | b'f', ..] => Some(Magic::Pfm),
+            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Magic::Exr),
+            [b'#', b'?', b'R', ..] => Some(Magic::Hdr),
+            [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(Magic::Tiff),
+            [b'q', b'o', b'i', b'f', ..] => Some(Magic::Qoi),
             _ => None,
         }
     }
@@ -66,21 +82,62 @@ fn decode(path: &Path, mut reader: impl BufRead + Seek, length: u64) -> Result<P
     let start = reader.fill_buf().map_err(|error| ImageError::Read { path: path.into(), error })?;
     let magic = Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
     let damaged = |error: image::ImageError| malformed(path, error);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_BYTES);
     match magic {
         Magic::Png => {
-            let mut limits = Limits::default();
-            limits.max_alloc = Some(MAX_BYTES);
             let decoder = PngDecoder::with_limits(reader, limits).map_err(damaged)?;
             // Its smallest pixel is one bit before compression.
-            decode_8bit(path, decoder, length.saturating_mul(8 * DEFLATE_EXPANSION))
+            decode_with(path, decoder, length.saturating_mul(8 * DEFLATE_EXPANSION))
         }
-        Magic::PnmText => decode_8bit(path, PnmDecoder::new(reader).map_err(damaged)?, length / 2),
-        Magic::PnmBinary => decode_8bit(path, PnmDecoder::new(reader).map_err(damaged)?, length),
+        Magic::Exr => {
+            let decoder = OpenExrDecoder::new(reader).map_err(damaged)?;
+            decode_with(path, decoder, length.saturating_mul(MOST_EXPANSION))
+        }
+        Magic::Hdr => {
+            let decoder = HdrDecoder::new(reader).map_err(damaged)?;
+            decode_with(path, decoder, length.saturating_mul(HDR_EXPANSION))
+        }
+        Magic::Tiff => {
+            let mut decoder = TiffDecoder::new(reader).map_err(damaged)?;
+            decoder.set_limits(limits).map_err(damaged)?;
+            decode_with(path, decoder, length.saturating_mul(MOST_EXPANSION))
+        }
+        Magic::Qoi => {
+            let decoder = QoiDecoder::new(reader).map_err(damaged)?;
+            decode_with(path, decoder, length.saturating_mul(QOI_EXPANSION))
+        }
+        Magic::PnmText => decode_with(path, PnmDecoder::new(reader).map_err(damaged)?, length / 2),
+        Magic::PnmBinary => decode_with(path, PnmDecoder::new(reader).map_err(damaged)?, length),
         Magic::Pfm => decode_pfm(path, reader, length),
     }
 }
 
-/// Decodes levels from a file that cannot hold more than `most` pixels.
+/// Decodes levels or floats from a file that cannot hold more than `most` pixels.
+fn decode_with(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
+    match decoder.color_type() {
+        ColorType::Rgb32F | ColorType::Rgba32F => decode_floats(path, decoder, most),
+        _ => decode_8bit(path, decoder, most),
+    }
+}
+
+fn decode_floats(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
+    let (width, height) = decoder.dimensions();
+    let color = decoder.color_type();
+    let count = checked_count(path, (width, height), color.bytes_per_pixel().into(), most)?;
+    let mut bytes = vec![0; count * usize::from(color.bytes_per_pixel())];
+    decoder.read_image(&mut bytes).map_err(|error| malformed(path, error))?;
+    let values = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect::<Vec<_>>();
+    let mut pixels = Vec::with_capacity(count);
+    for pixel in bytes.chunks_exact(color.bytes_per_pixel().into()) {
+        match values(pixel)[..] {
+            [r, g, b] | [r, g, b, 1.0] => pixels.push([r, g, b]),
+            _ => return Err(ImageError::Unsupported { path: path.into(), what: "transparency" }),
+        }
+    }
+    Ok(Picture::new(width, height, Pixels::Rgb32F(pixels)))
+}
+
 fn decode_8bit(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
     let unsupported = |what| ImageError::Unsupported { path: path.into(), what };
     let (width, height) = decoder.dimensions();

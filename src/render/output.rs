@@ -1,18 +1,139 @@
-//! Where an image's bytes go: a hidden file beside the target, or the target itself where it cannot be renamed over.
+//! A file that appears whole or not at all: a hidden one beside the target, or the target where it cannot be renamed over.
 
-use super::ImageError;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempPath;
+use thiserror::Error;
 
 /// What becomes of a file that is there already.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Existing {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// The new file takes its place.
     Replace,
+    /// It stays, and that there is one is an error.
     Keep,
+}
+
+/// Why a file could not be written. Every message names the file (`path`) and says what to do.
+#[derive(Debug, Error)]
+#[expect(missing_docs, reason = "path is what it is called in every variant")]
+pub enum OutputError {
+    /// There is something of that name, and it must not be replaced.
+    #[error("{path} already exists: add --force to replace it, or name another file", path = path.display())]
+    Exists { path: PathBuf },
+    /// The file to replace is write-protected.
+    #[error("{path} is write-protected: make it writable, or name another file", path = path.display())]
+    ReadOnly { path: PathBuf },
+    /// The directory of the file does not exist.
+    #[error("cannot write {path}: there is no directory {directory}; create it first",
+        path = path.display(), directory = directory.display())]
+    NoDirectory {
+        path: PathBuf,
+        /// The one that is missing.
+        directory: PathBuf,
+    },
+    /// The directory of the file takes no new files.
+    #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
+        name one that you may write to", path = path.display(), directory = directory.display())]
+    Directory {
+        path: PathBuf,
+        /// The one that refuses.
+        directory: PathBuf,
+        /// What the system says.
+        error: io::ErrorKind,
+    },
+    /// Creating, writing, renaming or closing failed.
+    #[error("cannot write {path}: {error}{}", advice(.error), path = path.display())]
+    Write {
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+}
+
+/// What to do about a failed write, where there is something to say.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
+        io::ErrorKind::FileTooLarge => "; the file system or a limit (ulimit -f) takes no larger file",
+        io::ErrorKind::BrokenPipe => "; whatever was reading it has stopped",
+        io::ErrorKind::IsADirectory => "; name a file in it",
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "; name a file that you may write to",
+        _ => "",
+    }
+}
+
+/// A file in the making, written in order: it appears under its name when [`finish`](Self::finish)ed, and until then it
+/// is a hidden file beside the target, which dropping removes.
+///
+/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; what is no regular
+/// file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the name
+/// `/dev/stdout`.
+pub struct OutputFile {
+    path: PathBuf,
+    sink: Sink,
+    destination: Destination,
+}
+
+impl OutputFile {
+    /// Begins a file at `path`.
+    ///
+    /// # Errors
+    /// If nothing can be written there.
+    pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
+        let (destination, sink) = open(path, existing, false)?;
+        Ok(OutputFile { path: path.into(), sink, destination })
+    }
+
+    /// Completes the file and gives it its name.
+    ///
+    /// # Errors
+    /// If writing or renaming fails, now or before; then the target is as it was.
+    pub fn finish(self) -> Result<(), OutputError> {
+        let OutputFile { path, destination, .. } = self;
+        destination.finish(path)
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.sink.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.sink.flush()
+    }
+}
+
+/// The hidden files that exist now.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes the hidden files of everything that is being written. For a process that is about to end: what is finished
+/// after this fails.
+pub fn remove_unfinished() {
+    for path in UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        // If it is gone already, all the better.
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Keeps a hidden file known to [`remove_unfinished`].
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Self {
+        UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.into());
+        Unfinished(path.into())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).retain(|path| *path != self.0);
+    }
 }
 
 /// The file that is being written, and what makes it the target in the end.
@@ -23,7 +144,7 @@ pub(super) struct Destination {
 
 enum End {
     /// A file beside the target, which takes its name.
-    Rename { temporary: TempPath, target: PathBuf, existing: Existing },
+    Rename { temporary: TempPath, target: PathBuf, existing: Existing, _unfinished: Unfinished },
     /// The target itself, which is no file to rename over.
     Nothing,
     /// An anonymous file, which is copied to a target that cannot be written out of order.
@@ -31,10 +152,10 @@ enum End {
 }
 
 /// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order.
-pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), ImageError> {
-    let failed = |error| ImageError::Write { path: path.into(), error };
+pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), OutputError> {
+    let failed = |error| OutputError::Write { path: path.into(), error };
     if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
-        return Err(ImageError::Exists { path: path.into() });
+        return Err(OutputError::Exists { path: path.into() });
     }
     let (file, end) = match direct(path).map_err(failed)? {
         Some(target) if seeking => (tempfile::tempfile().map_err(failed)?, End::CopyTo(target)),
@@ -66,11 +187,11 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// A new file in the target's directory.
-fn beside(path: &Path, existing: Existing) -> Result<(File, End), ImageError> {
-    let target = behind_links(path).map_err(|error| ImageError::Write { path: path.into(), error })?;
+fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
+    let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
     // A rename would not ask whether the old file may be written to.
     if fs::metadata(&target).is_ok_and(|metadata| metadata.permissions().readonly()) {
-        return Err(ImageError::ReadOnly { path: path.into() });
+        return Err(OutputError::ReadOnly { path: path.into() });
     }
     let directory = match target.parent() {
         Some(parent) if parent != Path::new("") => parent,
@@ -85,11 +206,12 @@ fn beside(path: &Path, existing: Existing) -> Result<(File, End), ImageError> {
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let temporary = builder.tempfile_in(directory).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => ImageError::NoDirectory { path: path.into(), directory: directory.into() },
-        error => ImageError::Directory { path: path.into(), directory: directory.into(), error },
+        io::ErrorKind::NotFound => OutputError::NoDirectory { path: path.into(), directory: directory.into() },
+        error => OutputError::Directory { path: path.into(), directory: directory.into(), error },
     })?;
     let (file, temporary) = temporary.into_parts();
-    Ok((file, End::Rename { temporary, target, existing }))
+    let _unfinished = Unfinished::new(&temporary);
+    Ok((file, End::Rename { temporary, target, existing, _unfinished }))
 }
 
 /// Follows symbolic links from `path` to what they end at, which need not exist.
@@ -109,9 +231,10 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
 }
 
 impl Destination {
-    /// What failed first if anything did: an encoder's own error may have lost the kind of this one on its way.
-    pub(super) fn failure(&self) -> Option<io::Error> {
-        self.sink.attempt(|_| Ok(())).err()
+    /// The error of a write to `path`: what failed first, for an encoder's own error may have lost the kind of that one
+    /// on its way.
+    pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
+        OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
     }
 
     /// How long the system has taken so far to take what was written.
@@ -119,8 +242,15 @@ impl Destination {
         self.sink.lock().out.get_ref().writing
     }
 
-    /// Hands everything to the system and makes it the target.
-    pub(super) fn finish(self) -> io::Result<()> {
+    /// Hands everything to the system and makes it the target; `path` is for messages.
+    pub(super) fn finish(self, path: PathBuf) -> Result<(), OutputError> {
+        self.complete().map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => OutputError::Exists { path },
+            _ => OutputError::Write { path, error },
+        })
+    }
+
+    fn complete(self) -> io::Result<()> {
         let Destination { sink, end } = self;
         sink.attempt(|out| out.flush())?;
         match end {
@@ -129,7 +259,7 @@ impl Destination {
                 out.rewind()?;
                 io::copy(&mut out.get_mut().file, &mut target).map(drop)
             }),
-            End::Rename { temporary, target, existing } => match existing {
+            End::Rename { temporary, target, existing, _unfinished } => match existing {
                 Existing::Replace => temporary.persist(&target),
                 Existing::Keep => temporary.persist_noclobber(&target),
             }
@@ -181,11 +311,6 @@ impl Sink {
         Sink(Arc::new(Mutex::new(Inner { out, failure: None })))
     }
 
-    /// Continues to write at `position`, in bytes from the start.
-    pub(super) fn seek_to(&mut self, position: u64) -> io::Result<()> {
-        self.attempt(|out| out.seek(SeekFrom::Start(position)).map(drop))
-    }
-
     fn lock(&self) -> MutexGuard<'_, Inner> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -203,6 +328,12 @@ impl Sink {
             inner.failure = Some(copy(error));
         }
         result
+    }
+}
+
+impl Seek for Sink {
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        self.attempt(|out| out.seek(position))
     }
 }
 

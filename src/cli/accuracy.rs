@@ -1,0 +1,111 @@
+//! `rayo accuracy`: error against run time, for every engine, precision and output.
+
+mod markdown;
+mod table;
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+
+use super::measuring::{bar, say, stop_on_ctrl_c, write_file};
+use super::{Failure, print, print_json};
+use crate::experiments::accuracy::{self, AccuracyError, Document, SCHEMA, plot, subjects, summary};
+use crate::kernels::sys;
+use crate::measure::{Clock, Machine, TscClock, WallClock};
+
+/// Scenes so few that each is shown row by row.
+const FEW: usize = 8;
+
+/// Hold every engine against exact arithmetic, and its error against its run time
+///
+/// The truth is computed in 256 bits. Where it is within its margin of another answer, either is right; everywhere else
+/// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that nothing beats in both error and time are
+/// marked: they are the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
+/// names; docs/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
+#[derive(Debug, Args)]
+pub struct AccuracyArgs {
+    /// Scene files, or families of stiff scenes by their ids (S1 to S8, T1 to T7, L1, I1). Default: the scenes that come
+    /// with the program, and each family at three levels of stiffness
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<String>,
+    /// Small pictures and few runs: under a minute
+    #[arg(long)]
+    quick: bool,
+    /// Where the files go
+    #[arg(long, value_name = "DIR", default_value = "out/accuracy")]
+    out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measures, prints and writes.
+pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
+    let subjects = if args.scenes.is_empty() {
+        subjects::all(args.quick)
+    } else {
+        let named = args.scenes.iter().map(|name| subjects::named(name, args.quick));
+        named.collect::<Result<Vec<_>, _>>().map_err(Failure::input)?.concat()
+    };
+    if subjects.is_empty() {
+        return Err(Failure::input("none of these scenes has a picture: the numbers of family N1 are not numbers"));
+    }
+    fs::create_dir_all(&args.out)
+        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    let stop = stop_on_ctrl_c()?;
+    let machine = Machine::this();
+    let (mut tsc, mut wall) = (TscClock::new(), WallClock::new());
+    let (clock, hz, cycles): (&mut dyn Clock, f64, bool) = match (&mut tsc, machine.tsc_hz) {
+        (Some(clock), Some(hz)) => (clock, hz, true),
+        _ => (&mut wall, WallClock::HZ, false),
+    };
+    // The threads that find the truth are started before this one is pinned, or they would share its core.
+    rayon::broadcast(|_| ());
+    if let Err(error) = sys::pin_to_this_core() {
+        say(&format!("warning: the thread is not pinned to a core: {error}"));
+    }
+
+    let contenders = accuracy::contenders();
+    let bar = bar(subjects.len() as u64);
+    let mut rows = Vec::new();
+    let mut complete = true;
+    for subject in &subjects {
+        let mut proceed = || !stop.load(Ordering::Relaxed);
+        let measured = accuracy::measure(subject, &contenders, args.quick, clock, (hz, cycles), &mut proceed);
+        match measured.map_err(failure)? {
+            Some(measured) => rows.extend(measured),
+            None => {
+                complete = false;
+                break;
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if rows.is_empty() {
+        return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));
+    }
+    let off_every_front = summary::off_every_front(&rows);
+    let document = Document { schema: SCHEMA, machine, complete, quick: args.quick, rows, off_every_front };
+    write_file(&args.out, "accuracy.md", markdown::text(&document).as_bytes())?;
+    write_file(&args.out, "table.csv", table::csv(&document).as_bytes())?;
+    let json = serde_json::to_vec_pretty(&document).map_err(Failure::output)?;
+    write_file(&args.out, "results.json", &json)?;
+    write_file(&args.out, "accuracy.svg", plot::figure(&document.rows).map_err(Failure::output)?.as_bytes())?;
+    if args.json {
+        print_json(&document)?;
+    } else {
+        print(&table::text(&document, subjects.len() <= FEW))?;
+    }
+    if !document.complete {
+        say("warning: stopped early: only what was finished is in the results");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn failure(error: AccuracyError) -> Failure {
+    Failure::input(error)
+}

@@ -1,0 +1,142 @@
+//! `rayo convert`: scenes and meshes from one format to another.
+
+use std::io::{self, Write};
+use std::path::{Component, Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use glam::Vec3;
+
+use super::{Failure, colour_on_stderr, remove_part_files_on_signals, say};
+use crate::render::{Existing, OutputError, OutputFile};
+use crate::scene::{Camera, Mesh, MeshFormat, Opened, Scene, SceneError, SceneFormat, Setting, open};
+
+/// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
+///
+/// A mesh becomes a scene with a camera that sees all of it and one light; as .toml it refers to the mesh file. A scene
+/// becomes a mesh of its triangles. What the new format cannot hold is lost with a warning. PLY and STL are written in
+/// binary.
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// The scene or mesh to read
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// The file to write; its extension tells the format. Replaces what is there
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// No notes on what was assumed; warnings and errors remain
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Converts the file.
+pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
+    let ConvertArgs { input, output, quiet } = args;
+    let to = format(output)?;
+    remove_part_files_on_signals()?;
+    let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
+    let unread = |error: SceneError| Failure::input(error.render(colour_on_stderr()));
+    match (from, to) {
+        (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) => {
+            let mesh = Mesh::read(input).map_err(|error| unread(SceneError::Mesh(error)))?;
+            if mesh.polygons > 0 && !quiet {
+                say(&format!("{}: faces of more than three corners were cut into triangles", input.display()));
+            }
+            if (from == MeshFormat::Stl) != (to == MeshFormat::Stl) && !quiet {
+                say(&format!("coordinates stay as they are, though {from} and {to} files differ in which way is up"));
+            }
+            write(output, |out| mesh.write(to, out))?;
+        }
+        (SceneFormat::Mesh(format), SceneFormat::Toml) => {
+            let camera = Camera::default();
+            let mesh = Mesh::read(input).map_err(|error| unread(SceneError::Mesh(error)))?;
+            let setting = Setting::of(&mesh, format, &camera);
+            let setting = setting.ok_or_else(|| Failure::input("the mesh is too large to be seen whole"))?;
+            let picture = picture_name(output);
+            let text = setting.to_toml(&reference(input, output)?, &picture, &camera);
+            write(output, |out| out.write_all(text.as_bytes()))?;
+        }
+        (_, to) => {
+            let Opened { scene, notes } = open(input, &Camera::default()).map_err(unread)?;
+            for note in notes.iter().filter(|_| !quiet) {
+                say(note);
+            }
+            write_scene(&scene, output, to)?;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The format that a name asks for.
+pub(super) fn format(path: &Path) -> Result<SceneFormat, Failure> {
+    SceneFormat::from_path(path).ok_or_else(|| {
+        let path = path.display();
+        Failure::input(format!("{path}: the name of a scene or a mesh must end in .in, .toml, .obj, .ply or .stl"))
+    })
+}
+
+/// Writes a scene in a format, with a warning of what that cannot hold.
+pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Result<(), Failure> {
+    let lost = |what: &str| say(&format!("warning: {}: {what}", path.display()));
+    match format {
+        SceneFormat::Toml => write(path, |out| out.write_all(scene.to_toml().as_bytes())),
+        SceneFormat::In => {
+            let film = scene.camera.film();
+            if film != 1.0 {
+                lost(&format!("the format has no place for a film of {film}: render it with --film {film}"));
+            }
+            write(path, |out| out.write_all(scene.to_text().as_bytes()))
+        }
+        SceneFormat::Mesh(format) => {
+            if scene.triangles.is_empty() {
+                return Err(Failure::input(format!("{}: the scene has no triangles to write", path.display())));
+            }
+            let count = |count: usize, one: &str, many: &str| match count {
+                0 => None,
+                1 => Some(format!("1 {one}")),
+                count => Some(format!("{count} {many}")),
+            };
+            let coloured = scene.triangles.iter().any(|triangle| triangle.colour != Vec3::ONE);
+            let parts = [
+                count(scene.spheres.len(), "sphere", "spheres"),
+                count(scene.lights.len(), "light", "lights"),
+                coloured.then(|| "the triangles' colours".to_owned()),
+                Some("the camera".to_owned()),
+            ];
+            let parts: Vec<_> = parts.into_iter().flatten().collect();
+            lost(&format!("{format} has no place for {}", parts.join(", ")));
+            let mesh = Mesh::of_scene(scene, format);
+            write(path, |out| mesh.write(format, out))
+        }
+    }
+}
+
+/// Writes a file that appears whole or not at all.
+pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Result<()>) -> Result<(), Failure> {
+    let mut file = OutputFile::create(path, Existing::Replace).map_err(Failure::output)?;
+    content(&mut file).map_err(|error| Failure::output(OutputError::Write { path: path.into(), error }))?;
+    file.finish().map_err(Failure::output)
+}
+
+/// What a picture of the scene in a file is called.
+pub(super) fn picture_name(path: &Path) -> String {
+    format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy())
+}
+
+/// How a scene at `scene` names a mesh file: from its own folder on, with slashes.
+fn reference(mesh: &Path, scene: &Path) -> Result<String, Failure> {
+    let folder = scene.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let absolute = |path: &Path| path.canonicalize();
+    let (Ok(mesh), Ok(folder)) = (absolute(mesh), absolute(folder)) else {
+        // The folder is missing, which writing will say.
+        return Ok(mesh.to_string_lossy().into_owned());
+    };
+    let shared = mesh.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    let relative: PathBuf = up.chain(mesh.components().skip(shared)).collect();
+    let parts: Option<Vec<_>> = relative.iter().map(|part| part.to_str()).collect();
+    let parts = parts.ok_or_else(|| {
+        Failure::input(format!("{}: a name that is not UTF-8 cannot be written to a scene", mesh.display()))
+    })?;
+    Ok(parts.join("/"))
+}

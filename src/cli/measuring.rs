@@ -1,0 +1,51 @@
+//! What the commands that measure share: files that appear whole, a progress bar, and an end when the user asks for it.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Failure;
+
+/// The file appears whole or not at all.
+pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
+    let path = directory.join(name);
+    let mut builder = tempfile::Builder::new();
+    // A temporary file is its owner's alone; a result is as readable as any other new file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let written = builder.tempfile_in(directory).and_then(|mut file| {
+        file.write_all(content)?;
+        file.persist(&path).map_err(|error| error.error)
+    });
+    written.map(drop).map_err(|error| Failure::output(format!("cannot write {}: {error}", path.display())))
+}
+
+/// Set when the user asks for an end; a second time ends the process at once.
+pub fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if seen.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })
+    .map_err(|error| Failure::output(format!("cannot listen for Ctrl-C: {error}")))?;
+    Ok(stop)
+}
+
+/// A bar on standard error, if that is a terminal.
+pub fn bar(length: u64) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
+    bar.set_style(style.expect("the template is well formed"));
+    bar
+}
+
+/// Tells the user, on standard error.
+pub fn say(text: &str) {
+    // Nothing is lost if nobody listens.
+    let _ = writeln!(io::stderr(), "{text}");
+}

@@ -1,0 +1,222 @@
+//! `rayo plan`: what is kept of a scene, what is left out of it and why, and what that is worth.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::view::ViewArgs;
+use super::{Failure, colour_on_stderr, print, print_json, say};
+use crate::experiments::ablation::{self, Ablation, AblationError};
+use crate::kernels::sys;
+use crate::measure::statistics::Estimate;
+use crate::measure::{TscClock, cpu_name, tsc_hz};
+use crate::plan::{Report, Switch};
+use crate::render::{Engine, Format, PixelFormat, Precision, Purpose};
+use crate::scene::{Camera, Opened, open};
+
+/// The time that a measurement may take, in seconds, and in ticks where nobody knows how long they are.
+const PATIENCE: f64 = 10.0;
+const PATIENCE_TICKS: u64 = 20_000_000_000;
+
+/// Show what a scene does not need, and with --measure what leaving it out is worth
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
+    scene: PathBuf,
+    /// Whose plan: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    #[arg(long, value_name = "ENGINE", env = "RAYO_ENGINE", default_value = "auto")]
+    engine: String,
+    /// In what numbers: single, fast or double. Default: the engine's own
+    #[arg(long)]
+    precision: Option<String>,
+    #[command(flatten)]
+    view: ViewArgs,
+    /// The picture that it is for, by its extension: 8 bits or floats. Default: the name in the scene
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Trace the scene, on one thread, with one omission after the other not made
+    #[arg(long)]
+    measure: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    schema: u32,
+    scene: String,
+    engine: &'static str,
+    precision: &'static str,
+    /// What a pixel is written as.
+    output: &'static str,
+    width: u32,
+    height: u32,
+    #[serde(flatten)]
+    report: &'a Report,
+    measured: Option<Measured<'a>>,
+}
+
+/// What `--measure` adds.
+#[derive(Serialize)]
+struct Measured<'a> {
+    cpu: Option<String>,
+    threads: usize,
+    rounds: usize,
+    rows: usize,
+    cycles_per_pixel: f64,
+    /// The plan against itself.
+    control: Ratio,
+    /// Nothing left out, against the plan.
+    keep_all: Ratio,
+    worth: Vec<Worth<'a>>,
+}
+
+/// A line of `left_out` not left out, against the plan.
+#[derive(Serialize)]
+struct Worth<'a> {
+    what: &'a str,
+    /// Null where there is no code without the omission.
+    #[serde(flatten)]
+    ratio: Option<Ratio>,
+}
+
+/// How many times as long.
+#[derive(Clone, Copy, Serialize)]
+struct Ratio {
+    ratio: f64,
+    ratio_low: f64,
+    ratio_high: f64,
+}
+
+impl From<Estimate> for Ratio {
+    fn from(estimate: Estimate) -> Self {
+        Ratio { ratio: estimate.value, ratio_low: estimate.low, ratio_high: estimate.high }
+    }
+}
+
+/// Prints the plan.
+pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
+    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
+    if !engine.usable() {
+        return Err(Failure::input(crate::render::EngineError::Unusable(engine)));
+    }
+    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+    let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
+    let Opened { scene, notes } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    notes.iter().for_each(|note| say(note));
+    let camera = args.view.camera(&scene.camera)?;
+    let bytes = match &args.output {
+        Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),
+        None => Format::from_path(Path::new(&scene.name)).is_ok_and(|format| format.is_8bit()),
+    };
+    let format = engine.format_for(bytes);
+    let purpose = Purpose { precision, format: Some(format), ..Purpose::default() };
+    let report = engine.report(purpose, &scene, &camera).map_err(Failure::input)?;
+
+    let ablation = if args.measure {
+        let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
+        if let Err(error) = sys::pin_to_this_core() {
+            say(&format!("warning: the thread is not pinned to a core: {error}"));
+        }
+        let ticks = tsc_hz().map_or(PATIENCE_TICKS, |hz| (PATIENCE * hz) as u64);
+        let lines = &report.left_out;
+        Some(ablation::run((engine, purpose), &scene, &camera, lines, ticks, &mut clock).map_err(failure)?)
+    } else {
+        None
+    };
+    let of = Of { path: &args.scene, engine, precision: precision.unwrap_or(engine.precision()), format, camera };
+    if args.json {
+        print_json(&of.document(&report, ablation.as_ref()))?;
+    } else {
+        print(&of.text(&report, ablation.as_ref()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn failure(error: AblationError) -> Failure {
+    Failure::input(error)
+}
+
+/// What the plan is of.
+struct Of<'a> {
+    path: &'a Path,
+    engine: Engine,
+    precision: Precision,
+    format: PixelFormat,
+    camera: Camera,
+}
+
+impl Of<'_> {
+    fn document<'a>(&self, report: &'a Report, ablation: Option<&Ablation>) -> Document<'a> {
+        let measured = ablation.map(|ablation| Measured {
+            cpu: cpu_name(),
+            threads: 1,
+            rounds: ablation.rounds,
+            rows: ablation.rows,
+            cycles_per_pixel: ablation.cycles_per_pixel,
+            control: ablation.control.into(),
+            keep_all: ablation.keep_all.into(),
+            worth: report
+                .left_out
+                .iter()
+                .zip(&ablation.worth)
+                .map(|(line, worth)| Worth { what: line.what, ratio: worth.map(Ratio::from) })
+                .collect(),
+        });
+        Document {
+            schema: 1,
+            scene: self.path.display().to_string(),
+            engine: self.engine.name(),
+            precision: self.precision.name(),
+            output: self.format.name(),
+            width: self.camera.width(),
+            height: self.camera.height(),
+            report,
+            measured,
+        }
+    }
+
+    fn text(&self, report: &Report, ablation: Option<&Ablation>) -> String {
+        let Of { path, engine, precision, format, camera } = self;
+        let (width, height) = (camera.width(), camera.height());
+        let mut text = format!(
+            "{}: {width}x{height} by {engine} in {precision}, written as {}\n{}\n",
+            path.display(),
+            format.name(),
+            report.lines().join("\n")
+        );
+        if let Some(ablation) = ablation {
+            text += &measured(self, report, ablation);
+        }
+        text
+    }
+}
+
+/// The table of what each line is worth.
+fn measured(of: &Of<'_>, report: &Report, ablation: &Ablation) -> String {
+    let cpu = cpu_name().unwrap_or_else(|| "a CPU of no name".into());
+    let mut text = format!(
+        "\nmeasured on one thread of {cpu}: {} rounds, {} of {} rows, {:.3} cycles per pixel as planned\n",
+        ablation.rounds,
+        ablation.rows,
+        of.camera.height(),
+        ablation.cycles_per_pixel
+    );
+    text += "how many times as long without the omission (median of pairwise ratios, 95 % interval):\n";
+    let ratio =
+        |estimate: &Estimate| format!("{:>8.3}  {:>8.3} .. {:<8.3}", estimate.value, estimate.low, estimate.high);
+    let mut row = |name: &str, value: String| text += &format!("  {name:<28}  {}\n", value.trim_end());
+    row("the plan against itself", ratio(&ablation.control));
+    for (line, worth) in report.left_out.iter().zip(&ablation.worth) {
+        let note = if line.omission.switch() == Switch::Arithmetic { "  other arithmetic" } else { "" };
+        let worth = worth.as_ref().map_or("       -  there is no code without it".into(), |worth| ratio(worth) + note);
+        row(line.what, worth);
+    }
+    row("all that --keep-all keeps", ratio(&ablation.keep_all));
+    text
+}

@@ -1,0 +1,293 @@
+//! Error against run time: every engine, precision and output, on ordinary scenes and on stiff ones.
+
+pub mod errors;
+pub mod front;
+pub mod plot;
+pub mod subjects;
+pub mod summary;
+
+use std::cell::RefCell;
+use std::collections::{BTreeSet, TryReserveError};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::measure::statistics::{mad, median, minimum};
+use crate::measure::{Clock, Machine, Work, interleave};
+use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Tracer, Truth};
+use crate::scene::Scene;
+use errors::{Errors, Expected, Tally, Written};
+use front::{Point, front};
+use subjects::Subject;
+
+/// The number of the schema, in the document's field `schema`.
+pub const SCHEMA: u32 = 1;
+
+/// Rounds of a quick run and of any other: at least so many, at most so many, and until a scene has taken so long.
+const ROUNDS: [Rounds; 2] = [Rounds { least: 3, most: 15, seconds: 0.15 }, Rounds { least: 5, most: 51, seconds: 1.0 }];
+
+struct Rounds {
+    least: usize,
+    most: usize,
+    seconds: f64,
+}
+
+/// An engine in one of its precisions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Contender {
+    /// The engine.
+    pub engine: Engine,
+    /// In what numbers it computes.
+    pub precision: Precision,
+}
+
+/// A contender with what it writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Who.
+    pub contender: Contender,
+    /// What a pixel is written as.
+    pub output: PixelFormat,
+}
+
+/// Every engine of this machine in every precision that it has.
+pub fn contenders() -> Vec<Contender> {
+    let engines = Engine::ALL.iter().filter(|engine| engine.usable());
+    engines
+        .flat_map(|engine| {
+            engine.precisions().iter().map(|precision| Contender { engine: *engine, precision: *precision })
+        })
+        .collect()
+}
+
+impl Contender {
+    /// What it writes that is worth a row: floats, and bytes where they are made in another way than from its floats.
+    fn outputs(self, tracer: &dyn Tracer) -> Vec<PixelFormat> {
+        let other_bytes = self.engine != Engine::Reference && self.precision != Precision::Fast;
+        let bytes = other_bytes && tracer.writes(PixelFormat::Rgba8);
+        [PixelFormat::F32x4].into_iter().chain(bytes.then_some(PixelFormat::Rgba8)).collect()
+    }
+}
+
+/// One engine, precision and output on one scene. The field names are those of the JSON document; what does not apply is
+/// null, and so is what is infinite.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The scene: its file, or a family and the value of its parameter.
+    pub scene: String,
+    /// The family's id.
+    pub family: Option<&'static str>,
+    /// How stiff: 0 ordinary, 1 between, 2 the end of the family's range.
+    pub stiffness: Option<usize>,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel is written as.
+    pub output: &'static str,
+    /// What it is worth.
+    #[serde(flatten)]
+    pub errors: Errors,
+    /// Nanoseconds of a ray: the fastest run.
+    pub ns_per_ray: f64,
+    /// The median run.
+    pub ns_per_ray_median: f64,
+    /// The median absolute deviation as a share of the median.
+    pub spread: f64,
+    /// Cycles of the time-stamp counter of a ray, the fastest run; None where there is no counter.
+    pub cycles_per_ray: Option<f64>,
+    /// The median run.
+    pub cycles_per_ray_median: Option<f64>,
+    /// Nanoseconds from the parsed scene to the first ray, the fastest run; in no other figure.
+    pub setup_ns: f64,
+    /// Runs.
+    pub runs: usize,
+    /// What the front compares: the root mean square error of a linear colour, or of a level as a share of 255.
+    pub error: f64,
+    /// Whether no other row of this scene and output is as good in error and time, and better in one.
+    pub front: bool,
+}
+
+/// Everything that was measured, where, and with what.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// The machine and the build.
+    pub machine: Machine,
+    /// Whether everything that was asked for is there.
+    pub complete: bool,
+    /// Whether the pictures are small and the runs few.
+    pub quick: bool,
+    /// Every row.
+    pub rows: Vec<Row>,
+    /// Every engine, precision and output that is on no front, and why it stays.
+    pub off_every_front: Vec<summary::Reason>,
+}
+
+/// Why a scene was not measured.
+#[derive(Debug, thiserror::Error)]
+pub enum AccuracyError {
+    /// An engine could not be prepared.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// No memory for a picture.
+    #[error("there is no memory for the pictures: {0}")]
+    Memory(#[from] TryReserveError),
+}
+
+/// The errors of one entry on one scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// Who, and what it writes.
+    pub entry: Entry,
+    /// What it is worth.
+    pub errors: Errors,
+}
+
+/// What is true of a scene's picture, row by row; all threads work.
+pub fn expect(scene: &Scene) -> Vec<Expected> {
+    let camera = scene.camera;
+    let truth = Truth::new(scene, &camera);
+    let in_row = |row| (0..camera.width()).map(|col| Expected::from(&truth.pixel(row, col))).collect::<Vec<_>>();
+    (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect()
+}
+
+/// What a tracer's picture is worth: its `height` rows in the format `output` against what is `expected`, by a tally that
+/// has nothing yet.
+pub fn errors_of(
+    tracer: &dyn Tracer,
+    height: u32,
+    output: PixelFormat,
+    expected: &[Expected],
+    mut tally: Tally,
+) -> Result<Errors, AccuracyError> {
+    let found = tracer.hits(0..height);
+    let mut film = Film::new(output, expected.len())?;
+    tracer.rows(0..height, film.as_mut());
+    for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
+        tally.add(expected, found.as_ref(), written(&film, i));
+    }
+    Ok(tally.errors())
+}
+
+/// What every contender's picture of a scene is worth; no time is taken, and all threads work.
+pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, AccuracyError> {
+    let camera = scene.camera;
+    let expected = expect(scene);
+    let judged = contenders.par_iter().map(|contender| {
+        let tracer = contender.engine.prepare(Some(contender.precision), scene, &camera)?;
+        let outputs = contender.outputs(tracer.as_ref()).into_iter().map(|output| {
+            let tally = Tally::new(contender.precision, contender.engine.rays_in_f64());
+            let errors = errors_of(tracer.as_ref(), camera.height(), output, &expected, tally)?;
+            Ok(Judged { entry: Entry { contender: *contender, output }, errors })
+        });
+        outputs.collect::<Result<Vec<_>, AccuracyError>>()
+    });
+    Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
+}
+
+fn written(film: &Film, i: usize) -> Written {
+    match film {
+        Film::F32x4(film) => Written::Linear([film[i].x, film[i].y, film[i].z]),
+        Film::Rgba8(film) => Written::Levels([film[i][0], film[i][1], film[i][2]]),
+    }
+}
+
+/// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp
+/// counter. None where `proceed`, which is asked now and then, says no.
+pub fn measure(
+    subject: &Subject,
+    contenders: &[Contender],
+    quick: bool,
+    clock: &mut dyn Clock,
+    (hz, cycles): (f64, bool),
+    proceed: &mut dyn FnMut() -> bool,
+) -> Result<Option<Vec<Row>>, AccuracyError> {
+    let judged = judge(&subject.scene, contenders)?;
+    if !proceed() {
+        return Ok(None);
+    }
+    let (scene, camera) = (&subject.scene, subject.scene.camera);
+    let (height, pixels) = (camera.height(), camera.pixels() as usize);
+    let prepare = |contender: &Contender| contender.engine.prepare(Some(contender.precision), scene, &camera);
+    let tracers = contenders.iter().map(prepare).collect::<Result<Vec<_>, _>>()?;
+    // One film of each format for all: each finds it in the same state.
+    let [floats, bytes] = [PixelFormat::F32x4, PixelFormat::Rgba8].map(|format| Film::new(format, pixels));
+    let (floats, bytes) = (RefCell::new(floats?), RefCell::new(bytes?));
+    let mut work: Vec<Work<'_>> = Vec::new();
+    for Judged { entry, .. } in &judged {
+        let tracer = &tracers[place(contenders, entry.contender)];
+        let film = if entry.output == PixelFormat::F32x4 { &floats } else { &bytes };
+        work.push(Box::new(move || tracer.rows(0..height, film.borrow_mut().as_mut())));
+    }
+    for contender in contenders {
+        work.push(Box::new(move || drop(std::hint::black_box(prepare(contender)))));
+    }
+    // One round is not counted: it warms up, and says how many there is time for.
+    let Rounds { least, most, seconds } = ROUNDS[usize::from(!quick)];
+    let start = Instant::now();
+    work.iter_mut().for_each(|work| work());
+    let rounds = ((seconds / start.elapsed().as_secs_f64()) as usize).clamp(least, most);
+    let Some(runs) = interleave(clock, &mut work, 0..rounds, proceed) else { return Ok(None) };
+
+    let per_ray = |ticks: f64| ticks / pixels as f64;
+    let ns = |ticks: f64| 1e9 * ticks / hz;
+    let rows = judged.iter().enumerate().map(|(i, Judged { entry, errors })| {
+        let Entry { contender: contender @ Contender { engine, precision }, output } = *entry;
+        let setup = minimum(&runs[judged.len() + place(contenders, contender)].ticks);
+        let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
+        Row {
+            scene: subject.name.clone(),
+            family: subject.family.map(|family| family.id),
+            stiffness: subject.family.map(|family| family.stiffness),
+            width: camera.width(),
+            height: camera.height(),
+            engine: engine.name(),
+            precision: precision.name(),
+            output: output.name(),
+            errors: *errors,
+            ns_per_ray: ns(per_ray(fastest)),
+            ns_per_ray_median: ns(per_ray(middle)),
+            spread: mad(&runs[i].ticks) / middle,
+            cycles_per_ray: cycles.then_some(per_ray(fastest)),
+            cycles_per_ray_median: cycles.then_some(per_ray(middle)),
+            setup_ns: ns(setup),
+            runs: rounds,
+            error: error(errors, output),
+            front: false,
+        }
+    });
+    let mut rows: Vec<Row> = rows.collect();
+    mark(&mut rows);
+    Ok(Some(rows))
+}
+
+fn place(contenders: &[Contender], contender: Contender) -> usize {
+    contenders.iter().position(|other| *other == contender).expect("who was judged is among the contenders")
+}
+
+/// What the front compares.
+pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
+    match output {
+        PixelFormat::F32x4 => errors.rms_colour.unwrap_or(0.0),
+        PixelFormat::Rgba8 => errors.psnr.map_or(0.0, |psnr| 10f64.powf(-psnr / 20.0)),
+    }
+}
+
+/// Marks the front of each scene and output.
+pub fn mark(rows: &mut [Row]) {
+    let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.output)).collect();
+    for (scene, output) in keys {
+        let of: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].scene == scene && rows[*i].output == output).collect();
+        let points: Vec<_> = of.iter().map(|i| Point { error: rows[*i].error, time: rows[*i].ns_per_ray }).collect();
+        for (i, on) in of.into_iter().zip(front(&points)) {
+            rows[i].front = on;
+        }
+    }
+}

@@ -1,0 +1,425 @@
+//! What an engine's pixels are worth against the truth: hits, t, normals, colours and levels.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::reference::exact::Split;
+use crate::render::{Distance, Found, Precision, TruePixel, level};
+use crate::scene::Object;
+
+/// The margin within which f32 may answer either way, in units of its u: 2e-6.
+const MARGIN_IN_U: f64 = 2e-6 * 16_777_216.0;
+
+/// What a camera's own rounding adds to the bound, in units of its u: it turns the ray by less, and t follows by the slant.
+const CAMERA: f64 = 4.0;
+
+/// What is true of a pixel, in numbers that are quick to compare with.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    /// What the ray hits first.
+    pub hit: Option<Target>,
+    /// How far from another answer.
+    pub margin: f64,
+}
+
+/// What is true of a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// The object.
+    pub object: Object,
+    /// Where: the point t r_d.
+    pub t: Split,
+    /// The unit normal, or its opposite.
+    pub normal: [Split; 3],
+    /// The linear colour, not clamped. None where any is right.
+    pub colour: Option<DVec3>,
+    /// The documented bound of |error of t| / t, in units of u.
+    pub bound: f64,
+    /// 1 / the cosine between the ray and the normal.
+    pub slant: f64,
+}
+
+impl From<&TruePixel> for Expected {
+    fn from(pixel: &TruePixel) -> Self {
+        let hit = pixel.hit.as_ref().map(|hit| Target {
+            object: hit.object,
+            t: Split::from(&hit.t),
+            normal: hit.normal.0.each_ref().map(Split::from),
+            colour: hit.colour,
+            bound: hit.bound,
+            slant: hit.slant,
+        });
+        Expected { hit, margin: pixel.margin }
+    }
+}
+
+/// What an engine wrote.
+#[derive(Clone, Copy, Debug)]
+pub enum Written {
+    /// Linear red, green and blue.
+    Linear([f32; 3]),
+    /// 8-bit levels.
+    Levels([u8; 3]),
+}
+
+impl Written {
+    fn levels(self) -> [u8; 3] {
+        match self {
+            Written::Linear(linear) => linear.map(|v| level(v.into())),
+            Written::Levels(levels) => levels,
+        }
+    }
+}
+
+/// The errors of one picture. Everything but the two counts `*_inside` is of the rays outside of the margin. The field
+/// names are those of the JSON document; what does not apply is None.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Errors {
+    /// Pixels.
+    pub rays: usize,
+    /// Pixels whose ray hits something.
+    pub hits: usize,
+    /// Pixels inside of the margin.
+    pub in_margin: usize,
+    /// A hit where there is none, none where there is one, or one at a t that is no number greater than 0.
+    pub wrong_hits: usize,
+    /// The same inside of the margin, where either answer is right.
+    pub wrong_hits_inside: usize,
+    /// Another object than the nearest.
+    pub wrong_objects: usize,
+    /// The same inside of the margin.
+    pub wrong_objects_inside: usize,
+    /// Errors of t in units of the last place of the engine's precision.
+    pub max_ulp: Option<f64>,
+    /// Their root mean square.
+    pub rms_ulp: Option<f64>,
+    /// What 99.9 % of them stay below.
+    pub p999_ulp: Option<f64>,
+    /// The largest |error of t| / t as a share of the documented bound, which is of a ray that is exact, and of what the
+    /// camera's own rounding adds to it.
+    pub bound_share: Option<f64>,
+    /// The largest angle between the engine's normal and the true one, in radians.
+    pub max_angle: Option<f64>,
+    /// The root mean square of the angles.
+    pub rms_angle: Option<f64>,
+    /// The largest error of a linear colour, of the true value where that is above 1.
+    pub max_colour: Option<f64>,
+    /// The root mean square over all channels.
+    pub rms_colour: Option<f64>,
+    /// Pixels with a channel off by one 8-bit level or more.
+    pub off_by_1: usize,
+    /// Pixels off by two or more.
+    pub off_by_2: usize,
+    /// The largest difference of levels.
+    pub max_level: u8,
+    /// Of the 8-bit picture; None where no level differs.
+    pub psnr: Option<f64>,
+}
+
+/// The largest of some numbers, and the mean of their squares.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    largest: f64,
+    squares: f64,
+    count: usize,
+}
+
+impl Sum {
+    fn add(&mut self, x: f64) {
+        self.largest = self.largest.max(x);
+        self.squares += x * x;
+        self.count += 1;
+    }
+
+    fn largest(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.largest)
+    }
+
+    fn rms(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.squares / self.count as f64).sqrt())
+    }
+}
+
+/// Errors in the making: one picture of one engine.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    /// The engine's unit roundoff.
+    u: f64,
+    /// That of its camera.
+    camera_u: f64,
+    errors: Errors,
+    ulps: Vec<f64>,
+    t: Sum,
+    bound_share: f64,
+    angles: Sum,
+    colours: Sum,
+    levels: Sum,
+}
+
+impl Tally {
+    /// Nothing so far, of an engine that computes in `precision` and its rays in f64 where `rays_in_f64`.
+    pub fn new(precision: Precision, rays_in_f64: bool) -> Self {
+        let u = |double: bool| {
+            let digits = if double { f64::MANTISSA_DIGITS } else { f32::MANTISSA_DIGITS };
+            2f64.powi(-(digits as i32))
+        };
+        let double = precision == Precision::Double;
+        Tally {
+            u: u(double),
+            camera_u: u(double || rays_in_f64),
+            errors: Errors::default(),
+            ulps: Vec::new(),
+            t: Sum::default(),
+            bound_share: 0.0,
+            angles: Sum::default(),
+            colours: Sum::default(),
+            levels: Sum::default(),
+        }
+    }
+
+    /// Takes in a pixel: what is true, what the engine found, and what it wrote.
+    pub fn add(&mut self, expected: &Expected, found: Option<&Found>, written: Written) {
+        let errors = &mut self.errors;
+        errors.rays += 1;
+        errors.hits += usize::from(expected.hit.is_some());
+        let t = found.map(|found| match found.distance {
+            Distance::T(t) => t,
+            Distance::Inverse(inverse) => 1.0 / inverse,
+        });
+        let found = found.filter(|_| t.is_some_and(|t| t.is_finite() && t > 0.0));
+        // A t that is no number is a wrong hit wherever it is.
+        let wrong_hit = found.is_some() != expected.hit.is_some() || t.is_some() && found.is_none();
+        let wrong_object =
+            !wrong_hit && expected.hit.zip(found).is_some_and(|(target, found)| target.object != found.object);
+        if expected.margin < MARGIN_IN_U * self.u {
+            errors.in_margin += 1;
+            errors.wrong_hits_inside += usize::from(wrong_hit);
+            errors.wrong_objects_inside += usize::from(wrong_object);
+            return;
+        }
+        errors.wrong_hits += usize::from(wrong_hit);
+        errors.wrong_objects += usize::from(wrong_object);
+        if let (Some(target), Some(found), false) = (&expected.hit, found, wrong_hit || wrong_object) {
+            self.add_hit(target, found);
+        }
+        if let Some(colour) = expected.hit.map_or(Some(DVec3::ZERO), |target| target.colour) {
+            self.add_colour(colour, written);
+        }
+    }
+
+    fn add_hit(&mut self, target: &Target, found: &Found) {
+        let relative = match found.distance {
+            Distance::T(t) => target.t.error_of(t) / target.t.high,
+            // w t - 1, rounded once; t is larger than 1/w by that share.
+            Distance::Inverse(w) => w.mul_add(target.t.high, -1.0) + w * target.t.low,
+        };
+        let relative = relative.abs();
+        // A unit of the last place is 2u of the power of two below t.
+        let power = 2f64.powi(target.t.high.log2().floor() as i32);
+        let ulps = relative * (target.t.high / power) / (2.0 * self.u);
+        self.ulps.push(ulps);
+        self.t.add(ulps);
+        self.bound_share =
+            self.bound_share.max(relative / (target.bound * self.u + CAMERA * target.slant * self.camera_u));
+        if let Some(normal) = found.normal {
+            self.angles.add(angle(target.normal, normal));
+        }
+    }
+
+    fn add_colour(&mut self, colour: DVec3, written: Written) {
+        if let Written::Linear(linear) = written {
+            for (v, truth) in linear.into_iter().zip(colour.to_array()) {
+                let error = (f64::from(v) - truth).abs() / truth.max(1.0);
+                // What is not a number is as wrong as can be.
+                self.colours.add(if error.is_nan() { f64::INFINITY } else { error });
+            }
+        }
+        let mut most = 0;
+        for (v, truth) in written.levels().into_iter().zip(colour.to_array()) {
+            let off = v.abs_diff(level(truth));
+            self.levels.add(off.into());
+            most = most.max(off);
+        }
+        self.errors.off_by_1 += usize::from(most >= 1);
+        self.errors.off_by_2 += usize::from(most >= 2);
+        self.errors.max_level = self.errors.max_level.max(most);
+    }
+
+    /// What has come together.
+    pub fn errors(mut self) -> Errors {
+        self.ulps.sort_unstable_by(f64::total_cmp);
+        let rank = (0.999 * self.ulps.len() as f64).ceil() as usize;
+        let levels = self.levels.rms().filter(|rms| *rms > 0.0);
+        Errors {
+            max_ulp: self.t.largest(),
+            rms_ulp: self.t.rms(),
+            p999_ulp: rank.checked_sub(1).map(|last| self.ulps[last]),
+            bound_share: (self.t.count > 0).then_some(self.bound_share),
+            max_angle: self.angles.largest(),
+            rms_angle: self.angles.rms(),
+            max_colour: self.colours.largest(),
+            rms_colour: self.colours.rms(),
+            psnr: levels.map(|rms| 20.0 * (255.0 / rms).log10()),
+            ..self.errors
+        }
+    }
+}
+
+/// The angle between a normal and the nearer of the true one and its opposite; small ones to their last digits.
+fn angle(truth: [Split; 3], normal: DVec3) -> f64 {
+    let high = DVec3::from(truth.map(|component| component.high));
+    let side = if high.dot(normal) < 0.0 { -normal } else { normal };
+    let difference = DVec3::from([0, 1, 2].map(|i| truth[i].error_of(side[i])));
+    high.cross(difference).length().atan2(high.dot(side))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FAR: f64 = 1.0;
+
+    fn exact(x: f64) -> Split {
+        Split { high: x, low: 0.0 }
+    }
+
+    fn target(t: f64) -> Target {
+        let normal = [0.0, 0.0, -1.0].map(exact);
+        Target {
+            object: Object::Sphere(3),
+            t: exact(t),
+            normal,
+            colour: Some(DVec3::splat(0.5)),
+            bound: 5.0,
+            slant: 1.0,
+        }
+    }
+
+    fn found(t: f64) -> Found {
+        Found { object: Object::Sphere(3), distance: Distance::T(t), normal: Some(DVec3::NEG_Z) }
+    }
+
+    const RIGHT: Written = Written::Linear([0.5; 3]);
+    const BLACK: Written = Written::Linear([0.0; 3]);
+
+    fn one(margin: f64, hit: Option<Target>, found: Option<Found>, written: Written) -> Errors {
+        let mut tally = Tally::new(Precision::Single, true);
+        tally.add(&Expected { hit, margin }, found.as_ref(), written);
+        tally.errors()
+    }
+
+    #[test]
+    fn a_right_pixel_has_no_error() {
+        let right = one(FAR, Some(target(3.0)), Some(found(3.0)), RIGHT);
+        let zero = Some(0.0);
+        assert_eq!((right.rays, right.hits, right.wrong_hits, right.wrong_objects), (1, 1, 0, 0));
+        assert_eq!((right.max_ulp, right.rms_ulp, right.p999_ulp, right.bound_share), (zero, zero, zero, zero));
+        assert_eq!((right.max_angle, right.max_colour, right.off_by_1, right.psnr), (zero, zero, 0, None));
+        let nothing = one(FAR, None, None, BLACK);
+        assert_eq!((nothing.hits, nothing.max_ulp, nothing.max_angle, nothing.max_colour), (0, None, None, zero));
+    }
+
+    #[test]
+    fn hits_and_objects_are_wrong_outside_or_inside_of_the_margin() {
+        let other = Found { object: Object::Triangle(3), ..found(3.0) };
+        for (hit, found, hits, objects) in [
+            (Some(target(3.0)), None, 1, 0),
+            (None, Some(found(3.0)), 1, 0),
+            (Some(target(3.0)), Some(found(f64::NAN)), 1, 0),
+            (Some(target(3.0)), Some(found(-3.0)), 1, 0),
+            (None, Some(found(f64::INFINITY)), 1, 0),
+            (Some(target(3.0)), Some(other), 0, 1),
+            (None, None, 0, 0),
+        ] {
+            let outside = one(2.1e-6, hit, found, BLACK);
+            assert_eq!((outside.wrong_hits, outside.wrong_objects), (hits, objects), "{found:?}");
+            assert_eq!((outside.wrong_hits_inside, outside.wrong_objects_inside), (0, 0), "{found:?}");
+            let inside = one(1.9e-6, hit, found, BLACK);
+            assert_eq!((inside.wrong_hits_inside, inside.wrong_objects_inside), (hits, objects), "{found:?}");
+            assert_eq!((inside.wrong_hits, inside.wrong_objects, inside.off_by_1), (0, 0, 0), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn the_margin_of_f64_is_as_many_of_its_own_units() {
+        let mut tally = Tally::new(Precision::Double, true);
+        tally.add(&Expected { hit: None, margin: 1e-14 }, Some(&found(3.0)), BLACK);
+        assert_eq!(tally.errors().wrong_hits, 1);
+    }
+
+    #[test]
+    fn an_error_of_t_is_counted_in_units_of_its_last_place_and_of_the_bound() {
+        let ulp = f64::from(f32::EPSILON);
+        // From 2 to 4 a unit is 2 epsilon, and u is half of epsilon; a tenth of a unit counts as such.
+        for (t, error, ulps) in
+            [(3.0, 2.0 * ulp, 1.0), (3.0, -4.0 * ulp, 2.0), (1.0, 0.1 * ulp, 0.1), (8.0, ulp, 0.125)]
+        {
+            let found = one(FAR, Some(target(t)), Some(found(t + error)), RIGHT);
+            assert!((found.max_ulp.unwrap() - ulps).abs() < 1e-6, "{t} {error}: {found:?}");
+            let share = error.abs() / t / (5.0 * 0.5 * ulp);
+            assert!((found.bound_share.unwrap() - share).abs() < 1e-6 * share, "{t} {error}: {found:?}");
+            let inverse = Found { distance: Distance::Inverse(1.0 / (t + error)), ..super::tests::found(t) };
+            let by_inverse = one(FAR, Some(target(t)), Some(inverse), RIGHT);
+            assert!((by_inverse.max_ulp.unwrap() - ulps).abs() < 1e-5, "{t} {error}: {by_inverse:?}");
+        }
+    }
+
+    #[test]
+    fn the_rounding_of_a_camera_in_f32_is_a_part_of_the_bound() {
+        let error = 9.0 * f64::from(f32::EPSILON) / 2.0;
+        for (rays_in_f64, share) in [(true, 9.0 / 5.0), (false, 1.0)] {
+            let mut tally = Tally::new(Precision::Single, rays_in_f64);
+            tally.add(&Expected { hit: Some(target(1.0)), margin: FAR }, Some(&found(1.0 + error)), RIGHT);
+            assert!((tally.errors().bound_share.unwrap() - share).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_mean_and_the_share_of_many_errors_are_those_computed_by_hand() {
+        let mut tally = Tally::new(Precision::Single, true);
+        for i in 0..1000 {
+            // 998 are 1 unit, one is 2 and one is 30.
+            let ulps = if i == 10 { 30.0 } else { 1.0 + f64::from(i == 20) };
+            let found = found(1.0 + ulps * f64::from(f32::EPSILON));
+            tally.add(&Expected { hit: Some(target(1.0)), margin: FAR }, Some(&found), RIGHT);
+        }
+        let Errors { max_ulp, rms_ulp, p999_ulp, .. } = tally.errors();
+        let near = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-6;
+        assert!(near(max_ulp, 30.0) && near(p999_ulp, 2.0));
+        assert!(near(rms_ulp, ((998.0 + 4.0 + 900.0) / 1000.0_f64).sqrt()));
+    }
+
+    #[test]
+    fn an_angle_is_measured_on_either_side_and_down_to_the_last_digits() {
+        for angle in [0.0, 1e-20, 1e-16, 1e-9, 1e-3, 1.0] {
+            let normal = DVec3::new(f64::sin(angle), 0.0, -f64::cos(angle));
+            for normal in [normal, -normal] {
+                let found = one(FAR, Some(target(3.0)), Some(Found { normal: Some(normal), ..found(3.0) }), RIGHT);
+                assert!((found.max_angle.unwrap() - angle).abs() <= 1e-12 * angle, "{angle}: {found:?}");
+            }
+        }
+        let none = one(FAR, Some(target(3.0)), Some(Found { normal: None, ..found(3.0) }), RIGHT);
+        assert_eq!(none.max_angle, None);
+    }
+
+    #[test]
+    fn colours_and_levels_are_compared_channel_by_channel() {
+        let errors = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Linear([0.5, 0.5 + 0.25, 0.5]));
+        assert_eq!((errors.max_colour, errors.off_by_1, errors.off_by_2, errors.max_level), (Some(0.25), 1, 1, 64));
+        assert!((errors.rms_colour.unwrap() - 0.25 / 3f64.sqrt()).abs() < 1e-15);
+        let rms = 64.0 / 3f64.sqrt();
+        assert!((errors.psnr.unwrap() - 20.0 * (255.0 / rms).log10()).abs() < 1e-12);
+        // 0.5 is level 127.
+        let levels = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Levels([126, 127, 127]));
+        assert_eq!((levels.max_colour, levels.off_by_1, levels.off_by_2), (None, 1, 0));
+        // Bright light is judged by its share.
+        let bright = Target { colour: Some(DVec3::splat(200.0)), ..target(3.0) };
+        let errors = one(FAR, Some(bright), Some(found(3.0)), Written::Linear([202.0, 200.0, 200.0]));
+        assert_eq!((errors.max_colour, errors.off_by_1), (Some(0.01), 0));
+        // A light on the surface makes any colour right, and a NaN is never right.
+        let free = Target { colour: None, ..target(3.0) };
+        assert_eq!(one(FAR, Some(free), Some(found(3.0)), BLACK).off_by_1, 0);
+        let nan = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Linear([f32::NAN; 3]));
+        assert_eq!((nan.max_colour, nan.off_by_2), (Some(f64::INFINITY), 1));
+    }
+}

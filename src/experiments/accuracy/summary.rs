@@ -1,0 +1,110 @@
+//! The rows of one engine, precision and output taken together, and why each that is on no front is there.
+
+use serde::Serialize;
+
+use super::Row;
+
+/// An engine, precision and output over all scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Summary {
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel is written as.
+    pub output: &'static str,
+    /// Scenes.
+    pub scenes: usize,
+    /// Wrong hits outside of the margin, in all scenes.
+    pub wrong_hits: usize,
+    /// Wrong objects outside of the margin.
+    pub wrong_objects: usize,
+    /// The largest error of t in any scene.
+    pub max_ulp: Option<f64>,
+    /// The largest share of the documented bound.
+    pub bound_share: Option<f64>,
+    /// Pixels off by two levels or more, in all scenes.
+    pub off_by_2: usize,
+    /// The largest error of a linear colour.
+    pub max_colour: Option<f64>,
+    /// The geometric mean of the fastest runs, in nanoseconds of a ray.
+    pub ns_per_ray: f64,
+    /// How many fronts it is on.
+    pub fronts: usize,
+}
+
+/// Who is on no front, and why it stays.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Reason {
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel is written as.
+    pub output: &'static str,
+    /// One sentence.
+    pub reason: &'static str,
+}
+
+/// The rows taken together, in the order in which they appear.
+pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
+    let mut groups: Vec<Vec<&Row>> = Vec::new();
+    let key = |row: &Row| (row.engine, row.precision, row.output);
+    for row in rows {
+        match groups.iter_mut().find(|group| key(group[0]) == key(row)) {
+            Some(group) => group.push(row),
+            None => groups.push(vec![row]),
+        }
+    }
+    let summary = |group: &Vec<&Row>| {
+        let (engine, precision, output) = key(group[0]);
+        let sum = |of: fn(&Row) -> usize| group.iter().map(|row| of(row)).sum();
+        let largest = |of: fn(&Row) -> Option<f64>| group.iter().filter_map(|row| of(row)).reduce(f64::max);
+        let logarithms: f64 = group.iter().map(|row| row.ns_per_ray.ln()).sum();
+        Summary {
+            engine,
+            precision,
+            output,
+            scenes: group.len(),
+            wrong_hits: sum(|row| row.errors.wrong_hits),
+            wrong_objects: sum(|row| row.errors.wrong_objects),
+            max_ulp: largest(|row| row.errors.max_ulp),
+            bound_share: largest(|row| row.errors.bound_share),
+            off_by_2: sum(|row| row.errors.off_by_2),
+            max_colour: largest(|row| row.errors.max_colour),
+            ns_per_ray: (logarithms / group.len() as f64).exp(),
+            fronts: sum(|row| row.front.into()),
+        }
+    };
+    groups.iter().map(summary).collect()
+}
+
+/// Everything that is on no front, with the sentence why it stays.
+pub fn off_every_front(rows: &[Row]) -> Vec<Reason> {
+    let off = summaries(rows).into_iter().filter(|summary| summary.fronts == 0);
+    off.map(|Summary { engine, precision, output, .. }| Reason {
+        engine,
+        precision,
+        output,
+        reason: reason(engine, precision, output),
+    })
+    .collect()
+}
+
+/// Why an engine and precision is there, though another may be as good and faster.
+pub fn reason(engine: &str, precision: &str, output: &str) -> &'static str {
+    match (engine, precision, output) {
+        ("reference", ..) => "It is what the others are tested against, written to be read, and runs on any machine.",
+        ("rust", ..) => "It is the yardstick of what plain Rust gives, and runs where there is no assembly.",
+        ("c", ..) => "It is the paper's C, kept as it is so that its time and its errors can be seen.",
+        ("paper", ..) => "It is the paper's SIMD, kept as it is so that its time and its errors can be seen.",
+        ("sse41", "double", _) => "It is the answer in f64 for a CPU that has neither AVX2 nor AVX-512.",
+        ("sse41", ..) => "It is the fastest on a CPU that has neither AVX2 nor AVX-512.",
+        ("avx2", "double", _) => "It is the answer in f64 for a CPU without AVX-512.",
+        ("avx2", ..) => "It is the fastest on a CPU without AVX-512.",
+        (_, "fast", _) => "It costs one root and one division less for each light, which counts where there are many.",
+        (_, "double", "rgba8") => "It is for who wants each 8-bit level to be that of exact arithmetic.",
+        (_, "double", _) => "It has the same errors at the stiffest scene as at the easiest.",
+        _ => "It is the default: as right as f32 can be at a fraction of the time.",
+    }
+}

@@ -1,0 +1,201 @@
+//! What is left out: the decisions by name, what each rests on, and the set of those that are to be kept after all.
+
+/// Work that a picture does not need, decided once, before the first ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Omission {
+    /// Objects with no point in front of the camera.
+    Behind,
+    /// Objects beside, above or below all rays.
+    Outside,
+    /// Triangles of no area.
+    NoArea,
+    /// Triangles whose plane passes through the camera.
+    EdgeOn,
+    /// Lights of no intensity or no colour.
+    DarkLights,
+    /// Lights on objects that they cannot light where they are seen.
+    IdleLights,
+    /// The shading of objects that no light reaches.
+    Unlit,
+    /// Rays that an object cannot be hit by.
+    Misses,
+    /// The search for the nearest where one object is alone.
+    Search,
+    /// The depth of each pixel where two triangles' depths at the ends of what they share decide.
+    Depths,
+    /// The shading of hits that are not the nearest.
+    Hidden,
+    /// The clamp to white of what cannot exceed it.
+    Clamp,
+    /// The second and third channel where all three are equal.
+    Channels,
+    /// The loop over lights, and the point and the normal, where one light reaches a sphere.
+    Loop,
+    /// A picture in floats on the way to 8 bits.
+    FloatImage,
+    /// The code for spheres, in a scene that has none to see.
+    SphereCode,
+    /// The code for triangles, in a scene that has none to see.
+    TriangleCode,
+    /// Terms that are the same for every ray.
+    Constants,
+}
+
+/// What becomes of an omission where it is not made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switch {
+    /// The same picture with more work: `--keep-all` makes it.
+    Work,
+    /// Other arithmetic, and so a picture that may differ in its last bit; done only to see what the omission is worth.
+    Arithmetic,
+    /// There is no code without it.
+    None,
+}
+
+impl Omission {
+    /// All of them, in the order in which they are told.
+    pub const ALL: [Omission; 18] = [
+        Omission::Behind,
+        Omission::Outside,
+        Omission::NoArea,
+        Omission::EdgeOn,
+        Omission::DarkLights,
+        Omission::IdleLights,
+        Omission::Unlit,
+        Omission::SphereCode,
+        Omission::TriangleCode,
+        Omission::Misses,
+        Omission::Search,
+        Omission::Depths,
+        Omission::Hidden,
+        Omission::Constants,
+        Omission::Loop,
+        Omission::Channels,
+        Omission::Clamp,
+        Omission::FloatImage,
+    ];
+
+    /// What is left out, as a count of it reads.
+    pub fn what(self) -> &'static str {
+        match self {
+            Omission::Behind => "objects behind the camera",
+            Omission::Outside => "objects outside the frustum",
+            Omission::NoArea => "triangles of no area",
+            Omission::EdgeOn => "triangles seen edge on",
+            Omission::DarkLights => "dark lights",
+            Omission::IdleLights => "lights of single objects",
+            Omission::Unlit => "unlit objects' shading",
+            Omission::SphereCode => "code for spheres",
+            Omission::TriangleCode => "code for triangles",
+            Omission::Misses => "tests of rays that miss",
+            Omission::Search => "searches for the nearest",
+            Omission::Depths => "depths of single pixels",
+            Omission::Hidden => "shading of hidden hits",
+            Omission::Constants => "constant terms",
+            Omission::Loop => "loops over lights",
+            Omission::Channels => "equal channels",
+            Omission::Clamp => "clamping to white",
+            Omission::FloatImage => "float image",
+        }
+    }
+
+    /// Why nothing is lost by it.
+    pub fn reason(self) -> &'static str {
+        match self {
+            Omission::Behind => "no ray looks back, and no point of them is in front of the camera",
+            Omission::Outside => "they are beside, above or below every ray of the picture",
+            Omission::NoArea => "their corners are on one line, so no ray hits them",
+            Omission::EdgeOn => "their plane passes through the camera, so no ray hits them",
+            Omission::DarkLights => "intensity times colour is 0",
+            Omission::IdleLights => {
+                "the light is behind or inside the sphere, in the plane of the triangle, or of a colour it does not reflect"
+            }
+            Omission::Unlit => "no light reaches them: they hide what is behind them and stay black",
+            Omission::SphereCode => "the picture has no sphere",
+            Omission::TriangleCode => "the picture has no triangle",
+            Omission::Misses => "an object's outline bounds the pixels of each row that can see it",
+            Omission::Search => "one object is alone in the pixel",
+            Omission::Depths => {
+                "a triangle that is nearer at both ends of what two share in a row is nearer between them"
+            }
+            Omission::Hidden => "the nearest hit of each pixel is known before any is shaded",
+            Omission::Constants => {
+                "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, and other terms not on its column"
+            }
+            Omission::Loop => "one light reaches the sphere: its cosine in closed form, without point and normal",
+            Omission::Channels => "one light reaches the object, and red, green and blue of the product are equal",
+            Omission::Clamp => "all lights together do not exceed white",
+            Omission::FloatImage => "the file has 8 bits: colours become levels in registers",
+        }
+    }
+
+    /// What counts it.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Omission::Behind | Omission::Outside | Omission::Unlit | Omission::Constants => "objects",
+            Omission::NoArea | Omission::EdgeOn => "triangles",
+            Omission::DarkLights => "lights",
+            Omission::IdleLights => "lights of objects",
+            Omission::SphereCode | Omission::TriangleCode => "kinds",
+            Omission::Misses => "rays against objects",
+            Omission::Search | Omission::Depths | Omission::FloatImage => "pixels",
+            Omission::Hidden => "hits",
+            Omission::Loop | Omission::Channels | Omission::Clamp => "objects",
+        }
+    }
+
+    /// What becomes of it where it is not made.
+    pub fn switch(self) -> Switch {
+        match self {
+            Omission::Loop | Omission::FloatImage => Switch::Arithmetic,
+            Omission::SphereCode | Omission::TriangleCode | Omission::Constants => Switch::None,
+            _ => Switch::Work,
+        }
+    }
+}
+
+/// The omissions that are not to be made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Keep(u32);
+
+impl Keep {
+    /// None: what can be left out is.
+    pub const NOTHING: Keep = Keep(0);
+
+    /// All that keep the arithmetic: brute force, with the same bytes.
+    pub fn all() -> Keep {
+        let work = Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
+        work.fold(Keep::NOTHING, Keep::and)
+    }
+
+    /// One alone.
+    pub const fn only(omission: Omission) -> Keep {
+        Keep(1 << omission as u32)
+    }
+
+    /// One more.
+    pub fn and(self, omission: Omission) -> Keep {
+        Keep(self.0 | Keep::only(omission).0)
+    }
+
+    /// Whether the work of `omission` is to be done.
+    pub const fn has(self, omission: Omission) -> bool {
+        self.0 & Keep::only(omission).0 != 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_omission_is_listed_once_and_has_a_bit_of_its_own() {
+        for (i, omission) in Omission::ALL.into_iter().enumerate() {
+            assert_eq!(Omission::ALL.iter().position(|other| *other == omission), Some(i));
+            let others = Omission::ALL.into_iter().filter(|other| Keep::only(omission).has(*other));
+            assert!(others.eq([omission]), "{omission:?}");
+            assert_eq!(Keep::all().has(omission), omission.switch() == Switch::Work, "{omission:?}");
+        }
+        assert_eq!(Omission::ALL.into_iter().max().unwrap() as usize + 1, Omission::ALL.len());
+    }
+}

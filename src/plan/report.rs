@@ -1,0 +1,164 @@
+//! What a plan keeps and what it leaves out, counted: the lines of `rayo plan`.
+
+use serde::Serialize;
+
+use super::omission::Omission;
+use super::spans::{RowSpans, Spans, Way};
+use crate::kernels::Element;
+use crate::scene::Scene;
+
+/// What is kept of a scene, and each line of what is left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// What is traced.
+    pub kept: Kept,
+    /// What is not, in the order of [`Omission::ALL`]; only what there is any of.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// How much of a scene is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[expect(missing_docs, reason = "the names say it")]
+pub struct Kept {
+    pub spheres: usize,
+    pub triangles: usize,
+    pub lights: usize,
+}
+
+/// One line of what is left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// Which.
+    #[serde(skip)]
+    pub omission: Omission,
+    /// [`Omission::what`].
+    pub what: &'static str,
+    /// How much of it.
+    pub count: u64,
+    /// [`Omission::unit`].
+    pub unit: &'static str,
+    /// [`Omission::reason`].
+    pub reason: &'static str,
+}
+
+/// What is found out by looking at every row.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Survey {
+    misses: u64,
+    search: u64,
+    depths: u64,
+    hidden: u64,
+}
+
+impl Report {
+    /// Of `scene`, which `spans` is the plan of, as far as an engine makes the omissions `made`; `bytes` says whether it
+    /// writes 8 bits.
+    pub fn new<E: Element>(scene: &Scene, spans: &Spans<E>, made: &[Omission], bytes: bool) -> Self {
+        let (spheres, triangles) = spans.counts();
+        let is_made = |omission: Omission| made.contains(&omission) && !spans.keep().has(omission);
+        let unseen = |omission| if is_made(omission) { spans.left_out(omission) as usize } else { 0 };
+        let kept = if made.contains(&Omission::Outside) {
+            Kept { spheres, triangles, lights: scene.lights.len() - unseen(Omission::DarkLights) }
+        } else {
+            let triangles = scene.triangles.len() - unseen(Omission::NoArea) - unseen(Omission::EdgeOn);
+            Kept { spheres: scene.spheres.len(), triangles, lights: scene.lights.len() }
+        };
+        let by_rows = [Omission::Misses, Omission::Search, Omission::Depths, Omission::Hidden];
+        let survey = if by_rows.into_iter().any(is_made) { Survey::new(spans) } else { Survey::default() };
+        let count = |omission| match omission {
+            Omission::Misses => survey.misses,
+            Omission::Search => survey.search,
+            Omission::Depths => survey.depths,
+            Omission::Hidden => survey.hidden,
+            Omission::SphereCode => (kept.spheres == 0).into(),
+            Omission::TriangleCode => (kept.triangles == 0).into(),
+            Omission::Constants => (kept.spheres + kept.triangles) as u64,
+            Omission::Channels | Omission::Clamp | Omission::FloatImage if !bytes => 0,
+            Omission::FloatImage => spans.pixels(),
+            _ => spans.left_out(omission),
+        };
+        let lines = Omission::ALL.into_iter().filter(|omission| is_made(*omission)).map(|omission| LeftOut {
+            omission,
+            what: omission.what(),
+            count: count(omission),
+            unit: omission.unit(),
+            reason: omission.reason(),
+        });
+        Report { kept, left_out: lines.filter(|line| line.count > 0).collect() }
+    }
+
+    /// The report in lines: counts, names and reasons in columns.
+    pub fn lines(&self) -> Vec<String> {
+        let Kept { spheres, triangles, lights } = self.kept;
+        let mut lines = vec![format!(
+            "kept: {}, {}, {}",
+            counted(spheres, "sphere"),
+            counted(triangles, "triangle"),
+            counted(lights, "light")
+        )];
+        lines.push(if self.left_out.is_empty() { "left out: nothing".into() } else { "left out:".into() });
+        let what = self.left_out.iter().map(|line| line.what.len()).max().unwrap_or(0);
+        let counts: Vec<_> = self.left_out.iter().map(|line| grouped(line.count)).collect();
+        let count = counts.iter().map(String::len).max().unwrap_or(0);
+        let line =
+            |(line, counted): (&LeftOut, &String)| format!("  {counted:>count$}  {:what$}  {}", line.what, line.reason);
+        lines.extend(self.left_out.iter().zip(&counts).map(line));
+        lines
+    }
+}
+
+fn counted(count: usize, one: &str) -> String {
+    format!("{} {one}{}", grouped(count as u64), if count == 1 { "" } else { "s" })
+}
+
+/// A number with a comma before each three digits.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+impl Survey {
+    /// Goes over all rows, with those objects at hand that a row may see.
+    fn new<E: Element>(spans: &Spans<E>) -> Self {
+        let mut survey = Survey::default();
+        let (mut in_row, mut extents) = (RowSpans::default(), Vec::new());
+        for (row, seen) in spans.rows_and_objects() {
+            extents.clear();
+            extents.extend(seen.iter().filter_map(|object| spans.row(*object, row)).map(|span| span.start..span.end));
+            let hits: u64 = extents.iter().map(|span| span.len() as u64).sum();
+            extents.sort_unstable_by_key(|span| span.start);
+            let (mut pixels, mut end) = (0, 0);
+            for span in &extents {
+                pixels += u64::from(span.end.max(end) - span.start.max(end));
+                end = end.max(span.end);
+            }
+            survey.misses += spans.tests_in_row() - hits;
+            survey.hidden += hits - pixels;
+            match spans.spans_in(row, &seen, &mut in_row) {
+                Way::Apart if hits == pixels => survey.search += pixels,
+                Way::Apart => survey.depths += pixels,
+                Way::Nearest | Way::NearestInRow => {}
+            }
+        }
+        survey
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::grouped;
+
+    #[test]
+    fn numbers_are_grouped_by_three_digits() {
+        for (number, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (12_345_678, "12,345,678")] {
+            assert_eq!(grouped(number), text);
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! The stiff and extreme scenes: families of seeded cases, each swept over the whole range of its parameter.
+//!
+//! A case is a scene with its camera around what is hard: the limb of a sphere, the short side of a sliver, a vertex.
+//! What is correct there is the same for all engines; how near one comes is for experiments and tests to say.
+
+mod maker;
+mod others;
+mod spheres;
+mod triangles;
+
+use super::Scene;
+use maker::Maker;
+
+/// The side of a case's picture, in pixels, that gives at least 10⁵ rays where a family has no size of its own.
+pub const SIDE: u32 = 320;
+
+/// Scenes that are hard in one way, harder along [`Family::levels`].
+pub struct Family {
+    /// `S1` to `S8` (spheres), `T1` to `T7` (triangles), `L1` (lights), `I1` (images), `N1` (not numbers).
+    pub id: &'static str,
+    /// What it is, in a few words.
+    pub name: &'static str,
+    /// What is varied.
+    pub parameter: &'static str,
+    /// What is correct, in words.
+    pub correct: &'static str,
+    /// The values of the parameter, the whole range; the ordinary case is at [`Family::ordinary`].
+    pub levels: &'static [Level],
+    /// Which of `levels` is as easy as any scene.
+    pub ordinary: usize,
+    /// The ways in which each level comes.
+    pub variants: &'static [&'static str],
+    make: fn(&mut Maker) -> Made,
+}
+
+/// One value of a family's parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// The parameter; where that is not a number, which of them it is.
+    pub value: f64,
+    /// Its name where it is not a number.
+    pub label: &'static str,
+}
+
+impl std::fmt::Display for Level {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.value {
+            _ if !self.label.is_empty() => f.write_str(self.label),
+            value if value == 0.0 || (1e-3..1e4).contains(&value.abs()) => write!(f, "{value}"),
+            value => write!(f, "{value:e}"),
+        }
+    }
+}
+
+/// One scene of a family.
+#[derive(Clone)]
+pub struct Case {
+    /// The family's id.
+    pub family: &'static str,
+    /// Its number in the family: `level * variants + variant`.
+    pub index: usize,
+    /// What its random numbers came from.
+    pub seed: u64,
+    /// The value of the parameter.
+    pub level: Level,
+    /// Which of the family's variants it is.
+    pub variant: &'static str,
+    /// The scene; its camera looks at what is hard.
+    pub scene: Scene,
+    /// Whether its numbers are such as a scene may have. Where not, asking for its picture is an error.
+    pub valid: bool,
+    /// Whether every ray of the picture hits something.
+    pub covered: bool,
+}
+
+/// What a family's function gives.
+struct Made {
+    scene: Scene,
+    valid: bool,
+    covered: bool,
+}
+
+impl From<Scene> for Made {
+    fn from(scene: Scene) -> Self {
+        Made { scene, valid: true, covered: false }
+    }
+}
+
+impl Family {
+    /// How many cases there are: each level in each variant.
+    pub fn cases(&self) -> usize {
+        self.levels.len() * self.variants.len()
+    }
+
+    /// The case of that number, with a picture of about `side` x `side` pixels.
+    ///
+    /// The same arguments give the same scene on every machine.
+    ///
+    /// # Panics
+    /// Where `index` is not below [`Family::cases`].
+    pub fn case(&self, index: usize, seed: u64, side: u32) -> Case {
+        let (level, variant) = (self.levels[index / self.variants.len()], index % self.variants.len());
+        let mut maker = Maker::new(level.value, variant, seed, index, side);
+        let Made { scene, valid, covered } = (self.make)(&mut maker);
+        let (family, variant) = (self.id, self.variants[variant]);
+        Case { family, index, seed, level, variant, scene, valid, covered }
+    }
+}
+
+/// Every family, in the order of their ids.
+pub static FAMILIES: &[Family] = &[
+    spheres::FAR,
+    spheres::TANGENT,
+    spheres::SCALE,
+    spheres::FILM,
+    spheres::CAMERA,
+    spheres::GROUND,
+    spheres::NESTED,
+    spheres::BEHIND,
+    triangles::SLIVER,
+    triangles::FAR,
+    triangles::GRAZING,
+    triangles::LARGE,
+    triangles::SCALE,
+    triangles::SHARED,
+    triangles::DEGENERATE,
+    others::LIGHTS,
+    others::IMAGES,
+    others::NOT_NUMBERS,
+];
+
+/// The family of that id, in small letters or large ones.
+pub fn family(id: &str) -> Option<&'static Family> {
+    FAMILIES.iter().find(|family| family.id.eq_ignore_ascii_case(id))
+}
+
+/// Levels that are numbers.
+const fn numbers<const N: usize>(values: [f64; N]) -> [Level; N] {
+    let mut levels = [Level { value: 0.0, label: "" }; N];
+    let mut i = 0;
+    while i < N {
+        levels[i].value = values[i];
+        i += 1;
+    }
+    levels
+}
+
+/// Levels that have names, numbered from 0.
+const fn names<const N: usize>(labels: [&'static str; N]) -> [Level; N] {
+    let mut levels = [Level { value: 0.0, label: "" }; N];
+    let mut i = 0;
+    while i < N {
+        levels[i] = Level { value: i as f64, label: labels[i] };
+        i += 1;
+    }
+    levels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_case_is_made_alike_twice_and_only_those_said_to_be_are_not_numbers() {
+        for family in FAMILIES {
+            for index in 0..family.cases() {
+                let (case, again) = (family.case(index, 1, 16), family.case(index, 1, 16));
+                // NaN is not equal to itself, but its text is.
+                assert_eq!(format!("{:?}", case.scene), format!("{:?}", again.scene), "{} {index}", family.id);
+                assert_eq!(case.valid, family.id != "N1", "{} {index}", family.id);
+            }
+        }
+    }
+
+    #[test]
+    fn every_family_is_found_by_its_id_and_has_an_ordinary_level() {
+        for family in FAMILIES {
+            assert_eq!(super::family(&family.id.to_lowercase()).map(|found| found.id), Some(family.id));
+            assert!(family.ordinary < family.levels.len(), "{}", family.id);
+        }
+        assert!(super::family("S9").is_none());
+    }
+
+    #[test]
+    fn a_case_has_a_hundred_thousand_rays_or_a_size_of_its_own() {
+        for family in FAMILIES.iter().filter(|family| !["I1", "N1"].contains(&family.id)) {
+            for index in 0..family.cases() {
+                let camera = family.case(index, 1, SIDE).scene.camera;
+                assert!(camera.pixels() >= 100_000, "{} {index}: {camera:?}", family.id);
+            }
+        }
+    }
+
+    #[test]
+    fn another_seed_gives_another_scene() {
+        for family in FAMILIES.iter().filter(|family| !["T7", "I1"].contains(&family.id)) {
+            let index = family.cases() - 1;
+            let scenes = [1, 2].map(|seed| format!("{:?}", family.case(index, seed, 16).scene));
+            assert_ne!(scenes[0], scenes[1], "{}", family.id);
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! Triangle meshes: what their files hold, and where a scene puts them.
+
+mod obj;
+mod ply;
+pub mod shapes;
+mod stl;
+mod write;
+
+use std::collections::HashMap;
+use std::fmt;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+
+use super::diagnostic::printable;
+use super::{Scene, Triangle};
+
+/// Triangles that share their corners.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Points, each finite, in the file's own coordinates.
+    pub vertices: Vec<Vec3>,
+    /// Three indices into `vertices` for each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// How many faces of the file had more than three corners: each has become a fan of triangles around its first one,
+    /// which is the same face where that is flat and convex.
+    pub polygons: usize,
+}
+
+/// A format of mesh files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// PLY: text, or binary of either byte order. Binary little endian is written.
+    Ply,
+    /// STL: text or binary. Binary is written.
+    Stl,
+}
+
+/// What is wrong with a mesh file, and where.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}", self.one_line())]
+pub struct MeshError {
+    /// The file.
+    pub path: PathBuf,
+    /// The line, from 1, where the file is text and the error has one.
+    pub line: Option<usize>,
+    /// What is wrong with which element, e.g. "face 17's corner 3 is vertex 9, which the file has not".
+    pub message: String,
+    /// What would have been right, where that is not obvious.
+    pub expected: Option<String>,
+}
+
+/// What is wrong with a mesh, before it is known by which name its file goes.
+#[derive(Debug)]
+struct Fault {
+    line: Option<usize>,
+    message: String,
+    expected: Option<String>,
+}
+
+impl Fault {
+    fn new(message: impl Into<String>) -> Self {
+        Fault { line: None, message: message.into(), expected: None }
+    }
+
+    fn line(self, line: usize) -> Self {
+        Fault { line: Some(line), ..self }
+    }
+
+    fn expected(self, expected: impl Into<String>) -> Self {
+        Fault { expected: Some(expected.into()), ..self }
+    }
+}
+
+impl MeshError {
+    fn one_line(&self) -> String {
+        let MeshError { path, line, message, expected } = self;
+        let place = line.map(|line| format!(":{line}")).unwrap_or_default();
+        let expected = expected.as_ref().map(|it| format!(": expected {it}")).unwrap_or_default();
+        format!("{}{place}: {message}{expected}", printable(&path.to_string_lossy()))
+    }
+}
+
+impl MeshFormat {
+    /// What a file name ends in, in lower case, and the format that it stands for.
+    pub const EXTENSIONS: &[(&str, MeshFormat)] =
+        &[("obj", MeshFormat::Obj), ("ply", MeshFormat::Ply), ("stl", MeshFormat::Stl)];
+
+    /// The format that the file name asks for by its extension, in upper or lower case.
+    pub fn from_path(path: &Path) -> Option<MeshFormat> {
+        let extension = path.extension()?;
+        let known = MeshFormat::EXTENSIONS.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
+        known.map(|&(_, format)| format)
+    }
+
+    /// The name that people know it by.
+    pub fn name(self) -> &'static str {
+        match self {
+            MeshFormat::Obj => "OBJ",
+            MeshFormat::Ply => "PLY",
+            MeshFormat::Stl => "STL",
+        }
+    }
+
+    /// How files of this format are taken to stand in the world, where nobody says otherwise: their coordinates are
+    /// right-handed, and the world is left-handed; y is up, but in STL, which printers use, z.
+    pub fn placement(self) -> Placement {
+        let scale = DVec3::new(1.0, 1.0, -1.0);
+        let rotate = if self == MeshFormat::Stl { DVec3::new(90.0, 0.0, 0.0) } else { DVec3::ZERO };
+        Placement { scale, rotate, translate: DVec3::ZERO }
+    }
+}
+
+impl fmt::Display for MeshFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How a mesh is put into the world: scaled, then rotated, then moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Factors along the mesh's own axes; a negative one mirrors.
+    pub scale: DVec3,
+    /// Degrees about x, then about y, then about z: 90 about x takes y to z, about y z to x, about z x to y.
+    pub rotate: DVec3,
+    /// What is added at last.
+    pub translate: DVec3,
+}
+
+impl Placement {
+    /// Everything where it is.
+    pub const IDENTITY: Placement = Placement { scale: DVec3::ONE, rotate: DVec3::ZERO, translate: DVec3::ZERO };
+
+    /// The map from the mesh's coordinates to the world's.
+    pub fn to_world(&self) -> DAffine3 {
+        let [(sx, cx), (sy, cy), (sz, cz)] = self.rotate.to_array().map(sine_and_cosine);
+        let about_x = DMat3::from_cols(DVec3::X, DVec3::new(0.0, cx, sx), DVec3::new(0.0, -sx, cx));
+        let about_y = DMat3::from_cols(DVec3::new(cy, 0.0, -sy), DVec3::Y, DVec3::new(sy, 0.0, cy));
+        let about_z = DMat3::from_cols(DVec3::new(cz, sz, 0.0), DVec3::new(-sz, cz, 0.0), DVec3::Z);
+        let linear = about_z * about_y * about_x * DMat3::from_diagonal(self.scale);
+        DAffine3::from_mat3_translation(linear, self.translate)
+    }
+}
+
+/// Of an angle in degrees; exact for quarter turns.
+fn sine_and_cosine(degrees: f64) -> (f64, f64) {
+    let turned = degrees.rem_euclid(360.0);
+    match turned {
+        0.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        _ => turned.to_radians().sin_cos(),
+    }
+}
+
+impl Mesh {
+    /// Reads a mesh file of a format that its extension names.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Memory stays within a small
+    /// multiple of the file's length, whatever its header claims.
+    pub fn read(path: &Path) -> Result<Mesh, MeshError> {
+        let fault = |Fault { line, message, expected }| MeshError { path: path.into(), line, message, expected };
+        let format = MeshFormat::from_path(path).ok_or_else(|| {
+            fault(Fault::new("the name of a mesh file tells its format").expected(".obj, .ply or .stl at its end"))
+        })?;
+        let unread = |cause: io::Error| {
+            fault(match cause.kind() {
+                ErrorKind::NotFound => Fault::new("there is no such file").expected("a mesh file"),
+                ErrorKind::IsADirectory => Fault::new("this is a directory").expected("a mesh file"),
+                ErrorKind::PermissionDenied => Fault::new("the file may not be read").expected("permission to read it"),
+                _ => Fault::new(format!("the file cannot be read: {cause}")),
+            })
+        };
+        let source = super::open::contents(path).map_err(unread)?;
+        Mesh::parse(source, format).map_err(fault)
+    }
+
+    /// Reads the content of a mesh file; `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Mesh::read`].
+    pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
+        let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
+        Mesh::parse(source, format).map_err(fault)
+    }
+
+    fn parse(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
+        if source.is_empty() {
+            return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
+        }
+        let mesh = match format {
+            MeshFormat::Obj => obj::parse(&source)?,
+            MeshFormat::Ply => ply::parse(&source)?,
+            MeshFormat::Stl => stl::parse(source)?,
+        };
+        if mesh.triangles.is_empty() {
+            return Err(Fault::new("the mesh is empty").expected("at least one face"));
+        }
+        Ok(mesh)
+    }
+
+    /// The three corners of a triangle.
+    pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|index| self.vertices[index as usize])
+    }
+
+    /// Its triangles, moved by `map` in f64 and rounded once, in one colour; nothing where a corner leaves the range of
+    /// f32.
+    pub fn placed(&self, map: DAffine3, colour: Vec3) -> Option<Vec<Triangle>> {
+        let place = |vertex: &Vec3| {
+            if map == DAffine3::IDENTITY { *vertex } else { map.transform_point3(vertex.as_dvec3()).as_vec3() }
+        };
+        let vertices: Vec<Vec3> = self.vertices.iter().map(place).collect();
+        let triangles = self.triangles.iter().map(|triangle| {
+            let vertices = triangle.map(|index| vertices[index as usize]);
+            vertices.iter().all(|vertex| vertex.is_finite()).then_some(Triangle { colour, vertices })
+        });
+        triangles.collect()
+    }
+
+    /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the
+    /// camera's frame. Corners that are equal bit by bit become one vertex.
+    pub fn of_scene(scene: &Scene, format: MeshFormat) -> Mesh {
+        let mut known = HashMap::new();
+        let mut mesh = Mesh::default();
+        // The placements are mirror images that exchange and negate axes: their own inverses, and exact.
+        let map = format.placement().to_world().inverse();
+        for triangle in &scene.triangles {
+            let corners = triangle.vertices.map(|vertex| {
+                *known.entry(vertex.to_array().map(f32::to_bits)).or_insert_with(|| {
+                    mesh.vertices.push(map.transform_point3(vertex.as_dvec3()).as_vec3());
+                    (mesh.vertices.len() - 1) as u32
+                })
+            });
+            mesh.triangles.push(corners);
+        }
+        mesh
+    }
+
+    /// Adds a face of any number of corners as a fan around its first.
+    fn push_face(&mut self, corners: &[u32]) {
+        if let [first, rest @ ..] = corners {
+            self.polygons += usize::from(corners.len() > 3);
+            self.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+        }
+    }
+}
+
+/// What is said of a vertex that is nowhere.
+fn not_finite(vertex: &str) -> Fault {
+    Fault::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
+}
+
+/// "1 vertex", "8 vertices" and so on.
+fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}

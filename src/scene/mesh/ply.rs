@@ -1,0 +1,253 @@
+//! PLY, text and binary: ply-rs-bw reads header and elements; what the header claims is held against the file first.
+
+use std::io::BufRead;
+
+use glam::Vec3;
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
+
+use super::{Fault, Mesh, counted, not_finite};
+
+pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
+    if !source.starts_with(b"ply") {
+        return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
+    }
+    let mut reader = Reader::new(source);
+    let header = Parser::<Point>::new().read_header(&mut reader).map_err(|error| {
+        let fault = Fault::new("the header cannot be understood")
+            .expected("lines that begin with format, comment, element, property or obj_info, and end_header at last");
+        match error.line() {
+            Some(line) => fault.line(line),
+            None => Fault::new("the header has no usable format line").expected("as in: format ascii 1.0"),
+        }
+    })?;
+    let line = reader.line();
+    let payload = reader.into_inner();
+    check(&header, &source[..source.len() - payload.len()], payload.len())?;
+
+    let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
+    let mut mesh = Mesh::default();
+    for element in header.elements.values() {
+        match element.name.as_str() {
+            "vertex" => {
+                mesh.vertices.reserve_exact(element.count);
+                for number in 1..=element.count {
+                    let Point(point) = elements.next("vertex", number, element)?;
+                    if !point.is_finite() {
+                        return Err(elements.at(not_finite(&format!("vertex {number}"))));
+                    }
+                    mesh.vertices.push(point);
+                }
+            }
+            "face" => {
+                mesh.triangles.reserve_exact(element.count);
+                let vertices = header.elements["vertex"].count;
+                let mut corners = Vec::new();
+                for number in 1..=element.count {
+                    let Face(indices) = elements.next("face", number, element)?;
+                    corners.clear();
+                    for (corner, index) in (1..).zip(indices) {
+                        let known = usize::try_from(index).is_ok_and(|index| index < vertices);
+                        let message =
+                            || format!("face {number}'s corner {corner} is vertex {index}, which the file has not");
+                        let expected = || format!("0 to {}, counted from 0", vertices as i64 - 1);
+                        corners.push(if known {
+                            index as u32
+                        } else {
+                            return Err(elements.at(Fault::new(message()).expected(expected())));
+                        });
+                    }
+                    if corners.len() < 3 {
+                        let message = format!("face {number} has {}", counted(corners.len(), "corner", "corners"));
+                        return Err(elements.at(Fault::new(message).expected("at least three")));
+                    }
+                    mesh.push_face(&corners);
+                }
+            }
+            name => {
+                for number in 1..=element.count {
+                    elements.next::<Skipped>(name, number, element)?;
+                }
+            }
+        }
+    }
+    Ok(mesh)
+}
+
+/// Holds the header to what is a mesh and to what the file can hold: `length` bytes follow it.
+fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
+    let begins = |word: &[u8]| text.split(|&byte| byte == b'\n').filter(|line| line.starts_with(word)).count();
+    let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
+    if begins(b"element ") != header.elements.len() || begins(b"property ") != properties {
+        return Err(Fault::new("the header names an element or a property twice").expected("a name once"));
+    }
+
+    for element in header.elements.values() {
+        let ElementDef { name, count, properties } = element;
+        let least: usize = match header.encoding {
+            // A line for each element, with a digit and what ends it for each property.
+            Encoding::Ascii => (2 * properties.len()).max(1),
+            _ => properties.values().map(|property| least_bytes(&property.data_type)).sum(),
+        };
+        if least == 0 && *count > 0 {
+            return Err(
+                Fault::new(format!("the header gives its {name} elements no properties")).expected("at least one")
+            );
+        }
+        // The last line may have no end.
+        let most = (length + 1).checked_div(least).unwrap_or(0);
+        if *count > most {
+            let message = format!("the header claims {count} {name} elements, and the file has no room for so many");
+            return Err(Fault::new(message).expected(format!("at most {most}: {length} bytes follow the header")));
+        }
+    }
+
+    let Some(vertex) = header.elements.get("vertex") else {
+        return Err(Fault::new("the header has no vertices").expected("element vertex, with its number"));
+    };
+    if u32::try_from(vertex.count).is_err() {
+        return Err(Fault::new(format!("{} vertices are too many", vertex.count)).expected("at most 4294967295"));
+    }
+    for axis in ["x", "y", "z"] {
+        let found = vertex.properties.get(axis).map(|property| &property.data_type);
+        if !matches!(found, Some(PropertyType::Scalar(_))) {
+            return Err(Fault::new(format!("vertices have no {axis}")).expected(format!("property float {axis}")));
+        }
+    }
+    let Some(face) = header.elements.get("face") else {
+        let strips = header.elements.contains_key("tristrips");
+        let message = if strips { "triangle strips are not read" } else { "the header has no faces" };
+        return Err(Fault::new(message).expected("element face, with its number"));
+    };
+    let list = face.properties.iter().find(|(name, _)| is_corners(name)).map(|(_, property)| &property.data_type);
+    match list {
+        Some(PropertyType::List(_, index)) if !matches!(index, ScalarType::Float | ScalarType::Double) => Ok(()),
+        _ => Err(Fault::new("faces have no corners").expected("property list uchar int vertex_indices")),
+    }
+}
+
+/// The fewest bytes that a property takes in a binary file.
+fn least_bytes(property: &PropertyType) -> usize {
+    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = property;
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+fn is_corners(property: &str) -> bool {
+    property == "vertex_indices" || property == "vertex_index"
+}
+
+/// What follows the header, element by element.
+struct Elements<'a> {
+    rest: &'a [u8],
+    encoding: Encoding,
+    /// In text, the line that is read next.
+    line: usize,
+    text: String,
+}
+
+impl Elements<'_> {
+    fn next<E: PropertyAccess>(&mut self, name: &str, number: usize, element: &ElementDef) -> Result<E, Fault> {
+        let parser = Parser::<E>::new();
+        let read = match self.encoding {
+            Encoding::Ascii => {
+                self.text.clear();
+                match self.rest.read_line(&mut self.text) {
+                    Ok(0) => return Err(self.cut_off(name, number, element)),
+                    Ok(_) => self.line += 1,
+                    Err(_) => {
+                        self.line += 1;
+                        return Err(self.at(Fault::new(format!("{name} {number} is no text")).expected("numbers")));
+                    }
+                }
+                parser.read_ascii_element(&self.text, element)
+            }
+            Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut self.rest, element),
+            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.rest, element),
+        };
+        read.map_err(|error| self.misread(name, number, element, &error))
+    }
+
+    fn misread(&self, name: &str, number: usize, element: &ElementDef, error: &ParseError) -> Fault {
+        if error.kind() == std::io::ErrorKind::UnexpectedEof {
+            return self.cut_off(name, number, element);
+        }
+        let properties: Vec<_> = element.properties.keys().map(String::as_str).collect();
+        let expected = format!("its properties as the header lists them: {}", properties.join(" "));
+        self.at(Fault::new(format!("{name} {number} cannot be understood")).expected(expected))
+    }
+
+    fn cut_off(&self, name: &str, number: usize, element: &ElementDef) -> Fault {
+        let message = format!("the file ends in {name} {number}");
+        Fault::new(message).expected(format!("{} of them, as its header says", element.count))
+    }
+
+    /// With the line of the element that was read last, in text.
+    fn at(&self, fault: Fault) -> Fault {
+        if self.encoding == Encoding::Ascii { fault.line(self.line - 1) } else { fault }
+    }
+}
+
+/// A vertex: of its properties x, y and z.
+struct Point(Vec3);
+
+impl PropertyAccess for Point {
+    fn new() -> Self {
+        Point(Vec3::ZERO)
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let value = property.to_f32_lossy().unwrap_or_default();
+        match name {
+            "x" => self.0.x = value,
+            "y" => self.0.y = value,
+            "z" => self.0.z = value,
+            _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+/// A face: of its properties the corners.
+struct Face(Vec<i64>);
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Face(Vec::new())
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if !is_corners(name) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.0 = match property {
+            Property::ListChar(list) => list.into_iter().map(i64::from).collect(),
+            Property::ListUChar(list) => list.into_iter().map(i64::from).collect(),
+            Property::ListShort(list) => list.into_iter().map(i64::from).collect(),
+            Property::ListUShort(list) => list.into_iter().map(i64::from).collect(),
+            Property::ListInt(list) => list.into_iter().map(i64::from).collect(),
+            Property::ListUInt(list) => list.into_iter().map(i64::from).collect(),
+            _ => return PropertyAccessResult::Ignored,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+/// An element of no interest.
+struct Skipped;
+
+impl PropertyAccess for Skipped {
+    fn new() -> Self {
+        Skipped
+    }
+
+    fn set_property(&mut self, _name: &str, _property: Property) -> PropertyAccessResult {
+        PropertyAccessResult::Ignored
+    }
+}

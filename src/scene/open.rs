@@ -1,0 +1,124 @@
+//! Scene files by their names: the paper's format, TOML, or a mesh alone, read into the one [`Scene`].
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read};
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, parse, parse_toml};
+
+/// The longest scene file, in bytes.
+const MAX_FILE: u64 = 4 << 30;
+/// The most that is read of what has no length of its own: a pipe, a device.
+const MAX_STREAM: u64 = 64 << 20;
+
+/// A scene, and what its reader should say about how it came to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Opened {
+    /// The scene.
+    pub scene: Scene,
+    /// What was done or assumed without being asked for, a line each.
+    pub notes: Vec<String>,
+}
+
+/// What a file of a scene is written in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SceneFormat {
+    /// The paper's.
+    In,
+    /// TOML.
+    Toml,
+    /// A mesh, which is no whole scene.
+    Mesh(MeshFormat),
+}
+
+impl SceneFormat {
+    /// The format by the file name's extension, in upper or lower case; nothing where it is unknown.
+    pub fn from_path(path: &Path) -> Option<SceneFormat> {
+        let extension = path.extension()?;
+        if extension.eq_ignore_ascii_case("in") {
+            Some(SceneFormat::In)
+        } else if extension.eq_ignore_ascii_case("toml") {
+            Some(SceneFormat::Toml)
+        } else {
+            MeshFormat::from_path(path).map(SceneFormat::Mesh)
+        }
+    }
+}
+
+/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format
+/// otherwise.
+///
+/// `camera` is for a mesh alone, which brings none: it is put where it sees the whole mesh, under one light, in white.
+///
+/// # Errors
+/// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
+/// for a pipe or a device); otherwise what [`parse`], [`parse_toml`] or [`Mesh::read`] returns.
+pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
+    let read = || contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause });
+    let name = path.to_string_lossy();
+    match SceneFormat::from_path(path) {
+        Some(SceneFormat::Toml) => parse_toml(&read()?, &name, path.parent().unwrap_or(Path::new(""))),
+        Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
+        Some(SceneFormat::In) | None => Ok(Opened { scene: parse(&read()?, &name)?, notes: Vec::new() }),
+    }
+}
+
+/// Reads a scene file as [`open`] does, a mesh alone as 800 x 600 pixels.
+///
+/// # Errors
+/// As [`open`].
+pub fn read(path: &Path) -> Result<Scene, SceneError> {
+    Ok(open(path, &Camera::default())?.scene)
+}
+
+fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened, SceneError> {
+    let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
+    let name = Path::new(path.file_stem().unwrap_or_default()).with_extension("png");
+    let name = name.to_string_lossy().into_owned();
+    let setting = Setting::of(&mesh, format, camera);
+    let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, name, *camera));
+    let scene = scene.ok_or_else(|| {
+        let message = "the mesh is too large or too far away to be seen whole".to_owned();
+        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected: None })
+    })?;
+    let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
+    let up = if format == MeshFormat::Stl { "z" } else { "y" };
+    notes.push(format!(
+        "{}: a mesh alone: {up} is up, the camera sees all of it from the front, the right and above, one white light \
+         stands to the left above the camera; `rayo convert` makes a scene of it, to be changed",
+        path.display()
+    ));
+    Ok(Opened { scene, notes })
+}
+
+/// What is to be said of a mesh whose faces have been cut.
+pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
+    let faces = match mesh.polygons {
+        0 => return None,
+        1 => "1 face of more than three corners was".to_owned(),
+        many => format!("{many} faces of more than three corners were"),
+    };
+    Some(format!("{}: {faces} cut into triangles, each from its first corner", path.display()))
+}
+
+/// A file's bytes, so many at most as make sense.
+pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
+    let metadata = fs::metadata(path)?;
+    if metadata.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    let limit = if metadata.is_file() { MAX_FILE } else { MAX_STREAM };
+    let too_large = || {
+        let size = limit >> 20;
+        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, too many for a scene"))
+    };
+    if metadata.len() > limit {
+        return Err(too_large());
+    }
+    // The length is only what the file system says: what is read is held to the limit, too.
+    let mut source = Vec::new();
+    File::open(path)?.take(limit + 1).read_to_end(&mut source)?;
+    if source.len() as u64 > limit { Err(too_large()) } else { Ok(source) }
+}

@@ -1,0 +1,472 @@
+//! Scene files in TOML: the world and where the camera stands in it, checked key by key, moved into the camera's frame.
+
+use std::ops::Range;
+use std::path::Path;
+
+use glam::{DAffine3, DVec3, Vec3};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::log::Log;
+use super::mesh::{Mesh, Placement};
+use super::parse::{Problem, Rule};
+use super::view::{NoView, View};
+use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
+
+/// The focal distance and the film's diagonal where the file gives none: those of Algorithm 1.
+const FOCAL: f32 = 1.0;
+const FILM: f32 = 1.0;
+
+/// Reads a scene in TOML; `name` is what diagnostics call the file, and `folder` where it looks for mesh files.
+///
+/// # Errors
+/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read once the text is in order. Memory stays within
+/// a multiple of `source` and of the mesh files, and time is linear.
+pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
+    let mut log = Log::new(source);
+    let Some((text, start)) = log.text() else { return log.finish(None, name) };
+    let mut reader = Reader { start, notes: Vec::new(), folder };
+    let (table, errors) = DeTable::parse_recoverable(&text[start..]);
+    // Behind the first mistake of the text itself, others are often its consequences.
+    let opened = match errors.iter().min_by_key(|error| error.span().map_or(usize::MAX, |span| span.start)) {
+        Some(error) => {
+            let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
+            let end = text.len() - start;
+            reader.note(error.span().unwrap_or(end..end), message, expected);
+            None
+        }
+        None => reader.scene(table.get_ref(), name),
+    };
+    let mut notes = reader.notes;
+    notes.sort_by_key(|note| (note.span.start, note.span.end));
+    for Note { span, message, expected, help } in notes {
+        log.note(span, format_args!("{message}"), &expected, help);
+    }
+    log.finish(opened, name)
+}
+
+/// Something that is wrong.
+struct Note {
+    span: Range<usize>,
+    message: String,
+    expected: String,
+    help: Option<String>,
+}
+
+struct Reader<'a> {
+    /// Where the TOML begins in the file, after a byte order mark.
+    start: usize,
+    /// In any order: the values are visited in that of the scene, not of the file.
+    notes: Vec<Note>,
+    folder: &'a Path,
+}
+
+/// A table whose keys are known.
+struct Fields<'t> {
+    /// "sphere 3" or "the camera".
+    owner: String,
+    table: &'t DeTable<'t>,
+    /// Its header.
+    span: Range<usize>,
+}
+
+/// A number as the nearest f32, and as the nearest f64 for what is computed before it is rounded.
+#[derive(Clone, Copy)]
+struct Number {
+    single: f32,
+    double: f64,
+}
+
+type Point = [Number; 3];
+
+impl Number {
+    fn of(value: f32) -> Self {
+        Number { single: value, double: value.into() }
+    }
+}
+
+fn single(point: Point) -> Vec3 {
+    Vec3::from_array(point.map(|number| number.single))
+}
+
+fn double(point: Point) -> DVec3 {
+    DVec3::from_array(point.map(|number| number.double))
+}
+
+impl Fields<'_> {
+    fn get(&self, key: &str) -> Option<&Spanned<DeValue<'_>>> {
+        self.table.get(key)
+    }
+
+    fn name(&self, key: &str) -> String {
+        format!("{}'s {key}", self.owner)
+    }
+
+    /// Where a key's value is, or else the header.
+    fn span(&self, key: &str) -> Range<usize> {
+        self.get(key).map_or(self.span.clone(), Spanned::span)
+    }
+}
+
+impl Reader<'_> {
+    fn scene(&mut self, root: &DeTable<'_>, name: &str) -> Option<Opened> {
+        let root = Fields { owner: "the scene".into(), table: root, span: 0..0 };
+        self.known(&root, &["image", "camera", "light", "sphere", "triangle", "mesh"]);
+        let (file, width, height) = self.image(&root, name);
+        let (focal, film, to_camera) = self.camera(&root);
+
+        let mut lights = Vec::new();
+        for fields in self.list(&root, "light", &["position", "colour", "intensity"]) {
+            let intensity = self.number_or(&fields, "intensity", Rule::NotNegative, 1.0);
+            let colour = self.colour(&fields);
+            let position = self.wanted_point(&fields, "position");
+            lights.push(Light { intensity, colour, position: self.moved(&fields, "position", to_camera, position) });
+        }
+        let mut spheres = Vec::new();
+        for fields in self.list(&root, "sphere", &["centre", "radius", "colour"]) {
+            let radius = match fields.get("radius") {
+                Some(_) => self.number_or(&fields, "radius", Rule::Positive, 1.0),
+                None => {
+                    self.missing(&fields, "radius", Rule::Positive.expected());
+                    1.0
+                }
+            };
+            let colour = self.colour(&fields);
+            let centre = self.wanted_point(&fields, "centre");
+            spheres.push(Sphere { radius, colour, centre: self.moved(&fields, "centre", to_camera, centre) });
+        }
+        let mut triangles = Vec::new();
+        for fields in self.list(&root, "triangle", &["vertices", "colour"]) {
+            let colour = self.colour(&fields);
+            let vertices = self.vertices(&fields);
+            let vertices = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
+            triangles.push(Triangle { colour, vertices });
+        }
+        let mut told = Vec::new();
+        for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
+            let colour = self.colour(&fields);
+            let placement = self.placement(&fields);
+            let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply or .stl");
+            if let Some(file) = file.filter(|_| self.notes.is_empty()) {
+                let map = to_camera * placement.to_world();
+                triangles.extend(self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default());
+            }
+        }
+        if !self.notes.is_empty() {
+            return None;
+        }
+        // What a camera cannot be has been noted above.
+        let camera = Camera::new(width, height, focal, film).ok()?;
+        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles }, notes: told })
+    }
+
+    /// The file name, the width and the height of the picture.
+    fn image(&mut self, root: &Fields<'_>, name: &str) -> (String, u32, u32) {
+        let stem = Path::new(name).file_stem().unwrap_or("image".as_ref()).to_string_lossy();
+        let default = format!("{stem}.png");
+        let Some(fields) = self.table(root, "image", "the image", &["file", "width", "height"]) else {
+            if root.get("image").is_none() {
+                self.note(0..0, "the scene has no image", "[image], with its width and height");
+            }
+            return (default, 1, 1);
+        };
+        let file = match fields.get("file") {
+            Some(_) => self.text(&fields, "file", "the name of a picture").unwrap_or_default().to_owned(),
+            None => default,
+        };
+        let (width, height) = (self.side(&fields, "width"), self.side(&fields, "height"));
+        if u64::from(width) * u64::from(height) > MAX_PIXELS {
+            let message = format!("an image of {width} x {height} has more than {MAX_PIXELS} pixels");
+            let expected = format!("a height of at most {} for that width", MAX_PIXELS / u64::from(width));
+            self.note(fields.span("height"), &message, &expected);
+        }
+        (file, width, height)
+    }
+
+    /// The focal distance, the film's diagonal, and the map from the world to the camera's frame.
+    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, DAffine3) {
+        let keys = ["focal", "film", "position", "look_at", "up"];
+        let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
+            return (FOCAL, FILM, DAffine3::IDENTITY);
+        };
+        let focal = self.number_or(&fields, "focal", Rule::Positive, FOCAL);
+        let film = self.number_or(&fields, "film", Rule::Positive, FILM);
+        let before = self.notes.len();
+        let at_rest = View::AT_REST;
+        let position = self.point(&fields, "position", Rule::Any).map_or(at_rest.position, double);
+        let look_at = self.point(&fields, "look_at", Rule::Any).map_or(position + at_rest.look_at, double);
+        let up = self.point(&fields, "up", Rule::Any).map_or(at_rest.up, double);
+        if self.notes.len() > before {
+            return (focal, film, DAffine3::IDENTITY);
+        }
+        let map = View { position, look_at, up }.to_camera().unwrap_or_else(|why| {
+            match why {
+                NoView::Direction => {
+                    let message = "the camera looks at where it stands, which is no direction";
+                    self.note(fields.span("look_at"), message, "a point other than the camera's position");
+                }
+                NoView::Up => {
+                    let message = "the camera's up is the direction of its view, or nothing";
+                    self.note(fields.span("up"), message, "a direction across the view, such as up = [0, 0, 1]");
+                }
+            }
+            DAffine3::IDENTITY
+        });
+        (focal, film, map)
+    }
+
+    fn placement(&mut self, fields: &Fields<'_>) -> Placement {
+        let still = Placement::IDENTITY;
+        let scale = match fields.get("scale") {
+            Some(value) if !value.get_ref().is_array() => {
+                let name = fields.name("scale");
+                self.number(value, &name, Rule::Any).map_or(still.scale, |number| DVec3::splat(number.double))
+            }
+            _ => self.point(fields, "scale", Rule::Any).map_or(still.scale, double),
+        };
+        if scale.to_array().contains(&0.0) {
+            self.note(fields.span("scale"), &format!("{} is 0", fields.name("scale")), "factors other than 0");
+        }
+        let rotate = self.point(fields, "rotate", Rule::Any).map_or(still.rotate, double);
+        let translate = self.point(fields, "translate", Rule::Any).map_or(still.translate, double);
+        Placement { scale, rotate, translate }
+    }
+
+    /// The triangles of a mesh file in the camera's frame.
+    fn mesh(
+        &mut self,
+        fields: &Fields<'_>,
+        file: &str,
+        map: DAffine3,
+        colour: Vec3,
+        told: &mut Vec<String>,
+    ) -> Option<Vec<Triangle>> {
+        let path = self.folder.join(file);
+        let mesh = match Mesh::read(&path) {
+            Ok(mesh) => mesh,
+            Err(error) => {
+                let expected = error.expected.clone().unwrap_or("a mesh that can be read".into());
+                let message = super::mesh::MeshError { expected: None, ..error }.to_string();
+                self.note(fields.span("file"), &message, &expected);
+                return None;
+            }
+        };
+        told.extend(super::open::fans(&path, &mesh));
+        let placed = mesh.placed(map, colour);
+        if placed.is_none() {
+            let message = format!("{} leaves the range of f32 where it is put", fields.owner);
+            self.note(fields.span.clone(), &message, "coordinates within 3.4e38");
+        }
+        placed
+    }
+
+    fn vertices(&mut self, fields: &Fields<'_>) -> [Point; 3] {
+        let stand_in = [[Number::of(0.0); 3]; 3];
+        let expected = "three points, as in [[0, 0, 5], [1, 0, 5], [0, 1, 5]]";
+        let Some(value) = fields.get("vertices") else {
+            self.missing(fields, "vertices", expected);
+            return stand_in;
+        };
+        let name = fields.name("vertices");
+        let Some(points) = value.get_ref().as_array() else {
+            self.note(value.span(), &format!("{name} are {}", kind(value.get_ref())), expected);
+            return stand_in;
+        };
+        let Some([a, b, c]) = points.get(..) else {
+            let message = format!("{} has {} of its three vertices", fields.owner, points.len());
+            self.note(value.span(), &message, expected);
+            return stand_in;
+        };
+        let mut number = 0;
+        [a, b, c].map(|value| {
+            number += 1;
+            let name = format!("{}'s vertex {number}", fields.owner);
+            self.numbers(value, &name, Rule::Any).unwrap_or(stand_in[0])
+        })
+    }
+
+    /// A point in the camera's frame, rounded once.
+    fn moved(&mut self, fields: &Fields<'_>, key: &str, to_camera: DAffine3, point: Point) -> Vec3 {
+        if to_camera == DAffine3::IDENTITY {
+            return single(point);
+        }
+        let moved = to_camera.transform_point3(double(point)).as_vec3();
+        if !moved.is_finite() {
+            let message = format!("{} leaves the range of f32, seen from the camera", fields.name(key));
+            self.note(fields.span(key), &message, "coordinates within 3.4e38");
+        }
+        moved
+    }
+
+    /// Each table of a list, such as every [[light]].
+    fn list<'t>(&mut self, root: &'t Fields<'_>, key: &str, keys: &[&str]) -> Vec<Fields<'t>> {
+        let Some(value) = root.get(key) else { return Vec::new() };
+        let expected = format!("[[{key}]] above the keys of each one");
+        let Some(array) = value.get_ref().as_array() else {
+            self.note(value.span(), &format!("{key} is {}", kind(value.get_ref())), &expected);
+            return Vec::new();
+        };
+        let mut found = Vec::new();
+        for (number, item) in (1..).zip(array.iter()) {
+            let owner = format!("{key} {number}");
+            match item.get_ref().as_table() {
+                Some(table) => {
+                    let fields = Fields { owner, table, span: item.span() };
+                    self.known(&fields, keys);
+                    found.push(fields);
+                }
+                None => self.note(item.span(), &format!("{owner} is {}", kind(item.get_ref())), &expected),
+            }
+        }
+        found
+    }
+
+    fn table<'t>(&mut self, root: &'t Fields<'_>, key: &str, owner: &str, keys: &[&str]) -> Option<Fields<'t>> {
+        let value = root.get(key)?;
+        let Some(table) = value.get_ref().as_table() else {
+            self.note(value.span(), &format!("{key} is {}", kind(value.get_ref())), &format!("[{key}] above its keys"));
+            return None;
+        };
+        let fields = Fields { owner: owner.into(), table, span: value.span() };
+        self.known(&fields, keys);
+        Some(fields)
+    }
+
+    /// Notes keys that mean nothing.
+    fn known(&mut self, fields: &Fields<'_>, keys: &[&str]) {
+        for key in fields.table.keys() {
+            let word = key.get_ref().as_ref();
+            if keys.contains(&word) {
+                continue;
+            }
+            let message = format!("{} has no key `{}`", fields.owner, super::diagnostic::printable(word));
+            let near = keys.iter().map(|known| (strsim::damerau_levenshtein(known, word), known)).min();
+            self.note(key.span(), &message, &one_of(keys));
+            if let (Some((1 | 2, known)), Some(note)) = (near, self.notes.last_mut()) {
+                note.help = Some(format!("did you mean `{known}`?"));
+            }
+        }
+    }
+
+    fn side(&mut self, fields: &Fields<'_>, key: &str) -> u32 {
+        let expected = format!("a whole number from 1 to {MAX_SIDE}");
+        let Some(value) = fields.get(key) else {
+            self.missing(fields, key, &expected);
+            return 1;
+        };
+        let number = value.get_ref().as_integer();
+        let side = number.and_then(|number| u32::from_str_radix(number.as_str(), number.radix()).ok());
+        side.filter(|side| (1..=MAX_SIDE).contains(side)).unwrap_or_else(|| {
+            let problem = match value.get_ref() {
+                DeValue::Integer(_) => "out of range",
+                other => kind(other),
+            };
+            self.note(value.span(), &format!("{} is {problem}", fields.name(key)), &expected);
+            1
+        })
+    }
+
+    fn text<'t>(&mut self, fields: &'t Fields<'_>, key: &str, expected: &str) -> Option<&'t str> {
+        let Some(value) = fields.get(key) else {
+            self.missing(fields, key, expected);
+            return None;
+        };
+        let problem = match value.get_ref() {
+            DeValue::String(text) if text.is_empty() => "empty",
+            DeValue::String(text) => return Some(text),
+            other => kind(other),
+        };
+        self.note(value.span(), &format!("{} is {problem}", fields.name(key)), expected);
+        None
+    }
+
+    fn colour(&mut self, fields: &Fields<'_>) -> Vec3 {
+        self.point(fields, "colour", Rule::NotNegative).map_or(Vec3::ONE, single)
+    }
+
+    fn number_or(&mut self, fields: &Fields<'_>, key: &str, rule: Rule, default: f32) -> f32 {
+        let Some(value) = fields.get(key) else { return default };
+        self.number(value, &fields.name(key), rule).map_or(default, |number| number.single)
+    }
+
+    fn wanted_point(&mut self, fields: &Fields<'_>, key: &str) -> Point {
+        if fields.get(key).is_none() {
+            self.missing(fields, key, "three numbers, as in [0, 0, 5]");
+        }
+        self.point(fields, key, Rule::Any).unwrap_or([Number::of(0.0); 3])
+    }
+
+    /// Three numbers, where the key is there and they are right.
+    fn point(&mut self, fields: &Fields<'_>, key: &str, rule: Rule) -> Option<Point> {
+        self.numbers(fields.get(key)?, &fields.name(key), rule)
+    }
+
+    fn numbers(&mut self, value: &Spanned<DeValue<'_>>, name: &str, rule: Rule) -> Option<Point> {
+        let expected = "three numbers, as in [0, 0, 5]";
+        let Some(array) = value.get_ref().as_array() else {
+            self.note(value.span(), &format!("{name} is {}", kind(value.get_ref())), expected);
+            return None;
+        };
+        let Some([x, y, z]) = array.get(..) else {
+            self.note(value.span(), &format!("{name} has {} of its three numbers", array.len()), expected);
+            return None;
+        };
+        let parts = if matches!(rule, Rule::NotNegative) { ["red", "green", "blue"] } else { ["x", "y", "z"] };
+        let [x, y, z] = [(x, parts[0]), (y, parts[1]), (z, parts[2])]
+            .map(|(value, part)| self.number(value, &format!("the {part} of {name}"), rule));
+        Some([x?, y?, z?])
+    }
+
+    fn number(&mut self, value: &Spanned<DeValue<'_>>, name: &str, rule: Rule) -> Option<Number> {
+        let token = match value.get_ref() {
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().to_owned(),
+            // Of what is written in another base, no more than 64 bits are of use.
+            DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix())
+                .map_or_else(|_| "1e99".to_owned(), |number| number.to_string()),
+            DeValue::Float(float) => float.as_str().to_owned(),
+            other => {
+                self.note(value.span(), &format!("{name} is {}", kind(other)), rule.expected());
+                return None;
+            }
+        };
+        match rule.check(&token) {
+            Ok(single) => Some(Number { single, double: token.parse().unwrap_or(single.into()) }),
+            Err(Problem { what, help }) => {
+                self.note(value.span(), &format!("{name} {what}"), rule.expected());
+                if let (Some(help), Some(note)) = (help, self.notes.last_mut()) {
+                    note.help = Some(help.to_owned());
+                }
+                None
+            }
+        }
+    }
+
+    fn missing(&mut self, fields: &Fields<'_>, key: &str, expected: &str) {
+        let expected = format!("`{key}`: {expected}");
+        self.note(fields.span.clone(), &format!("{} has no {key}", fields.owner), &expected);
+    }
+
+    fn note(&mut self, span: Range<usize>, message: &str, expected: &str) {
+        let span = span.start + self.start..span.end + self.start;
+        self.notes.push(Note { span, message: message.into(), expected: expected.into(), help: None });
+    }
+}
+
+/// What kind of value it is.
+fn kind(value: &DeValue<'_>) -> &'static str {
+    match value {
+        DeValue::String(_) => "a string",
+        DeValue::Integer(_) | DeValue::Float(_) => "a number",
+        DeValue::Boolean(_) => "true or false",
+        DeValue::Datetime(_) => "a date or a time",
+        DeValue::Array(_) => "an array of something else",
+        DeValue::Table(_) => "a table",
+    }
+}
+
+/// "`a`, `b` or `c`".
+fn one_of(keys: &[&str]) -> String {
+    let quoted: Vec<_> = keys.iter().map(|key| format!("`{key}`")).collect();
+    let (last, rest) = quoted.split_last().expect("a table has keys");
+    format!("{} or {last}", rest.join(", "))
+}
