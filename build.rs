@@ -102,8 +102,11 @@ mod native {
         println!("cargo::rustc-cfg=rayo_asm");
 
         let layout = layout::parse(&fs::read_to_string("asm/include/layout.inc").unwrap());
-        fs::write(out.join("layout.rs"), layout::to_rust(&layout)).unwrap();
         fs::write(out.join("layout.h"), layout::to_c(&layout)).unwrap();
+        // C has no tiles.
+        let tiles = fs::read_to_string("asm/include/tile_layout.inc").unwrap();
+        let all: Vec<_> = layout.into_iter().chain(layout::parse(&tiles)).collect();
+        fs::write(out.join("layout.rs"), layout::to_rust(&all) + &layout::numbers_to_rust(&tiles)).unwrap();
 
         let assembled = assemble();
         let compiled = compile(&out);
@@ -249,7 +252,7 @@ mod native {
             for (number, line) in text.lines().enumerate() {
                 let line = line.split(';').next().unwrap_or_default();
                 match *line.split_whitespace().collect::<Vec<_>>() {
-                    [] | ["endstruc"] => {}
+                    [] | ["endstruc"] | ["%assign", ..] => {}
                     ["struc", name] => {
                         strucs.push(Struc { name: name.into(), of_elements: false, fields: Vec::new(), size: 0 });
                     }
@@ -279,6 +282,16 @@ mod native {
                 }
             }
             text + "}\n"
+        }
+
+        /// An assertion for each number, `%assign NAME value`.
+        pub fn numbers_to_rust(text: &str) -> String {
+            let mut assertions = String::new();
+            for line in text.lines().filter(|line| line.starts_with("%assign")) {
+                let [_, name, value, ..] = line.split_whitespace().collect::<Vec<_>>()[..] else { panic!("{line}") };
+                writeln!(assertions, "const _: () = assert!(super::tiles::{name} == {value});").unwrap();
+            }
+            assertions
         }
 
         /// A macro that applies one check to every field and one to every size.

@@ -50,6 +50,8 @@ fn frames(c: &mut Criterion) {
         ("tetrahedron", tetrahedron()),
         ("hundred_spheres", small(many(100, 0, SEED))),
         ("hundred_triangles", small(many(0, 100, SEED))),
+        ("thousand_spheres", small(many(1000, 0, SEED))),
+        ("thousand_triangles", small(many(0, 1000, SEED))),
         ("eight_lights", eight_lights()),
     ] {
         let camera = scene.camera;

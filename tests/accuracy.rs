@@ -222,15 +222,15 @@ fn what_an_engine_says_that_it_hits_is_what_it_draws() {
 }
 
 /// The reference with something broken.
-struct Broken {
-    right: Box<dyn Tracer>,
+struct Broken<'a> {
+    right: Box<dyn Tracer + 'a>,
     /// Changes what was found, pixel by pixel.
     found: fn(usize, &mut Option<Found>),
     /// Changes what was drawn.
     drawn: fn(&mut [rayo::kernels::Vec4]),
 }
 
-impl Tracer for Broken {
+impl Tracer for Broken<'_> {
     fn writes(&self, format: PixelFormat) -> bool {
         format == PixelFormat::F32x4
     }

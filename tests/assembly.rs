@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 105] = [
+const PACKET_SNIPPETS: [Snippet; 124] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -546,6 +546,27 @@ const PACKET_SNIPPETS: [Snippet; 105] = [
     ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
     ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, ON_PLANE, v6, v7, v8, v9, v10, v11, 0"),
     ("LAMBERT3", "from the camera", "v0, v1, v2, v3, v4, v5, rdi, FROM_CAMERA, v6, v7, v8, v9, v10, v11, 0"),
+    ("VAND", "", "v0, v0, v1"),
+    ("VAND", "where d is neither a nor b", "v0, v1, v2"),
+    ("VXOR", "", "v0, v0, v1"),
+    ("VXOR", "where d is neither a nor b", "v0, v1, v2"),
+    ("VABS", "", "v0, v0"),
+    ("VABS", "where d is not a", "v0, v1"),
+    ("MASK_AND_GREATER", "", "v0, v1, v2"),
+    ("MASK_AND_NOT_LESS", "", "v0, v1, v2"),
+    ("MASK_BITS", "", "eax"),
+    ("MASK_STORE", "", "[rdi], v0, v1"),
+    ("MASK_KEEP", "", "v0"),
+    ("WIDEN", "in f64", "v0, [rdi]"),
+    ("INSERT128", "", "0, [rdi], 0"),
+    ("STORE128", "", "[rdi], w, 0, 0"),
+    ("CROSS3_UNFUSED", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
+    ("TRIANGLE_VOLUME", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
+    ("TRIANGLE_EDGE", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
+    ("TURN4", "", "0, 1, 2, 3, 4, 5, 6, 0"),
+    ("TURN_QUARTER", "", "rdi, red, green, blue, ax, rax, rbx, rcx, rdx, 0, 0, 1, 2, 3, 4"),
+    ("TURN_FACETS", "", "rdi, rax, rbx, rcx, rdx"),
+    ("GATHER4", "", "0, 1, 2, 3, 4, 5, 6, rdi, rsi, ax"),
 ];
 
 /// The bytes of the packets' elements, f32 and f64.

@@ -13,10 +13,12 @@ use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
     BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow, LitRows,
-    LitSetup, LitSphere, Objects, Op, OpRef, Plain, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows, SpanKernels,
-    Sphere, Surface, Triangle, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
+    LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgba8, Row, RowSetup, Shade,
+    ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
+    Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
 };
-use rayo::scene::Rng;
+use rayo::plan::{TilePlace, Tiles};
+use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
 
@@ -592,6 +594,170 @@ fn pixels_of_bytes_may_begin_at_any_address() {
                     assert_eq!(bytes[offset..end], *expected.as_flattened(), "{symbol}: {pixels} pixels at {offset}");
                     let beside = [&bytes[..offset], &bytes[end..]].concat();
                     assert!(beside.iter().all(|byte| *byte == 7), "{symbol}: {pixels} pixels at {offset}");
+                }
+            }
+        }
+    }
+}
+
+/// A film around a tile, in pixels.
+const TILE_FILM: (usize, usize) = (70, 34);
+
+/// Shades a window of a tile, checked, into a film of canaries; then with its last pixel flush with a guard page.
+fn check_shade_tile<E: Element, P: Pixel>(
+    kernel: &ShadeTile<E, P>,
+    plan: &Tiles<'_, E>,
+    buffers: &TileBuffers<E>,
+    looks: Looks<'_, E>,
+    window: &TileWindow,
+) {
+    let (width, height) = TILE_FILM;
+    let (_, rays) = plan.view(TilePlace { across: 0, down: 0 });
+    let what = format!("{} of {window:?}", kernel.symbol());
+    let (first, rows, columns) = (width + 3, window.rows.len(), window.columns as usize);
+    let film = |checked: bool| {
+        let mut pixels = vec![P::CANARY; width * height];
+        let out = TileOut { pixels: &mut pixels, first, width };
+        if checked {
+            assert_eq!(kernel.call_checked(&rays, buffers, looks, window, out), Ok(()), "{what}");
+        } else {
+            kernel.call(&rays, buffers, looks, window, out);
+        }
+        pixels
+    };
+    let pixels = film(true);
+    assert_eq!(bits(&pixels), bits(&film(false)), "{what}");
+    for (i, pixel) in pixels.iter().enumerate() {
+        let inside = i >= first && (i - first) / width < rows && (i - first) % width < columns;
+        let fine = if inside { pixel.whole() } else { pixel.bits() == P::CANARY.bits() };
+        assert!(fine, "{what}: pixel {i}");
+    }
+    for side in SIDES {
+        let mut pixels = Guarded::new(&vec![P::CANARY; (rows - 1) * width + columns], side).unwrap();
+        let out = |pixels| TileOut { pixels, first: 0, width };
+        let alive = survives(|| kernel.call(&rays, buffers, looks, window, out(&mut pixels))).unwrap();
+        assert!(alive, "{what} touches the guard page {side:?}");
+    }
+}
+
+fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, seed: u64) {
+    let kernels = &kernels.tiles;
+    for (count, lights) in [(1, 1), (2, 0), (3, 2), (63, 1), (64, 2)] {
+        let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
+        let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
+        scene.lights.truncate(lights);
+        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, false);
+        let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
+        let ids: Vec<_> = (0..count as u32).collect();
+        let order: Vec<_> = std::iter::repeat_n(0, 1 + count).chain(1..=count as u32).collect();
+        let grid = plan.grid();
+        for side in SIDES {
+            // What is read lies between guard pages; the plan's copies are the scene's own.
+            let facets = Guarded::new(plan.facets(), side).unwrap();
+            let ids = Guarded::new(&ids, side).unwrap();
+            let lights = Guarded::new(&plan.levels().lights, side).unwrap();
+            let order = Guarded::new(&order, side).unwrap();
+            let triangles = Triangles {
+                facets: &facets,
+                bounds: plan.triangle_bounds(),
+                lights: &lights,
+                ids: &ids,
+                first_id: 1 + count,
+            };
+            let spheres = Spheres { spheres: plan.spheres(), bounds: plan.sphere_bounds(), ids: &ids, first_id: 1 };
+            for window in [(64, 0..32), (1, 0..1), (37, 3..5), (64, 31..32), (63, 1..30)] {
+                let window = TileWindow { column: 0, row: 0, columns: window.0, rows: window.1 };
+                let (mut checked, mut unchecked) = (TileBuffers::default(), TileBuffers::default());
+                let shades = || vec![TileShade::<E>::default(); (1 + count) * lights.len()];
+                let (mut of_checked, mut of_unchecked) = (shades(), shades());
+                let alive = survives(|| {
+                    let (mut buffers, mut shades) = (TileBuffers::default(), shades());
+                    kernels.nearest_spheres.call(spheres, &mut buffers, &window, &grid);
+                    kernels.set_up.call(&view, triangles, &mut buffers, &mut shades);
+                    kernels.nearest_triangles.call(&mut buffers, &order, &window, &grid);
+                });
+                let what = format!("{}, {count} of a kind, {window:?}", kernels.set_up.symbol());
+                assert!(alive.unwrap(), "{what}: the guard page {side:?} is touched");
+                assert_eq!(
+                    kernels.nearest_spheres.call_checked(spheres, &mut checked, &window, &grid),
+                    Ok(()),
+                    "{what}"
+                );
+                let kept = kernels.set_up.call_checked(&view, triangles, &mut checked, &mut of_checked);
+                assert_eq!(kept, Ok(()), "{what}");
+                let kept = kernels.nearest_triangles.call_checked(&mut checked, &order, &window, &grid);
+                assert_eq!(kept, Ok(()), "{what}");
+                kernels.nearest_spheres.call(spheres, &mut unchecked, &window, &grid);
+                kernels.set_up.call(&view, triangles, &mut unchecked, &mut of_unchecked);
+                kernels.nearest_triangles.call(&mut unchecked, &order, &window, &grid);
+                assert!(of_checked == of_unchecked, "{what}");
+                let all = || (0..32).flat_map(|row| (0..64).map(move |column| (column, row)));
+                let of = |buffers: &TileBuffers<E>| all().map(|(x, y)| buffers.pixel(4, x, y)).collect::<Vec<_>>();
+                assert!(of(&checked) == of(&unchecked), "{what}");
+                let looks = Looks {
+                    shades: &of_checked,
+                    lights: plan.points(),
+                    sphere_ids: &ids,
+                    spheres: plan.spheres(),
+                    lits: &plan.levels().lits,
+                    shorts: plan.shorts(),
+                };
+                check_shade_tile(&kernels.f32x4, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.f32x4_fast, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgba8, &plan, &checked, looks, &window);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alone() {
+    let seed = seed();
+    for (_, kernels) in packet_kernels() {
+        check_tiles(kernels, &kernels.single, seed);
+        check_tiles(kernels, &kernels.double, seed);
+        check_bounds(kernels, seed);
+    }
+}
+
+fn check_bounds(kernels: &PacketKernels, seed: u64) {
+    let view = rayo::kernels::BoundsView {
+        to_pixels: 80.0,
+        column: 31.5,
+        row: 15.5,
+        low: 0.99,
+        high: 1.01,
+        width: 64.0,
+        height: 32.0,
+        near: 1.0,
+        all_columns: f32::from_bits(64 << 16),
+        all_rows: f32::from_bits(32 << 16),
+    };
+    for count in [1, 2, 3, 5, 63, 64, 65, 200] {
+        let scene = scene::many(0, count, seed);
+        for side in SIDES {
+            let facets = Guarded::new(&scene.triangles, side).unwrap();
+            let room = count.next_multiple_of(rayo::kernels::CHUNK);
+            let bounds =
+                || rayo::kernels::PixelBounds { columns: vec![7; room], rows: vec![7; room], near: vec![7.0; room] };
+            let (mut checked, mut unchecked) = (bounds(), bounds());
+            let what = format!("{} of {count}", kernels.bounds.symbol());
+            let alive = survives(|| kernels.bounds.call(&view, &facets, &mut bounds())).unwrap();
+            assert!(alive, "{what}: the guard page {side:?} is touched");
+            assert_eq!(kernels.bounds.call_checked(&view, &facets, &mut checked), Ok(()), "{what}");
+            kernels.bounds.call(&view, &facets, &mut unchecked);
+            assert_eq!(checked.columns[..count], unchecked.columns[..count], "{what}");
+            assert_eq!(checked.rows[..count], unchecked.rows[..count], "{what}");
+            // Every corner's own pixel is within the bounds.
+            for (facet, (columns, rows)) in facets.iter().zip(checked.columns.iter().zip(&checked.rows)) {
+                for v in facet.vertices {
+                    let (x, y) = (31.5 + 80.0 * v.x / v.z, 15.5 - 80.0 * v.y / v.z);
+                    let within = |at: f32, bounds: u32, side: f32| {
+                        at < 0.0
+                            || at > side
+                            || (bounds & 0xffff) as f32 <= at.ceil() && at.floor() < (bounds >> 16) as f32
+                    };
+                    assert!(within(x, *columns, 63.0) && within(y, *rows, 31.0), "{what}: {x} {y}");
                 }
             }
         }

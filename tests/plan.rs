@@ -2,7 +2,6 @@
 
 #![cfg(rayo_asm)]
 
-#[expect(dead_code, reason = "other tests use the rest of it")]
 mod contenders;
 
 use std::path::Path;

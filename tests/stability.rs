@@ -35,7 +35,7 @@ fn cases(family: &'static Family) -> impl Iterator<Item = Case> {
     (0..family.levels.len()).map(case).filter(|case| case.valid && case.scene.camera.pixels() <= 2000)
 }
 
-fn prepare(contender: &Contender, scene: &Scene) -> Box<dyn Tracer> {
+fn prepare<'a>(contender: &Contender, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
     contender.engine.prepare(Some(contender.precision), scene, &scene.camera).unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -54,8 +54,8 @@ pub enum AblationError {
 }
 
 /// A way to trace the scene.
-struct Contestant {
-    tracer: Box<dyn Tracer>,
+struct Contestant<'a> {
+    tracer: Box<dyn Tracer + 'a>,
     /// Whether it traces floats and makes bytes of them.
     by_floats: bool,
 }
@@ -73,7 +73,7 @@ pub fn run(
     ticks: u64,
     clock: &mut dyn Clock,
 ) -> Result<Ablation, AblationError> {
-    let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant, EngineError> {
+    let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant<'_>, EngineError> {
         let format = if by_floats { Some(PixelFormat::F32x4) } else { purpose.format };
         Ok(Contestant { tracer: engine.prepare_for(Purpose { format, keep, ..purpose }, scene, camera)?, by_floats })
     };
@@ -144,7 +144,7 @@ fn bands(camera: &Camera) -> Vec<Range<u32>> {
     (0..camera.height()).step_by(rows).map(start).collect()
 }
 
-impl Contestant {
+impl Contestant<'_> {
     fn trace(&self, camera: &Camera, bands: &[Range<u32>], out: &mut Film, floats: &mut Film) {
         for rows in bands {
             let width = camera.width() as usize;

@@ -240,7 +240,7 @@ impl Planned {
     }
 
     /// The tracer of an engine, where it is one.
-    fn tracer(&self, scene: &Scene, camera: &Camera) -> Result<Option<Box<dyn Tracer>>, SpeedupError> {
+    fn tracer<'a>(&self, scene: &'a Scene, camera: &Camera) -> Result<Option<Box<dyn Tracer + 'a>>, SpeedupError> {
         Ok(match self.tracing {
             Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene, camera)?),
             Tracing::Variant(_) | Tracing::Aos(_) => None,

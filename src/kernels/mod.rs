@@ -21,6 +21,7 @@ mod packet;
 mod spans;
 pub mod step;
 pub mod sys;
+mod tiles;
 mod types;
 #[cfg(rayo_asm)]
 mod vec3;
@@ -40,11 +41,20 @@ pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
     Bodies, Depth, Emit, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows,
-    SpanKernels, packet_symbols, packets,
+    SpanKernels, TileKernels, packet_symbols, packets,
 };
 pub use spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit,
     TriangleHit, TriangleSpan,
+};
+#[cfg(rayo_asm)]
+pub use tiles::{
+    Bounds, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers, TileGrid,
+    TileOut, TileWindow, Triangles,
+};
+pub use tiles::{
+    BoundsView, CHUNK, Corners, Facet, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
+    TileSphere, TileView, TrianglePlanes,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

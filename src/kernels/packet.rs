@@ -1,12 +1,17 @@
 //! The packet kernels: a table of them per ISA and element type, and safe calls.
 
 use std::collections::BTreeSet;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use super::checked::{self, Fault};
 use super::isa::Isa;
 use super::spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
+};
+use super::tiles::{
+    Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask,
+    ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
 };
 use super::types::Vec4;
 
@@ -120,6 +125,32 @@ pub struct SpanKernels<E: 'static> {
     pub emit_f32x4: Emit<E, Vec4>,
     /// A row of buffers to 8-bit levels.
     pub emit_rgba8: Emit<E, Rgba8>,
+    /// Many objects, tile by tile.
+    pub tiles: TileKernels<E>,
+}
+
+/// The kernels that trace in object order.
+pub struct TileKernels<E> {
+    /// Triangles to planes.
+    pub set_up: SetUp<E>,
+    /// The nearest of triangles.
+    pub nearest_triangles: NearestTriangles<E>,
+    /// The nearest of spheres.
+    pub nearest_spheres: NearestSpheres<E>,
+    /// To linear floats.
+    pub f32x4: ShadeTile<E, Vec4>,
+    /// To linear floats with estimates (in f64: as `f32x4`).
+    pub f32x4_fast: ShadeTile<E, Vec4>,
+    /// To 8-bit levels (in f32: with estimates).
+    pub rgba8: ShadeTile<E, Rgba8>,
+}
+
+impl<E: Element> TileKernels<E> {
+    fn symbols(&self) -> [&'static str; 6] {
+        let TileKernels { set_up, nearest_triangles, nearest_spheres, f32x4, f32x4_fast, rgba8 } = self;
+        let nearest = [nearest_triangles.symbol(), nearest_spheres.symbol()];
+        [set_up.symbol(), nearest[0], nearest[1], f32x4.symbol(), f32x4_fast.symbol(), rgba8.symbol()]
+    }
 }
 
 /// All packet kernels of an ISA.
@@ -130,6 +161,8 @@ pub struct PacketKernels {
     pub double: SpanKernels<f64>,
     /// What no ray hits.
     pub fill: Fill,
+    /// Which pixels triangles can cover.
+    pub bounds: Bounds,
 }
 
 impl<S, E> Bodies<S, E> {
@@ -148,25 +181,25 @@ impl<E> LitBodies<E> {
     }
 }
 
-impl<E> SpanKernels<E> {
+impl<E: Element> SpanKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
         #[rustfmt::skip]
         let SpanKernels {
             lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, near, inside, triangle, emit_f32x4,
-            emit_rgba8,
+            emit_rgba8, tiles,
         } = self;
         let spheres = [outside.symbols(), near.symbols(), inside.symbols()].concat();
         let rows = vec![lit_rows.symbol, lit_planes.symbol, lit_planes_fast.symbol];
         let emits = vec![emit_f32x4.symbol, emit_rgba8.symbol];
-        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits].concat()
+        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits, tiles.symbols().to_vec()].concat()
     }
 }
 
 /// The symbols of all packet kernels in this build, whether this CPU runs them or not.
 pub fn packet_symbols() -> BTreeSet<&'static str> {
     let of = |kernels: &PacketKernels| {
-        let PacketKernels { single, double, fill } = kernels;
-        [single.symbols(), double.symbols(), vec![fill.symbol]].concat()
+        let PacketKernels { single, double, fill, bounds } = kernels;
+        [single.symbols(), double.symbols(), vec![fill.symbol, bounds.symbol()]].concat()
     };
     [&SSE41, &AVX2, &AVX512].into_iter().flat_map(of).collect()
 }
@@ -530,6 +563,15 @@ macro_rules! span_kernels {
                 Emit { code: kernel, symbol: concat!($prefix, "emit_", $output) }
             }};
         }
+        macro_rules! shade_tile {
+            ($output:expr, $pixel:ty) => {{
+                unsafe extern "sysv64" {
+                    #[link_name = concat!($prefix, "tile_", $output)]
+                    fn kernel(rays: *const TileRays<$element>, task: *const ShadeTask);
+                }
+                ShadeTile { code: kernel, symbol: concat!($prefix, "tile_", $output), writes: PhantomData }
+            }};
+        }
         macro_rules! lit {
             ($body:literal, $output:expr, $pixel:ty) => {{
                 unsafe extern "sysv64" {
@@ -592,6 +634,27 @@ macro_rules! span_kernels {
             triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),
             emit_rgba8: emit!("rgba8", Rgba8),
+            tiles: {
+                unsafe extern "sysv64" {
+                    #[link_name = concat!($prefix, "set_up")]
+                    fn set_up(view: *const TileView<f64>, task: *const SetupTask);
+                    #[link_name = concat!($prefix, "nearest_triangles")]
+                    fn triangles(planes: *const TrianglePlanes<$element>, task: *const NearestTask);
+                    #[link_name = concat!($prefix, "nearest_spheres")]
+                    fn spheres(spheres: *const TileSphere<$element>, task: *const NearestTask);
+                }
+                TileKernels {
+                    set_up: SetUp { code: set_up, symbol: concat!($prefix, "set_up"), writes: PhantomData },
+                    nearest_triangles: NearestTriangles {
+                        code: triangles,
+                        symbol: concat!($prefix, "nearest_triangles"),
+                    },
+                    nearest_spheres: NearestSpheres { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
+                    f32x4: shade_tile!("f32x4", Vec4),
+                    f32x4_fast: shade_tile!(concat!("f32x4", $fast), Vec4),
+                    rgba8: shade_tile!("rgba8", Rgba8),
+                }
+            },
         }
     }};
 }
@@ -602,11 +665,14 @@ macro_rules! packet_kernels {
             unsafe extern "sysv64" {
                 #[link_name = concat!("rayo_", $isa, "_fill")]
                 fn fill(out: *mut u32, count: u64, pattern: u32, streaming: u64);
+                #[link_name = concat!("rayo_", $isa, "_bounds")]
+                fn bounds(view: *const BoundsView<f32>, task: *const BoundsTask);
             }
             PacketKernels {
                 single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast", "_fast"),
                 double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
+                bounds: Bounds { code: bounds, symbol: concat!("rayo_", $isa, "_bounds") },
             }
         };
     };

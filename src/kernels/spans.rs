@@ -3,7 +3,7 @@
 use super::types::Plain;
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
-pub trait Element: Plain + Default + PartialEq + Send + Sync {
+pub trait Element: Plain + Default + PartialOrd + Send + Sync {
     /// From 1 to the next number: twice the largest relative error of a rounding.
     const EPSILON: f64;
     /// Rounded to nearest.
@@ -39,7 +39,7 @@ macro_rules! records {
             $(#[$doc])*
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
             #[repr(C)]
-            #[expect(missing_docs, reason = "layout.inc says what each field is")]
+            #[expect(missing_docs, reason = "layout.inc or tile_layout.inc says what each field is")]
             pub struct $name<E> {
                 $(pub $field: E,)*
             }
@@ -65,6 +65,8 @@ macro_rules! records {
         )*
     };
 }
+
+pub(super) use records;
 
 records! {
     /// What all spans begin with.

@@ -80,6 +80,23 @@ pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
+/// Asks for large pages for the room of a vector, as far as they lie within it. Only a wish: nothing else depends on it.
+#[cfg(target_os = "linux")]
+pub fn large_pages<T>(room: &mut Vec<T>) {
+    const LARGE: usize = 2 << 20;
+    let first = room.as_mut_ptr() as usize;
+    let end = first + room.capacity() * size_of::<T>();
+    let (first, end) = (first.next_multiple_of(LARGE), end / LARGE * LARGE);
+    if first < end {
+        // SAFETY: whole pages within the vector's own memory; which size the system makes them of changes no content.
+        unsafe { libc::madvise(first as *mut libc::c_void, end - first, libc::MADV_HUGEPAGE) };
+    }
+}
+
+/// Large pages are not known here.
+#[cfg(not(target_os = "linux"))]
+pub fn large_pages<T>(_: &mut Vec<T>) {}
+
 /// The cores that a thread may run on.
 #[cfg(target_os = "linux")]
 #[derive(Clone, Copy)]

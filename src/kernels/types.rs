@@ -169,6 +169,7 @@ const ORIGIN: Vec4 = Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
 plain! {
     f32 = 0.0,
     f64 = 0.0,
+    u32 = 0,
     [u8; 4] = [0; 4],
     Vec4 = ORIGIN,
     Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
@@ -190,6 +191,11 @@ macro_rules! layout_checks {
 #[cfg(rayo_asm)]
 use super::spans::{
     InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
+};
+#[cfg(rayo_asm)]
+use super::tiles::{
+    BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, ShortLit, Tile, TileLight, TileRays,
+    TileShade, TileSphere, TileView, TrianglePlanes,
 };
 #[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));

@@ -9,9 +9,13 @@ use super::aos::AosTracer;
 use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
+#[cfg(rayo_asm)]
+use super::tiles::TileTracer;
 use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Isa};
+use crate::kernels::{self, Isa, PacketKernels};
+#[cfg(rayo_asm)]
+use crate::plan;
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, InvalidScene, Scene};
 
@@ -167,17 +171,22 @@ impl Engine {
     }
 
     /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
-    pub fn prepare(
+    pub fn prepare<'a>(
         self,
         precision: Option<Precision>,
-        scene: &Scene,
+        scene: &'a Scene,
         camera: &Camera,
-    ) -> Result<Box<dyn Tracer>, EngineError> {
+    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
         self.prepare_for(Purpose { precision, ..Purpose::default() }, scene, camera)
     }
 
     /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
-    pub fn prepare_for(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Box<dyn Tracer>, EngineError> {
+    pub fn prepare_for<'a>(
+        self,
+        purpose: Purpose,
+        scene: &'a Scene,
+        camera: &Camera,
+    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
         let precision = self.precision_for(purpose)?;
         scene.check()?;
         Ok(match self {
@@ -195,6 +204,10 @@ impl Engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 let Purpose { format, keep, .. } = purpose;
+                if plan::tiles_pay(scene, camera) {
+                    let keep_all = keep.has(Omission::Misses);
+                    return Ok(tiles(kernels, precision, scene, camera, keep_all));
+                }
                 match precision {
                     Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
                     Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
@@ -202,6 +215,35 @@ impl Engine {
                 }
             }
         })
+    }
+
+    /// Gets a packet engine ready to trace tile by tile, however few objects there are; with `keep_all` by brute force:
+    /// every object is asked at every pixel, by the same arithmetic. None for the other engines, which have no tiles.
+    #[cfg(rayo_asm)]
+    pub fn prepare_tiles<'a>(
+        self,
+        precision: Precision,
+        scene: &'a Scene,
+        camera: &Camera,
+        keep_all: bool,
+    ) -> Option<Box<dyn Tracer + 'a>> {
+        let Engine::Packet(isa) = self else { return None };
+        Some(tiles(kernels::packets(isa)?, precision, scene, camera, keep_all))
+    }
+}
+
+#[cfg(rayo_asm)]
+fn tiles<'a>(
+    kernels: &'static PacketKernels,
+    precision: Precision,
+    scene: &'a Scene,
+    camera: &Camera,
+    keep_all: bool,
+) -> Box<dyn Tracer + 'a> {
+    match precision {
+        Precision::Single => Box::new(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep_all)),
+        Precision::Fast => Box::new(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep_all)),
+        Precision::Double => Box::new(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep_all)),
     }
 }
 

@@ -103,7 +103,8 @@ impl<'a> Frame<'a> {
     ) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
-        let task_rows = (TASK_PIXELS / width).max(1);
+        let together = self.tracer.rows_together() as usize;
+        let task_rows = (TASK_PIXELS / width).max(1).next_multiple_of(together);
         let task = |(index, part): (usize, &'b mut [T])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
@@ -122,7 +123,9 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     let camera = frame.camera;
     let bytes = image.format().is_8bit();
     let format = if bytes && frame.tracer.writes(PixelFormat::Rgba8) { PixelFormat::Rgba8 } else { PixelFormat::F32x4 };
-    let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).clamp(1, camera.height() as usize) as u32;
+    let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).max(1);
+    let band_rows =
+        band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
     let mut film = frame.film(format, band_rows)?;
     let mut bytes_of_floats = Vec::new();
     let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };

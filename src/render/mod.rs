@@ -12,6 +12,8 @@ mod output;
 mod packet;
 pub mod reference;
 mod rust;
+#[cfg(rayo_asm)]
+mod tiles;
 mod truth;
 
 pub use engine::{Engine, EngineError, Precision, Purpose};
@@ -29,6 +31,11 @@ pub trait Tracer: Sync {
     /// Whether it computes in a format; it does in [`PixelFormat::F32x4`] in any case, unless it was got ready for another
     /// alone.
     fn writes(&self, format: PixelFormat) -> bool;
+
+    /// How many rows, from a multiple of it on, cost least when they are traced together.
+    fn rows_together(&self) -> u32 {
+        1
+    }
 
     /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth.
     /// Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by estimates that

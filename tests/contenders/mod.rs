@@ -21,7 +21,7 @@ impl std::fmt::Display for Contender {
 }
 
 impl Contender {
-    pub fn prepare(&self, scene: &Scene) -> Box<dyn Tracer> {
+    pub fn prepare<'a>(&self, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
         self.engine.prepare(Some(self.precision), scene, &scene.camera).unwrap()
     }
 

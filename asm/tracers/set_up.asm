@@ -1,0 +1,287 @@
+; set_up.asm - triangles of a tile from corners to planes over its pixels, LANES triangles in lockstep, in f64.
+;
+; unsafe extern "sysv64" fn(view: *const TileView<f64>, task: *const SetupTask)
+;
+;   rayo_<isa>_single_set_up    writes f32
+;   rayo_<isa>_double_set_up    writes f64
+;
+;   The degenerate rule and the planes of the edges are those of reference::geometry, in its order of operations.
+;   A triangle that is never hit gets a 1/t of 0, which is never nearest.
+;
+;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
+;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
+;   writes      planes and shades of count triangles, up to a multiple of LANES
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; ids of facets
+
+; FACET_OF - r = the address of the facet number i of those from r8 on, of which rcx are left, or else of the first of
+;            them; its bounds go to the corners at r9. Clobbers r14.
+%macro FACET_OF 3
+%define %%i %1          ; [in]       0 to 3
+%define %%r %2          ; [out]      general register
+%define %%e %3          ; [clobbered] its 32 bits
+    xor     r14d, r14d
+    cmp     rcx, %%i + 1
+    adc     r14d, r14d                  ; 1 where there is none
+    dec     r14d
+    and     r14d, 4 * %%i
+    mov     r14d, [r8 + r14]
+    mov     %%e, [r10 + 4 * r14]
+    mov     [r9 + Corners.columns + 4 * %%i], %%e
+    mov     %%e, [r11 + 4 * r14]
+    mov     [r9 + Corners.rows + 4 * %%i], %%e
+    mov     %%e, [r15 + 4 * r14]
+    mov     [r9 + Corners.near + 4 * %%i], %%e
+    lea     r14, [r14 + 2 * r14]
+    shl     r14, 4                      ; Facet_size is 48
+    lea     %%r, [rdx + r14]
+%endmacro
+
+; ROUNDED_STORE - stores a register as elements of `out` bytes.
+%macro ROUNDED_STORE 3
+%define %%out %1        ; [in]       4 or 8
+%define %%field %2      ; [in]       of TrianglePlanes
+%define %%i %3          ; [clobbered] number of a register
+%if %%out == 8
+    VSTORE  [r9 + 8 * TrianglePlanes. %+ %%field], v%[%%i]
+%else
+    NARROW  %%i
+    STORE_NARROW r9 + 4 * TrianglePlanes. %+ %%field, %%i
+%endif
+%endmacro
+
+; STORE_NARROW - stores all of w<i>, or its half where LANES is 2.
+%macro STORE_NARROW 2
+%define %%m %1          ; [in]       address
+%define %%i %2          ; [in]       number of a register
+%if LANES == 2
+    movq    [%%m], x%[%%i]
+%elif HAS_VEX
+    vmovups [%%m], w%[%%i]
+%else
+    movups  [%%m], w%[%%i]
+%endif
+%endmacro
+
+; LOAD_CORNER - three registers from corner a, b or c.
+%macro LOAD_CORNER 4
+%define %%x %1          ; [out]      vreg
+%define %%y %2          ; [out]      vreg
+%define %%z %3          ; [out]      vreg
+%define %%corner %4     ; [in]       a, b or c
+    WIDEN   %%x, [r8 + Corners. %+ %%corner %+ x]
+    WIDEN   %%y, [r8 + Corners. %+ %%corner %+ y]
+    WIDEN   %%z, [r8 + Corners. %+ %%corner %+ z]
+%endmacro
+
+; STORE_EDGE - the edge in v11, v12, v13 as fields e<n>x, e<n>y, e<n>0.
+%macro STORE_EDGE 2
+%define %%out %1        ; [in]       4 or 8
+%define %%n %2          ; [in]       1, 2 or 3
+    ROUNDED_STORE %%out, e%[%%n]0, 11
+    ROUNDED_STORE %%out, e%[%%n]x, 12
+    ROUNDED_STORE %%out, e%[%%n]y, 13
+%endmacro
+
+; WEIGHT - v<i> = the colour times what the light at r11 radiates, finite in f32 too. Clobbers v15.
+%macro WEIGHT 2
+%define %%i %1          ; [out]      number of a register
+%define %%channel %2    ; [in]       red, green or blue
+    WIDEN   v%[%%i], [r8 + Corners. %+ %%channel]
+    VSPREAD v15, [r11 + 8 * TileLight. %+ %%channel]
+    VMUL    v%[%%i], v%[%%i], v15
+    VMIN    v%[%%i], v%[%%i], [PACKET(largest)]
+%endmacro
+
+; STORE_SHADES - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
+;                Clobbers v8 to v14, r13.
+%macro STORE_SHADES 1
+%define %%out %1        ; [in]       4 or 8
+    mov     r13, r12
+%if %%out == 4
+    NARROW  11
+    NARROW  12
+    NARROW  13
+    NARROW  14
+    TURN4   11, 12, 13, 14, 8, 9, 10, 1
+%assign %%c 0
+%rep LANES > 4 ? LANES / 4 : 1
+    STORE128 [r13], w, 8, %%c
+    STORE128 [r13 + rbx], w, 9, %%c
+%if LANES > 2
+    lea     r13, [r13 + 2 * rbx]
+    STORE128 [r13], w, 11, %%c
+    STORE128 [r13 + rbx], w, 10, %%c
+%endif
+    lea     r13, [r13 + 2 * rbx]
+%assign %%c %%c + 1
+%endrep
+%else
+    TURN4   11, 12, 13, 14, 8, 9, 10, 0
+%assign %%c 0
+%rep LANES / 2
+    STORE128 [r13], v, 8, %%c
+    STORE128 [r13 + 16], v, 11, %%c
+    STORE128 [r13 + rbx], v, 9, %%c
+    STORE128 [r13 + rbx + 16], v, 10, %%c
+    lea     r13, [r13 + 2 * rbx]
+%assign %%c %%c + 1
+%endrep
+%endif
+%endmacro
+
+; SET_UP - a function that writes elements of `out` bytes.
+%macro SET_UP 2
+%define %%precision %1  ; [in]       part of the function's name
+%define %%out %2        ; [in]       4 or 8
+FUNC ISA %+ _ %+ %%precision %+ _set_up
+    push    rbx
+    push    r12
+    push    r13
+    push    r14
+    push    r15
+    mov     rdx, [rsi + SetupTask.facets]
+    mov     r8, [rsi + SetupTask.ids]
+    mov     r10, [rsi + SetupTask.columns]
+    mov     r11, [rsi + SetupTask.rows]
+    mov     r15, [rsi + SetupTask.near]
+
+    ; The triangles of the chunk that comes next are asked for now.
+    mov     rcx, [rsi + SetupTask.count]
+    lea     r9, [r8 + 4 * rcx]
+    mov     rcx, [rsi + SetupTask.ahead]
+    jmp     .ahead
+.next_ahead:
+    mov     eax, [r9 + 4 * rcx]
+    prefetcht0 [r10 + 4 * rax]
+    prefetcht0 [r11 + 4 * rax]
+    prefetcht0 [r15 + 4 * rax]
+    lea     rax, [rax + 2 * rax]
+    shl     rax, 4                      ; Facet_size is 48
+    prefetcht0 [rdx + rax]
+    prefetcht0 [rdx + rax + Facet_size - 1]
+.ahead:
+    dec     rcx
+    jns     .next_ahead
+
+    mov     r9, [rsi + SetupTask.corners]
+    mov     rcx, [rsi + SetupTask.count]
+.turn:
+    FACET_OF 0, rax, eax
+    FACET_OF 1, rbx, ebx
+    FACET_OF 2, r12, r12d
+    FACET_OF 3, r13, r13d
+    TURN_FACETS r9, rax, rbx, r12, r13
+    add     r8, 16
+    add     r9, 16
+    sub     rcx, 4
+    ja      .turn
+
+    mov     r8, [rsi + SetupTask.corners]
+    mov     r9, [rsi + SetupTask.planes]
+    mov     r10, [rsi + SetupTask.shades]
+    mov     rcx, [rsi + SetupTask.count]
+    mov     rdx, [rsi + SetupTask.first_id]
+    imul    rbx, [rsi + SetupTask.light_count], 4 * %%out     ; from one triangle's shades to the next one's
+    CONSTANTS 10
+.packet:
+    LOAD_CORNER v0, v1, v2, a
+    LOAD_CORNER v3, v4, v5, b
+    LOAD_CORNER v6, v7, v8, c
+    SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
+    SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
+    TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7
+    VAND    v7, v6, [PACKET(sign)]
+
+    ; 1/t is (n . d) / (n . v), linear over the pixels; 0, which is never nearest, for what is never hit.
+    KLOAD   v8, TileView.scale
+    VDIV    v8, v8, v6
+    VMUL    v9, v3, v8
+    VMUL    v10, v4, v8
+    VMUL    v11, v5, v8
+    MASK_KEEP v9
+    MASK_KEEP v10
+    MASK_KEEP v11
+    VMUL    v12, v9, K(TileView.dx)
+    VFMA    v12, v10, K(TileView.dy), v14
+    VFMA    v12, v11, K(TileView.dz), v14
+    VMUL    v9, v9, K(TileView.step)
+    VMUL    v10, v10, K(TileView.down)
+    ROUNDED_STORE %%out, t0, 12
+    ROUNDED_STORE %%out, tx, 9
+    ROUNDED_STORE %%out, ty, 10
+    VSPREAD_INTEGER 8, rdx
+    VADD    v8, v8, [PACKET(natural)]
+    ROUNDED_STORE %%out, id, 8
+    VMOV    v8, v7
+    ROUNDED_STORE %%out, side, 8
+    WIDEN   v8, [r8 + Corners.near]
+    ROUNDED_STORE %%out, most, 8
+
+    ; What each light does to it: |n . (l - v)| / |n|, and the weights.
+    DOT3    v8, v3, v4, v5, v3, v4, v5, v14
+    VSQRT   v8, v8
+    VMUL    v8, v8, K(TileView.scale)
+    VMOV    v6, [PACKET(ones)]
+    VDIV    v6, v6, v8
+    mov     r11, [rsi + SetupTask.lights]
+    mov     rax, [rsi + SetupTask.light_count]
+    mov     r12, r10
+    test    rax, rax
+    jz      .dark
+.light:
+    VSPREAD v8, [r11 + 8 * TileLight.x]
+    VSPREAD v9, [r11 + 8 * TileLight.y]
+    VSPREAD v10, [r11 + 8 * TileLight.z]
+    SUB3    v8, v9, v10, v8, v9, v10, v0, v1, v2
+    DOT3    v11, v8, v9, v10, v3, v4, v5, v14
+    VABS    v11, v11
+    VMUL    v11, v11, v6
+    VMIN    v11, v11, [PACKET(largest)]
+    WEIGHT  12, red
+    WEIGHT  13, green
+    WEIGHT  14, blue
+    STORE_SHADES %%out
+    add     r12, 4 * %%out
+    add     r11, 8 * TileLight_size
+    dec     rax
+    jnz     .light
+.dark:
+    imul    rax, rbx, LANES
+    add     r10, rax
+
+    LOAD_CORNER v8, v9, v10, b
+    TRIANGLE_EDGE v11, v12, v13, v0, v1, v2, v8, v9, v10, v7, v3, v4, v5, v6
+    STORE_EDGE %%out, 1
+    LOAD_CORNER v0, v1, v2, b
+    LOAD_CORNER v8, v9, v10, c
+    TRIANGLE_EDGE v11, v12, v13, v0, v1, v2, v8, v9, v10, v7, v3, v4, v5, v6
+    STORE_EDGE %%out, 2
+    LOAD_CORNER v0, v1, v2, c
+    LOAD_CORNER v8, v9, v10, a
+    TRIANGLE_EDGE v11, v12, v13, v0, v1, v2, v8, v9, v10, v7, v3, v4, v5, v6
+    STORE_EDGE %%out, 3
+    add     r8, 4 * LANES
+    add     r9, %%out * LANES
+    add     rdx, LANES
+    sub     rcx, LANES
+    ja      .packet
+    UNCONSTANTS
+    pop     r15
+    pop     r14
+    pop     r13
+    pop     r12
+    pop     rbx
+ENDFUNC
+%endmacro
+
+    SET_UP  single, 4
+    SET_UP  double, 8
+
+%unmacro FACET_OF 3
+%unmacro ROUNDED_STORE 3
+%unmacro STORE_NARROW 2
+%unmacro LOAD_CORNER 4
+%unmacro STORE_EDGE 2
+%unmacro WEIGHT 2
+%unmacro STORE_SHADES 1
+%unmacro SET_UP 2

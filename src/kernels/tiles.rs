@@ -1,0 +1,741 @@
+//! The tile kernels: a table of them per ISA and element type, their records, and safe calls.
+
+#[cfg(rayo_asm)]
+use std::marker::PhantomData;
+#[cfg(rayo_asm)]
+use std::ops::Range;
+
+use glam::Vec3;
+
+#[cfg(rayo_asm)]
+use super::checked::{self, Fault};
+#[cfg(rayo_asm)]
+use super::spans::Lit;
+use super::spans::{Element, records};
+use super::types::Plain;
+
+/// Pixels of a tile, across.
+pub const TILE_WIDTH: usize = 64;
+/// Pixels of a tile, down.
+pub const TILE_HEIGHT: usize = 32;
+/// Triangles that are set up at a time.
+pub const CHUNK: usize = 64;
+
+/// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Facet {
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The three corners, in the camera's frame and in the file's order.
+    pub vertices: [Vec3; 3],
+}
+
+// SAFETY: twelve floats that fill it, as the offsets asserted in types.rs show.
+unsafe impl Plain for Facet {
+    const ZERO: Self = Facet { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
+}
+
+records! {
+    /// What turns corners into bounds.
+    BoundsView { to_pixels, column, row, low, high, width, height, near, all_columns, all_rows }
+    /// The rays of a tile as set-up sees them.
+    TileView { dx, dy, dz, step, down, scale, bound_x, bound_y, bound_z, bound_0 }
+    /// A light as set-up sees it.
+    TileLight { x, y, z, red, green, blue }
+    /// A sphere in front of the camera, seen from outside.
+    TileSphere {
+        column, row, d0, dx, dy, dxx, dxy, dyy, bound, h, hx, hy, mx, mxx, mxy, my, myx, myy, mz, mzx, mzy,
+        ux, uy, uz, cx, cy, cz, radius, short,
+    }
+    /// What one light does to a sphere, in the short form.
+    ShortLit { q0, qx, qy, kn, ke, red, green, blue }
+    /// The rays of a tile as shading sees them.
+    TileRays { dx, dy, dz, step, down }
+    /// What one light does to a triangle.
+    TileShade { cosine, red, green, blue }
+}
+
+/// Where a light stands, seen from the camera, and a 0.
+pub type TilePoint<E> = [E; 4];
+
+/// The corners of a chunk of triangles, turned round.
+#[derive(Clone)]
+#[repr(C, align(64))]
+#[expect(missing_docs, reason = "tile_layout.inc says what each field is")]
+pub struct Corners {
+    pub ax: [f32; CHUNK],
+    pub ay: [f32; CHUNK],
+    pub az: [f32; CHUNK],
+    pub bx: [f32; CHUNK],
+    pub by: [f32; CHUNK],
+    pub bz: [f32; CHUNK],
+    pub cx: [f32; CHUNK],
+    pub cy: [f32; CHUNK],
+    pub cz: [f32; CHUNK],
+    pub red: [f32; CHUNK],
+    pub green: [f32; CHUNK],
+    pub blue: [f32; CHUNK],
+    pub columns: [u32; CHUNK],
+    pub rows: [u32; CHUNK],
+    pub near: [f32; CHUNK],
+}
+
+/// A chunk of triangles as functions of a tile's pixels.
+#[derive(Clone)]
+#[repr(C, align(64))]
+#[expect(missing_docs, reason = "tile_layout.inc says what each field is")]
+pub struct TrianglePlanes<E> {
+    pub e1x: [E; CHUNK],
+    pub e1y: [E; CHUNK],
+    pub e10: [E; CHUNK],
+    pub e2x: [E; CHUNK],
+    pub e2y: [E; CHUNK],
+    pub e20: [E; CHUNK],
+    pub e3x: [E; CHUNK],
+    pub e3y: [E; CHUNK],
+    pub e30: [E; CHUNK],
+    pub tx: [E; CHUNK],
+    pub ty: [E; CHUNK],
+    pub t0: [E; CHUNK],
+    pub most: [E; CHUNK],
+    pub side: [E; CHUNK],
+    pub id: [E; CHUNK],
+}
+
+/// The pixels of a tile in blocks: 1/t and who.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub(super) struct Tile<E> {
+    pub(super) near: [E; TILE_PIXELS],
+    pub(super) who: [E; TILE_PIXELS],
+}
+
+/// Pixels of a tile.
+const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
+
+/// More elements than a register has of f64.
+#[cfg(rayo_asm)]
+const MOST_SET_UP: usize = 8;
+
+#[cfg(rayo_asm)]
+pub use calls::*;
+
+#[cfg(rayo_asm)]
+mod calls {
+    use super::*;
+
+    /// As bounds reads it.
+    #[repr(C)]
+    pub(in crate::kernels) struct BoundsTask {
+        pub(in crate::kernels) facets: *const Facet,
+        pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) corners: *mut Corners,
+        pub(in crate::kernels) columns: *mut u32,
+        pub(in crate::kernels) rows: *mut u32,
+        pub(in crate::kernels) near: *mut f32,
+    }
+
+    /// As set-up reads it: addresses of elements have no type, so that one layout serves both.
+    #[repr(C)]
+    pub(in crate::kernels) struct SetupTask {
+        pub(in crate::kernels) facets: *const Facet,
+        pub(in crate::kernels) ids: *const u32,
+        pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) ahead: u64,
+        pub(in crate::kernels) columns: *const u32,
+        pub(in crate::kernels) rows: *const u32,
+        pub(in crate::kernels) near: *const f32,
+        pub(in crate::kernels) corners: *mut Corners,
+        pub(in crate::kernels) planes: *mut (),
+        pub(in crate::kernels) shades: *mut (),
+        pub(in crate::kernels) lights: *const TileLight<f64>,
+        pub(in crate::kernels) light_count: u64,
+        pub(in crate::kernels) first_id: u64,
+    }
+
+    /// As the kernels that find the nearest read it.
+    #[repr(C)]
+    pub(in crate::kernels) struct NearestTask {
+        pub(in crate::kernels) tile: *mut (),
+        pub(in crate::kernels) corners: *const Corners,
+        pub(in crate::kernels) order: *const u32,
+        pub(in crate::kernels) ids: *const u32,
+        pub(in crate::kernels) columns: *const u32,
+        pub(in crate::kernels) rows: *const u32,
+        pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) first_id: u64,
+        pub(in crate::kernels) column: u64,
+        pub(in crate::kernels) row: u64,
+        pub(in crate::kernels) end_column: u64,
+        pub(in crate::kernels) start_row: u64,
+        pub(in crate::kernels) end_row: u64,
+        pub(in crate::kernels) half_step: f64,
+        pub(in crate::kernels) half_width: f64,
+        pub(in crate::kernels) half_height: f64,
+        pub(in crate::kernels) focal: f64,
+    }
+
+    /// As shading reads it.
+    #[repr(C)]
+    pub(in crate::kernels) struct ShadeTask {
+        pub(in crate::kernels) tile: *const (),
+        pub(in crate::kernels) shades: *const (),
+        pub(in crate::kernels) lights: *const (),
+        pub(in crate::kernels) light_count: u64,
+        pub(in crate::kernels) sphere_count: u64,
+        pub(in crate::kernels) sphere_ids: *const u32,
+        pub(in crate::kernels) spheres: *const (),
+        pub(in crate::kernels) lits: *const (),
+        pub(in crate::kernels) shorts: *const (),
+        pub(in crate::kernels) out: *mut (),
+        pub(in crate::kernels) pitch: u64,
+        pub(in crate::kernels) column: u64,
+        pub(in crate::kernels) row: u64,
+        pub(in crate::kernels) end_column: u64,
+        pub(in crate::kernels) start_row: u64,
+        pub(in crate::kernels) end_row: u64,
+    }
+
+    /// The pixels of each of many objects: the first column (row), and the one past the last in the upper 16 bits.
+    #[derive(Clone, Debug, Default)]
+    pub struct PixelBounds {
+        /// Columns.
+        pub columns: Vec<u32>,
+        /// Rows.
+        pub rows: Vec<u32>,
+        /// Of triangles: what 1/t cannot exceed.
+        pub near: Vec<f32>,
+    }
+
+    /// The grid of rays in f64.
+    #[derive(Clone, Copy, Debug)]
+    #[expect(missing_docs, reason = "those of scene::Grid")]
+    pub struct TileGrid {
+        pub step: f64,
+        pub half_width: f64,
+        pub half_height: f64,
+        pub focal: f64,
+    }
+
+    /// The part of a tile that is to be traced.
+    #[derive(Clone, Debug)]
+    pub struct TileWindow {
+        /// The tile's first column in the picture.
+        pub column: u32,
+        /// The tile's first row in the picture.
+        pub row: u32,
+        /// Columns of the tile, from its first on.
+        pub columns: u32,
+        /// Rows of the tile.
+        pub rows: Range<u32>,
+    }
+
+    impl TileWindow {
+        fn check(&self) {
+            let TileWindow { column, row, columns, rows } = self;
+            let sides = (TILE_WIDTH as u32, TILE_HEIGHT as u32);
+            assert!((1..=sides.0).contains(columns) && rows.start < rows.end && rows.end <= sides.1);
+            assert!(*column < 1 << 16 && *row < 1 << 16, "bounds have 16 bits");
+        }
+    }
+
+    /// A tile's nearest objects, and the chunk of triangles that is set up for it: half of a core's cache.
+    pub struct TileBuffers<E> {
+        tile: Box<Tile<E>>,
+        corners: Box<Corners>,
+        planes: Box<TrianglePlanes<E>>,
+        /// Triangles in the chunk.
+        count: usize,
+        /// The greatest number of an object of the tile.
+        most: usize,
+    }
+
+    impl<E: Element> Default for TileBuffers<E> {
+        fn default() -> Self {
+            let zero = [E::ZERO; CHUNK];
+            TileBuffers {
+                tile: Box::new(Tile { near: [E::ZERO; TILE_PIXELS], who: [E::ZERO; TILE_PIXELS] }),
+                corners: Box::new(no_corners()),
+                planes: Box::new(TrianglePlanes {
+                    e1x: zero,
+                    e1y: zero,
+                    e10: zero,
+                    e2x: zero,
+                    e2y: zero,
+                    e20: zero,
+                    e3x: zero,
+                    e3y: zero,
+                    e30: zero,
+                    tx: zero,
+                    ty: zero,
+                    t0: zero,
+                    most: zero,
+                    side: zero,
+                    id: zero,
+                }),
+                count: 0,
+                most: 0,
+            }
+        }
+    }
+
+    fn no_corners() -> Corners {
+        let (none, nothing) = ([0.0; CHUNK], [0; CHUNK]);
+        Corners {
+            ax: none,
+            ay: none,
+            az: none,
+            bx: none,
+            by: none,
+            bz: none,
+            cx: none,
+            cy: none,
+            cz: none,
+            red: none,
+            green: none,
+            blue: none,
+            columns: nothing,
+            rows: nothing,
+            near: none,
+        }
+    }
+
+    impl<E: Element> TileBuffers<E> {
+        /// Forgets all objects: nobody, infinitely far.
+        pub fn clear(&mut self) {
+            self.tile.near.fill(E::ZERO);
+            self.tile.who.fill(E::ZERO);
+            (self.count, self.most) = (0, 0);
+        }
+
+        /// The 1/t of the farthest pixel of a whole tile, 0 where a pixel is nobody's.
+        pub fn farthest(&self) -> E {
+            let least = |a: E, b: E| if b < a { b } else { a };
+            let mut lanes = [E::from_f64(f64::INFINITY); 32];
+            for part in self.tile.near.as_chunks::<32>().0 {
+                lanes.iter_mut().zip(part).for_each(|(lane, near)| *lane = least(*lane, *near));
+            }
+            lanes.into_iter().reduce(least).expect("lanes")
+        }
+
+        /// The triangles that were set up last.
+        pub fn planes(&self) -> &TrianglePlanes<E> {
+            &self.planes
+        }
+
+        /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
+        fn index(lanes: usize, column: usize, row: usize) -> usize {
+            let width = lanes.min(4);
+            let height = lanes / width;
+            let block = row / height * (TILE_WIDTH / width) + column / width;
+            block * lanes + row % height * width + column % width
+        }
+
+        /// 1/t and who at a pixel of the tile, for kernels of so many lanes.
+        pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> (E, usize) {
+            let i = Self::index(lanes, column, row);
+            (self.tile.near[i], self.tile.who[i].to_f64() as usize)
+        }
+
+        /// Makes a pixel the object's number `who`, with this 1/t, unless something as near is there.
+        pub fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, who: usize) {
+            let i = Self::index(lanes, column, row);
+            if near.to_f64() > self.tile.near[i].to_f64() {
+                self.tile.near[i] = near;
+                self.tile.who[i] = E::from_f64(who as f64);
+                self.most = self.most.max(who);
+            }
+        }
+    }
+
+    /// Finds the bounds of triangles.
+    pub struct Bounds {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const BoundsView<f32>, *const BoundsTask),
+        pub(in crate::kernels) symbol: &'static str,
+    }
+
+    impl Bounds {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Writes the bounds of all facets, for which there is room up to a multiple of [`CHUNK`].
+        pub fn call(&self, view: &BoundsView<f32>, facets: &[Facet], bounds: &mut PixelBounds) {
+            let mut corners = no_corners();
+            let Some(task) = Self::task(facets, bounds, &mut corners) else { return };
+            // SAFETY: task() proves that there is a facet and room for the results; the references the rest. The table it
+            // came from was handed out by packets(), which had checked the CPU.
+            unsafe { (self.code)(view, &task) }
+        }
+
+        /// As [`Bounds::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(
+            &self,
+            view: &BoundsView<f32>,
+            facets: &[Facet],
+            bounds: &mut PixelBounds,
+        ) -> Result<(), Vec<Fault>> {
+            let mut corners = no_corners();
+            let Some(task) = Self::task(facets, bounds, &mut corners) else { return Ok(()) };
+            let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+
+        fn task(facets: &[Facet], bounds: &mut PixelBounds, corners: &mut Corners) -> Option<BoundsTask> {
+            let PixelBounds { columns, rows, near } = bounds;
+            let room = facets.len().next_multiple_of(CHUNK);
+            assert!([columns.len(), rows.len(), near.len()].iter().all(|len| *len >= room), "whole chunks are written");
+            (!facets.is_empty()).then_some(BoundsTask {
+                facets: facets.as_ptr(),
+                count: facets.len() as u64,
+                corners,
+                columns: columns.as_mut_ptr(),
+                rows: rows.as_mut_ptr(),
+                near: near.as_mut_ptr(),
+            })
+        }
+    }
+
+    /// Triangles with their bounds, the lights, and which of them a chunk is.
+    #[derive(Clone, Copy)]
+    pub struct Triangles<'a> {
+        /// All triangles of the scene.
+        pub facets: &'a [Facet],
+        /// Their bounds.
+        pub bounds: &'a PixelBounds,
+        /// The lights.
+        pub lights: &'a [TileLight<f64>],
+        /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
+        pub ids: &'a [u32],
+        /// The number in the tile of the first of them.
+        pub first_id: usize,
+    }
+
+    /// Turns triangles into planes over a tile's pixels.
+    pub struct SetUp<E> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TileView<f64>, *const SetupTask),
+        pub(in crate::kernels) symbol: &'static str,
+        pub(in crate::kernels) writes: PhantomData<E>,
+    }
+
+    impl<E: Element> SetUp<E> {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
+        /// of the tile as there are lights, grow by those of the chunk.
+        pub fn call(
+            &self,
+            view: &TileView<f64>,
+            triangles: Triangles<'_>,
+            buffers: &mut TileBuffers<E>,
+            shades: &mut Vec<TileShade<E>>,
+        ) {
+            let task = Self::task(triangles, buffers, shades);
+            // SAFETY: task() proves that the ids are those of facets with bounds and that there is room for the shades;
+            // the references the rest. The CPU as in Bounds.
+            unsafe { (self.code)(view, &task) }
+        }
+
+        /// As [`SetUp::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(
+            &self,
+            view: &TileView<f64>,
+            triangles: Triangles<'_>,
+            buffers: &mut TileBuffers<E>,
+            shades: &mut Vec<TileShade<E>>,
+        ) -> Result<(), Vec<Fault>> {
+            let task = Self::task(triangles, buffers, shades);
+            let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+
+        fn task(triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) -> SetupTask {
+            let Triangles { facets, bounds, lights, ids, first_id } = triangles;
+            let (ids, ahead) = ids.split_at(ids.len().min(CHUNK));
+            assert!(!ids.is_empty());
+            assert!(ids.iter().all(|id| (*id as usize) < facets.len()), "ids of facets");
+            // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
+            assert!(bounds.columns.len() >= facets.len() && bounds.rows.len() >= facets.len());
+            assert!(bounds.near.len() >= facets.len());
+            // The last packet writes as many as it has lanes.
+            let before = first_id * lights.len();
+            shades.resize(before + (ids.len() + MOST_SET_UP) * lights.len(), TileShade::ZERO);
+            buffers.count = ids.len();
+            buffers.most = buffers.most.max(first_id + ids.len() - 1);
+            SetupTask {
+                facets: facets.as_ptr(),
+                ids: ids.as_ptr(),
+                count: ids.len() as u64,
+                ahead: ahead.len().min(CHUNK) as u64,
+                columns: bounds.columns.as_ptr(),
+                rows: bounds.rows.as_ptr(),
+                near: bounds.near.as_ptr(),
+                corners: &mut *buffers.corners,
+                planes: std::ptr::from_mut(&mut *buffers.planes).cast(),
+                shades: shades[before..].as_mut_ptr().cast(),
+                lights: lights.as_ptr(),
+                light_count: lights.len() as u64,
+                first_id: first_id as u64,
+            }
+        }
+    }
+
+    /// Finds the nearest of triangles.
+    pub struct NearestTriangles<E> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TrianglePlanes<E>, *const NearestTask),
+        pub(in crate::kernels) symbol: &'static str,
+    }
+
+    /// Finds the nearest of spheres.
+    pub struct NearestSpheres<E> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TileSphere<E>, *const NearestTask),
+        pub(in crate::kernels) symbol: &'static str,
+    }
+
+    /// Spheres with their bounds, and which of them are to be seen.
+    #[derive(Clone, Copy)]
+    pub struct Spheres<'a, E> {
+        /// All spheres.
+        pub spheres: &'a [TileSphere<E>],
+        /// Their bounds.
+        pub bounds: &'a PixelBounds,
+        /// Some of them.
+        pub ids: &'a [u32],
+        /// The number in the tile of the first of these.
+        pub first_id: usize,
+    }
+
+    /// What both kinds share.
+    fn nearest_task<E>(tile: &mut Tile<E>, window: &TileWindow, grid: &TileGrid) -> NearestTask {
+        window.check();
+        NearestTask {
+            tile: std::ptr::from_mut(tile).cast(),
+            corners: std::ptr::null(),
+            order: std::ptr::null(),
+            ids: std::ptr::null(),
+            columns: std::ptr::null(),
+            rows: std::ptr::null(),
+            count: 0,
+            first_id: 0,
+            column: window.column.into(),
+            row: window.row.into(),
+            end_column: window.columns.into(),
+            start_row: window.rows.start.into(),
+            end_row: window.rows.end.into(),
+            half_step: 0.5 * grid.step,
+            half_width: grid.half_width,
+            half_height: grid.half_height,
+            focal: grid.focal,
+        }
+    }
+
+    impl<E: Element> NearestTriangles<E> {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Makes the pixels of the window those of the triangles that were set up last, where nothing is nearer, and
+        /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, and 0
+        /// for nobody and for spheres.
+        pub fn call(&self, buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
+            if buffers.count > 0 {
+                let task = Self::task(buffers, order, window, grid);
+                // SAFETY: the buffers have room for a chunk and a tile, and the kernel clips all bounds to the window,
+                // which nearest_task() holds within the tile. The CPU as in Bounds.
+                unsafe { (self.code)(&*buffers.planes, &task) }
+            }
+        }
+
+        /// As [`NearestTriangles::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(
+            &self,
+            buffers: &mut TileBuffers<E>,
+            order: &[u32],
+            window: &TileWindow,
+            grid: &TileGrid,
+        ) -> Result<(), Vec<Fault>> {
+            assert!(buffers.count > 0);
+            let task = Self::task(buffers, order, window, grid);
+            let args = [std::ptr::from_ref(&*buffers.planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+
+        fn task(buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) -> NearestTask {
+            assert!(buffers.most < order.len(), "everyone has a place in the scene");
+            NearestTask {
+                order: order.as_ptr(),
+                corners: &*buffers.corners,
+                count: buffers.count as u64,
+                ..nearest_task(&mut buffers.tile, window, grid)
+            }
+        }
+    }
+
+    impl<E: Element> NearestSpheres<E> {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Makes the pixels of the window those of the spheres, where nothing is as near.
+        pub fn call(
+            &self,
+            spheres: Spheres<'_, E>,
+            buffers: &mut TileBuffers<E>,
+            window: &TileWindow,
+            grid: &TileGrid,
+        ) {
+            if !spheres.ids.is_empty() {
+                let task = Self::task(spheres, buffers, window, grid);
+                // SAFETY: task() proves that the ids are those of spheres with bounds; the rest as for triangles.
+                unsafe { (self.code)(spheres.spheres.as_ptr(), &task) }
+            }
+        }
+
+        /// As [`NearestSpheres::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(
+            &self,
+            spheres: Spheres<'_, E>,
+            buffers: &mut TileBuffers<E>,
+            window: &TileWindow,
+            grid: &TileGrid,
+        ) -> Result<(), Vec<Fault>> {
+            assert!(!spheres.ids.is_empty());
+            let task = Self::task(spheres, buffers, window, grid);
+            let args = [spheres.spheres.as_ptr() as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+
+        fn task(
+            spheres: Spheres<'_, E>,
+            buffers: &mut TileBuffers<E>,
+            window: &TileWindow,
+            grid: &TileGrid,
+        ) -> NearestTask {
+            let Spheres { spheres, bounds, ids, first_id } = spheres;
+            assert!(ids.iter().all(|id| (*id as usize) < spheres.len()), "ids of spheres");
+            assert!(bounds.columns.len() >= spheres.len() && bounds.rows.len() >= spheres.len());
+            buffers.most = buffers.most.max(first_id + ids.len() - 1);
+            NearestTask {
+                ids: ids.as_ptr(),
+                columns: bounds.columns.as_ptr(),
+                rows: bounds.rows.as_ptr(),
+                count: ids.len() as u64,
+                first_id: first_id as u64,
+                ..nearest_task(&mut buffers.tile, window, grid)
+            }
+        }
+    }
+
+    /// What the objects of a tile look like.
+    #[derive(Clone, Copy)]
+    pub struct Looks<'a, E> {
+        /// As many for each object of the tile as there are lights, from nobody on; zeros for the spheres.
+        pub shades: &'a [TileShade<E>],
+        /// Where the lights stand.
+        pub lights: &'a [TilePoint<E>],
+        /// The spheres of the tile, which come before its triangles.
+        pub sphere_ids: &'a [u32],
+        /// All spheres.
+        pub spheres: &'a [TileSphere<E>],
+        /// As many for each of them as there are lights.
+        pub lits: &'a [Lit<E>],
+        /// As many, weighted for bytes, for those that have `short` set.
+        pub shorts: &'a [ShortLit<E>],
+    }
+
+    /// Where a tile's pixels go.
+    pub struct TileOut<'a, P> {
+        /// Whole rows of the picture.
+        pub pixels: &'a mut [P],
+        /// The place of the first pixel of the window among them.
+        pub first: usize,
+        /// Pixels from row to row.
+        pub width: usize,
+    }
+
+    /// Shades a tile.
+    pub struct ShadeTile<E, P> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TileRays<E>, *const ShadeTask),
+        pub(in crate::kernels) symbol: &'static str,
+        pub(in crate::kernels) writes: PhantomData<P>,
+    }
+
+    impl<E: Element, P> ShadeTile<E, P> {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Writes the pixels of the window.
+        pub fn call(
+            &self,
+            rays: &TileRays<E>,
+            buffers: &TileBuffers<E>,
+            looks: Looks<'_, E>,
+            window: &TileWindow,
+            out: TileOut<'_, P>,
+        ) {
+            let task = Self::task(buffers, looks, window, out);
+            // SAFETY: task() proves that every object of the tile has its shades or is a sphere with its lights, and that
+            // the window's pixels are in `out`. The CPU as in Bounds.
+            unsafe { (self.code)(rays, &task) }
+        }
+
+        /// As [`ShadeTile::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(
+            &self,
+            rays: &TileRays<E>,
+            buffers: &TileBuffers<E>,
+            looks: Looks<'_, E>,
+            window: &TileWindow,
+            out: TileOut<'_, P>,
+        ) -> Result<(), Vec<Fault>> {
+            let task = Self::task(buffers, looks, window, out);
+            let args = [std::ptr::from_ref(rays) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+
+        fn task(buffers: &TileBuffers<E>, looks: Looks<'_, E>, window: &TileWindow, out: TileOut<'_, P>) -> ShadeTask {
+            window.check();
+            let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
+            let (objects, count) = (buffers.most + 1, lights.len());
+            assert!(shades.len() >= objects * count);
+            assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
+            assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
+            assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "ids of spheres");
+            let rows = window.rows.len();
+            assert!(window.columns as usize <= out.width);
+            assert!(out.first + (rows - 1) * out.width + window.columns as usize <= out.pixels.len());
+            ShadeTask {
+                tile: std::ptr::from_ref(&*buffers.tile).cast(),
+                shades: shades.as_ptr().cast(),
+                lights: lights.as_ptr().cast(),
+                light_count: count as u64,
+                sphere_count: sphere_ids.len() as u64,
+                sphere_ids: sphere_ids.as_ptr(),
+                spheres: spheres.as_ptr().cast(),
+                lits: lits.as_ptr().cast(),
+                shorts: shorts.as_ptr().cast(),
+                out: out.pixels[out.first..].as_mut_ptr().cast(),
+                pitch: (out.width * size_of::<P>()) as u64,
+                column: window.column.into(),
+                row: window.row.into(),
+                end_column: window.columns.into(),
+                start_row: window.rows.start.into(),
+                end_row: window.rows.end.into(),
+            }
+        }
+    }
+}

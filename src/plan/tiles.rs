@@ -1,0 +1,616 @@
+//! Tiles: what a scene of many objects becomes for the tile kernels, each object's bounds, and which tiles it may be in.
+//!
+//! All rays leave one point, so that the pixels which see an object are known before the first ray: of each triangle the
+//! bounds of its projected corners, of each sphere those of its silhouette. Triangles stay where the scene has them;
+//! each tile sets up its own. What is kept of one is its bounds and its number in the lists of a few tiles.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::kernels::sys;
+use crate::kernels::{
+    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
+    TilePoint, TileRays, TileSphere, TileView,
+};
+use crate::scene::{Camera, Grid, Light, Scene, Sphere, Triangle};
+
+/// An object in more tiles than this is in the list that all tiles look through.
+const MOST_TILES: u32 = 32;
+
+/// Numbers of objects are kept in f32, which has every integer up to here.
+const MOST_OBJECTS: usize = 1 << 24;
+
+/// Bounds have 16 bits.
+const LONGEST_SIDE: u32 = u16::MAX as u32;
+
+/// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
+const FEWEST_OBJECTS: usize = 32;
+
+/// Whether a scene is to be traced tile by tile, rather than span by span.
+pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
+    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
+        && camera.width().max(camera.height()) <= LONGEST_SIDE
+}
+
+/// A scene planned for tiles.
+pub struct Tiles<'a, E> {
+    scene: &'a Scene,
+    camera: Camera,
+    grid: Grid<f64>,
+    /// A power of two that brings 1/t to size.
+    scale: f64,
+    keep_all: bool,
+    /// Where the lights stand, those that are too far for f32 brought nearer.
+    points: Vec<TilePoint<E>>,
+    linear: Weighted<E>,
+    levels: Weighted<E>,
+    spheres: Vec<TileSphere<E>>,
+    shorts: Vec<ShortLit<E>>,
+    /// Spheres around the camera, or that reach behind its plane.
+    odd: Vec<bool>,
+    sphere_bounds: PixelBounds,
+    triangle_bounds: PixelBounds,
+    sphere_bins: Bins,
+    triangle_bins: Bins,
+}
+
+/// What depends on what white is in the output.
+pub struct Weighted<E> {
+    /// For set-up.
+    pub lights: Vec<TileLight<f64>>,
+    /// As many for each sphere as there are lights.
+    pub lits: Vec<Lit<E>>,
+}
+
+/// The objects that each tile may see.
+struct Bins {
+    /// Where each tile's ids begin, and where the last one's end.
+    starts: Vec<u32>,
+    ids: Vec<u32>,
+    /// Those that are in many tiles.
+    large: Vec<u32>,
+}
+
+/// One tile of the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct TilePlace {
+    /// From the left.
+    pub across: u32,
+    /// From the top.
+    pub down: u32,
+}
+
+impl TilePlace {
+    /// Its first column and row.
+    pub fn first(self) -> (u32, u32) {
+        (self.across * TILE_WIDTH as u32, self.down * TILE_HEIGHT as u32)
+    }
+}
+
+impl<'a, E: Element> Tiles<'a, E> {
+    /// Plans `scene` for `camera`, by a kernel that finds bounds. With `keep_all` every object is taken to be everywhere.
+    pub fn new(scene: &'a Scene, camera: &Camera, bounds: &Bounds, keep_all: bool) -> Self {
+        let grid = camera.grid::<f64>();
+        let extent = extent(scene);
+        let scale = power_of_two(extent / grid.focal);
+        let far = if size_of::<E>() == 4 { 1e10 } else { 1e100 };
+        let positions: Vec<_> =
+            scene.lights.iter().map(|light| nearer(light.position.as_dvec3(), far * extent)).collect();
+        let points = positions.iter().map(|l| *l / scale);
+        let points = points.map(|l| [l.x, l.y, l.z, 0.0].map(E::from_f64)).collect();
+        let weighted = |white: f64| Weighted {
+            lights: scene
+                .lights
+                .iter()
+                .zip(&positions)
+                .map(|(light, l)| {
+                    let radiance = white * light.radiance().as_dvec3();
+                    TileLight { x: l.x, y: l.y, z: l.z, red: radiance.x, green: radiance.y, blue: radiance.z }
+                })
+                .collect(),
+            lits: scene
+                .spheres
+                .iter()
+                .flat_map(|sphere| {
+                    let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+                    let colour = white * sphere.colour.as_dvec3();
+                    scene.lights.iter().map(move |light| {
+                        let from_centre = (light.position.as_dvec3() - centre) / radius;
+                        lit(nearer(from_centre, far), colour, light)
+                    })
+                })
+                .collect(),
+        };
+        let picture = Picture { width: camera.width(), height: camera.height() };
+        let mut planned: Vec<_> = scene
+            .spheres
+            .iter()
+            .map(|sphere| in_front(sphere.centre.as_dvec3(), sphere.radius.into(), &grid, scale, picture))
+            .collect();
+        let mut shorts = Vec::with_capacity(scene.spheres.len() * scene.lights.len());
+        for (planned, sphere) in planned.iter_mut().zip(&scene.spheres) {
+            let mut short = true;
+            for light in &scene.lights {
+                let (lit, accurate) = short_lit(planned.as_ref(), sphere, light, &grid, scale);
+                shorts.push(lit.round());
+                short &= accurate;
+            }
+            if let Some(planned) = planned {
+                planned.sphere.short = f64::from(u8::from(short));
+            }
+        }
+        let seen = |planned: &Option<InFront>| planned.as_ref().filter(|_| !keep_all).map(|planned| planned.bounds);
+        let sphere_bounds: Vec<_> = planned.iter().map(|planned| seen(planned).unwrap_or(picture.whole())).collect();
+        let sphere_bounds = PixelBounds {
+            columns: sphere_bounds.iter().map(|b| b[0]).collect(),
+            rows: sphere_bounds.iter().map(|b| b[1]).collect(),
+            near: Vec::new(),
+        };
+        let triangle_bounds = triangle_bounds(&scene.triangles, &grid, scale, picture, bounds, keep_all);
+        Tiles {
+            scene,
+            camera: *camera,
+            grid,
+            scale,
+            keep_all,
+            points,
+            shorts,
+            linear: weighted(1.0),
+            levels: weighted(255.0),
+            odd: planned.iter().map(Option::is_none).collect(),
+            spheres: planned
+                .into_iter()
+                .map(|planned| planned.map_or(TileSphere::<f64>::default(), |p| p.sphere).round())
+                .collect(),
+            sphere_bins: Bins::new(&sphere_bounds, scene.spheres.len(), picture),
+            triangle_bins: Bins::new(&triangle_bounds, scene.triangles.len(), picture),
+            sphere_bounds,
+            triangle_bounds,
+        }
+    }
+
+    /// All triangles.
+    pub fn facets(&self) -> &[Triangle] {
+        &self.scene.triangles
+    }
+
+    /// The bounds of all triangles.
+    pub fn triangle_bounds(&self) -> &PixelBounds {
+        &self.triangle_bounds
+    }
+
+    /// All spheres.
+    pub fn spheres(&self) -> &[TileSphere<E>] {
+        &self.spheres
+    }
+
+    /// As many for each sphere as there are lights, weighted for bytes.
+    pub fn shorts(&self) -> &[ShortLit<E>] {
+        &self.shorts
+    }
+
+    /// The bounds of all spheres.
+    pub fn sphere_bounds(&self) -> &PixelBounds {
+        &self.sphere_bounds
+    }
+
+    /// Whether a sphere is around the camera or reaches behind its plane, which no kernel takes.
+    pub fn is_odd(&self, sphere: u32) -> bool {
+        self.odd[sphere as usize]
+    }
+
+    /// Where the lights stand, for shading.
+    pub fn points(&self) -> &[TilePoint<E>] {
+        &self.points
+    }
+
+    /// What is weighted for floats.
+    pub fn linear(&self) -> &Weighted<E> {
+        &self.linear
+    }
+
+    /// What is weighted for bytes.
+    pub fn levels(&self) -> &Weighted<E> {
+        &self.levels
+    }
+
+    /// Whether nothing is to be left out.
+    pub fn keeps_all(&self) -> bool {
+        self.keep_all
+    }
+
+    /// A power of two: the tile's 1/t is this over t.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The grid of rays.
+    pub fn grid(&self) -> TileGrid {
+        let Grid { step, half_width, half_height, focal } = self.grid;
+        TileGrid { step, half_width, half_height, focal }
+    }
+
+    /// The spheres and the triangles that a tile may see, in the scene's order.
+    pub fn seen_in(&self, tile: TilePlace, spheres: &mut Vec<u32>, triangles: &mut Vec<u32>) {
+        self.sphere_bins.seen_in(tile, self.camera.width(), &self.sphere_bounds, spheres);
+        self.triangle_bins.seen_in(tile, self.camera.width(), &self.triangle_bounds, triangles);
+    }
+
+    /// A tile's rays, for set-up and for shading.
+    pub fn view(&self, tile: TilePlace) -> (TileView<f64>, TileRays<E>) {
+        let (column, row) = tile.first();
+        let [dx, dy, dz] = self.grid.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
+        let Grid { step, half_width, half_height, focal } = self.grid;
+        // Of edges in the tile's elements, from the origin: three roundings of each constant and product, and some more
+        // for safety. Of what set-up and the reference round in f64: a few units of the largest d there is.
+        let unit = if size_of::<E>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
+        let (relative, exact) = (3.0 * unit, 16.0 * f64::EPSILON);
+        let half = (TILE_WIDTH / 2) as f64;
+        let view = TileView {
+            dx,
+            dy,
+            dz,
+            step,
+            down: -step,
+            scale: self.scale,
+            bound_x: exact * 2.0 * half_width + relative * half * step,
+            bound_y: exact * 2.0 * half_height + relative * half * step,
+            bound_z: exact * focal,
+            bound_0: relative,
+        };
+        (view, TileRays { dx, dy, dz, step, down: -step }.round())
+    }
+}
+
+/// The size of a scene: about that of its farthest coordinate, found among a sample.
+fn extent(scene: &Scene) -> f64 {
+    let stride = scene.triangles.len() / 1024 + 1;
+    let corners = scene.triangles.iter().step_by(stride).flat_map(|triangle| triangle.vertices);
+    let stride = scene.spheres.len() / 1024 + 1;
+    let centres = scene.spheres.iter().step_by(stride).map(|sphere| sphere.centre);
+    let extent = corners.chain(centres).map(|v| f64::from(v.abs().max_element())).fold(0.0, f64::max);
+    if extent > 0.0 && extent.is_finite() { extent } else { 1.0 }
+}
+
+/// The power of two below a positive number.
+fn power_of_two(x: f64) -> f64 {
+    2f64.powi(x.log2().floor() as i32)
+}
+
+/// A point, brought along its direction to a distance of at most `far`.
+fn nearer(point: DVec3, far: f64) -> DVec3 {
+    let distance = point.length();
+    if distance > far { point * (far / distance) } else { point }
+}
+
+/// The size of the picture.
+#[derive(Clone, Copy)]
+struct Picture {
+    width: u32,
+    height: u32,
+}
+
+impl Picture {
+    /// The bounds of an object that may be anywhere.
+    fn whole(self) -> [u32; 2] {
+        [self.width << 16, self.height << 16]
+    }
+}
+
+fn triangle_bounds(
+    facets: &[Triangle],
+    grid: &Grid<f64>,
+    scale: f64,
+    picture: Picture,
+    kernel: &Bounds,
+    keep_all: bool,
+) -> PixelBounds {
+    let [all_columns, all_rows] = picture.whole();
+    let room = facets.len().next_multiple_of(CHUNK);
+    let (width, height) = (f64::from(picture.width), f64::from(picture.height));
+    // Several roundings of numbers up to the picture's size, each of 2^-24 of it.
+    let margin = (width + height) / f64::from(1 << 20);
+    let view = BoundsView {
+        to_pixels: grid.focal / grid.step,
+        column: 0.5 * width - 0.5,
+        row: 0.5 * height - 0.5,
+        low: 1.0 - margin,
+        high: 1.0 + margin,
+        width,
+        height,
+        // Some roundings more than the kernels' own.
+        near: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
+        all_columns: 0.0,
+        all_rows: 0.0,
+    };
+    let view = BoundsView {
+        all_columns: f32::from_bits(all_columns),
+        all_rows: f32::from_bits(all_rows),
+        ..view.round::<f32>()
+    };
+    let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room), near: roomy(room) };
+    kernel.call(&view, facets, &mut bounds);
+    if keep_all {
+        bounds.columns.fill(all_columns);
+        bounds.rows.fill(all_rows);
+    }
+    bounds
+}
+
+/// A sphere for the kernels.
+struct InFront {
+    sphere: TileSphere<f64>,
+    bounds: [u32; 2],
+}
+
+/// A sphere that is wholly in front of the camera's plane, with the camera outside; None if it is not.
+fn in_front(centre: DVec3, radius: f64, grid: &Grid<f64>, scale: f64, picture: Picture) -> Option<InFront> {
+    let Grid { step, half_width, half_height, focal } = *grid;
+    // In units of the radius.
+    let c = centre / radius;
+    let k = c.dot(c) - 1.0;
+    if c.z.is_nan() || c.z < 1.001 || !k.is_finite() {
+        return if c.z <= -1.0 { Some(behind()) } else { None };
+    }
+    let columns = silhouette(c.x, c.z).map(|x| (focal * x + half_width) / step - 0.5);
+    let rows = silhouette(c.y, c.z).map(|y| (half_height - focal * y) / step - 0.5);
+    let rows = [rows[1], rows[0]];
+    let middle = |[low, high]: [f64; 2]| (0.5 * (low + high)).round().clamp(-4e6, 4e6);
+    let (column, row) = (middle(columns), middle(rows));
+    // The ray at the origin, and what i columns and j rows add to it.
+    let d = DVec3::new(step * (column + 0.5) - half_width, half_height - step * (row + 0.5), focal);
+    let (across, down) = (DVec3::X * step, DVec3::Y * -step);
+    // D = d.d - |c x d|^2, both of them quadratic in i and j: no difference of large numbers for a far sphere.
+    let (a, u, v) = (c.cross(d), c.cross(across), c.cross(down));
+    let square = (scale / (k * radius)).powi(2);
+    let quadratic = [
+        d.dot(d) - a.dot(a),
+        2.0 * (d.dot(across) - a.dot(u)),
+        2.0 * (d.dot(down) - a.dot(v)),
+        across.dot(across) - u.dot(u),
+        -2.0 * u.dot(v),
+        down.dot(down) - v.dot(v),
+    ];
+    let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
+    let reach = |[low, high]: [f64; 2], origin: f64| (high - origin).max(origin - low) + 1.0;
+    let (i, j) = (reach(columns, column), reach(rows, row));
+    let unit = f64::from(f32::EPSILON);
+    let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
+    let bound = 4.0 * unit * terms.iter().map(|term| term.abs()).sum::<f64>();
+    let (over, h) = (scale / (k * radius), c.dot(d));
+    // n / t = (d - h c / k) - sqrt(D) c / k, over the radius.
+    let normal = |d: DVec3, h: f64| (d - h / k * c) * (scale / radius);
+    let (m, mx, my) = (normal(d, h), normal(across, c.dot(across)), normal(down, c.dot(down)));
+    let sphere = TileSphere {
+        column,
+        row,
+        d0,
+        dx,
+        dy,
+        dxx,
+        dxy,
+        dyy,
+        bound,
+        h: h * over,
+        hx: c.dot(across) * over,
+        hy: c.dot(down) * over,
+        mx: m.x,
+        mxx: mx.x,
+        mxy: my.x,
+        my: m.y,
+        myx: mx.y,
+        myy: my.y,
+        mz: m.z,
+        mzx: mx.z,
+        mzy: my.z,
+        ux: c.x,
+        uy: c.y,
+        uz: c.z,
+        cx: centre.x,
+        cy: centre.y,
+        cz: centre.z,
+        radius,
+        short: 0.0,
+    };
+    Some(InFront { sphere, bounds: [first_and_past(columns, picture.width), first_and_past(rows, picture.height)] })
+}
+
+/// One light on a sphere in the short form, and whether that is accurate enough for bytes in f32.
+fn short_lit(
+    planned: Option<&InFront>,
+    sphere: &Sphere,
+    light: &Light,
+    grid: &Grid<f64>,
+    scale: f64,
+) -> (ShortLit<f64>, bool) {
+    /// The terms of the short form may be this many times as large as what they leave: half of the bits of f32.
+    const LOSS: f64 = 1024.0;
+    let Some(InFront { sphere: origin, .. }) = planned else { return (ShortLit::default(), false) };
+    let radius = f64::from(sphere.radius);
+    let (c, l) = (sphere.centre.as_dvec3() / radius, light.position.as_dvec3() / radius);
+    let from_centre = (light.position.as_dvec3() - sphere.centre.as_dvec3()) / radius;
+    let k = c.dot(c) - 1.0;
+    let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
+    let (products, gap) = ((c.length() + 1.0) * from_centre.length(), from_centre.length() - 1.0);
+    let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+    let step = grid.step;
+    let d = DVec3::new(
+        step * (origin.column + 0.5) - grid.half_width,
+        grid.half_height - step * (origin.row + 0.5),
+        grid.focal,
+    );
+    let q = from_centre * (scale / radius);
+    let weights = weights(light, 255.0 * sphere.colour.as_dvec3());
+    let lit = ShortLit {
+        q0: q.dot(d),
+        qx: q.x * step,
+        qy: -q.y * step,
+        kn,
+        ke,
+        red: weights.x,
+        green: weights.y,
+        blue: weights.z,
+    };
+    (lit, gap > 0.25 && loss < LOSS)
+}
+
+/// What no ray sees.
+fn behind() -> InFront {
+    InFront { sphere: TileSphere::default(), bounds: [0; 2] }
+}
+
+/// Where a sphere's silhouette ends along one axis at distance 1: |cx - cz x| = sqrt(x^2 + 1), solved for x.
+fn silhouette(cx: f64, cz: f64) -> [f64; 2] {
+    let m = cz * cz - 1.0;
+    let root = (cx * cx + m).sqrt();
+    let b = cx * cz;
+    // The product of the two is (cx^2 - 1) / m.
+    let product = (cx - 1.0) * (cx + 1.0);
+    if b >= 0.0 { [product / (b + root), (b + root) / m] } else { [(b - root) / m, product / (b - root)] }
+}
+
+/// The first pixel of a range of coordinates, and the one past the last << 16.
+fn first_and_past([low, high]: [f64; 2], side: u32) -> u32 {
+    const MARGIN: f64 = 1e-3;
+    // Casts saturate.
+    let first = ((low - MARGIN).ceil() as u32).min(side);
+    let past = ((high + MARGIN).floor() + 1.0).clamp(0.0, side.into()) as u32;
+    first | past << 16
+}
+
+/// The first of a pair in 32 bits, and the one past the last.
+fn range(bounds: u32) -> Range<u32> {
+    (bounds & 0xffff)..(bounds >> 16)
+}
+
+impl Bins {
+    fn new(bounds: &PixelBounds, count: usize, picture: Picture) -> Self {
+        let across = picture.width.div_ceil(TILE_WIDTH as u32);
+        let tiles = (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize;
+        // How many objects each tile has, and then where its next one goes.
+        let mut counts = vec![0_u32; tiles];
+        let mut large = Vec::new();
+        let (columns, rows) = (&bounds.columns[..count], &bounds.rows[..count]);
+        each_place(columns, rows, across, |_, tiles, times| {
+            let Some((x, y)) = tiles else { return };
+            y.for_each(|row| x.clone().for_each(|column| counts[(row * across + column) as usize] += times));
+        });
+        let mut starts = Vec::with_capacity(tiles + 1);
+        let mut sum = 0;
+        for count in &mut counts {
+            starts.push(sum);
+            sum += std::mem::replace(count, sum);
+        }
+        starts.push(sum);
+        let mut ids = roomy(sum as usize);
+        each_place(columns, rows, across, |first, tiles, times| {
+            let Some((x, y)) = tiles else { return large.push(first) };
+            y.for_each(|row| {
+                x.clone().for_each(|column| {
+                    let next = &mut counts[(row * across + column) as usize];
+                    let place = *next as usize..(*next + times) as usize;
+                    ids[place].iter_mut().zip(first..).for_each(|(place, id)| *place = id);
+                    *next += times;
+                });
+            });
+        });
+        Bins { starts, ids, large }
+    }
+
+    /// Gathers what a tile may see, in order.
+    fn seen_in(&self, tile: TilePlace, width: u32, bounds: &PixelBounds, seen: &mut Vec<u32>) {
+        let across = width.div_ceil(TILE_WIDTH as u32);
+        let index = (tile.down * across + tile.across) as usize;
+        let own = &self.ids[self.starts[index] as usize..self.starts[index + 1] as usize];
+        seen.clear();
+        if self.large.is_empty() {
+            seen.extend_from_slice(own);
+            return;
+        }
+        let (column, row) = tile.first();
+        let in_tile = |id: &&u32| {
+            let (x, y) = (range(bounds.columns[**id as usize]), range(bounds.rows[**id as usize]));
+            x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
+        };
+        let mut own = own.iter().copied().peekable();
+        for &large in self.large.iter().filter(in_tile) {
+            while let Some(id) = own.next_if(|id| *id < large) {
+                seen.push(id);
+            }
+            seen.push(large);
+        }
+        seen.extend(own);
+    }
+}
+
+/// From pixels to tiles; not empty.
+fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
+    pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
+}
+
+/// Columns and rows of tiles.
+type TileRanges = (Range<u32>, Range<u32>);
+
+/// Says of all objects that may be seen in which tiles: as many with following numbers as are in one and the same tile at
+/// a time, the others one by one, and None for those that are in too many. Neighbours in a mesh are mostly in one tile.
+fn each_place(columns: &[u32], rows: &[u32], across: u32, mut say: impl FnMut(u32, Option<TileRanges>, u32)) {
+    let one = |tile: u32| {
+        let (x, y) = (tile % across, tile / across);
+        Some((x..x + 1, y..y + 1))
+    };
+    let (mut run_tile, mut run_start, mut run) = (0, 0, 0);
+    for (id, (x, y)) in (0_u32..).zip(columns.iter().zip(rows)) {
+        let (x, y) = (range(*x), range(*y));
+        if x.start >= x.end || y.start >= y.end {
+            continue;
+        }
+        let (x, y) = (tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT));
+        let tiles = (x.end - x.start) * (y.end - y.start);
+        let tile = y.start * across + x.start;
+        if tiles == 1 && tile == run_tile && id == run_start + run {
+            run += 1;
+            continue;
+        }
+        if run > 0 {
+            say(run_start, one(run_tile), run);
+            run = 0;
+        }
+        if tiles == 1 {
+            (run_tile, run_start, run) = (tile, id, 1);
+        } else {
+            say(id, (tiles <= MOST_TILES).then_some((x, y)), 1);
+        }
+    }
+    if run > 0 {
+        say(run_start, one(run_tile), run);
+    }
+}
+
+/// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
+/// triangles' numbers on it.
+fn roomy<T: Copy + Default>(len: usize) -> Vec<T> {
+    let mut zeros = vec![T::default(); len];
+    sys::large_pages(&mut zeros);
+    zeros
+}
+
+/// One light on one sphere, as it is seen from the centre in radii.
+fn lit<E: Element>(to_light: DVec3, colour: DVec3, light: &Light) -> Lit<E> {
+    let weights = weights(light, colour);
+    Lit {
+        x: to_light.x,
+        y: to_light.y,
+        z: to_light.z,
+        red: weights.x,
+        green: weights.y,
+        blue: weights.z,
+        ..Lit::default()
+    }
+    .round()
+}
+
+/// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
+fn weights(light: &Light, colour: DVec3) -> DVec3 {
+    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
+}

@@ -1,0 +1,320 @@
+//! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::{Distance, FilmMut, Found, PixelFormat, Tracer, level};
+use crate::kernels::{
+    CHUNK, Element, Looks, PacketKernels, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers,
+    TileOut, TileShade, TileWindow, Triangles, Vec4,
+};
+use crate::plan::{TilePlace, Tiles, Weighted};
+use crate::reference::geometry;
+use crate::scene::{Camera, Object, Scene};
+
+/// In a tile of fewer triangles it costs more to find out which of them others hide than to try them.
+const FEWEST_HIDDEN: usize = 64;
+
+/// A scene planned for tiles, and the kernels that trace it.
+pub struct TileTracer<'a, E: 'static> {
+    packets: &'static PacketKernels,
+    kernels: &'static SpanKernels<E>,
+    /// Whether the shade may come from estimates in floats too.
+    fast: bool,
+    camera: Camera,
+    scene: &'a Scene,
+    plan: Tiles<'a, E>,
+}
+
+impl<'a, E: Element> TileTracer<'a, E> {
+    /// Plans `scene` for the kernels; `kernels` are theirs for one element type. With `keep_all` every object is asked at
+    /// every pixel.
+    pub fn new(
+        packets: &'static PacketKernels,
+        kernels: &'static SpanKernels<E>,
+        fast: bool,
+        scene: &'a Scene,
+        camera: &Camera,
+        keep_all: bool,
+    ) -> Self {
+        let plan = Tiles::new(scene, camera, &packets.bounds, keep_all);
+        TileTracer { packets, kernels, fast, camera: *camera, scene, plan }
+    }
+}
+
+/// What differs between the outputs.
+trait Output<E: 'static>: Sized + 'static {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E>;
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
+    fn of_colour(colour: DVec3) -> Self;
+}
+
+impl<E: Element> Output<E> for Vec4 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+        plan.linear()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.f32x4(out, false);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
+    }
+    fn of_colour(colour: DVec3) -> Self {
+        colour.as_vec3().into()
+    }
+}
+
+impl<E: Element> Output<E> for Rgba8 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+        plan.levels()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.rgba8(out);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        &tracer.kernels.tiles.rgba8
+    }
+    fn of_colour(colour: DVec3) -> Self {
+        [level(colour.x), level(colour.y), level(colour.z), 255]
+    }
+}
+
+/// What a thread needs beside the plan.
+#[derive(Default)]
+struct Scratch<E: Element> {
+    buffers: TileBuffers<E>,
+    spheres: Vec<u32>,
+    triangles: Vec<u32>,
+    /// Those of them that are farther away.
+    behind: Vec<u32>,
+    /// Everyone's place in the scene, by their numbers in the tile.
+    order: Vec<u32>,
+    shades: Vec<TileShade<E>>,
+}
+
+impl<E: Element> TileTracer<'_, E> {
+    fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
+        let width = self.camera.width() as usize;
+        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
+        let mut scratch = Scratch::default();
+        self.each_tile(rows.clone(), |tile, window| {
+            let first = (window.row + window.rows.start - rows.start) as usize * width + window.column as usize;
+            self.trace_tile(tile, window, TileOut { pixels: &mut *out, first, width }, &mut scratch);
+        });
+    }
+
+    /// Says of all tiles of `rows` what of them is in these.
+    fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
+        let (width, height) = (self.camera.width(), TILE_HEIGHT as u32);
+        if rows.is_empty() {
+            return;
+        }
+        for down in rows.start / height..rows.end.div_ceil(height) {
+            let first = down * height;
+            let tile_rows = rows.start.max(first)..rows.end.min(first + height);
+            for across in 0..width.div_ceil(TILE_WIDTH as u32) {
+                let column = across * TILE_WIDTH as u32;
+                let window = TileWindow {
+                    column,
+                    row: first,
+                    columns: (width - column).min(TILE_WIDTH as u32),
+                    rows: tile_rows.start - first..tile_rows.end - first,
+                };
+                say(TilePlace { across, down }, &window);
+            }
+        }
+    }
+
+    fn trace_tile<P: Output<E>>(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        out: TileOut<'_, P>,
+        scratch: &mut Scratch<E>,
+    ) {
+        let weighted = P::weighted(&self.plan);
+        if !self.find_nearest(tile, window, weighted, scratch) {
+            for row in 0..window.rows.len() {
+                P::fill(self, &mut out.pixels[out.first + row * out.width..][..window.columns as usize]);
+            }
+            return;
+        }
+        let Scratch { buffers, spheres, shades, .. } = scratch;
+        let (_, rays) = self.plan.view(tile);
+        let looks = Looks {
+            shades,
+            lights: self.plan.points(),
+            sphere_ids: spheres,
+            spheres: self.plan.spheres(),
+            lits: &weighted.lits,
+            shorts: self.plan.shorts(),
+        };
+        let TileOut { pixels, first, width } = out;
+        P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+        if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
+            self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
+        }
+    }
+
+    /// Finds who is nearest at the pixels of a tile; false where nobody can be.
+    fn find_nearest(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        weighted: &Weighted<E>,
+        scratch: &mut Scratch<E>,
+    ) -> bool {
+        let Scratch { buffers, spheres, triangles, behind, order, shades } = scratch;
+        self.plan.seen_in(tile, spheres, triangles);
+        if spheres.is_empty() && triangles.is_empty() {
+            return false;
+        }
+        let (view, _) = self.plan.view(tile);
+        let grid = self.plan.grid();
+        buffers.clear();
+        self.nearest_spheres(spheres, buffers, window);
+        // Nobody's shades, and none for spheres, whose light is their own.
+        shades.clear();
+        shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
+        order.clear();
+        order.resize(1 + spheres.len(), 0);
+        let mut nearest = |ids: &[u32], buffers: &mut TileBuffers<E>| {
+            for start in (0..ids.len()).step_by(CHUNK) {
+                let first_id = order.len();
+                let ids = &ids[start..];
+                let triangles = Triangles {
+                    facets: self.plan.facets(),
+                    bounds: self.plan.triangle_bounds(),
+                    lights: &weighted.lights,
+                    ids,
+                    first_id,
+                };
+                order.extend(ids.iter().take(CHUNK).map(|id| id + 1));
+                self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
+                self.kernels.tiles.nearest_triangles.call(buffers, order, window, &grid);
+            }
+        };
+        if triangles.len() < FEWEST_HIDDEN || self.plan.keeps_all() {
+            nearest(triangles, buffers);
+        } else {
+            // The nearer half of what is there first; what is behind all that this leaves need not be set up.
+            let near = &self.plan.triangle_bounds().near;
+            let of = |id: &u32| near[*id as usize];
+            let finite = triangles.iter().map(of).filter(|near| *near < f32::MAX);
+            let (low, high) = finite.fold((f32::MAX, 0.0_f32), |(low, high), near| (low.min(near), high.max(near)));
+            let middle = 0.5 * low + 0.5 * high;
+            behind.clear();
+            behind.extend(triangles.iter().filter(|id| of(id) < middle));
+            triangles.retain(|id| of(id) >= middle);
+            nearest(triangles, buffers);
+            let whole = window.columns as usize == TILE_WIDTH && window.rows.len() == TILE_HEIGHT;
+            let farthest = if whole { buffers.farthest().to_f64() } else { 0.0 };
+            behind.retain(|id| f64::from(of(id)) >= farthest);
+            nearest(behind, buffers);
+        }
+        true
+    }
+
+    /// The spheres of a tile in their order: runs of those that the kernel takes, and between them the odd ones.
+    fn nearest_spheres(&self, ids: &[u32], buffers: &mut TileBuffers<E>, window: &TileWindow) {
+        let grid = self.plan.grid();
+        let mut first_id = 1;
+        for run in ids.chunk_by(|a, b| self.plan.is_odd(*a) == self.plan.is_odd(*b)) {
+            if self.plan.is_odd(run[0]) {
+                for (id, sphere) in (first_id..).zip(run) {
+                    self.nearest_odd(*sphere, id, buffers, window);
+                }
+            } else {
+                let (spheres, bounds) = (self.plan.spheres(), self.plan.sphere_bounds());
+                let spheres = Spheres { spheres, bounds, ids: run, first_id };
+                self.kernels.tiles.nearest_spheres.call(spheres, buffers, window, &grid);
+            }
+            first_id += run.len();
+        }
+    }
+
+    /// A sphere around the camera, or one that reaches behind its plane: in f64, ray by ray.
+    fn nearest_odd(&self, sphere: u32, id: usize, buffers: &mut TileBuffers<E>, window: &TileWindow) {
+        let sphere = &self.scene.spheres[sphere as usize];
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        for row in window.rows.clone() {
+            for column in 0..window.columns {
+                let d = self.ray(window, column, row);
+                if let Some(t) = geometry::sphere(d, centre, radius) {
+                    let near = E::from_f64(self.plan.scale() / t);
+                    buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, id);
+                }
+            }
+        }
+    }
+
+    /// Shades what no kernel does.
+    fn shade_odd<P: Output<E>>(&self, ids: &[u32], buffers: &TileBuffers<E>, window: &TileWindow, out: TileOut<'_, P>) {
+        for row in window.rows.clone() {
+            for column in 0..window.columns {
+                let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
+                let Some(&id) = who.checked_sub(1).and_then(|i| ids.get(i)) else { continue };
+                let d = self.ray(window, column, row);
+                let sphere = &self.scene.spheres[id as usize];
+                let centre = sphere.centre.as_dvec3();
+                if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
+                    let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
+                    let light = |light: &crate::scene::Light| {
+                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance().as_dvec3()
+                    };
+                    let light: DVec3 = self.scene.lights.iter().map(light).sum();
+                    let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
+                    out.pixels[place] = P::of_colour(light * sphere.colour.as_dvec3());
+                }
+            }
+        }
+    }
+
+    fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
+        self.camera.grid::<f64>().ray(window.row + row, window.column + column).into()
+    }
+}
+
+impl<E: Element> Tracer for TileTracer<'_, E> {
+    fn writes(&self, _: PixelFormat) -> bool {
+        true
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let width = self.camera.width() as usize;
+        let mut found = vec![None; rows.len() * width];
+        let mut scratch = Scratch::default();
+        self.each_tile(rows.clone(), |tile, window| {
+            if !self.find_nearest(tile, window, self.plan.linear(), &mut scratch) {
+                return;
+            }
+            let Scratch { buffers, spheres, order, .. } = &scratch;
+            for (row, column) in window.rows.clone().flat_map(|row| (0..window.columns).map(move |col| (row, col))) {
+                let (near, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
+                if who > 0 {
+                    let object = match order[who] {
+                        0 => Object::Sphere(spheres[who - 1] as usize),
+                        triangle => Object::Triangle(triangle as usize - 1),
+                    };
+                    let distance = Distance::Inverse(near.to_f64() / self.plan.scale());
+                    let place = (window.row + row - rows.start) as usize * width + (window.column + column) as usize;
+                    found[place] = Some(Found { object, distance, normal: None });
+                }
+            }
+        });
+        found
+    }
+
+    fn rows_together(&self) -> u32 {
+        TILE_HEIGHT as u32
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out),
+            FilmMut::Rgba8(out) => self.trace(rows, out),
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Many objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
+
+#![cfg(rayo_asm)]
+
+// Its engines' own pictures are for other tests.
+mod contenders;
+
+use contenders::{Contender, Truth, contenders, film, levels};
+use rayo::render::{Film, FilmMut, PixelFormat, Tracer};
+use rayo::scene::{self, Camera, Rng, Scene, Sphere, Triangle, many};
+
+const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
+
+/// The packet engines that run here, in each of their precisions.
+fn packets() -> Vec<Contender> {
+    let names = ["sse41", "avx2", "avx512"];
+    contenders().into_iter().filter(|contender| names.contains(&contender.engine.name())).collect()
+}
+
+fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
+    let tracer = contender.engine.prepare_tiles(contender.precision, scene, &scene.camera, keep_all);
+    tracer.expect("a packet engine that runs here")
+}
+
+/// A picture, every bit of it.
+fn bits(film: Film) -> Vec<[u32; 4]> {
+    match film {
+        Film::F32x4(pixels) => pixels.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect(),
+        Film::Rgba8(pixels) => pixels.into_iter().map(|pixel| pixel.map(u32::from)).collect(),
+    }
+}
+
+fn picture(contender: &Contender, scene: &Scene, keep_all: bool, format: PixelFormat) -> Vec<[u32; 4]> {
+    bits(film(tiles(contender, scene, keep_all).as_ref(), scene.camera, 1, format))
+}
+
+fn camera(width: u32, height: u32) -> Camera {
+    Camera::new(width, height, 1.0, 1.0).unwrap()
+}
+
+/// Objects of all sizes at random places, in the picture, across its edges and the camera's plane, and behind it.
+fn scattered(spheres: usize, triangles: usize, seed: u64, camera: Camera) -> Scene {
+    let mut rng = Rng::new(seed);
+    let mut scene = Scene { camera, ..many(0, 0, seed) };
+    scene.lights.truncate(1 + (seed % 2) as usize);
+    let mut place = |size: f32| {
+        let z = rng.between(-2.0, 20.0);
+        let spread = |rng: &mut Rng| rng.between(-0.6, 0.6) * z.abs().max(size);
+        ([spread(&mut rng), spread(&mut rng), z], size * rng.next_f32().powi(4), [rng.next_f32(), 0.5, 0.25])
+    };
+    for _ in 0..spheres {
+        let (centre, radius, colour) = place(3.0);
+        scene.spheres.push(Sphere { radius: radius + 0.001, colour: colour.into(), centre: centre.into() });
+    }
+    for _ in 0..triangles {
+        let (centre, size, colour) = place(8.0);
+        let mut corner = || [0, 1, 2].map(|i| centre[i] + size * place(1.0).2[0] - size * place(1.0).2[0]).into();
+        scene.triangles.push(Triangle { colour: colour.into(), vertices: [corner(), corner(), corner()] });
+    }
+    scene
+}
+
+#[test]
+fn what_is_left_out_changes_no_byte() {
+    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (30, 200, 3), (5, 900, 4), (200, 20, 5)] {
+        for scene in [
+            scattered(spheres, triangles, seed, camera(203, 97)),
+            Scene { camera: camera(203, 97), ..many(spheres, triangles, seed) },
+        ] {
+            for contender in packets() {
+                for format in FORMATS {
+                    let (planned, brute) =
+                        (picture(&contender, &scene, false, format), picture(&contender, &scene, true, format));
+                    let differing = planned.iter().zip(&brute).filter(|(a, b)| a != b).count();
+                    assert_eq!(differing, 0, "{contender}, {format:?}: {spheres}, {triangles}, seed {seed}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
+    for (spheres, triangles, seed) in [(1, 0, 1), (0, 1, 2), (40, 40, 3), (3, 900, 4), (300, 3, 5)] {
+        for scene in [
+            Scene { camera: camera(211, 157), ..many(spheres, triangles, seed) },
+            scattered(spheres, triangles, seed, camera(131, 97)),
+        ] {
+            let truth = Truth::new(&scene);
+            for contender in packets() {
+                let Film::Rgba8(film) =
+                    film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8)
+                else {
+                    unreachable!()
+                };
+                let bytes: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+                if let Err(error) = truth.compare(&contender, &bytes) {
+                    panic!("{spheres}, {triangles}, seed {seed}: {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn floats_are_within_a_few_roundings_of_the_reference() {
+    let scene = Scene { camera: camera(203, 151), ..many(40, 400, 6) };
+    let truth = Truth::new(&scene);
+    let reference = rayo::render::reference::ReferenceTracer::new(&scene, &scene.camera);
+    for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
+        let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
+        else {
+            unreachable!()
+        };
+        let mut worst = 0.0_f64;
+        for (i, pixel) in film.iter().enumerate() {
+            let (row, column) = (i as u32 / 203, i as u32 % 203);
+            if !truth.at_silhouette(row, column) {
+                let expected = reference.colour(row, column).to_array();
+                let error = pixel.lanes().into_iter().zip(expected).map(|(a, b)| (f64::from(a) - b).abs());
+                worst = worst.max(error.fold(0.0, f64::max));
+            }
+        }
+        println!("{contender}: {worst:e}");
+        assert!(worst < 5e-6, "{contender}: {worst:e}");
+    }
+}
+
+#[test]
+fn every_size_of_a_picture_is_written_whole_and_nothing_else() {
+    let whole = scattered(20, 60, 7, camera(1, 1));
+    for contender in packets() {
+        for (width, height) in (1..68).map(|width| (width, 1 + width % 5)).chain([(1, 67), (2, 33), (129, 65)]) {
+            let scene = Scene { camera: camera(width, height), ..whole.clone() };
+            for format in FORMATS {
+                let planned = picture(&contender, &scene, false, format);
+                assert_eq!(planned, picture(&contender, &scene, true, format), "{contender} {width}x{height}");
+                let last = if format == PixelFormat::Rgba8 { 255 } else { 0 };
+                assert!(planned.iter().all(|pixel| pixel[3] == last), "{contender} {width}x{height}");
+            }
+        }
+    }
+}
+
+#[test]
+fn threads_and_splits_give_the_same_bytes() {
+    let scene = scattered(40, 500, 8, camera(301, 131));
+    for contender in packets() {
+        let tracer = tiles(&contender, &scene, false);
+        for format in FORMATS {
+            let alone = film(tracer.as_ref(), scene.camera, 1, format);
+            for threads in [2, 5] {
+                assert!(film(tracer.as_ref(), scene.camera, threads, format) == alone, "{contender}");
+            }
+        }
+        let Film::Rgba8(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::Rgba8) else { unreachable!() };
+        for step in [1, 7, 31, 32, 33, 130] {
+            let mut split = vec![[1, 2, 3, 4]; whole.len()];
+            for (i, part) in split.chunks_mut(step * 301).enumerate() {
+                let start = (i * step) as u32;
+                tracer.rows(start..start + (part.len() / 301) as u32, FilmMut::Rgba8(part));
+            }
+            assert!(split == whole, "{contender}: {step} rows at a time");
+        }
+    }
+}
+
+#[test]
+fn avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
+    for precision in ["single", "double"] {
+        let fused: Vec<_> =
+            packets().into_iter().filter(|c| c.engine.name() != "sse41" && c.precision.name() == precision).collect();
+        let [one, other] = &fused[..] else { return };
+        for seed in 10..16 {
+            let scene = scattered(60, 400, seed, camera(203, 97));
+            let floats = |contender| picture(contender, &scene, false, PixelFormat::F32x4);
+            assert!(floats(one) == floats(other), "{precision}, seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
+    let camera = camera(203, 151);
+    // Each object twice: the first one white, and its copy black somewhere behind it in the list.
+    for spheres in [false, true] {
+        let black = |n: usize| many(if spheres { n } else { 0 }, if spheres { 0 } else { n }, 17);
+        let mut twice = black(500);
+        twice.camera = camera;
+        twice.spheres.iter_mut().for_each(|sphere| sphere.colour = [1.0; 3].into());
+        twice.triangles.iter_mut().for_each(|triangle| triangle.colour = [1.0; 3].into());
+        let once = twice.clone();
+        let mut copies = twice.clone();
+        copies.spheres.iter_mut().for_each(|sphere| sphere.colour = [0.0; 3].into());
+        copies.triangles.iter_mut().for_each(|triangle| triangle.colour = [0.0; 3].into());
+        twice.spheres.extend(copies.spheres.into_iter().rev());
+        twice.triangles.extend(copies.triangles.into_iter().rev());
+        for contender in packets() {
+            for format in FORMATS {
+                for keep_all in [false, true] {
+                    let same =
+                        picture(&contender, &once, false, format) == picture(&contender, &twice, keep_all, format);
+                    assert!(same, "{contender}, {format:?}, spheres {spheres}, all {keep_all}");
+                }
+            }
+        }
+    }
+}
+
+/// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
+#[test]
+fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
+    let camera = Camera::new(64, 48, 1.0, 5.0).unwrap();
+    let text = "x 64 48 1  1  1 1 1 1 0 0 0  0  0";
+    let mut scene = Scene { camera, ..scene::parse(text.as_bytes(), "wall").unwrap() };
+    for (cell, depth) in [(1, 1.0), (2, 2.0), (3, 1.5), (7, 4.0)] {
+        scene.triangles.clear();
+        for (row, column) in (-1..48).step_by(cell).flat_map(|row| (-1..64).step_by(cell).map(move |col| (row, col))) {
+            let corner = |row: i32, column: i32| {
+                let at = |i: i32| (i as f32 + 0.5) / 16.0;
+                (depth * glam::Vec3::new(at(column) - 2.0, 1.5 - at(row), 1.0)).to_array().into()
+            };
+            let cell = cell as i32;
+            let [a, b] = [corner(row, column), corner(row, column + cell)];
+            let [c, d] = [corner(row + cell, column), corner(row + cell, column + cell)];
+            for vertices in [[a, b, c], [c, b, d]] {
+                scene.triangles.push(Triangle { colour: [1.0; 3].into(), vertices });
+            }
+        }
+        for contender in packets() {
+            let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), camera, 1, PixelFormat::F32x4)
+            else {
+                unreachable!()
+            };
+            let holes = film.iter().filter(|pixel| levels(pixel.lanes())[0] == 0).count();
+            assert_eq!(holes, 0, "{contender}: cells of {cell}");
+        }
+    }
+}
