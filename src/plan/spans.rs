@@ -115,7 +115,6 @@ pub enum Way {
     NearestInRow,
 }
 
-#[expect(clippy::large_enum_variant, reason = "there is one for each object, and it lives in a list of them")]
 enum Shape {
     Sphere(Sphere),
     Triangle(Triangle),
