@@ -7,12 +7,13 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-const DOCUMENTS: [&str; 6] = [
+const DOCUMENTS: [&str; 7] = [
     "README.md",
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
     "docs/accuracy.md",
     "docs/image-files.md",
+    "docs/leaving-out.md",
     "docs/scene-format.md",
 ];
 

@@ -178,7 +178,7 @@ fn mesh_files_are_found_beside_the_scene_and_follow_its_triangles() {
         [[mesh]]\nfile = \"./meshes/square.obj\"\nscale = [1, 1, -1]\n\
         [[triangle]]\nvertices = [[0, 0, 1], [1, 0, 1], [0, 1, 1]]\n";
     fs::write(&file, text).unwrap();
-    let Opened { scene, notes } = open(&file, &Camera::default()).unwrap();
+    let Opened { scene, notes, .. } = open(&file, &Camera::default()).unwrap();
     let corners = |points: [[f32; 3]; 3]| points.map(Vec3::from_array);
     let found: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
     let expected = [

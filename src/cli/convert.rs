@@ -60,7 +60,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             write(output, |out| out.write_all(text.as_bytes()))?;
         }
         (_, to) => {
-            let Opened { scene, notes } = open(input, &Camera::default()).map_err(unread)?;
+            let Opened { scene, notes, .. } = open(input, &Camera::default()).map_err(unread)?;
             for note in notes.iter().filter(|_| !quiet) {
                 say(note);
             }

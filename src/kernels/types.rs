@@ -188,6 +188,8 @@ macro_rules! layout_checks {
     };
 }
 #[cfg(rayo_asm)]
-use super::spans::{InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan};
+use super::spans::{
+    InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
+};
 #[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));

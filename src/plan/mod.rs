@@ -1,11 +1,13 @@
 //! What a scene becomes before the first ray: the packed arrays that kernels read, and what is left out of them.
 
+mod hits;
 mod light;
 mod omission;
 mod packed;
 mod report;
 mod spans;
 
+pub use hits::{sphere_hit, triangle_hit};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{Kept, LeftOut, Report, grouped};

@@ -115,6 +115,7 @@ pub enum Way {
     NearestInRow,
 }
 
+#[expect(clippy::large_enum_variant, reason = "there is one for each object, and it lives in a list of them")]
 enum Shape {
     Sphere(Sphere),
     Triangle(Triangle),
@@ -394,7 +395,8 @@ impl<E: Element> Spans<E> {
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
             unlit: made(Omission::Unlit, !lit),
-            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
+            // The short form has no clamp to leave out.
+            dim: made(Omission::Clamp, lit && !short && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();
@@ -461,17 +463,17 @@ impl<E: Element> Spans<E> {
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
     }
 
-    /// 1/t of the camera's rays over what `depth` of the kernels writes.
-    pub fn depth_unit(&self) -> f64 {
-        self.depth_unit
-    }
-
     /// The short form of an object, if it has one.
     pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
         match &self.objects[object].shape {
             Shape::Sphere(sphere) => sphere.short.as_deref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
+    }
+
+    /// 1/t of the camera's rays over what `depth` of the kernels writes.
+    pub fn depth_unit(&self) -> f64 {
+        self.depth_unit
     }
 
     /// Which of the scene's objects it is.

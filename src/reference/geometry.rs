@@ -176,15 +176,15 @@ mod tests {
 
     #[test]
     fn corners_on_one_line_are_told_from_a_plane_through_the_camera() {
-        let (a, b) = (corner(0.1, 0.7, 3.0), corner(1.3, -0.2, 0.3));
+        let (a, b) = (corner(0.5, 0.75, 3.0), corner(1.25, -0.25, 0.375));
         for (corners, none) in [
             ([a, a, a], true),
             ([a, b, a], true),
             ([a, a + b, a + 4.0 * b], true),
-            ([a, a + 0.1 * b, a + 0.3 * b], true),
+            ([a, a + 0.125 * b, a + 0.375 * b], true),
             ([a, b, -a], false),
             ([a, b, DVec3::ZERO], false),
-            ([a, b, corner(0.1, 0.7, 3.000_001)], false),
+            ([a, b, corner(0.5, 0.75, 3.000_001)], false),
         ] {
             assert_eq!(has_no_area(corners), none, "{corners:?}");
         }

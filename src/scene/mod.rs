@@ -25,6 +25,8 @@ pub use view::{Setting, View};
 
 use glam::Vec3;
 
+use crate::reference::geometry;
+
 /// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
@@ -65,6 +67,13 @@ pub struct Triangle {
     pub colour: Vec3,
     /// The three corners, in the camera's frame and in the file's order.
     pub vertices: [Vec3; 3],
+}
+
+impl Triangle {
+    /// Whether its corners are on one line, or one point: no ray hits it then.
+    pub fn has_no_area(&self) -> bool {
+        geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
+    }
 }
 
 /// An object of a scene by its place in its list.

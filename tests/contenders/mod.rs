@@ -1,5 +1,7 @@
 //! What the tests of engines share: the engines that run here, and their pictures held against the reference's.
 
+#![allow(dead_code, reason = "no test of those that share it uses all of it")]
+
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};
 use rayo::scene::{Camera, Object, Scene};
