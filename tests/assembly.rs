@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 124] = [
+const PACKET_SNIPPETS: [Snippet; 126] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
