@@ -11,7 +11,7 @@ use std::process::Command;
 use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, OBJECTS, OpRef};
+use rayo::kernels::{self, BROKEN, OBJECTS};
 
 /// What a unit of kernels may be made of.
 struct Unit {
@@ -294,7 +294,9 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
             // The CPU adds the distance to the address of the next instruction, the linker to that of the distance.
             let rest = instruction.next_ip() - offset;
             let address = base.wrapping_add_signed(relocation.addend()).wrapping_add(rest);
-            let size = instruction.memory_size().size() as u64;
+            // Of a record an address is taken; what is read there is an element.
+            let taken = instruction.mnemonic() == Mnemonic::Lea;
+            let size = if taken { 4 } else { instruction.memory_size().size() as u64 };
             assert!(size > 0 && address + size <= rodata.size(), "{}: {instruction} at {address}", unit.name);
             assert_eq!(address % size, 0, "{}: {instruction} reads {size} bytes at {address}", unit.name);
             read += 1;
@@ -314,11 +316,12 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
         expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
     }
     expected.extend(kernels::packet_symbols().into_iter().map(str::to_owned));
-    // The paper's vector operations on packets have the names of those on one vector.
-    let on_vectors = |op| matches!(op, OpRef::Vector(_) | OpRef::Scale(_) | OpRef::Scalar(_));
-    for (name, _) in kernels::c().ops().filter(|(_, op)| on_vectors(*op)) {
-        expected.extend(UNITS.iter().map(|unit| format!("rayo_{}_{name}3", unit.name)));
+    expected.extend(kernels::packet_op_symbols().map(str::to_owned));
+    // Chains of those in f32, which are timed.
+    for symbol in kernels::packet_op_symbols().filter(|symbol| symbol.contains("_single_")) {
+        expected.extend(["latency", "throughput"].map(|chain| format!("{symbol}_{chain}")));
     }
+    expected.extend(UNITS.iter().map(|unit| format!("rayo_{}_single_feedback_latency", unit.name)));
     let mut found = BTreeSet::new();
     for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
         for name in Code64::of(unit).exported() {
@@ -437,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 122] = [
+const PACKET_SNIPPETS: [Snippet; 126] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -469,6 +472,8 @@ const PACKET_SNIPPETS: [Snippet; 122] = [
     ("VFMA", "", "v0, v1, v2, v3"),
     ("VFNMA", "", "v0, v1, v2, v3"),
     ("VFMSUB", "", "v0, K(0), v1"),
+    ("VDIFFERENCE", "", "v0, v1, 0, v2, 1, v3"),
+    ("VSIGN", "", "v0, v1, v2"),
     ("VAFFINE", "", "v0, v1, 0, 1"),
     ("VRSQRT", "in f32", "v0, v1, v2, v3"),
     ("VRSQRT", "in f64", "v0, v1, v2, v3"),
@@ -522,8 +527,8 @@ const PACKET_SNIPPETS: [Snippet; 122] = [
     ("RECIPROCAL", "", "v0, v1"),
     ("SPHERE_DEN", "", "v0, v1, v2, v3"),
     ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
-    ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4"),
-    ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5"),
+    ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4, v5"),
+    ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("LIT_PLACE", "", "other, 13"),
     ("LIT_CONSTANT", "", "m, [rdi]"),
     ("LIT_SPHERE_CONSTANTS", "", ""),
@@ -534,7 +539,9 @@ const PACKET_SNIPPETS: [Snippet; 122] = [
     ("SPHERE_LIT", "inside", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", ESTIMATES, "v0, v1, 1, v2, v3, v4, v5, v6, v7, v8"),
     ("SPHERE_LIT", "inside with estimates", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
+    ("SPHERE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
+    ("TRIANGLE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
     ("LAMBERT3", ESTIMATES, "v0, v1, v2, v3, v4, v5, rdi, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0"),
     ("LAMBERT3", "on a triangle", "v0, v1, v2, v3, v4, v5, rdi, ON_PLANE, v6, v7, v8, v9, v10, v11, 0"),
@@ -770,6 +777,9 @@ fn a_macro_of_the_packets_refuses_in_every_unit_what_one_of_them_cannot_do() {
             "VFMA v0, v1, v2, v1",
             "VFNMA v0, v1, v2, v2",
             "VFMSUB v0, K(0), v0",
+            "VDIFFERENCE v0, v0, 0, v1, 1, v2",
+            "VDIFFERENCE v0, v1, 0, v2, 1, v2",
+            "VSIGN v0, v1, v1",
             "VAFFINE v0, v0, 0, 1",
             "VSELECT v0, v0",
             "RECIPROCAL v0, v0",

@@ -130,7 +130,7 @@ fn help_lists_the_commands_and_each_has_its_own() {
         .filter_map(|line| line.strip_prefix("  ").filter(|rest| !rest.starts_with(' ')))
         .map(|line| line.split(' ').next().unwrap())
         .collect();
-    for name in ["render", "diff", "info"] {
+    for name in ["render", "convert", "make", "diff", "info"] {
         assert!(commands.contains(&name), "{commands:?}");
     }
     for name in commands.iter().filter(|name| **name != "help") {
@@ -618,6 +618,235 @@ fn nothing_is_coloured_but_at_a_terminal() {
         for arguments in ["", "--help", "rendr", "render --threads 0", "render bad.in", "render none.in", "info"] {
             let run = place.run(arguments);
             assert!(!run.stdout.contains('\u{1b}') && !run.stderr.contains('\u{1b}'), "{arguments}: {:?}", run.stderr);
+        }
+    }
+}
+
+// Other scenes, and meshes
+
+/// The square from (0, 0) to (1, 1) as one quad.
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+
+#[test]
+fn a_mesh_alone_is_rendered_whole_and_what_was_assumed_is_said() {
+    let place = Place::new();
+    place.write("square.obj", SQUARE);
+    let run = place.run("render square.obj --size 60x40");
+    let lines: Vec<_> = run.stderr.lines().collect();
+    assert_eq!((run.status, lines.len()), (0, 3), "{}", run.stderr);
+    assert!(
+        lines[0].starts_with("square.obj: 1 face of more than three corners was cut into triangles"),
+        "{}",
+        lines[0]
+    );
+    assert!(lines[1].starts_with("square.obj: a mesh alone: y is up, the camera sees all of it"), "{}", lines[1]);
+    assert!(lines[2].starts_with("square.png: 60x40 by "), "{}", lines[2]);
+    let Pixels::Rgb8(pixels) = place.picture("square.png").pixels else { panic!("levels") };
+    let lit = pixels.iter().filter(|pixel| pixel[0] > 20).count();
+    assert!((300..1800).contains(&lit), "{lit} of 2400 pixels");
+    // It fills the picture as well in another shape of it, and --quiet is silent.
+    let run = place.run("render square.obj --size 40x400 --focal 2 --quiet --force");
+    assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+    assert!(place.run("render square.obj --json --force").stdout.contains("\"hits\""));
+}
+
+#[test]
+fn a_bad_mesh_is_refused_at_its_element_and_nothing_is_written() {
+    let place = Place::new();
+    place.write("bad.obj", &SQUARE.replace("3 4", "3 5"));
+    let message = "error: face 1's corner 4 is vertex 5, which the file has not\n--> bad.obj:5\n \
+        = note: expected 1 to 4, the number of its vertices, or -1 and down for the last ones";
+    place.refuses("render bad.obj", 2, message);
+    place.refuses("convert bad.obj out.toml", 2, message);
+    place.refuses("convert bad.obj out.ply", 2, message);
+    place.write(
+        "bad.ply",
+        "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\nproperty float x\nend_header\n",
+    );
+    let run = place.run("render bad.ply");
+    assert!(run.status == 2 && run.stderr.contains("the header claims 1000000000 vertex elements"), "{}", run.stderr);
+    place.write("scene.toml", "[image]\nwidth = 9\nheight = 9\n[[mesh]]\nfile = \"bad.obj\"\n");
+    place.refuses(
+        "render scene.toml",
+        2,
+        "error: bad.obj:5: face 1's corner 4 is vertex 5, which the file has not
+ --> scene.toml:5:8
+  |
+5 | file = \"bad.obj\"
+  |        ^^^^^^^^^ expected 1 to 4, the number of its vertices, or -1 and down for the last ones",
+    );
+    assert_eq!(place.files(), ["bad.obj", "bad.ply", "scene.in", "scene.toml"]);
+}
+
+#[test]
+fn scenes_are_converted_without_a_change_in_the_picture() {
+    let place = Place::new();
+    place.write("square.obj", SQUARE);
+    fs::create_dir(place.path("sub")).unwrap();
+    // From one form to the next; each is rendered from where it is.
+    for (from, to) in [
+        ("scene.in", "a.toml"),
+        ("a.toml", "b.in"),
+        ("square.obj", "sub/square.toml"),
+        ("sub/square.toml", "square.in"),
+        ("square.in", "flat.toml"),
+    ] {
+        let run = place.run(&format!("convert {from} {to} --quiet"));
+        assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, "", ""), "{to}");
+        for (file, picture) in [(from, "from.png"), (to, "to.png")] {
+            assert_eq!(place.run(&format!("render {file} --quiet -o {picture}")).status, 0, "{file}");
+        }
+        let diff = place.run("diff from.png to.png");
+        assert_eq!(diff.status, 0, "{from} {to}: {}", diff.stdout);
+    }
+    assert!(fs::read_to_string(place.path("sub/square.toml")).unwrap().contains("file = \"../square.obj\""));
+}
+
+#[test]
+fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
+    let place = Place::new();
+    let run = place.run("convert scene.in out.obj");
+    let warning = "warning: out.obj: OBJ has no place for 1 sphere, 1 light, the triangles' colours, the camera";
+    assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
+    assert!(fs::read_to_string(place.path("out.obj")).unwrap().ends_with("f 1 2 3\n"));
+    // --quiet leaves warnings.
+    assert_eq!(
+        place.run("convert scene.in out.ply --quiet").stderr.trim_end(),
+        warning.replace("out.obj: OBJ", "out.ply: PLY")
+    );
+    place.write("film.toml", "[image]\nwidth = 9\nheight = 9\n[camera]\nfilm = 35\n");
+    let run = place.run("convert film.toml film.in");
+    let warning = "warning: film.in: the format has no place for a film of 35: render it with --film 35";
+    assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
+    place.refuses("convert film.toml out.stl", 2, "error: out.stl: the scene has no triangles to write");
+    let names = "error: scene.out: the name of a scene or a mesh must end in .in, .toml, .obj, .ply or .stl";
+    place.refuses("convert scene.in scene.out", 2, names);
+    place.refuses("make torus --triangles 9 -o scene.out", 2, names);
+    let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
+    place.refuses("convert scene.in none/out.toml", 1, directory);
+    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "scene.in"]);
+}
+
+#[test]
+fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
+    let place = Place::new();
+    for (shape, made) in [("icosphere --bumps 0.2", 980), ("torus", 1024), ("terrain --seed 4", 968)] {
+        let mut pictures = Vec::new();
+        for file in ["shape.obj", "shape.ply", "shape.stl", "shape.toml", "shape.in"] {
+            let run = place.run(&format!("make {shape} --triangles 1000 -o {file}"));
+            let name = shape.split(' ').next().unwrap();
+            let start = format!("{file}: {name} of {made} triangles and ");
+            assert!(run.summary().starts_with(&start), "{}", run.summary());
+            assert_eq!(
+                place.run(&format!("render {file} --quiet --engine reference --size 80x60 -o a.png")).status,
+                0,
+                "{file}"
+            );
+            let Pixels::Rgb8(pixels) = place.picture("a.png").pixels else { panic!("levels") };
+            pictures.push(pixels);
+        }
+        // STL stands on another axis, and is turned; so rounding may differ in it.
+        for (at, picture) in pictures.iter().enumerate() {
+            let far = picture.iter().zip(&pictures[0]).filter(|(a, b)| (0..3).any(|i| a[i].abs_diff(b[i]) > 1)).count();
+            assert!(far <= if at == 2 { 10 } else { 0 }, "{shape}, file {at}: {far} pixels");
+        }
+    }
+    let json = place.run("make torus --triangles 1000 -o shape.obj --json").json();
+    assert_eq!((&json["schema"], &json["triangles"], &json["shape"]), (&json!(1), &json!(1024), &json!("torus")));
+    place.refuses("make torus --triangles 9 -o x.obj --bumps 0.1", 2, "error: --bumps is for the icosphere alone");
+    for arguments in ["make cube --triangles 9 -o x.obj", "make torus --triangles 0 -o x.obj", "make torus -o x.obj"] {
+        assert_eq!(place.run(arguments).status, 2, "{arguments}");
+    }
+}
+
+// Large pictures, and ends before the end
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_by_row() {
+    let place = Place::new();
+    let limited = |name: &str, size: &str| {
+        let render =
+            format!("ulimit -v 163840; exec \"$0\" render scene.in --threads 1 --quiet --size {size} -o {name}");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("MALLOC_ARENA_MAX", "1");
+        command.current_dir(&place.directory).output().unwrap()
+    };
+    // As floats these are 205 MB, and the address space is held to 160 MiB.
+    for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr"] {
+        let output = limited(name, "4000x3200");
+        assert!(output.status.success(), "{name}: {output:?}");
+        fs::remove_file(place.path(name)).unwrap();
+    }
+    // What is held whole, here 192 MB, shows that the limit is one; and more than a limit of its own is not begun.
+    let output = limited("a.qoi", "8000x8000");
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let whole = place.run("render scene.in --size 20000x20000 -o a.qoi");
+    assert!(whole.status == 1 && whole.stderr.contains("takes 1144 MiB of memory in this format"), "{}", whole.stderr);
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
+    let place = Place::new();
+    place.write("scene.in", &rayo::scene::many(300, 300, 1).to_text());
+    for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr", "a.qoi"] {
+        // No file may be longer than 64 blocks of 512 bytes: with the signal for that ignored, writing fails.
+        let render =
+            format!("trap '' XFSZ; ulimit -f 64; exec \"$0\" render scene.in --size 800x600 --quiet -o {name}");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
+        let output = command.current_dir(&place.directory).output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{name}: {told}");
+        let expected = format!("error: cannot write {name}: File too large");
+        assert!(told.starts_with(&expected) && told.lines().count() == 1, "{name}: {told}");
+        assert_eq!(place.files(), ["scene.in"], "{name}");
+    }
+    for command in ["make torus --triangles 100000 -o a.obj", "convert scene.in a.toml"] {
+        let run = format!("trap '' XFSZ; ulimit -f 64; exec \"$0\" {command} --quiet");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &run]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
+        let output = command.current_dir(&place.directory).output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(1) && told.contains("File too large"), "{told}");
+        assert_eq!(place.files(), ["scene.in"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_has_gone_ends_the_render_with_status_1() {
+    let place = Place::new();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let message = "error: cannot write /dev/stdout: Broken pipe (os error 32); whatever was reading it has stopped\n";
+    assert_eq!(run_into(writer, &place, "render scene.in -o /dev/stdout --size 2000x2000"), (Some(1), message.into()));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
+    let place = Place::new();
+    place.write("many.in", &rayo::scene::many(300, 300, 1).to_text());
+    for signal in ["INT", "TERM", "HUP"] {
+        for name in ["a.png", "a.exr"] {
+            // Minutes of work. Whoever runs the tests may have had signals ignored.
+            let mut command = std::process::Command::new("env");
+            command.arg("--default-signal").arg(assert_cmd::cargo::cargo_bin!("rayo"));
+            command.args(["render", "many.in", "--engine", "reference", "--size", "4000x4000", "--quiet", "-o", name]);
+            let mut child = command.current_dir(&place.directory).spawn().unwrap();
+            while place.files().len() < 3 {
+                assert!(child.try_wait().unwrap().is_none(), "it has ended by itself");
+                std::thread::sleep(std::time::Duration::from_millis(5));
+            }
+            // The signal may come at any time after that.
+            std::thread::sleep(std::time::Duration::from_millis(60));
+            let kill = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+            assert!(kill.unwrap().success());
+            assert_eq!(child.wait().unwrap().code(), Some(130), "{signal}");
+            assert_eq!(place.files(), ["many.in", "scene.in"], "{signal}");
         }
     }
 }

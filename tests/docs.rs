@@ -7,8 +7,15 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-const DOCUMENTS: [&str; 5] =
-    ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/accuracy.md", "docs/scene-format.md"];
+const DOCUMENTS: [&str; 7] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CONTRIBUTING.md",
+    "docs/accuracy.md",
+    "docs/image-files.md",
+    "docs/leaving-out.md",
+    "docs/scene-format.md",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -62,9 +69,11 @@ fn help(subcommand: &[&str]) -> String {
 /// A new directory with the project's scenes in it.
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
-    fs::create_dir(directory.path().join("scenes")).unwrap();
-    for scene in ["sphere.in", "tetrahedron.in"] {
-        fs::copy(root().join("scenes").join(scene), directory.path().join("scenes").join(scene)).unwrap();
+    fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
+    let files =
+        ["sphere.in", "tetrahedron.in", "island.toml", "meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"];
+    for file in files {
+        fs::copy(root().join("scenes").join(file), directory.path().join("scenes").join(file)).unwrap();
     }
     directory
 }

@@ -474,6 +474,23 @@ fn a_seed_makes_the_same_shape_again_and_another_another() {
     assert_ne!(terrain(500, 7), terrain(500, 8));
 }
 
+#[test]
+fn the_meshes_of_the_example_are_what_its_comment_says() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let comment = fs::read_to_string(folder.join("island.toml")).unwrap();
+    for (command, mesh) in [
+        ("terrain --triangles 1700 --seed 12 -o meshes/hills.ply", terrain(1700, 12)),
+        ("icosphere --triangles 1280 --bumps 0.25 --seed 7 -o meshes/rock.ply", icosphere(1280, 0.25, 7)),
+        ("torus --triangles 900 -o meshes/ring.ply", torus(900)),
+    ] {
+        assert!(comment.contains(&format!("#   rayo make {command}\n")), "{command}");
+        let file = folder.join(command.split(' ').next_back().unwrap());
+        assert!(Mesh::read(&file).unwrap() == mesh, "{}", file.display());
+    }
+    let scene = rayo::scene::read(&folder.join("island.toml")).unwrap();
+    assert_eq!((scene.name.as_str(), scene.triangles.len()), ("island.png", 1682 + 900 + 2 * 1280));
+}
+
 /// Where the camera sees a vertex, in halves of the film from its middle; behind it nowhere.
 fn seen(scene: &Scene) -> Vec<(f64, f64)> {
     let grid = scene.camera.grid::<f64>();
@@ -524,6 +541,11 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         let [nearer, ..] = scene.triangles[1].vertices;
         assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");
     }
+    // A vertex that no triangle has is not seen, and does not count.
+    let (square, mut strewn) = (terrain(2, 1), terrain(2, 1));
+    strewn.vertices.push(Vec3::splat(1e9));
+    let view = |mesh: &Mesh| Setting::of(mesh, MeshFormat::Ply, &Camera::default()).unwrap().view;
+    assert_eq!(view(&strewn), view(&square));
     // One point is no reason to fail.
     let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], polygons: 0 };
     assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());

@@ -7,6 +7,7 @@
 #![cfg(rayo_asm)]
 
 mod kernel_cases;
+mod on_packets;
 
 use std::ops::Range;
 

@@ -157,7 +157,7 @@ mod table {
     use rayo::kernels::step;
 
     fn count(op: Option<&str>, executed: bool) -> Report {
-        ops::run(&Options { op: op.map(str::to_owned), executed, ..Options::default() }).unwrap()
+        ops::run(&Options { op: op.map(str::to_owned), executed, ..Options::default() }, &mut |_, _| ()).unwrap()
     }
 
     #[test]
@@ -198,7 +198,13 @@ mod table {
     #[test]
     fn a_path_that_leaves_early_executes_less() {
         let report = count(Some("sphere"), true);
-        for row in report.rows.iter().filter(|row| !row.paths.is_empty()) {
+        // Packets have masks in place of jumps.
+        let packets = ["sse41", "avx2", "avx512"];
+        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && packets.contains(&row.implementation)) {
+            assert!(row.paths.iter().all(|path| path.executed == row.paths[0].executed), "{}", row.implementation);
+            assert_eq!(row.paths.len(), 5, "{}", row.implementation);
+        }
+        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && !packets.contains(&row.implementation)) {
             let path = |name| row.paths.iter().find(|path| path.path == name).unwrap().executed;
             assert!(path("miss") < path("two roots"), "{}", row.implementation);
             assert!(path("two roots") < path("behind"), "{}", row.implementation);
@@ -242,14 +248,14 @@ mod table {
     #[test]
     fn costs_are_there_and_positive_where_something_runs() {
         let options = Options { op: Some("norm".into()), cost: true, ..Options::default() };
-        let report = ops::run(&options).unwrap();
+        let report = ops::run(&options, &mut |_, _| ()).unwrap();
         assert!(report.core_cycles_per_tick.is_some_and(|cycles| cycles > 0.0));
         for row in report.rows {
             let costs = [row.call_latency, row.call_throughput, row.throughput];
             let runs =
                 !row.implementation.starts_with("printed") && row.function.is_some() && row.unavailable.is_none();
             assert!(costs.iter().all(|cost| cost.is_some_and(|cycles| cycles > 0.0) == runs), "{}", row.implementation);
-            let body = ["paper", "aos"].contains(&row.implementation);
+            let body = ["paper", "aos", "sse41", "avx2", "avx512"].contains(&row.implementation);
             assert_eq!(row.cost_of, runs.then_some(if body { "body" } else { "call" }), "{}", row.implementation);
         }
     }
@@ -317,70 +323,12 @@ mod by_value {
     }
 }
 
-mod packets {
-    use rayo::kernels::{Isa, packet_ops};
-    use rayo::scene::Rng;
-
-    /// The operation on one vector, its order of operations that of the macros, `fused` where they have FMA.
-    fn twin(op: &str, fused: bool, a: [f32; 3], b: &[f32]) -> Vec<f32> {
-        let add_product = |sum: f32, x: f32, y: f32| if fused { x.mul_add(y, sum) } else { sum + x * y };
-        let dot = |a: [f32; 3], b: &[f32]| add_product(add_product(a[0] * b[0], a[1], b[1]), a[2], b[2]);
-        let cross = |i: usize, j: usize| add_product(a[i] * b[j], -a[j], b[i]);
-        match op {
-            "add" => (0..3).map(|i| a[i] + b[i]).collect(),
-            "sub" => (0..3).map(|i| a[i] - b[i]).collect(),
-            "scale" => a.iter().map(|a| a * b[0]).collect(),
-            "dot" => vec![dot(a, b)],
-            "norm" => vec![dot(a, &a).sqrt()],
-            "cross" => vec![cross(1, 2), cross(2, 0), cross(0, 1)],
-            "normalise" => a.iter().map(|x| x / dot(a, &a).sqrt()).collect(),
-            _ => panic!("{op} has no twin"),
-        }
-    }
-
-    #[test]
-    fn packet_operations_equal_their_scalar_twins_to_the_last_bit_and_keep_the_calling_convention() {
-        let mut rng = Rng::new(11);
-        for isa in Isa::ALL {
-            for op in packet_ops(isa).into_iter().flatten() {
-                for packets in 0..4 {
-                    let vectors = packets * op.lanes;
-                    let mut numbers = |count: usize| (0..count).map(|_| rng.between(-3.0, 3.0)).collect::<Vec<_>>();
-                    let (a, b) = (numbers(3 * vectors), numbers(op.b_numbers * vectors));
-                    let mut out = vec![f32::NAN; op.out_numbers * vectors];
-                    assert_eq!(op.call_checked(&mut out, &a, &b), Ok(()), "{isa} {}", op.name);
-                    for vector in 0..vectors {
-                        let (packet, lane) = (vector / op.lanes, vector % op.lanes);
-                        let of = |numbers: &[f32], count: usize| -> Vec<f32> {
-                            (0..count).map(|i| numbers[(packet * count + i) * op.lanes + lane]).collect()
-                        };
-                        let vector: [f32; 3] = of(&a, 3).try_into().unwrap();
-                        let expected = twin(op.name, isa != Isa::Sse41, vector, &of(&b, op.b_numbers));
-                        let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect::<Vec<_>>();
-                        assert_eq!(bits(of(&out, op.out_numbers)), bits(expected), "{isa} {} of {vector:?}", op.name);
-                    }
-                    let mut again = vec![0.0; out.len()];
-                    op.call(&mut again, &a, &b);
-                    assert_eq!(again, out);
-                }
-            }
-        }
-    }
-
-    #[test]
-    #[should_panic(expected = "whole packets")]
-    fn parts_of_packets_are_refused() {
-        let op = packet_ops(Isa::Sse41).expect("every CPU that runs these tests has SSE4.1")[0];
-        op.call(&mut [0.0; 12], &[0.0; 12], &[0.0; 11]);
-    }
-}
-
 mod callgrind {
     use std::collections::BTreeMap;
     use std::process::Command;
 
     use rayo::kernels::step::count_function;
-    use rayo::kernels::{self, Isa, KNOWN, Light, OpRef, Sphere, Surface, Triangle, Vec4, packet_ops};
+    use rayo::kernels::{self, Isa, KNOWN, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
     use rayo::measure::instructions::Code;
 
     /// Functions by their symbols: where each is, and a call of it.
@@ -409,10 +357,11 @@ mod callgrind {
         }
         // Valgrind knows no AVX-512.
         for isa in [Isa::Sse41, Isa::Avx2] {
-            for op in packet_ops(isa).into_iter().flatten() {
-                let (a, b) = (vec![1.5; 6 * op.lanes], vec![0.5; 2 * op.b_numbers * op.lanes]);
-                let call = move || op.call(&mut vec![0.0; 2 * op.out_numbers * op.lanes], &a, &b);
-                functions.insert(format!("rayo_{isa}_{}3", op.name), (op.address(), Box::new(call)));
+            for op in packet_ops::<f32>(isa).into_iter().flatten() {
+                let Shape { b_numbers, record, out_numbers } = op.shape;
+                let (a, b) = (vec![1.5; 6 * op.lanes], vec![0.5; 2 * b_numbers * op.lanes + record]);
+                let call = move || op.call(&mut vec![0.0; 2 * out_numbers * op.lanes], &a, &b);
+                functions.insert(op.symbol.into(), (op.address(), Box::new(call)));
             }
         }
         for known in KNOWN {
@@ -475,7 +424,7 @@ mod callgrind {
             assert_eq!(own.get(name.as_str()).copied(), Some(times * stepped), "{name}");
             compared += 1;
         }
-        assert!(compared >= KNOWN.len() + 22 + 7, "{compared}");
+        assert!(compared >= KNOWN.len() + 22 + 10, "{compared}");
     }
 }
 

@@ -4,10 +4,13 @@
 
 mod contenders;
 
+use std::path::Path;
+use std::process::{Command, Output};
+
 use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
-use rayo::plan::{Keep, Omission, Switch};
-use rayo::render::{Film, PixelFormat, Purpose};
+use rayo::plan::{Keep, Omission, Report, Switch};
+use rayo::render::{Engine, Film, PixelFormat, Purpose};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
@@ -203,4 +206,231 @@ fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
             check(&contender, &scene, Keep::all(), &format!("x = {x}"));
         }
     }
+}
+
+/// The report of the widest engine on a scene text for one picture of 160 x 120 in bytes.
+fn report(lights: &str, objects: &str) -> Report {
+    let text = format!("x.png 160 120 1  {lights}  {objects}");
+    let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
+    Engine::fastest().report(purpose, &scene, &scene.camera).unwrap()
+}
+
+/// How much of `omission` is left out.
+fn count(report: &Report, omission: Omission) -> u64 {
+    report.left_out.iter().find(|line| line.omission == omission).map_or(0, |line| line.count)
+}
+
+#[test]
+fn objects_that_no_ray_can_hit_are_counted_by_the_reason() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    for (what, objects, omission) in [
+        ("a sphere behind the camera", "1  1 1 1 1  0 0 -5  0", Omission::Behind),
+        ("a sphere that ends at the camera", "1  5 1 1 1  0 0 -5  0", Omission::Behind),
+        ("a triangle behind the camera", "0  1  1 1 1  0 0 -1  1 0 -2  0 1 0", Omission::Behind),
+        ("a sphere to the left", "1  1 1 1 1  -90 0 20  0", Omission::Outside),
+        ("a sphere to the right", "1  1 1 1 1  90 0 20  0", Omission::Outside),
+        ("a sphere above", "1  1 1 1 1  0 60 20  0", Omission::Outside),
+        ("a sphere below", "1  1 1 1 1  0 -60 20  0", Omission::Outside),
+        ("a triangle to the left", "0  1  1 1 1  -50 0 20  -60 0 20  -50 1 20", Omission::Outside),
+        ("a triangle below that reaches behind", "0  1  1 1 1  0 -50 20  9 -50 20  3 -50 -20", Omission::Outside),
+        ("a point", "0  1  1 1 1  1 2 3  1 2 3  1 2 3", Omission::NoArea),
+        ("a line", "0  1  1 1 1  1 2 3  2 4 5  3 6 7", Omission::NoArea),
+        ("a triangle edge on", "0  1  1 1 1  1 2 3  3 -1 4  0 0 0", Omission::EdgeOn),
+    ] {
+        let report = report(lamp, objects);
+        assert_eq!(count(&report, omission), 1, "{what}: {report:?}");
+        assert_eq!((report.kept.spheres, report.kept.triangles), (0, 0), "{what}");
+    }
+    // On the border of the picture, around the camera and across its plane, they are seen.
+    for objects in [
+        "1  1 1 1 1  -8.4 0 20  0",
+        "1  9 1 1 1  0 0 -5  0",
+        "1  3 1 1 1  3.2 0 0.5  0",
+        "0  1  1 1 1  -8 0 20  -60 0 20  -50 1 20",
+        "0  1  1 1 1  0 -1 20  9 -1 20  3 -1 -20",
+    ] {
+        let report = report(lamp, objects);
+        assert_eq!(report.kept.spheres + report.kept.triangles, 1, "{objects}: {report:?}");
+    }
+}
+
+#[test]
+fn lights_that_give_nothing_are_counted() {
+    let (white, red) = ("1  2 1 1 1  0 0 20  0", "1  2 1 0 0  0 0 20  0");
+    for (what, lights, objects, dark, idle, unlit) in [
+        ("lit", "1  1 1 1 1  -9 9 0", white, 0, 0, 0),
+        ("no intensity", "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0", white, 1, 0, 0),
+        ("no colour", "2  1 1 1 1  -9 9 0  1 0 0 0  9 9 0", white, 1, 0, 0),
+        ("behind the sphere", "2  1 1 1 1  -9 9 0  1 1 1 1  0 0 90", white, 0, 1, 0),
+        ("inside the sphere", "1  1 1 1 1  0 0 20", white, 0, 1, 1),
+        ("of another colour", "1  1 0 1 1  -9 9 0", red, 0, 1, 1),
+        ("none", "0", white, 0, 0, 1),
+        ("in the triangle's plane", "1  1 1 1 1  0 0 20", "0  1  1 1 1  -1 0 20  1 0 20  0 2 20", 0, 1, 1),
+        ("behind the triangle", "1  1 1 1 1  0 0 90", "0  1  1 1 1  -1 0 20  1 0 20  0 2 20", 0, 0, 0),
+    ] {
+        let report = report(lights, objects);
+        let found = [Omission::DarkLights, Omission::IdleLights, Omission::Unlit].map(|it| count(&report, it));
+        assert_eq!(found, [dark, idle, unlit], "{what}: {report:?}");
+    }
+}
+
+#[test]
+fn what_depends_on_kinds_colours_and_overlap_is_counted() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    let sphere = report(lamp, "1  2 1 1 1  0 0 20  0");
+    for (omission, expected) in [
+        (Omission::TriangleCode, 1),
+        (Omission::SphereCode, 0),
+        (Omission::Loop, 1),
+        (Omission::Channels, 1),
+        (Omission::Constants, 1),
+        (Omission::FloatImage, 160 * 120),
+        (Omission::Hidden, 0),
+        (Omission::Depths, 0),
+    ] {
+        assert_eq!(count(&sphere, omission), expected, "{omission:?}: {sphere:?}");
+    }
+    assert_eq!(count(&sphere, Omission::Misses) + count(&sphere, Omission::Search), 160 * 120);
+    // Two triangles of which the far one is hidden whole: its hits are the pixels of the near one.
+    let two = report(lamp, "0  2  1 1 0  -9 -9 20  9 -9 20  0 9 20  1 0 0  -90 -90 200  90 -90 200  0 90 200");
+    assert_eq!(count(&two, Omission::Depths), count(&two, Omission::Hidden), "{two:?}");
+    assert_eq!(count(&two, Omission::Misses) + 2 * count(&two, Omission::Hidden), 2 * 160 * 120);
+    for (omission, expected) in [(Omission::SphereCode, 1), (Omission::Clamp, 2), (Omission::Channels, 0)] {
+        assert_eq!(count(&two, omission), expected, "{omission:?}: {two:?}");
+    }
+    let bright = report("1  2 1 1 1  -9 9 0", "1  2 1 1 1  0 0 20  0");
+    assert_eq!([Omission::Clamp, Omission::Loop].map(|it| count(&bright, it)), [0, 0], "{bright:?}");
+}
+
+#[test]
+fn with_all_kept_only_what_is_arithmetic_is_left_out() {
+    let scene = many(9, 9, 81);
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep: Keep::all(), ..Purpose::default() };
+    let report = Engine::fastest().report(purpose, &scene, &scene.camera).unwrap();
+    assert_eq!((report.kept.spheres, report.kept.triangles, report.kept.lights), (9, 9, 2));
+    assert!(report.left_out.iter().all(|line| line.omission.switch() != Switch::Work), "{report:?}");
+}
+
+/// One of everything.
+const EVERYTHING: &str = "\
+all.png 160 120 1
+4
+0.5  1 1 1    -10 10 0
+0    1 1 1    0 0 0        # dark
+0.4  1 0 0    0 0 300      # behind all
+0.3  0 1 1    10 0 0
+6
+2    1 1 1    -3 0 20
+1    1 1 1    0 0 -5       # behind the camera
+1    1 1 1    90 0 20      # beside the picture
+2    0 0 0    -3 3 22      # black
+1.5  1 1 1    -3 0 24      # hidden in part
+1    1 0 0    3 3 20       # of one light's colour
+5
+0 1 0    1 -3 20  6 -3 20  3 2 20
+0 0 1    2 -3 22  7 -3 22  4 2 22             # behind it
+1 1 1    1 1 20  2 2 20  3 3 20               # no area
+1 1 1    1 1 20  2 5 20  0 0 0                # edge on
+1 1 1    -50 -30 20  -60 -30 20  -50 -40 20   # below the picture
+";
+
+/// Runs the program where the file all.in is [`EVERYTHING`].
+fn rayo(directory: &Path, arguments: &str) -> Output {
+    std::fs::write(directory.join("all.in"), EVERYTHING).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rayo"));
+    command.args(arguments.split(' ')).current_dir(directory).env_remove("RAYO_ENGINE").output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+const WARNING: &str = "warning: all.in:17: triangle 3 has no area, and no ray hits it: its corners are on one line\n";
+
+#[test]
+fn the_plan_of_one_of_everything_reads_like_this() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = rayo(directory.path(), "plan all.in --engine sse41");
+    insta::assert_snapshot!("plan_of_everything", stdout(&output));
+    assert_eq!(stderr(&output), WARNING);
+    let of_c = stdout(&rayo(directory.path(), "plan all.in --engine c"));
+    assert!(of_c.contains("kept: 6 spheres, 3 triangles, 4 lights\n"), "{of_c}");
+    let none = rayo(directory.path(), "plan all.in --engine none");
+    assert_eq!(none.status.code(), Some(2), "{none:?}");
+}
+
+#[test]
+fn the_plan_is_one_json_document_with_these_fields() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = stdout(&rayo(directory.path(), "plan all.in --engine sse41 --json --size 80x60"));
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for (place, expected) in [
+        ("/schema", "1"),
+        ("/scene", "\"all.in\""),
+        ("/engine", "\"sse41\""),
+        ("/precision", "\"single\""),
+        ("/output", "\"rgba8\""),
+        ("/width", "80"),
+        ("/height", "60"),
+        ("/kept", r#"{"lights":3,"spheres":4,"triangles":2}"#),
+        ("/left_out/0/what", "\"objects behind the camera\""),
+        ("/left_out/0/count", "1"),
+        ("/measured", "null"),
+    ] {
+        assert_eq!(json.pointer(place).map(ToString::to_string).as_deref(), Some(expected), "{place}");
+    }
+    for line in json["left_out"].as_array().unwrap() {
+        let text = |key: &str| line[key].as_str().is_some_and(|text| !text.is_empty());
+        assert!(text("what") && text("reason") && text("unit") && line["count"].as_u64() > Some(0), "{line}");
+    }
+}
+
+#[test]
+fn measuring_gives_each_line_a_ratio_or_none_where_there_is_no_code_without_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = rayo(directory.path(), "plan all.in --measure --json --size 40x30");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let measured = &json["measured"];
+    let ratio = |ratio: &serde_json::Value| {
+        let [middle, low, high] = ["ratio", "ratio_low", "ratio_high"].map(|key| ratio[key].as_f64());
+        assert!(Some(0.0) < low && low <= middle && middle <= high, "{ratio}");
+    };
+    ratio(&measured["control"]);
+    ratio(&measured["keep_all"]);
+    assert_eq!((measured["rows"].as_u64(), measured["threads"].as_u64()), (Some(30), Some(1)));
+    let (lines, worth) = (json["left_out"].as_array().unwrap(), measured["worth"].as_array().unwrap());
+    assert_eq!(lines.len(), worth.len());
+    for (line, worth) in lines.iter().zip(worth) {
+        assert_eq!(line["what"], worth["what"]);
+        match line["what"].as_str().unwrap() {
+            "constant terms" => assert_eq!(worth["ratio"], serde_json::Value::Null),
+            _ => ratio(worth),
+        }
+    }
+    let text = stdout(&rayo(directory.path(), "plan all.in --measure --size 40x30"));
+    assert!(text.contains("\n  the plan against itself "), "{text}");
+}
+
+#[test]
+fn render_explains_its_plan_and_brute_force_makes_the_same_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let planned = rayo(directory.path(), "render all.in -o planned.png --explain --quiet");
+    let plan = stdout(&rayo(directory.path(), "plan all.in"));
+    let (_, lines) = plan.split_once('\n').unwrap();
+    assert_eq!(stderr(&planned), format!("{WARNING}{lines}"));
+    assert_eq!(stdout(&planned), "");
+    assert_eq!(stderr(&rayo(directory.path(), "render all.in -o kept.png --keep-all --quiet")), WARNING);
+    let file = |name: &str| std::fs::read(directory.path().join(name)).unwrap();
+    assert!(file("planned.png") == file("kept.png"));
+    let rust = stderr(&rayo(directory.path(), "render all.in -o rust.png --keep-all --engine rust"));
+    assert!(
+        rust.contains("rust tests every ray against every object as it is: --keep-all changes nothing\n"),
+        "{rust}"
+    );
 }

@@ -2,8 +2,6 @@
 
 #![cfg(rayo_asm)]
 
-// Its engines' own pictures are for other tests.
-#[allow(dead_code)]
 mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};

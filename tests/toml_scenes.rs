@@ -178,7 +178,7 @@ fn mesh_files_are_found_beside_the_scene_and_follow_its_triangles() {
         [[mesh]]\nfile = \"./meshes/square.obj\"\nscale = [1, 1, -1]\n\
         [[triangle]]\nvertices = [[0, 0, 1], [1, 0, 1], [0, 1, 1]]\n";
     fs::write(&file, text).unwrap();
-    let Opened { scene, notes } = open(&file, &Camera::default()).unwrap();
+    let Opened { scene, notes, .. } = open(&file, &Camera::default()).unwrap();
     let corners = |points: [[f32; 3]; 3]| points.map(Vec3::from_array);
     let found: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
     let expected = [
@@ -348,7 +348,7 @@ fn a_bad_file_is_refused_in_these_words() {
             "triangle 1 has 4 of its three vertices: found `[[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1,...`",
             "expected three points, as in [[0, 0, 5], [1, 0, 5], [0, 1, 5]]",
         ),
-        ("[0, 1, 1]]", "[0, 1]]", "26:36", "triangle 1's vertex 3 has 2 of its three numbers: found `[0, 1]`", THREE),
+        ("[0, 1, 1]]", "[0, 1]]", "26:35", "triangle 1's vertex 3 has 2 of its three numbers: found `[0, 1]`", THREE),
         (
             "[[triangle]]",
             "[triangle]",
@@ -356,8 +356,9 @@ fn a_bad_file_is_refused_in_these_words() {
             "triangle is a table: found `[triangle]`",
             "expected [[triangle]] above the keys of each one",
         ),
-        ("[image]", "light = 7\n[image]", "2:9", "light is a number: found `7`", ""),
+        ("[image]", "mesh = 7\n[image]", "2:8", "mesh is a number: found `7`", ""),
         ("radius = 30", "radius 30", "18:8", "key with no value: found `30`", ""),
+        ("radius = 30", "radius =", "18:8", "string values must be quoted: found `=`", "expected literal string"),
         ("radius = 30", "radius = 30\nradius = 31", "19:1", "duplicate key: found `radius`", "expected TOML"),
     ] {
         assert!(VALID.contains(good), "{good}");

@@ -82,13 +82,13 @@
 
 ; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_INSIDE 0
-    SPHERE_INSIDE v4, v5, v6, v0, v7, v8
+    SPHERE_INSIDE v4, v5, v6, v0, v7, v8, v9
     LIGHTS  FROM_CAMERA, InsideSpan.cx
 %endmacro
 
 ; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
 %macro BODY_INSIDE_NORMAL 0
-    SPHERE_INSIDE v1, v2, v3, v0, v7, v8
+    SPHERE_INSIDE v1, v2, v3, v0, v7, v8, v9
     SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
 %endmacro
 
@@ -110,7 +110,7 @@
 
 ; DEN_INSIDE - v1 = 1/t of the pixels j in v0.
 %macro DEN_INSIDE 0
-    SPHERE_FAR_WALL v2, v3, v0, v4, v5
+    SPHERE_FAR_WALL v2, v3, v0, v4, v5, v6
     RECIPROCAL v1, v2
 %endmacro
 

@@ -29,6 +29,9 @@ pub struct ConvertArgs {
     quiet: bool,
 }
 
+/// More triangles than this in one TOML file are worth a warning: reading takes some 5 kB of memory for each.
+const MANY_TABLES: usize = 50_000;
+
 /// Converts the file.
 pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let ConvertArgs { input, output, quiet } = args;
@@ -57,7 +60,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             write(output, |out| out.write_all(text.as_bytes()))?;
         }
         (_, to) => {
-            let Opened { scene, notes } = open(input, &Camera::default()).map_err(unread)?;
+            let Opened { scene, notes, .. } = open(input, &Camera::default()).map_err(unread)?;
             for note in notes.iter().filter(|_| !quiet) {
                 say(note);
             }
@@ -77,13 +80,20 @@ pub(super) fn format(path: &Path) -> Result<SceneFormat, Failure> {
 
 /// Writes a scene in a format, with a warning of what that cannot hold.
 pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Result<(), Failure> {
-    let lost = |what: &str| say(&format!("warning: {}: {what}", path.display()));
+    let warn = |what: &str| say(&format!("warning: {}: {what}", path.display()));
     match format {
-        SceneFormat::Toml => write(path, |out| out.write_all(scene.to_toml().as_bytes())),
+        SceneFormat::Toml => {
+            let triangles = scene.triangles.len();
+            if triangles > MANY_TABLES {
+                let better = "a mesh file that the scene names does better";
+                warn(&format!("{triangles} triangles, a table each, are slow to read again: {better}"));
+            }
+            write(path, |out| out.write_all(scene.to_toml().as_bytes()))
+        }
         SceneFormat::In => {
             let film = scene.camera.film();
             if film != 1.0 {
-                lost(&format!("the format has no place for a film of {film}: render it with --film {film}"));
+                warn(&format!("the format has no place for a film of {film}: render it with --film {film}"));
             }
             write(path, |out| out.write_all(scene.to_text().as_bytes()))
         }
@@ -104,7 +114,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
                 Some("the camera".to_owned()),
             ];
             let parts: Vec<_> = parts.into_iter().flatten().collect();
-            lost(&format!("{format} has no place for {}", parts.join(", ")));
+            warn(&format!("{format} has no place for {}", parts.join(", ")));
             let mesh = Mesh::of_scene(scene, format);
             write(path, |out| mesh.write(format, out))
         }

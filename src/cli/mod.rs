@@ -10,6 +10,7 @@ mod measuring;
 mod ops;
 mod plan;
 mod render;
+mod stability;
 mod table;
 mod view;
 
@@ -42,6 +43,7 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
+    Stability(stability::StabilityArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -74,6 +76,7 @@ pub fn main() -> ExitCode {
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
+        Command::Stability(args) => stability::run(&args),
     };
     result.unwrap_or_else(|failure| {
         // Nothing is left to tell if standard error is closed.

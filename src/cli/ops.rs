@@ -60,7 +60,13 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
         executed: args.executed,
         cost: !args.asm,
     };
-    let report = ops::run(&options).map_err(Failure::input)?;
+    let bar = super::measuring::bar(0);
+    let report = ops::run(&options, &mut |done, of| {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    let report = report.map_err(Failure::input)?;
     if args.json {
         print_json(&Document { schema: 1, report })?;
     } else if args.asm {

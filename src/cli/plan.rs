@@ -107,8 +107,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     }
     let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
     let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
-    let Opened { scene, notes } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let Opened { scene, notes, warnings } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     notes.iter().for_each(|note| say(note));
+    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     let camera = args.view.camera(&scene.camera)?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),

@@ -95,10 +95,13 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
 
     let clock = Instant::now();
     let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
-    let Opened { scene, notes } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let Opened { scene, notes, warnings } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
     let parse = clock.elapsed();
     for note in notes.iter().filter(|_| !args.quiet) {
         say(note);
+    }
+    for warning in &warnings {
+        say(&format!("warning: {warning}"));
     }
 
     let camera = args.view.camera(&scene.camera)?;

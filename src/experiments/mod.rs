@@ -16,4 +16,5 @@ pub mod ops;
 pub mod plot;
 #[cfg(rayo_asm)]
 pub mod speedup;
+pub mod stability;
 mod svg;

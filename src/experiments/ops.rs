@@ -9,7 +9,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::kernels::step::{self, Unavailable};
-use crate::kernels::{self, Chains, FEEDBACK, sys};
+use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
 use crate::measure::instructions::{Code, Instruction, Mix};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
@@ -47,8 +47,10 @@ const ROUNDS: u64 = 200;
 /// Measurements of which the fastest is taken.
 const REPEATS: u32 = 25;
 
-/// The picture that is traced step by step.
-const FRAME: (u32, u32) = (32, 24);
+/// The picture that is traced step by step: small where pixels are traced one by one and a few tell all, larger where they
+/// share what a row needs.
+const FRAME: (u32, u32) = (16, 12);
+const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 
 /// What to count.
 #[derive(Clone, Debug, Default)]
@@ -74,7 +76,8 @@ pub struct Report {
     pub executed_unavailable: Option<String>,
     /// Core cycles in a tick of the time-stamp counter when the costs were measured.
     pub core_cycles_per_tick: Option<f64>,
-    /// Core cycles of what the chains of latency add to each operation; taken off the latencies of bodies.
+    /// Core cycles of what the chains of latency of one vector add to each operation; taken off the latencies of bodies, as
+    /// is that of packets off theirs.
     pub feedback_cycles: Option<f64>,
     /// The assembler, the C compiler and the Rust compiler of this build.
     pub compilers: Compilers,
@@ -196,8 +199,14 @@ impl fmt::Display for UnknownOp {
 
 impl std::error::Error for UnknownOp {}
 
+/// Hears how much is done, of how much.
+pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
+
+/// What a picture takes, step by step, in rows of the table.
+const FRAME_WORK: usize = 25;
+
 /// Counts, and measures where that is asked for, with the calling thread on one core.
-pub fn run(options: &Options) -> Result<Report, UnknownOp> {
+pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, UnknownOp> {
     if let Some(op) = options.op.as_deref().filter(|op| !OPS.contains(op)) {
         return Err(UnknownOp(op.into()));
     }
@@ -215,19 +224,29 @@ pub fn run(options: &Options) -> Result<Report, UnknownOp> {
         let _ = sys::pin_to_this_core();
         feedback_cycles = Some(chain_cycles(FEEDBACK));
     }
+    let wanted = |implementation: &&str| match &options.implementations {
+        Some(wanted) => wanted.iter().any(|w| w == implementation),
+        None => true,
+    };
+    let ops = OPS.into_iter().filter(|op| options.op.as_ref().is_none_or(|wanted| wanted == op));
+    let cells: Vec<_> =
+        ops.flat_map(|op| IMPLEMENTATIONS.into_iter().filter(wanted).map(move |name| (op, name))).collect();
+    let engines: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).collect();
+    let engines = if step && options.op.is_none() { &engines[..] } else { &[] };
+    let work = cells.len() + FRAME_WORK * engines.len();
     let mut rows = Vec::new();
-    for op in OPS.into_iter().filter(|op| options.op.as_ref().is_none_or(|wanted| wanted == op)) {
-        for implementation in IMPLEMENTATIONS {
-            if options.implementations.as_ref().is_none_or(|wanted| wanted.iter().any(|w| w == implementation)) {
-                rows.push(row(op, implementation, step, feedback_cycles));
-            }
+    for (op, implementation) in cells {
+        progress(rows.len(), work);
+        rows.push(row(op, implementation, step, feedback_cycles));
+    }
+    let mut frames = Vec::new();
+    for engine in engines {
+        progress(rows.len() + FRAME_WORK * frames.len(), work);
+        match frame(engine) {
+            Ok(frame) => frames.push(frame),
+            Err(reason) => executed_unavailable = Some(reason.to_string()),
         }
     }
-    let frames = if step && options.op.is_none() { frames() } else { Ok(Vec::new()) };
-    let frames = frames.unwrap_or_else(|reason| {
-        executed_unavailable = Some(reason.to_string());
-        Vec::new()
-    });
     let core_cycles_per_tick = options.cost.then(core_cycles_per_tick);
     if let Some(cores) = cores {
         // It was allowed before; if it no longer is, the thread stays where it is.
@@ -290,18 +309,22 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
 fn symbol(op: &str, implementation: &str) -> String {
     match implementation.strip_prefix("c-") {
         Some(level) => format!("rayo_c_{level}_{op}"),
-        None if lanes(implementation).is_some() => format!("rayo_{implementation}_{op}3"),
+        None if lanes(implementation).is_some() => format!("rayo_{implementation}_single_{op}3"),
         None => format!("rayo_{implementation}_{op}"),
     }
 }
 
+/// The ISA of an implementation on packets.
+fn isa(implementation: &str) -> Option<Isa> {
+    Isa::ALL.into_iter().find(|isa| isa.name() == implementation)
+}
+
 /// Vectors in a packet of an ISA.
 fn lanes(implementation: &str) -> Option<usize> {
-    match implementation {
-        "sse41" => Some(4),
-        "avx2" => Some(8),
-        "avx512" => Some(16),
-        _ => None,
+    match isa(implementation)? {
+        Isa::Sse41 => Some(4),
+        Isa::Avx2 => Some(8),
+        Isa::Avx512 => Some(16),
     }
 }
 
@@ -365,14 +388,16 @@ impl Row {
 
     /// Where there are chains of the body, they are what the row tells.
     fn chain(&mut self, feedback: f64) {
+        let packets = isa(self.implementation).and_then(kernels::chains_of_packets);
         let chains = match self.implementation {
             "paper" => kernels::chains_of_paper(),
             "aos" => kernels::chains_of_aos(),
-            _ => None,
+            _ => packets.map(|packets| &packets.chains[..]),
         };
         let Some(Chains { latency, throughput, .. }) = chains.and_then(|c| c.iter().find(|c| c.op == self.op)) else {
             return;
         };
+        let feedback = packets.map_or(feedback, |packets| chain_cycles(packets.feedback));
         self.latency = Some(chain_cycles(*latency) - feedback);
         self.throughput = Some(chain_cycles(*throughput));
         self.cost_of = Some("body");
@@ -414,6 +439,8 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
         include_str!("../../asm/include/triangle_aos.inc"),
         include_str!("../../asm/include/lambert_aos.inc"),
         include_str!("../../asm/include/vec3.inc"),
+        include_str!("../../asm/include/sphere.inc"),
+        include_str!("../../asm/include/triangle.inc"),
         include_str!("../../asm/include/lambert.inc"),
     ];
     let comment = sources.iter().find_map(|source| source.split_once(&header))?.1;
@@ -423,30 +450,18 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
     forms.get(usize::from(second)).or(forms.first()).map(|form| form.to_string())
 }
 
-/// The paper's picture, small, by each engine that runs here.
-fn frames() -> Result<Vec<FrameRow>, Unavailable> {
-    let (width, height) = FRAME;
+/// The paper's picture, small.
+fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
+    let (width, height) = if matches!(engine, Engine::Packet(_)) { FRAME_OF_PACKETS } else { FRAME };
     let scene =
         scene::parse(include_bytes!("../../scenes/sphere.in"), "sphere.in").expect("the scene of the paper is good");
     let camera = scene::Camera::new(width, height, scene.camera.focal(), scene.camera.film()).expect("a good camera");
     let rays = camera.pixels();
-    let mut frames = Vec::new();
-    for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
-        let tracer = engine.prepare(None, &scene, &camera).expect("the engine runs here, in its own precision");
-        let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");
-        // Once before: what is computed or bound at the first call is not the picture's.
-        tracer.rows(0..height, film.as_mut());
-        let instructions = step::count_instructions(|| tracer.rows(0..height, film.as_mut()))?;
-        let per_pixel = instructions as f64 / rays as f64;
-        frames.push(FrameRow {
-            engine: engine.name(),
-            width,
-            height,
-            rays,
-            instructions,
-            per_pixel,
-            per_ray: per_pixel,
-        });
-    }
-    Ok(frames)
+    let tracer = engine.prepare(None, &scene, &camera).expect("the engine runs here, in its own precision");
+    let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");
+    // Once before: what is computed or bound at the first call is not the picture's.
+    tracer.rows(0..height, film.as_mut());
+    let instructions = step::count_instructions(|| tracer.rows(0..height, film.as_mut()))?;
+    let per_pixel = instructions as f64 / rays as f64;
+    Ok(FrameRow { engine: engine.name(), width, height, rays, instructions, per_pixel, per_ray: per_pixel })
 }

@@ -529,7 +529,7 @@ pub fn paper_mean_ratio() -> f64 {
 pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
     let run = |number| {
         let mut run = Run::new();
-        let mut clock = Scripted::new(ticks, number);
+        let mut clock = OneRun::new(ticks, number);
         measure_run(settings, number, &mut clock, &mut |size| {
             run.push(size);
             true
@@ -540,27 +540,27 @@ pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
     (0..settings.runs).map(run).collect()
 }
 
-/// A clock by a script.
+/// A clock by a script, for one run, whose every size takes the same.
 #[cfg(test)]
-struct Scripted {
+struct OneRun {
     ticks: Vec<u64>,
     calls: usize,
 }
 
 #[cfg(test)]
-impl Scripted {
+impl OneRun {
     /// The ticks of each contestant in run 0.
     fn new(ticks: &[u64], number: usize) -> Self {
         let mut ticks: Vec<u64> = ticks.iter().map(|ticks| ticks + number as u64).collect();
         if number % 2 == 1 {
             ticks.reverse();
         }
-        Scripted { ticks, calls: 0 }
+        OneRun { ticks, calls: 0 }
     }
 }
 
 #[cfg(test)]
-impl Clock for Scripted {
+impl Clock for OneRun {
     fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
         self.calls += 1;
         self.ticks[(self.calls - 1) % self.ticks.len()]

@@ -37,6 +37,7 @@ pub(super) fn draw(
 }
 
 /// The list of the labelled series.
+#[cfg(rayo_asm)]
 pub(super) fn legend<'a, T: CoordTranslate>(
     chart: &mut ChartContext<'a, SVGBackend<'a>, T>,
     position: SeriesLabelPosition,

@@ -13,8 +13,8 @@ impl Chain {
     #[inline]
     pub fn run(self, rounds: u64) -> u64 {
         let rounds = rounds.max(1);
-        // SAFETY: it reads constants of its own alone, and runs on SSE3, which chains_of_paper() and chains_of_aos()
-        // have checked or, for FEEDBACK, every x86-64 CPU has in the part that it needs: SSE.
+        // SAFETY: it reads constants of its own alone, and runs on what chains_of_paper(), chains_of_aos() and
+        // chains_of_packets() have checked or, for FEEDBACK, every x86-64 CPU has: SSE.
         rounds * unsafe { (self.code)(rounds) }
     }
 }
@@ -23,7 +23,7 @@ impl Chain {
 pub struct Chains {
     /// The operation.
     pub op: &'static str,
-    /// Each operation needs the result of the one before, led back by as many [`FEEDBACK`]s.
+    /// Each operation needs the result of the one before, led back by as many feedbacks.
     pub latency: Chain,
     /// No operation needs another; each loads its operands.
     pub throughput: Chain,
@@ -66,7 +66,53 @@ chains! {
         "lambert" rayo_aos_lambert_latency rayo_aos_lambert_throughput;
 }
 
-/// What leads a result back to an operand in the chains of latency, alone.
+/// Chains of the operations on packets of f32.
+pub struct PacketChains {
+    /// Of each operation.
+    pub chains: [Chains; 10],
+    /// What leads a result back to an operand in them, alone.
+    pub feedback: Chain,
+}
+
+macro_rules! packet_chains {
+    ($($static:ident = $isa:literal;)*) => {
+        $(static $static: PacketChains = PacketChains {
+            chains: packet_chains!(@ops $isa: "add" "sub" "scale" "dot" "norm" "cross" "normalise" "sphere" "triangle" "lambert"),
+            feedback: packet_chains!(@chain $isa, "feedback_latency"),
+        };)*
+    };
+    (@ops $isa:literal: $($op:literal)*) => {
+        [$(Chains {
+            op: $op,
+            latency: packet_chains!(@chain $isa, concat!($op, "3_latency")),
+            throughput: packet_chains!(@chain $isa, concat!($op, "3_throughput")),
+        }),*]
+    };
+    (@chain $isa:literal, $name:expr) => {{
+        unsafe extern "sysv64" {
+            #[link_name = concat!("rayo_", $isa, "_single_", $name)]
+            fn chain(rounds: u64) -> u64;
+        }
+        Chain { code: chain }
+    }};
+}
+
+packet_chains! {
+    SSE41 = "sse41";
+    AVX2 = "avx2";
+    AVX512 = "avx512";
+}
+
+/// Chains of the operations on packets. None where the CPU or the operating system does not run the ISA.
+pub fn chains_of_packets(isa: Isa) -> Option<&'static PacketChains> {
+    isa.usable().then_some(match isa {
+        Isa::Sse41 => &SSE41,
+        Isa::Avx2 => &AVX2,
+        Isa::Avx512 => &AVX512,
+    })
+}
+
+/// What leads a result back to an operand in the chains of latency of one vector, alone.
 pub static FEEDBACK: Chain = Chain { code: rayo_feedback_latency };
 
 /// Chains of the forms that the paper counts. None where the CPU lacks SSE4.1.

@@ -29,7 +29,7 @@ mod vec3;
 #[cfg(rayo_asm)]
 pub use by_value::{ByValue, Ray, by_value};
 #[cfg(rayo_asm)]
-pub use chains::{Chain, Chains, FEEDBACK, chains_of_aos, chains_of_paper};
+pub use chains::{Chain, Chains, FEEDBACK, PacketChains, chains_of_aos, chains_of_packets, chains_of_paper};
 #[cfg(rayo_asm)]
 pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
 pub use code::code_at;
@@ -44,7 +44,8 @@ pub use packet::{
     SpanKernels, TileKernels, packet_symbols, packets,
 };
 pub use spans::{
-    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan,
+    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit,
+    TriangleHit, TriangleSpan,
 };
 #[cfg(rayo_asm)]
 pub use tiles::{
@@ -57,7 +58,7 @@ pub use tiles::{
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
-pub use vec3::{PacketOp, packet_ops};
+pub use vec3::{PacketElement, PacketOp, Shape, packet_op_symbols, packet_ops};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
 #[cfg(rayo_asm)]

@@ -1,4 +1,4 @@
-//! The records of the packet kernels: spans of rows, in f32 or f64. layout.inc has their offsets and says what each is.
+//! The records of the packet kernels: spans of rows, and objects for single rays, in f32 or f64. layout.inc has their offsets and says what each is.
 
 use super::types::Plain;
 
@@ -51,6 +51,13 @@ macro_rules! records {
                 }
             }
 
+            impl<E: Copy> $name<E> {
+                /// Its fields, in their order.
+                pub fn numbers(&self) -> Vec<E> {
+                    vec![$(self.$field),*]
+                }
+            }
+
             // SAFETY: nothing but elements, which fill it, as the offsets asserted in types.rs show.
             unsafe impl<E: Element> Plain for $name<E> {
                 const ZERO: Self = $name { $($field: E::ZERO),* };
@@ -82,6 +89,10 @@ records! {
     TriangleSpan { j, end, id, near, w1, w0, x1, x0, y1, y0, z1, z0 }
     /// One light on one object.
     Lit { x, y, z, cosine, red, green, blue, padding }
+    /// A sphere that rays of any direction may meet.
+    SphereHit { cx, cy, cz, square, k }
+    /// A triangle that rays of any direction may meet.
+    TriangleHit { nx, ny, nz, k, ax, ay, az, a, bx, by, bz, b, cx, cy, cz, c }
 }
 
 /// Rows of a [`LitSphere`], a field after another: as the kernels read them.

@@ -189,7 +189,9 @@ macro_rules! layout_checks {
     };
 }
 #[cfg(rayo_asm)]
-use super::spans::{InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, TriangleSpan};
+use super::spans::{
+    InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
+};
 #[cfg(rayo_asm)]
 use super::tiles::{
     BoundsTask, BoundsView, Corners, Facet, NearestTask, SetupTask, ShadeTask, ShortLit, Tile, TileLight, TileRays,

@@ -232,6 +232,7 @@ fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, 
     let mut info = InstructionInfoFactory::new();
     let mut formatter = IntelFormatter::new();
     formatter.options_mut().set_space_after_operand_separator(true);
+    formatter.options_mut().set_branch_leading_zeros(false);
     formatter.options_mut().set_memory_size_options(MemorySizeOptions::Never); // the registers tell
     std::iter::from_fn(move || {
         let raw = decoder.can_decode().then(|| decoder.decode())?;

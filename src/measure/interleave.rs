@@ -143,36 +143,6 @@ pub fn interleave(
     Some(runs)
 }
 
-/// A clock by a script: each contestant takes its own ticks, and one more from round to round.
-#[cfg(all(test, rayo_asm))]
-pub(crate) struct Scripted {
-    ticks: Vec<u64>,
-    rounds: usize,
-    calls: usize,
-}
-
-#[cfg(all(test, rayo_asm))]
-impl Scripted {
-    /// The ticks of each contestant in the first of `rounds` rounds, after which it begins again.
-    pub(crate) fn new(ticks: &[u64], rounds: usize) -> Self {
-        Scripted { ticks: ticks.to_vec(), rounds, calls: 0 }
-    }
-}
-
-#[cfg(all(test, rayo_asm))]
-impl Clock for Scripted {
-    fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
-        let count = self.ticks.len();
-        let (round, turn) = (self.calls / count % self.rounds, self.calls % count);
-        self.calls += 1;
-        self.ticks[if round % 2 == 0 { turn } else { count - 1 - turn }] + round as u64
-    }
-
-    fn core(&mut self) -> Option<usize> {
-        Some(0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

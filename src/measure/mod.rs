@@ -14,7 +14,5 @@ pub mod statistics;
 #[cfg(rayo_asm)]
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
-#[cfg(all(test, rayo_asm))]
-pub(crate) use interleave::Scripted;
 pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, interleave};
 pub use machine::{Cache, Machine, cpu_name, tsc_invariant};

@@ -138,8 +138,8 @@ mod tests {
             (dvec3(0.0, 0.0, 0.0), false),
             (dvec3(9.0, 0.0, 0.0), true),
             (dvec3(0.0, 0.0, 1e30), false),
-            // A light at infinity is seen from 150 degrees on; one at distance d from 150 - asin 1/d on.
-            (1e6 * dvec3(0.4995, 0.0, 0.8663), true),
+            // A light that is far away reaches them from up to 150 degrees.
+            (1e6 * dvec3(0.49, 0.0, 0.872), false),
             (1e6 * dvec3(0.51, 0.0, 0.860), true),
             (1e6 * dvec3(0.48, 0.0, 0.877), false),
             (dvec3(f64::NAN, 0.0, 0.0), true),

@@ -1,5 +1,6 @@
 //! What a scene becomes before the first ray: the packed arrays that kernels read, and what is left out of them.
 
+mod hits;
 mod light;
 mod omission;
 mod packed;
@@ -8,6 +9,7 @@ mod spans;
 #[cfg(rayo_asm)]
 mod tiles;
 
+pub use hits::{sphere_hit, triangle_hit};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{Kept, LeftOut, Report, grouped};

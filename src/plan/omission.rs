@@ -120,10 +120,12 @@ impl Omission {
             }
             Omission::Hidden => "the nearest hit of each pixel is known before any is shaded",
             Omission::Constants => {
-                "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, and other terms not on its column"
+                "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, more terms only on its row"
             }
-            Omission::Loop => "one light reaches the sphere: its cosine in closed form, without point and normal",
-            Omission::Channels => "one light reaches the object, and red, green and blue of the product are equal",
+            Omission::Loop => {
+                "one light, no brighter than white, reaches the sphere: its cosine in closed form, without point, normal and clamp"
+            }
+            Omission::Channels => "one light reaches the sphere, and its red, green and blue are equal on it",
             Omission::Clamp => "all lights together do not exceed white",
             Omission::FloatImage => "the file has 8 bits: colours become levels in registers",
         }

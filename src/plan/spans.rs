@@ -51,6 +51,8 @@ pub struct Spans<E> {
     /// What the camera's grid was multiplied by: a power of two.
     unit: f64,
     objects: Vec<Object>,
+    /// 1/t of the camera's rays over what kernels compare.
+    depth_unit: f64,
     /// The rows of the objects whose numbers f32 does not hold.
     wide: Vec<Range<u32>>,
     /// The lights of one object after those of another, for each scale that was asked for.
@@ -113,11 +115,23 @@ pub enum Way {
     NearestInRow,
 }
 
+#[expect(clippy::large_enum_variant, reason = "there is one for each object, and it lives in a list of them")]
 enum Shape {
     Sphere(Sphere),
     Triangle(Triangle),
     /// Never hit, and here only because nothing is to be left out.
     Nothing,
+}
+
+impl Shape {
+    /// The 1/t that is compared over 1/t in its record; None of what is never hit.
+    fn near(&mut self) -> Option<&mut f64> {
+        match self {
+            Shape::Sphere(sphere) => Some(&mut sphere.near),
+            Shape::Triangle(triangle) => Some(&mut triangle.near),
+            Shape::Nothing => None,
+        }
+    }
 }
 
 /// A sphere in units of its radius.
@@ -127,9 +141,9 @@ struct Sphere {
     k: f64,
     /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
     scale: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
-    short: Option<ShortForm>,
+    short: Option<Box<ShortForm>>,
 }
 
 /// A sphere from outside under one light, for SPHERE_LIT.
@@ -151,7 +165,7 @@ struct Triangle {
     size: f64,
     /// The largest that the terms of 1/t become in the picture: what their roundings are relative to.
     reach: f64,
-    /// 1/t of the camera's rays over 1/t in this record.
+    /// The 1/t that is compared over 1/t in this record.
     near: f64,
 }
 
@@ -244,6 +258,7 @@ impl<E: Element> Spans<E> {
             camera: *camera,
             grid,
             unit,
+            depth_unit: 1.0,
             columns_per_x: 1.0 / grid.step,
             keep,
             left_out: [0; Omission::ALL.len()],
@@ -265,10 +280,24 @@ impl<E: Element> Spans<E> {
         for (i, triangle) in scene.triangles.iter().enumerate() {
             spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
         }
-        let deep = grid.focal * SQUARED > 1.0;
-        let wide = spans.objects.iter().filter(|object| !(object.fits && deep)).map(|object| object.rows.clone());
-        spans.wide = wide.collect();
+        spans.compare_depths();
         spans
+    }
+
+    /// Depths are compared with each other alone: a power of two brings the nearest one's to about 1. What is then beyond
+    /// f32 is noted, with what is so in itself.
+    fn compare_depths(&mut self) {
+        let nears = self.objects.iter_mut().filter_map(|object| object.shape.near());
+        let nearest = nears.fold(f64::MIN_POSITIVE, |nearest, near| nearest.max(*near)).min(f64::MAX);
+        self.depth_unit = power_of_two(nearest);
+        let deep = self.grid.focal * SQUARED > 1.0;
+        for object in &mut self.objects {
+            let Some(near) = object.shape.near() else { continue };
+            *near /= self.depth_unit;
+            object.fits &= *near * LINEAR > 1.0 && deep;
+        }
+        let wide = self.objects.iter().filter(|object| !object.fits);
+        self.wide = wide.map(|object| object.rows.clone()).collect();
     }
 
     /// Notes an omission; gives whether it is made.
@@ -311,7 +340,7 @@ impl<E: Element> Spans<E> {
             && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
             && self.leave_out(Omission::Loop, 1)
         {
-            shape.short = Some(short);
+            shape.short = Some(Box::new(short));
         }
         let short = shape.short.is_some();
         let fits = shape.fits();
@@ -366,7 +395,8 @@ impl<E: Element> Spans<E> {
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
             unlit: made(Omission::Unlit, !lit),
-            dim: made(Omission::Clamp, lit && light.max_element() <= 1.0),
+            // The short form has no clamp to leave out.
+            dim: made(Omission::Clamp, lit && !short && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();
@@ -436,9 +466,14 @@ impl<E: Element> Spans<E> {
     /// The short form of an object, if it has one.
     pub fn short_form(&self, object: usize) -> Option<&ShortForm> {
         match &self.objects[object].shape {
-            Shape::Sphere(sphere) => sphere.short.as_ref(),
+            Shape::Sphere(sphere) => sphere.short.as_deref(),
             Shape::Triangle(_) | Shape::Nothing => None,
         }
+    }
+
+    /// 1/t of the camera's rays over what `depth` of the kernels writes.
+    pub fn depth_unit(&self) -> f64 {
+        self.depth_unit
     }
 
     /// Which of the scene's objects it is.
@@ -679,7 +714,7 @@ impl ShortForm {
         let pixels = c.length_squared() * reach / (m * grid.step);
         let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length(), 1.0 / gain[0]];
         let in_range = large.into_iter().all(|x| x < CUBED);
-        let fine = k > 0.0 && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
+        let fine = k >= NEAR && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
         if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
             return None;
         }
@@ -741,9 +776,9 @@ impl Sphere {
         Sphere { centre: centre / radius, k, scale, near: 1.0 / (radius * unit * scale), short: None }
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self) -> bool {
-        self.k < LINEAR && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        self.k < LINEAR
     }
 
     /// The rays that may see it: those that its silhouette, an ellipse if it is in front of the camera's plane, reaches;
@@ -768,7 +803,8 @@ impl Sphere {
 
     /// Eq. 5's discriminant along a row, D(x) = (d . c)^2 - k d . d = -m x^2 + 2 b x + c0, and its roots.
     ///
-    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres.
+    /// b^2 + m c0 = k (g^2 - (c x d)_x^2), which does not cancel for far spheres, and is k (h^2 - m g), which cancels less
+    /// for near ones.
     fn silhouette(&self, y: f64, z: f64) -> Option<Silhouette> {
         let c = self.centre;
         let g = y * y + z * z;
@@ -912,7 +948,7 @@ impl Triangle {
     /// With its unit normal. A triangle of no area or whose plane passes through the camera is never hit: the rule and
     /// the order of operations are those of `reference::geometry::triangle`.
     fn new([v1, v2, v3]: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
-        let n = (v1 - v2).cross(v1 - v3);
+        let n = geometry::triangle_plane([v1, v2, v3]);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
             return Err(if geometry::has_no_area([v1, v2, v3]) { Omission::NoArea } else { Omission::EdgeOn });
@@ -930,10 +966,10 @@ impl Triangle {
         Ok((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit), reach }, n.normalize()))
     }
 
-    /// Whether f32 holds the numbers of its records, their squares, and 1/t in the camera's rays.
+    /// Whether f32 holds the numbers of its records and their squares.
     fn fits(&self, vertices: &[DVec3; 3]) -> bool {
         let furthest = vertices.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-        furthest < SQUARED * self.size && (1.0 / LINEAR..LINEAR).contains(&self.near)
+        furthest < SQUARED * self.size
     }
 
     /// The columns of a row whose rays are between the edges.

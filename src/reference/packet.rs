@@ -1,8 +1,7 @@
 //! The twin of the packet macros: one lane of them, where they take no estimates.
 //!
-//! These are the operations of `asm/include/{sphere,triangle,lambert}.inc`, in the same order.
-//! Everything is a function of j, the pixel of the span. The names are those of `asm/include/layout.inc`, which says what
-//! each number is.
+//! These are the operations of `asm/include/{vec3,sphere,triangle,lambert}.inc`, in the same order. What belongs to a span is a
+//! function of j, its pixel. The names are those of `asm/include/layout.inc`, which says what each number is.
 
 use super::Real;
 
@@ -82,6 +81,26 @@ pub struct Triangle<T> {
     pub xyz: [Linear<T>; 3],
 }
 
+/// A sphere that rays of any direction may meet.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of SphereHit is")]
+pub struct SphereHit<T> {
+    pub centre: [T; 3],
+    pub square: T,
+    pub k: T,
+}
+
+/// A triangle that rays of any direction may meet.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleHit<T> {
+    /// n.
+    pub normal: [T; 3],
+    /// v1 . n.
+    pub k: T,
+    /// The normal of the plane through the origin and each edge, and what rounding may make of a ray in it.
+    pub edges: [([T; 3], T); 3],
+}
+
 /// One light on one object.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<T> {
@@ -95,7 +114,7 @@ pub struct Light<T> {
 
 /// From where the points of an object are seen, and what its normal is: the ways of LAMBERT3.
 #[derive(Clone, Copy, Debug)]
-enum Seen<T> {
+pub enum Seen<T> {
     /// From the centre of a sphere of radius 1: the point is the normal.
     FromCentre,
     /// On a plane: N . L is the light's own.
@@ -128,8 +147,50 @@ impl Rounding {
         self.fma(f.slope, j, f.offset)
     }
 
+    /// VDIFFERENCE: a c1 - b c2.
+    fn difference<T: Real>(self, a: T, c1: T, b: T, c2: T) -> T {
+        let w = b * c2;
+        match self {
+            Rounding::Fused => a.mul_add(c1, -w) + (-b).mul_add(c2, w),
+            Rounding::Unfused => a * c1 - w,
+        }
+    }
+
+    /// CROSS3.
+    pub fn cross<T: Real>(self, a: [T; 3], b: [T; 3]) -> [T; 3] {
+        [(1, 2), (2, 0), (0, 1)].map(|(i, j)| self.fma(-a[j], b[i], a[i] * b[j]))
+    }
+
+    /// NORM3.
+    pub fn norm<T: Real>(self, a: [T; 3]) -> T {
+        self.dot(a, a).sqrt()
+    }
+
+    /// NORMALISE3.
+    pub fn normalise<T: Real>(self, a: [T; 3]) -> [T; 3] {
+        a.map(|x| x / self.norm(a))
+    }
+
+    /// SPHERE_HIT3: t, or infinity where the ray `d` misses.
+    pub fn sphere_hit<T: Real>(self, sphere: &SphereHit<T>, d: [T; 3]) -> T {
+        let c = sphere.centre;
+        let x = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| self.difference(d[j], c[i], d[i], c[j]));
+        let disc = self.dot(d, d) * sphere.square - self.dot(x, x);
+        let (a, h, root) = (self.dot(d, d), self.dot(d, c), disc.sqrt());
+        let q = h + root.with_sign_of(h);
+        let t = if q * sphere.k > T::ZERO { sphere.k / q } else { q / a };
+        if t > T::ZERO { t } else { T::INFINITY }
+    }
+
+    /// TRIANGLE_HIT3: t, or infinity where the ray `d` misses.
+    pub fn triangle_hit<T: Real>(self, triangle: &TriangleHit<T>, d: [T; 3]) -> T {
+        let w = self.dot(d, triangle.normal);
+        let inside = triangle.edges.iter().all(|(outward, bound)| self.dot(d, *outward) < *bound);
+        if w > T::ZERO && inside { triangle.k / w } else { T::INFINITY }
+    }
+
     /// DOT3.
-    fn dot<T: Real>(self, a: [T; 3], b: [T; 3]) -> T {
+    pub fn dot<T: Real>(self, a: [T; 3], b: [T; 3]) -> T {
         self.fma(a[2], b[2], self.fma(a[1], b[1], a[0] * b[0]))
     }
 
@@ -194,7 +255,10 @@ impl Rounding {
     fn far_wall<T: Real>(self, sphere: &Inside<T>, j: T) -> (T, T) {
         let (x, h) = (self.affine(sphere.x, j), self.affine(sphere.h, j));
         let a = x * x + sphere.g;
-        (((a * sphere.k + h * h).sqrt() + h) / a, x)
+        let ka = a * sphere.k;
+        let p = max(h, T::ZERO) + max(h, T::ZERO);
+        let m = ka / (((h * h + ka).sqrt() + p) - h);
+        ((m + p) / a, x)
     }
 
     /// 1/t at pixel j.
@@ -231,7 +295,7 @@ impl Rounding {
     }
 
     /// LAMBERT3 of every light, on black: the colour of the point o.
-    fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>) -> [T; 3] {
+    pub fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>) -> [T; 3] {
         lights.iter().fold([T::ZERO; 3], |colour, light| {
             let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
             let numerator = match seen {

@@ -35,6 +35,8 @@ pub trait Real:
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Without its sign.
     fn abs(self) -> Self;
+    /// With the sign of another.
+    fn with_sign_of(self, sign: Self) -> Self;
 }
 
 macro_rules! real {
@@ -62,6 +64,9 @@ macro_rules! real {
             }
             fn abs(self) -> $t {
                 self.abs()
+            }
+            fn with_sign_of(self, sign: $t) -> $t {
+                self.copysign(sign)
             }
         }
     };

@@ -21,7 +21,7 @@ use super::{Scene, Triangle};
 pub struct Mesh {
     /// Points, each finite, in the file's own coordinates.
     pub vertices: Vec<Vec3>,
-    /// Three indices into `vertices` for each triangle.
+    /// Three indices into `vertices` for each triangle; methods panic where there is no such vertex.
     pub triangles: Vec<[u32; 3]>,
     /// How many faces of the file had more than three corners: each has become a fan of triangles around its first one,
     /// which is the same face where that is flat and convex.
@@ -203,6 +203,13 @@ impl Mesh {
             return Err(Fault::new("the mesh is empty").expected("at least one face"));
         }
         Ok(mesh)
+    }
+
+    /// The vertices that triangles have, each once, in their order.
+    pub fn used(&self) -> impl Iterator<Item = Vec3> {
+        let mut used = vec![false; self.vertices.len()];
+        self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
+        self.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex))
     }
 
     /// The three corners of a triangle.

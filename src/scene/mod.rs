@@ -25,6 +25,8 @@ pub use view::{Setting, View};
 
 use glam::Vec3;
 
+use crate::reference::geometry;
+
 /// A flat triangle, seen from both sides.
 pub use crate::kernels::Facet as Triangle;
 
@@ -59,6 +61,13 @@ pub struct Sphere {
     pub colour: Vec3,
     /// The centre, in the camera's frame.
     pub centre: Vec3,
+}
+
+impl Triangle {
+    /// Whether its corners are on one line, or one point: no ray hits it then.
+    pub fn has_no_area(&self) -> bool {
+        geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
+    }
 }
 
 /// An object of a scene by its place in its list.

@@ -6,7 +6,9 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, parse, parse_toml};
+use super::diagnostic::printable;
+use super::parse::parse_with_warnings;
+use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, Triangle, parse_toml};
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
@@ -20,6 +22,39 @@ pub struct Opened {
     pub scene: Scene,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
+    /// What is as the file has it and hardly meant, a line each.
+    pub warnings: Vec<String>,
+}
+
+/// Warnings of triangles that have no area: the first ones, and how many more there are.
+#[derive(Default)]
+pub(super) struct NoArea {
+    told: Vec<String>,
+    more: usize,
+}
+
+impl NoArea {
+    /// The most that are told one by one.
+    const MOST: usize = 10;
+
+    /// Of the file `name`, whose `line` has the triangle that is called `which`.
+    pub(super) fn add(&mut self, name: &str, which: &str, line: impl FnOnce() -> usize) {
+        if self.told.len() < Self::MOST {
+            let (name, line) = (printable(name), line());
+            self.told
+                .push(format!("{name}:{line}: {which} has no area, and no ray hits it: its corners are on one line"));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    /// All of them in lines.
+    pub(super) fn warnings(mut self, name: &str) -> Vec<String> {
+        if self.more > 0 {
+            self.told.push(format!("{}: and {} more triangles have no area", printable(name), self.more));
+        }
+        self.told
+    }
 }
 
 /// What a file of a scene is written in.
@@ -54,14 +89,14 @@ impl SceneFormat {
 ///
 /// # Errors
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
-/// for a pipe or a device); otherwise what [`parse`], [`parse_toml`] or [`Mesh::read`] returns.
+/// for a pipe or a device); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     let read = || contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause });
     let name = path.to_string_lossy();
     match SceneFormat::from_path(path) {
         Some(SceneFormat::Toml) => parse_toml(&read()?, &name, path.parent().unwrap_or(Path::new(""))),
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
-        Some(SceneFormat::In) | None => Ok(Opened { scene: parse(&read()?, &name)?, notes: Vec::new() }),
+        Some(SceneFormat::In) | None => parse_with_warnings(&read()?, &name),
     }
 }
 
@@ -90,7 +125,16 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
          stands to the left above the camera; `rayo convert` makes a scene of it, to be changed",
         path.display()
     ));
-    Ok(Opened { scene, notes })
+    let warnings = no_area_of_mesh(path, &scene.triangles).into_iter().collect();
+    Ok(Opened { scene, notes, warnings })
+}
+
+/// A warning of the triangles of a mesh that have no area, which are often its seams.
+pub(super) fn no_area_of_mesh(path: &Path, triangles: &[Triangle]) -> Option<String> {
+    let count = triangles.iter().filter(|triangle| triangle.has_no_area()).count();
+    let (have, them) = if count == 1 { ("triangle has", "it") } else { ("triangles have", "them") };
+    let path = path.to_string_lossy();
+    (count > 0).then(|| format!("{}: {count} {have} no area, and no ray hits {them}", printable(&path)))
 }
 
 /// What is to be said of a mesh whose faces have been cut.

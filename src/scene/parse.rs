@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use super::log::{Log, is_line_end};
+use super::open::{NoArea, Opened};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 
 /// The film diagonal of Algorithm 1; the format has no place for another.
@@ -22,11 +23,19 @@ const FILM: f32 = 1.0;
 /// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
 /// `source`, whatever the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
+    Ok(parse_with_warnings(source, name)?.scene)
+}
+
+/// As [`parse`], with a warning of each triangle that has no area.
+pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
+    let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
-        Parser { text, at: start, last: start..start, announced: None, log: &mut log }.scene().ok()
+        let (log, no_area) = (&mut log, &mut no_area);
+        Parser { name, text, at: start, last: start..start, announced: None, log, no_area }.scene().ok()
     });
-    log.finish(scene, name)
+    let scene = log.finish(scene, name)?;
+    Ok(Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
 /// Whether `byte` separates tokens.
@@ -75,6 +84,8 @@ const POSITION: [&str; 3] = ["x", "y", "z"];
 const VERTICES: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
 
 struct Parser<'a, 'b> {
+    /// The file's.
+    name: &'b str,
     text: &'a str,
     /// The next byte to be read.
     at: usize,
@@ -83,6 +94,7 @@ struct Parser<'a, 'b> {
     /// The list that was begun last.
     announced: Option<Announced>,
     log: &'b mut Log<'a>,
+    no_area: &'b mut NoArea,
 }
 
 /// What the count of a list says, and in which line.
@@ -135,7 +147,13 @@ impl<'a> Parser<'a, '_> {
             let colour = parser.vector(COLOUR.map(triangle), Rule::NotNegative)?;
             let mut vertex = |names: [&'static str; 3]| parser.vector(names.map(triangle), Rule::Any);
             let [a, b, c] = VERTICES;
-            Ok(Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] })
+            let item = Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] };
+            if item.has_no_area() {
+                let (which, end) = (triangle("corners").owner.expect("a triangle has a number"), parser.last.start);
+                let Parser { log, no_area, name, .. } = parser;
+                no_area.add(name, &format!("{} {}", which.0, which.1), || log.line(end));
+            }
+            Ok(item)
         })?;
         self.end_of_file();
         // What a camera cannot be has been noted above.

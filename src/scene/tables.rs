@@ -9,6 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::log::Log;
 use super::mesh::{Mesh, Placement};
+use super::open::{NoArea, no_area_of_mesh};
 use super::parse::{Problem, Rule};
 use super::view::{NoView, View};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
@@ -25,24 +26,46 @@ const FILM: f32 = 1.0;
 pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
     let Some((text, start)) = log.text() else { return log.finish(None, name) };
-    let mut reader = Reader { start, notes: Vec::new(), folder };
+    let mut reader = Reader { start, notes: Vec::new(), folder, no_area: Vec::new() };
     let (table, errors) = DeTable::parse_recoverable(&text[start..]);
     // Behind the first mistake of the text itself, others are often its consequences.
     let opened = match errors.iter().min_by_key(|error| error.span().map_or(usize::MAX, |span| span.start)) {
         Some(error) => {
             let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
             let end = text.len() - start;
-            reader.note(error.span().unwrap_or(end..end), message, expected);
+            reader.note(visible(&text[start..], error.span().unwrap_or(end..end)), message, expected);
             None
         }
         None => reader.scene(table.get_ref(), name),
     };
-    let mut notes = reader.notes;
+    let Reader { mut notes, no_area, .. } = reader;
     notes.sort_by_key(|note| (note.span.start, note.span.end));
     for Note { span, message, expected, help } in notes {
         log.note(span, format_args!("{message}"), &expected, help);
     }
-    log.finish(opened, name)
+    let mut warnings = NoArea::default();
+    for (place, which) in no_area {
+        warnings.add(name, &which, || log.line(place));
+    }
+    let mut opened = log.finish(opened, name)?;
+    opened.warnings.splice(0..0, warnings.warnings(name));
+    Ok(opened)
+}
+
+/// A place that holds something to be shown: where the error is between two words, the next one of the line, or else the
+/// last one before it.
+fn visible(text: &str, span: Range<usize>) -> Range<usize> {
+    let after = text.get(span.start..).unwrap_or_default();
+    if !span.is_empty() || after.trim_ascii().is_empty() {
+        return span;
+    }
+    let blank = |c: char| c.is_ascii_whitespace();
+    let next = after.find(blank).unwrap_or(after.len());
+    if next > 0 {
+        return span.start..span.start + next;
+    }
+    let end = text[..span.start].trim_ascii_end().len();
+    text[..end].rfind(blank).map_or(0, |at| at + 1)..end
 }
 
 /// Something that is wrong.
@@ -58,6 +81,8 @@ struct Reader<'a> {
     start: usize,
     /// In any order: the values are visited in that of the scene, not of the file.
     notes: Vec<Note>,
+    /// Triangles that have no area: where, and what they are called.
+    no_area: Vec<(usize, String)>,
     folder: &'a Path,
 }
 
@@ -140,16 +165,22 @@ impl Reader<'_> {
             let colour = self.colour(&fields);
             let vertices = self.vertices(&fields);
             let vertices = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
-            triangles.push(Triangle { colour, vertices });
+            let triangle = Triangle { colour, vertices };
+            if triangle.has_no_area() {
+                self.no_area.push((self.start + fields.span.start, fields.owner.clone()));
+            }
+            triangles.push(triangle);
         }
-        let mut told = Vec::new();
+        let (mut told, mut warnings) = (Vec::new(), Vec::new());
         for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
             let colour = self.colour(&fields);
             let placement = self.placement(&fields);
             let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply or .stl");
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
                 let map = to_camera * placement.to_world();
-                triangles.extend(self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default());
+                let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
+                warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
+                triangles.extend(placed);
             }
         }
         if !self.notes.is_empty() {
@@ -157,7 +188,7 @@ impl Reader<'_> {
         }
         // What a camera cannot be has been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
-        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles }, notes: told })
+        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles }, notes: told, warnings })
     }
 
     /// The file name, the width and the height of the picture.

@@ -84,8 +84,7 @@ impl Setting {
     pub fn of(mesh: &Mesh, format: MeshFormat, camera: &Camera) -> Option<Setting> {
         let placement = format.placement();
         let to_world = placement.to_world();
-        let points: Vec<DVec3> =
-            mesh.vertices.iter().map(|vertex| to_world.transform_point3(vertex.as_dvec3())).collect();
+        let points: Vec<DVec3> = mesh.used().map(|vertex| to_world.transform_point3(vertex.as_dvec3())).collect();
         let view = View::framing(&points, camera);
         let to_camera = view.to_camera().ok()?;
         let away = view.position.distance(view.look_at);

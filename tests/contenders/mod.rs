@@ -1,5 +1,7 @@
 //! What the tests of engines share: the engines that run here, and their pictures held against the reference's.
 
+#![allow(dead_code, reason = "no test of those that share it uses all of it")]
+
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};
 use rayo::scene::{Camera, Object, Scene};
@@ -43,6 +45,7 @@ impl Contender {
     /// The relative error of the light that a surface reflects, in floats or, if it writes some itself, in bytes: some
     /// roundings; or, in `fast` and in the bytes of `single`, two estimates (of a root and of a reciprocal root) of which
     /// each may be off by 1.5 x 2^-12, as SSE's rsqrtps is.
+    #[allow(dead_code, reason = "not every test that shares this asks for it")]
     pub fn shade_error(&self, format: PixelFormat) -> f32 {
         match (self.precision.name(), format) {
             ("fast", _) | ("single", PixelFormat::Rgba8) => 2.0 * 1.5 / 4096.0,

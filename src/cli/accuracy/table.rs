@@ -10,7 +10,7 @@ use crate::experiments::accuracy::{Document, Row};
 pub(super) fn number(x: Option<f64>) -> String {
     match x {
         None => "–".into(),
-        Some(x) if x == 0.0 => "0".into(),
+        Some(0.0) => "0".into(),
         Some(x) if x.is_infinite() => "∞".into(),
         Some(x) if x.abs() >= 999.5 || x.abs() < 0.01 => format!("{x:.1e}"),
         Some(x) if x.abs() >= 99.5 => format!("{x:.0}"),

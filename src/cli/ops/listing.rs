@@ -2,11 +2,12 @@
 
 use std::fmt::Write as _;
 
-use crate::experiments::ops::{OPS, Report, Row};
+use crate::experiments::ops::{Line, OPS, Report, Row};
 
-/// Columns that fit beside each other in 120 characters.
-const ABREAST: usize = 4;
-const WIDTH: usize = 29;
+/// Characters of a line.
+const WIDTH: usize = 120;
+/// The least and the most columns beside each other.
+const ABREAST: (usize, usize) = (2, 4);
 
 /// The listing of each operation.
 pub fn text(report: &Report) -> String {
@@ -18,10 +19,14 @@ pub fn text(report: &Report) -> String {
         let others: Vec<_> = rows.iter().filter(|row| row.implementation != base.implementation).collect();
         writeln!(text, "{op}").unwrap();
         if others.is_empty() {
-            band(&mut text, base, &[]);
+            band(&mut text, base, &[], WIDTH);
         }
-        for others in others.chunks(ABREAST - 1) {
-            band(&mut text, base, others);
+        // As many as fit without cutting a line off, as far as that goes.
+        let lines = rows.iter().flat_map(|row| &row.listing);
+        let longest = lines.map(|line| cell(line, true).chars().count()).max().unwrap_or(0);
+        let abreast = (WIDTH / (longest + 1)).clamp(ABREAST.0, ABREAST.1).min(rows.len());
+        for others in others.chunks((abreast - 1).max(1)) {
+            band(&mut text, base, others, WIDTH / abreast);
         }
     }
     text += "|  part of the body     *  not in the first column, or not in that order\n";
@@ -34,24 +39,29 @@ pub fn text(report: &Report) -> String {
     text
 }
 
-fn band(text: &mut String, base: &Row, others: &[&&Row]) {
+/// A line as it is printed.
+fn cell(line: &Line, common: bool) -> String {
+    let times = line.executed.map_or(String::new(), |times| format!("{times} "));
+    format!("{}{}{times}{}", if common { ' ' } else { '*' }, if line.body { '|' } else { ' ' }, line.text)
+}
+
+/// Listings beside each other, each in so many characters, a space at the end included.
+fn band(text: &mut String, base: &Row, others: &[&&Row], width: usize) {
+    let width = width - 1;
     let lines_of = |row: &Row| row.listing.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
     let base_lines = lines_of(base);
     let mut columns = vec![(base, vec![true; base_lines.len()])];
     columns.extend(others.iter().map(|row| (**row, common(&base_lines, &lines_of(row)))));
     let mut line = String::new();
     for (row, _) in &columns {
-        write!(line, "{:<WIDTH$} ", format!("  {} ({})", row.implementation, row.listing.len())).unwrap();
+        write!(line, "{:<width$} ", format!("  {} ({})", row.implementation, row.listing.len())).unwrap();
     }
     writeln!(text, "{}", line.trim_end()).unwrap();
     for i in 0..columns.iter().map(|(row, _)| row.listing.len()).max().unwrap_or(0) {
         let mut line = String::new();
         for (row, common) in &columns {
-            let cell = row.listing.get(i).map_or(String::new(), |l| {
-                let times = l.executed.map_or(String::new(), |times| format!("{times} "));
-                format!("{}{}{times}{}", if common[i] { ' ' } else { '*' }, if l.body { '|' } else { ' ' }, l.text)
-            });
-            write!(line, "{cell:<WIDTH$.WIDTH$} ").unwrap();
+            let cell = row.listing.get(i).map_or(String::new(), |line| cell(line, common[i]));
+            write!(line, "{cell:<width$.width$} ").unwrap();
         }
         writeln!(text, "{}", line.trim_end()).unwrap();
     }

@@ -115,7 +115,7 @@ fn head(text: &mut String, columns: &[&str]) {
 fn kinds(text: &mut String, report: &Report) {
     writeln!(
         text,
-        "\n{:<22}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
+        "\n{:<18}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
         "", "all", "bytes", "arith", "shuffle", "load", "store", "branch", "move", "other", "scalar", "packed", "reads"
     )
     .unwrap();
@@ -125,7 +125,7 @@ fn kinds(text: &mut String, report: &Report) {
             let Mix { instructions, bytes, arithmetic, shuffle, load, store, branch, r#move, other, .. } = m;
             writeln!(
                 text,
-                "{:<22}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
+                "{:<18}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
                  {:>7}{:>7}{:>6}  {}",
                 format!("{} {what}", row.implementation),
                 m.scalar,
@@ -138,9 +138,10 @@ fn kinds(text: &mut String, report: &Report) {
     }
 }
 
-/// Whether a feature is more than what every CPU of the architecture has, or at least one of its vectors.
+/// Whether a feature is more than what every CPU of the architecture has, or at least one of its vectors. endbr64 is a nop
+/// where CET_IBT is not there.
 fn beyond_x86_64(feature: &str) -> bool {
-    !feature.starts_with("INTEL") && !["X64", "CMOV", "MULTIBYTENOP"].contains(&feature)
+    !feature.starts_with("INTEL") && !["X64", "CMOV", "MULTIBYTENOP", "CET_IBT"].contains(&feature)
 }
 
 /// Executed instructions of one operation, by path.
@@ -150,16 +151,17 @@ fn paths(text: &mut String, report: &Report) {
     };
     writeln!(text, "\nexecuted in a call, by path").unwrap();
     let rows: Vec<_> = report.rows.iter().filter(|row| !row.paths.is_empty()).collect();
-    let mut heading = format!("{:<24}", "");
+    let width = |row: &Row| (row.implementation.len() + 1).max(8);
+    let mut heading = format!("{:<23}", "");
     for row in &rows {
-        write!(heading, "{:>9}", row.implementation).unwrap();
+        write!(heading, "{:>width$}", row.implementation, width = width(row)).unwrap();
     }
     writeln!(text, "{heading}").unwrap();
     for path in &longest.paths {
-        write!(text, "{:<24}", path.path).unwrap();
+        write!(text, "{:<23}", path.path).unwrap();
         for row in &rows {
             let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
-            write!(text, "{:>9}", executed.as_deref().unwrap_or("-")).unwrap();
+            write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(row)).unwrap();
         }
         writeln!(text).unwrap();
     }
@@ -178,21 +180,39 @@ fn critical_paths(text: &mut String, report: &Report) {
 }
 
 fn frames(text: &mut String, report: &Report) {
-    let Some(first) = report.frames.first() else { return };
-    writeln!(
-        text,
-        "\nA whole picture: the paper's sphere, {}x{} pixels, a ray each      executed   per pixel     per ray",
-        first.width, first.height
-    )
-    .unwrap();
+    if report.frames.is_empty() {
+        return;
+    }
+    writeln!(text, "\nA whole picture: the paper's sphere, a ray for each pixel").unwrap();
+    writeln!(text, "  {:<12}{:>10}{:>12}{:>12}{:>12}", "", "pixels", "executed", "per pixel", "per ray").unwrap();
     for frame in &report.frames {
         writeln!(
             text,
-            "  {:<60}{:>10}{:>12.1}{:>12.1}",
-            frame.engine, frame.instructions, frame.per_pixel, frame.per_ray
+            "  {:<12}{:>10}{:>12}{:>12.1}{:>12.1}",
+            frame.engine,
+            format!("{}x{}", frame.width, frame.height),
+            frame.instructions,
+            frame.per_pixel,
+            frame.per_ray
         )
         .unwrap();
     }
+}
+
+/// Whose models were asked, and for what.
+pub fn models(report: &Report) -> Vec<String> {
+    let mut cpus: Vec<&str> = report.rows.iter().filter_map(|row| Some(row.model.as_ref()?.cpu)).collect();
+    cpus.sort_unstable();
+    cpus.dedup();
+    let of = |cpu: &str| {
+        let modelled = |name: &&str| {
+            let by = |row: &Row| row.model.as_ref().is_some_and(|model| model.cpu == cpu);
+            report.rows.iter().any(|row| row.implementation == *name && by(row))
+        };
+        let names: Vec<_> = IMPLEMENTATIONS.into_iter().filter(modelled).collect();
+        format!("{} by its model of {cpu}", names.join(", "))
+    };
+    cpus.into_iter().map(of).collect()
 }
 
 fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
@@ -218,6 +238,9 @@ fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
         note(
             "llvm-mca  a model, not a measurement: cycles of a pass after pass, and of its block throughput, without loads",
         );
+        for cpu in models(report) {
+            note(&format!("          {cpu}"));
+        }
     }
     if let (Some(per_tick), Some(feedback)) = (report.core_cycles_per_tick, report.feedback_cycles) {
         note(&format!(

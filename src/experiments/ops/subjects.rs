@@ -7,9 +7,10 @@ use ::glam::Vec3A;
 
 use super::kept;
 use crate::kernels::{
-    self, ByValue, Isa, Light, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value, packet_ops,
+    self, ByValue, Isa, Light, Lit, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value, packet_ops,
 };
 use crate::measure::core_cycles;
+use crate::plan::{sphere_hit, triangle_hit};
 use crate::reference::aos as twin;
 
 /// Calls in a measurement.
@@ -87,6 +88,8 @@ struct TriangleCase {
     vertices: [[f32; 3]; 3],
 }
 
+/// No component of a ray of these is larger.
+const REACH: [f32; 3] = [1.0; 3];
 const FACING: [[f32; 3]; 3] = [[-1.0, -1.0, 4.0], [1.0, -1.0, 4.0], [0.0, 1.0, 4.0]];
 const TRIANGLES: [TriangleCase; 6] = [
     TriangleCase { path: "inside", ray: AHEAD, vertices: FACING },
@@ -192,29 +195,52 @@ pub fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
                 let functions = by_value(level).ok_or("this CPU lacks what the compiler was allowed to use")?;
                 Ok(c(op, functions))
             }
-            None => {
-                let isa = Isa::ALL.into_iter().find(|isa| isa.name() == implementation);
-                packet(op, isa.ok_or_else(|| format!("there is no implementation `{implementation}`"))?)
-            }
+            None => packet(
+                op,
+                super::isa(implementation).ok_or_else(|| format!("there is no implementation `{implementation}`"))?,
+            ),
         },
     }
 }
 
-/// An operation on one packet, all lanes alike.
+/// An operation on one packet of f32, all lanes alike.
 fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
-    let ops = packet_ops(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
+    let ops = packet_ops::<f32>(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
     let op = *ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
-    let spread = |values: [f32; 3]| values.iter().flat_map(|&value| vec![value; op.lanes]).collect::<Vec<_>>();
-    let b = match op.b_numbers {
-        0 => Vec::new(),
-        1 => vec![SCALAR; op.lanes],
-        _ => spread(B),
+    let lanes = op.lanes;
+    let spread = |values: [f32; 3]| values.iter().flat_map(|&value| vec![value; lanes]).collect::<Vec<_>>();
+    let (paths, operands): (_, Vec<_>) = match op.name {
+        "sphere" => {
+            let record = |case: &SphereCase| sphere_hit::<f32>(case.centre, RADIUS).numbers();
+            (sphere_paths(), SPHERES.iter().map(|case| (spread(AHEAD), record(case))).collect())
+        }
+        "triangle" => {
+            let operands = |case: &TriangleCase| (spread(case.ray), triangle_hit(case.vertices, REACH).numbers());
+            (triangle_paths(), TRIANGLES.iter().map(operands).collect())
+        }
+        "lambert" => {
+            // Seen from the centre of a unit sphere, where the normal is the point.
+            let [x, y, z] = [0, 1, 2].map(|i| move |light: [f32; 3]| light[i] - POINT[i] + NORMAL[i]);
+            let [red, green, blue] = COLOUR;
+            let lit = |LambertCase { light, .. }: &LambertCase| {
+                let (x, y, z) = (x(*light), y(*light), z(*light));
+                Lit { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.numbers()
+            };
+            (lambert_paths(), LIGHTS.iter().map(|case| (spread(NORMAL), lit(case))).collect())
+        }
+        _ => {
+            let b = match op.shape.b_numbers {
+                0 => Vec::new(),
+                1 => vec![SCALAR; lanes],
+                _ => spread(B),
+            };
+            (ANY.to_vec(), vec![(spread(A), b)])
+        }
     };
-    let operands: Box<[_]> = Box::new([(spread(A), b)]);
-    Ok(Subject::new(op.address(), ANY, move |path| {
+    Ok(Subject::new(op.address(), &paths, move |path| {
         let (a, b) = &operands[path];
         let mut out = [0.0; 3 * MOST_LANES];
-        op.call(&mut out[..op.out_numbers * op.lanes], a, b);
+        op.call(&mut out[..op.shape.out_numbers * lanes], a, b);
         out[0].bits()
     }))
 }

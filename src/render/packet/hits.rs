@@ -97,7 +97,11 @@ impl<E: Element> PacketTracer<E> {
                 let (who, object) = owner?;
                 let normal = DVec3::new(plane(1, x), plane(2, x), plane(3, x));
                 let known = plane(0, x) == who && normal != DVec3::ZERO;
-                Some(Found { object, distance: Distance::Inverse(plane(4, x)), normal: known.then_some(normal) })
+                Some(Found {
+                    object,
+                    distance: Distance::Inverse(plan.depth_unit() * plane(4, x)),
+                    normal: known.then_some(normal),
+                })
             }));
         }
         found

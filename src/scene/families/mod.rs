@@ -15,6 +15,7 @@ use maker::Maker;
 pub const SIDE: u32 = 320;
 
 /// Scenes that are hard in one way, harder along [`Family::levels`].
+#[derive(Debug)]
 pub struct Family {
     /// `S1` to `S8` (spheres), `T1` to `T7` (triangles), `L1` (lights), `I1` (images), `N1` (not numbers).
     pub id: &'static str,
@@ -28,6 +29,8 @@ pub struct Family {
     pub levels: &'static [Level],
     /// Which of `levels` is as easy as any scene.
     pub ordinary: usize,
+    /// Whether all levels show about as much, so that their times can be compared.
+    pub same_work: bool,
     /// The ways in which each level comes.
     pub variants: &'static [&'static str],
     make: fn(&mut Maker) -> Made,

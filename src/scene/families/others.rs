@@ -31,6 +31,7 @@ pub const LIGHTS: Family = Family {
         "intensity 1e38",
     ]),
     ordinary: 0,
+    same_work: true,
     variants: &["a sphere", "a triangle", "both, a light more", "inside of a sphere"],
     make: lights,
 };
@@ -95,6 +96,7 @@ pub const IMAGES: Family = Family {
     correct: "every pixel as the reference has it",
     levels: IMAGE_LEVELS,
     ordinary: 0,
+    same_work: false,
     variants: &["many objects"],
     make: images,
 };
@@ -123,6 +125,7 @@ pub const NOT_NUMBERS: Family = Family {
         "a light's intensity",
     ]),
     ordinary: 0,
+    same_work: false,
     variants: &["NaN", "infinite", "minus infinite"],
     make: not_numbers,
 };

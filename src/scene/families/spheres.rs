@@ -19,6 +19,7 @@ pub const FAR: Family = Family {
     correct: "t within the bound, the normal within 1e-5 rad away from the limb",
     levels: FAR_LEVELS,
     ordinary: 6,
+    same_work: true,
     variants: &["on the axis", "beside the axis", "beside the axis, two lights", "at the side of a wide picture"],
     make: far,
 };
@@ -54,6 +55,7 @@ pub const TANGENT: Family = Family {
     correct: "hit where the discriminant is not negative; either within the margin",
     levels: &numbers([1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7]),
     ordinary: 0,
+    same_work: true,
     variants: &["4 radii away", "1000 radii away", "4 radii away, two lights"],
     make: touching,
 };
@@ -79,6 +81,7 @@ pub const SCALE: Family = Family {
     correct: "the same image; the same bytes for a power of two",
     levels: SCALES,
     ordinary: 6,
+    same_work: true,
     variants: &["spheres that overlap", "one sphere", "the camera inside"],
     make: scaled,
 };
@@ -107,6 +110,7 @@ pub const FILM: Family = Family {
     correct: "nothing changes where both are scaled",
     levels: &numbers([1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6]),
     ordinary: 3,
+    same_work: true,
     variants: &["both scaled", "focal distance alone", "focal distance alone, two lights"],
     make: film,
 };
@@ -148,6 +152,7 @@ pub const CAMERA: Family = Family {
         Level { value: 1.1, label: "1.1" },
     ],
     ordinary: 1,
+    same_work: true,
     variants: &["the centre ahead", "the centre behind", "the centre beside, two lights"],
     make: inside,
 };
@@ -177,7 +182,8 @@ pub const GROUND: Family = Family {
     parameter: "radius / height of the camera",
     correct: "t within the bound",
     levels: &numbers([10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8]),
-    ordinary: 0,
+    ordinary: 2,
+    same_work: true,
     variants: &["one light", "two lights", "a ball on it"],
     make: ground,
 };
@@ -213,6 +219,7 @@ pub const NESTED: Family = Family {
         Level { value: 0.0, label: "0" },
     ],
     ordinary: 0,
+    same_work: true,
     variants: &["one in the other", "touching", "interpenetrating", "side by side", "three equal, two lights"],
     make: nested,
 };
@@ -250,6 +257,7 @@ pub const BEHIND: Family = Family {
         "a ground sphere below, behind",
     ]),
     ordinary: 0,
+    same_work: false,
     variants: &["one light", "two lights"],
     make: behind,
 };

@@ -13,6 +13,7 @@ pub const SLIVER: Family = Family {
     correct: "no wrong hit outside of the margin",
     levels: &numbers([1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7]),
     ordinary: 0,
+    same_work: true,
     variants: &["all of it", "its short side", "its short side, tilted, two lights"],
     make: sliver,
 };
@@ -40,6 +41,7 @@ pub const FAR: Family = Family {
     correct: "no wrong hit outside of the margin; no hole in a mesh",
     levels: &numbers([1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7]),
     ordinary: 0,
+    same_work: true,
     variants: &["a triangle", "a triangle, two lights", "a closed mesh"],
     make: far,
 };
@@ -69,6 +71,7 @@ pub const GRAZING: Family = Family {
     correct: "t within the bound; a plane through the camera is not hit",
     levels: &numbers([1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 0.0]),
     ordinary: 0,
+    same_work: true,
     variants: &["one light", "two lights", "turned"],
     make: grazing,
 };
@@ -97,6 +100,7 @@ pub const LARGE: Family = Family {
     correct: "t within the bound",
     levels: &numbers([1.0, 10.0, 1e3, 1e5, 1e7, 1e9]),
     ordinary: 0,
+    same_work: true,
     variants: &["a wall", "a floor", "a wall with an edge in view, two lights"],
     make: large,
 };
@@ -124,6 +128,7 @@ pub const SCALE: Family = Family {
     correct: "the same image; the same bytes for a power of two",
     levels: SCALES,
     ordinary: 6,
+    same_work: true,
     variants: &["triangles that overlap", "one triangle"],
     make: scaled,
 };
@@ -157,6 +162,7 @@ pub const SHARED: Family = Family {
         "a fan of 2000",
     ]),
     ordinary: 0,
+    same_work: false,
     variants: &["one light", "two lights"],
     make: shared,
 };
@@ -243,6 +249,7 @@ pub const DEGENERATE: Family = Family {
         "all but one vertex behind the camera",
     ]),
     ordinary: 0,
+    same_work: false,
     variants: &["one light", "two lights"],
     make: degenerate,
 };

@@ -1,0 +1,146 @@
+; vec3_chains.asm - chains of the operations on packets, to measure how long one takes and how many run at once.
+;
+; unsafe extern "sysv64" fn(rounds: u64) -> u64
+;
+;   rayo_<isa>_single_<op>3_latency      CHAIN_LINKS times <rounds> operations, each of which needs the last one's
+;                                        result
+;   rayo_<isa>_single_<op>3_throughput   as many operations that need nothing of each other
+;   rayo_<isa>_single_feedback_latency   as many times what leads a result back to an operand, alone
+;
+;   All give the number of operations in a round. As chains.asm has it for one vector, so for a packet: in a chain of
+;   latency LEAD_BACK gives every operation the same operand whatever the last one computed; operands that an operation
+;   overwrites are loaded anew. Constants of a record stay where tracers have them.
+;
+;   requires       the CPUID features of the ISA; rounds >= 1
+
+%assign CHAIN_LINKS 8                   ; operations in a round
+%assign ESTIMATE 0
+
+section .rodata align=64
+align 64
+PACKET(chain_a):
+    times LANES DE 0.5
+    times LANES DE -0.75
+    times LANES DE 1.25
+PACKET(chain_b):
+    times LANES DE 1.5
+    times LANES DE 0.625
+    times LANES DE -0.25
+PACKET(chain_ray):
+    times LANES DE 0.0625
+    times LANES DE -0.125
+    times LANES DE 1.0
+PACKET(chain_normal):
+    times LANES DE 0.0
+    times LANES DE 0.6
+    times LANES DE -0.8
+PACKET(chain_sphere):                   ; centre (0.25, -0.5, 4), radius 1.5
+    DE 0.25, -0.5, 4.0, 2.25, 14.0625
+PACKET(chain_triangle):                 ; (-1, -1, 3), (1, -1, 3.5) and (0.25, 1, 4)
+    DE -1.0, -1.375, 4.0, 14.375
+    DE 0.5, -6.5, -2.0, 1.0e-6
+    DE 7.5, 3.125, -1.25, 1.0e-6
+    DE -7.0, 4.75, -0.75, 1.0e-6
+PACKET(chain_light):
+    DE 3.0, 5.0, -2.0, 0.0, 0.75, 0.5, 0.25, 0.0
+
+; LEAD_BACK - d = a, by way of r: the latency of an and and an or.
+%macro LEAD_BACK 3
+%define %%d %1          ; [out]       vreg: the operand of the next operation
+%define %%r %2          ; [clobbered] vreg: the result of the one before
+%define %%a %3          ; [in]        aligned memory: the operand
+    VARITH  and, 1, %%r, %%r, [PACKET(zeros)]
+    VARITH  or, 1, %%d, %%r, %%a
+%endmacro
+
+; FIRST - the first operand, in v0 to v2.
+%macro FIRST 1
+%define %%value %1      ; [in]  label: three registers of it
+    VLOAD   v0, [%%value]
+    VLOAD   v1, [%%value + VBYTES]
+    VLOAD   v2, [%%value + 2 * VBYTES]
+%endmacro
+
+; BEGIN_CHAIN - what a chain begins with: the rounds in rcx, and all operands.
+%macro BEGIN_CHAIN 3
+%define %%value %1      ; [in]  label of the first operand
+%define %%record %2     ; [in]  label of the record
+%define %%constants %3  ; [in]  how many of its elements are constants
+    mov     rcx, rdi
+    lea     rdi, [%%record]
+    CONSTANTS %%constants
+    mov     rdx, rdi
+    FIRST   %%value
+    VLOAD   v3, [PACKET(chain_b)]
+    VLOAD   v4, [PACKET(chain_b) + VBYTES]
+    VLOAD   v5, [PACKET(chain_b) + 2 * VBYTES]
+align 32
+%endmacro
+
+; END_CHAIN - what it ends with.
+%macro END_CHAIN 0
+    dec     rcx
+    jnz     .round
+    UNCONSTANTS
+    mov     eax, CHAIN_LINKS
+ENDFUNC
+%endmacro
+
+; CHAINS - both chains of an operation.
+%macro CHAINS 6
+%define %%name %1       ; [in]  the operation
+%define %%value %2      ; [in]  label of the first operand, whose x the result is led back to
+%define %%record %3     ; [in]  label of the record
+%define %%constants %4  ; [in]  how many of its elements are constants
+%define %%result %5     ; [in]  register of the result, or of its x
+%define %%operation %6  ; [in]  the macro with its arguments
+FUNC ISA_NAME %+ _ %+ %%name %+ _latency
+    BEGIN_CHAIN %%value, %%record, %%constants
+.round:
+%rep CHAIN_LINKS
+    VLOAD   v1, [%%value + VBYTES]
+    VLOAD   v2, [%%value + 2 * VBYTES]
+    %%operation
+    LEAD_BACK v0, %%result, [%%value]
+%endrep
+END_CHAIN
+
+FUNC ISA_NAME %+ _ %+ %%name %+ _throughput
+    BEGIN_CHAIN %%value, %%record, %%constants
+.round:
+%rep CHAIN_LINKS
+    FIRST   %%value
+    %%operation
+%endrep
+END_CHAIN
+%endmacro
+
+; ON_BLACK - LAMBERT3 on black.
+%macro ON_BLACK 0
+    VZERO   v3
+    VZERO   v4
+    VZERO   v5
+    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0
+%endmacro
+
+FUNC ISA_NAME %+ _feedback_latency
+    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
+.round:
+%rep CHAIN_LINKS
+    LEAD_BACK v0, v0, [PACKET(chain_a)]
+%endrep
+END_CHAIN
+
+%define NONE PACKET(chain_sphere), 0
+CHAINS add3, PACKET(chain_a), NONE, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
+CHAINS sub3, PACKET(chain_a), NONE, v0, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
+CHAINS scale3, PACKET(chain_a), NONE, v0, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
+CHAINS dot3, PACKET(chain_a), NONE, v6, {DOT3 v6, v0, v1, v2, v3, v4, v5, v7}
+CHAINS norm3, PACKET(chain_a), NONE, v6, {NORM3 v6, v0, v1, v2, v7}
+CHAINS cross3, PACKET(chain_a), NONE, v8, {CROSS3 v6, v7, v8, v0, v1, v2, v3, v4, v5, v9}
+CHAINS normalise3, PACKET(chain_a), NONE, v0, {NORMALISE3 v0, v1, v2, v6, v7}
+CHAINS sphere3, PACKET(chain_ray), PACKET(chain_sphere), SphereHit_size, v3, \
+    {SPHERE_HIT3 v3, v0, v1, v2, v4, v5, v6, v7, v8, v9}
+CHAINS triangle3, PACKET(chain_ray), PACKET(chain_triangle), TriangleHit_size, v3, \
+    {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
+CHAINS lambert3, PACKET(chain_normal), PACKET(chain_light), 0, v3, {ON_BLACK}

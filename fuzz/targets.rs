@@ -1,0 +1,89 @@
+//! What is fuzzed: each function hands bytes to a parser, and panics where what comes back is unsound.
+
+use std::path::Path;
+
+use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml};
+
+/// What takes any bytes.
+pub type Target = fn(&[u8]);
+
+/// The targets by their names, which are those of the folders in fuzz/corpus.
+pub const TARGETS: [(&str, Target); 5] = [
+    ("scene_in", scene_in),
+    ("scene_toml", scene_toml),
+    ("mesh_obj", mesh_obj),
+    ("mesh_ply", mesh_ply),
+    ("mesh_stl", mesh_stl),
+];
+
+/// The paper's scene format.
+pub fn scene_in(source: &[u8]) {
+    match parse(source, "fuzz.in") {
+        Ok(scene) => {
+            // What was read can be written, and is the same when it is read again.
+            assert_eq!(parse(scene.to_text().as_bytes(), "again.in").unwrap(), scene);
+            sound(&scene);
+        }
+        Err(error) => explained(&error, source),
+    }
+}
+
+/// Scenes in TOML.
+pub fn scene_toml(source: &[u8]) {
+    let nowhere = Path::new("/nowhere/at/all");
+    match parse_toml(source, "fuzz.toml", nowhere) {
+        Ok(opened) => {
+            let again = parse_toml(opened.scene.to_toml().as_bytes(), "again.toml", nowhere).unwrap();
+            assert_eq!(again.scene, opened.scene);
+            sound(&opened.scene);
+        }
+        Err(error) => explained(&error, source),
+    }
+}
+
+/// Wavefront OBJ.
+pub fn mesh_obj(source: &[u8]) {
+    mesh(source, MeshFormat::Obj);
+}
+
+/// PLY, text and binary.
+pub fn mesh_ply(source: &[u8]) {
+    mesh(source, MeshFormat::Ply);
+}
+
+/// STL, text and binary.
+pub fn mesh_stl(source: &[u8]) {
+    mesh(source, MeshFormat::Stl);
+}
+
+fn mesh(source: &[u8], format: MeshFormat) {
+    match Mesh::from_bytes(source.to_vec(), format, "fuzz") {
+        Ok(mesh) => {
+            assert!(!mesh.triangles.is_empty());
+            assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()));
+            assert!(mesh.triangles.iter().flatten().all(|&index| (index as usize) < mesh.vertices.len()));
+        }
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.starts_with("fuzz") && text.len() < 4000 && !text.contains(['\n', '\x1b']), "{text:?}");
+        }
+    }
+}
+
+/// Every number is one that engines take.
+fn sound(scene: &Scene) {
+    assert!(scene.lights.iter().all(|light| light.position.is_finite() && light.colour.min_element() >= 0.0));
+    assert!(scene.spheres.iter().all(|sphere| sphere.centre.is_finite() && sphere.radius > 0.0));
+    assert!(scene.triangles.iter().all(|triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite())));
+}
+
+/// An error has a place in the file, and words of bounded length that cannot steer a terminal.
+fn explained(error: &SceneError, source: &[u8]) {
+    assert!((1..=20).contains(&error.diagnostics().len()));
+    assert!(error.render(true).len() < 60_000);
+    for diagnostic in error.diagnostics() {
+        assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.span.end <= source.len());
+        assert!(!diagnostic.message.is_empty() && !diagnostic.expected.is_empty());
+        assert!(!diagnostic.one_line("fuzz").contains(['\n', '\r', '\x1b']));
+    }
+}

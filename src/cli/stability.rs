@@ -1,0 +1,145 @@
+//! `rayo stability`: stiff and extreme scenes, engine by engine, against checked-in limits.
+
+mod markdown;
+mod table;
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+
+use super::measuring::{bar, say, stop_on_ctrl_c, write_file};
+use super::{Failure, print, print_json};
+use crate::experiments::accuracy::{self, AccuracyError, Contender};
+use crate::experiments::stability::{self, Document, Settings, limits, plot, search};
+use crate::kernels::sys;
+use crate::render::Engine;
+use crate::scene::families::{FAMILIES, Family, family};
+use crate::scene::{Rng, Scene};
+
+/// The side of the pictures of a search.
+const SEARCH_SIDE: u32 = 48;
+
+/// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
+///
+/// The families are S1 to S8 (spheres), T1 to T7 (triangles), L1 (lights), I1 (images) and N1 (what is not a number).
+/// Hits, t, normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json
+/// and limits.csv, the limits that would just hold, to the directory that --out names. Exit status 1 where an engine does
+/// not keep its limits, with the command that repeats the case. Ctrl-C keeps what is finished.
+#[derive(Debug, Args)]
+pub struct StabilityArgs {
+    /// Sweep this family alone
+    #[arg(long, value_name = "NAME")]
+    family: Option<String>,
+    /// Sweep this engine alone, in all its precisions
+    #[arg(long, value_name = "E")]
+    engine: Option<String>,
+    /// Where the families' random numbers begin
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Only this case of the family
+    #[arg(long, value_name = "K", requires = "family")]
+    case: Option<usize>,
+    /// Small pictures: a minute or so
+    #[arg(long)]
+    quick: bool,
+    /// Perturb the case so many times, keep what is worst, and write it as worst.in
+    #[arg(long, value_name = "STEPS", requires = "case")]
+    search: Option<usize>,
+    /// Where the files go
+    #[arg(long, value_name = "DIR", default_value = "out/stability")]
+    out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Sweeps, prints and writes.
+pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
+    let settings = settings(args)?;
+    fs::create_dir_all(&args.out)
+        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    if let (Some(steps), Some(case)) = (args.search, args.case) {
+        return search(args, &settings, case, steps);
+    }
+    let stop = stop_on_ctrl_c()?;
+    // The threads that find the truth are started before this one is pinned, or they would share its core.
+    rayon::broadcast(|_| ());
+    if let Err(error) = sys::pin_to_this_core() {
+        say(&format!("warning: the thread is not pinned to a core: {error}"));
+    }
+    let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
+    let mut proceed = || {
+        bar.inc(1);
+        !stop.load(Ordering::Relaxed)
+    };
+    let document = stability::sweep(&settings, &mut proceed).map_err(failure)?;
+    bar.finish_and_clear();
+
+    write_file(&args.out, "stability.md", markdown::text(&document).as_bytes())?;
+    write_file(&args.out, "limits.csv", limits::table(&document.rows).as_bytes())?;
+    write_file(&args.out, "stability.svg", plot::figure(&document).map_err(Failure::output)?.as_bytes())?;
+    write_file(&args.out, "results.json", &serde_json::to_vec_pretty(&document).map_err(Failure::output)?)?;
+    if args.json {
+        print_json(&document)?;
+    } else {
+        print(&table::text(&document))?;
+    }
+    Ok(verdict(&document))
+}
+
+/// Tells what does not hold, and how to see it again.
+fn verdict(document: &Document) -> ExitCode {
+    if !document.complete {
+        say("warning: stopped early: only what was finished is in the results");
+    }
+    for row in document.rows.iter().filter(|row| !row.holds) {
+        let why = row.broken.join("; ");
+        say(&format!("error: {} by {} in {}: {why}", row.family, row.engine, row.precision));
+        say(&format!("    {}", row.replay(document.seed, document.quick)));
+    }
+    if document.rows.iter().all(|row| row.holds) { ExitCode::SUCCESS } else { ExitCode::from(1) }
+}
+
+fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
+    let families: Vec<&'static Family> = match &args.family {
+        None => FAMILIES.iter().collect(),
+        Some(name) => vec![family(name).ok_or_else(|| {
+            let ids: Vec<_> = FAMILIES.iter().map(|family| family.id).collect();
+            Failure::input(format!("there is no family `{name}`; there are: {}", ids.join(", ")))
+        })?],
+    };
+    if let (Some(case), [family]) = (args.case, &families[..])
+        && case >= family.cases()
+    {
+        let last = family.cases() - 1;
+        return Err(Failure::input(format!("the cases of family {} are 0 to {last}, not {case}", family.id)));
+    }
+    let mut contenders: Vec<Contender> = accuracy::contenders();
+    if let Some(name) = &args.engine {
+        let engine: Engine = name.parse().map_err(Failure::input)?;
+        contenders.retain(|contender| contender.engine == engine);
+        if contenders.is_empty() {
+            return Err(Failure::input(format!("this CPU does not run the engine `{engine}`")));
+        }
+    }
+    Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick })
+}
+
+fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) -> Result<ExitCode, Failure> {
+    let family = settings.families[0];
+    let case = family.case(case, args.seed, SEARCH_SIDE);
+    let mut rng = Rng::new(args.seed);
+    let found = search::search(&case.scene, &settings.contenders, SEARCH_SIDE, steps, &mut rng);
+    let (scene, badness) = found.map_err(failure)?;
+    let scene = Scene { name: format!("{}-{}.png", family.id, case.index), ..scene };
+    write_file(&args.out, "worst.in", scene.to_text().as_bytes())?;
+    print(&format!("{badness:?}\n"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn failure(error: AccuracyError) -> Failure {
+    Failure::input(error)
+}

@@ -1,0 +1,58 @@
+//! What was found as tables: one for each family.
+
+use std::fmt::Write;
+
+use crate::experiments::stability::{Document, Row};
+use crate::scene::families::family;
+
+/// The columns after engine and precision: their heads and what is below.
+type Column = (&'static str, fn(&Row) -> String);
+
+pub(super) const COLUMNS: [Column; 8] = [
+    ("t, ulp", |row| number(row.worst)),
+    ("of bound", |row| number(row.bound)),
+    ("wrong hits", |row| row.wrong_hits.to_string()),
+    ("holes", |row| row.holes.to_string()),
+    ("off by 1", |row| row.off_by_1.to_string()),
+    ("off by 2", |row| row.off_by_2.to_string()),
+    ("breaks at", |row| row.breaks_at.clone().unwrap_or_else(|| "-".into())),
+    ("limits", |row| if row.holds { "kept" } else { "BROKEN" }.into()),
+];
+
+/// A table for each family, and what limits could be tightened.
+pub fn text(document: &Document) -> String {
+    let mut text = String::new();
+    for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
+        let Some(family) = family(rows[0].family) else { continue };
+        let (first, last) = (family.levels[0], family.levels[family.levels.len() - 1]);
+        let head = format!("{} {}: {}, {first} to {last}", family.id, family.name, family.parameter);
+        writeln!(text, "{head}\n  correct: {}", family.correct).expect("a string takes any text");
+        write!(text, "  {:<16}", "engine").expect("a string takes any text");
+        for (head, _) in COLUMNS {
+            write!(text, " {head:>10}").expect("a string takes any text");
+        }
+        writeln!(text, " {:>9}", "slowdown").expect("a string takes any text");
+        for row in rows {
+            write!(text, "  {:<16}", format!("{} {}", row.engine, row.precision)).expect("a string takes any text");
+            for (_, cell) in COLUMNS {
+                write!(text, " {:>10}", cell(row)).expect("a string takes any text");
+            }
+            writeln!(text, " {:>9}", number(row.slowdown)).expect("a string takes any text");
+        }
+        text += "\n";
+    }
+    for line in &document.tighter {
+        writeln!(text, "could be tightened: {line}").expect("a string takes any text");
+    }
+    text
+}
+
+/// Three digits, or a power of ten where that is far from 1; a dash for None.
+pub(super) fn number(x: Option<f64>) -> String {
+    match x {
+        None => "-".into(),
+        Some(0.0) => "0".into(),
+        Some(x) if (1e-2..1e4).contains(&x) => format!("{x:.2}"),
+        Some(x) => format!("{x:.1e}"),
+    }
+}

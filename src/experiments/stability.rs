@@ -1,0 +1,363 @@
+//! Stiff and extreme scenes: every family over its whole range, engine by engine, against the truth and against limits.
+
+pub mod limits;
+pub mod plot;
+pub mod search;
+
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::accuracy::{AccuracyError, Contender, Judged, judge};
+use crate::measure::Machine;
+use crate::render::{EngineError, Film, PixelFormat, Precision};
+use crate::scene::families::{Case, Family};
+use limits::Limits;
+
+/// The number of the schema, in the document's field `schema`.
+pub const SCHEMA: u32 = 1;
+
+/// Rays of a cell, all variants of a level together, at least. Of a quick run and of any other.
+const RAYS: [u32; 2] = [3_000, 100_000];
+/// Runs of which the fastest counts, and after how many seconds there are no more.
+const RUNS: usize = 5;
+const SECONDS: f64 = 0.05;
+
+/// What is to be swept.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Which families.
+    pub families: Vec<&'static Family>,
+    /// Which engines, in which precisions.
+    pub contenders: Vec<Contender>,
+    /// Where the random numbers begin.
+    pub seed: u64,
+    /// The only case, where it is not all.
+    pub case: Option<usize>,
+    /// Whether the pictures are small.
+    pub quick: bool,
+}
+
+/// One engine at one level of a family, all variants together. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// The family's id.
+    pub family: &'static str,
+    /// The level's number in the family.
+    pub level: usize,
+    /// The value of the parameter.
+    pub value: String,
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// Rays.
+    pub rays: usize,
+    /// Those nearer to another answer than the margin.
+    pub in_margin: usize,
+    /// Outside of the margin: a hit where there is none, none where there is one, or another object.
+    pub wrong_hits: usize,
+    /// In pictures that objects cover: rays that hit nothing, wherever.
+    pub holes: usize,
+    /// The largest error of t in units of its last place.
+    pub max_ulp: Option<f64>,
+    /// The same as a share of the documented bound.
+    pub bound_share: Option<f64>,
+    /// The largest angle between the normal and the true one, in radians.
+    pub max_angle: Option<f64>,
+    /// Pixels off by a level or more, in the worse of the outputs; of packets in f64 in the bytes.
+    pub off_by_1: usize,
+    /// Pixels off by two or more.
+    pub off_by_2: usize,
+    /// The fastest run of one thread, floats, all variants together.
+    pub ns_per_ray: Option<f64>,
+    /// Its ratio to that of the ordinary level; None where levels show more or less.
+    pub slowdown: Option<f64>,
+    /// The case with the most wrong hits or, where there are none, with the largest share of the bound.
+    pub worst_case: usize,
+}
+
+impl Cell {
+    fn contender(&self) -> (&'static str, &'static str) {
+        (self.engine, self.precision)
+    }
+
+    /// Whether it breaks the documented bound or hits what is not there.
+    pub fn breaks(&self) -> bool {
+        self.wrong_hits > 0 || self.bound_share.is_some_and(|share| share > 1.0)
+    }
+}
+
+/// One engine over a whole family.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The family's id.
+    pub family: &'static str,
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// The largest error of t in units of its last place; null where nothing is hit.
+    pub worst: Option<f64>,
+    /// The same as a share of the documented bound.
+    pub bound: Option<f64>,
+    /// Outside of the margin: wrong hits and wrong objects.
+    pub wrong_hits: usize,
+    /// The worst level's wrong hits as a share of its rays.
+    pub wrong_share: f64,
+    /// Rays that hit nothing in pictures that objects cover.
+    pub holes: usize,
+    /// Pixels off by a level or more.
+    pub off_by_1: usize,
+    /// Pixels off by two levels or more.
+    pub off_by_2: usize,
+    /// The worst level's pixels off by two levels as a share of its rays.
+    pub off_by_2_share: f64,
+    /// The first value of the parameter, from the ordinary one outwards, at which it breaks its bound or hits wrongly.
+    pub breaks_at: Option<String>,
+    /// The largest ratio of a level's time to that of the ordinary one.
+    pub slowdown: Option<f64>,
+    /// Whether it keeps its limits.
+    pub holds: bool,
+    /// The limits that it does not keep, in words.
+    pub broken: Vec<String>,
+    /// The case to look at.
+    pub worst_case: usize,
+}
+
+/// Everything that was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// The machine and the build.
+    pub machine: Machine,
+    /// Where the random numbers began.
+    pub seed: u64,
+    /// Whether the pictures were small.
+    pub quick: bool,
+    /// Whether everything that was asked for is there.
+    pub complete: bool,
+    /// Every engine on every family.
+    pub rows: Vec<Row>,
+    /// The same level by level.
+    pub cells: Vec<Cell>,
+    /// Limits that could be tightened.
+    pub tighter: Vec<String>,
+}
+
+/// The side of the pictures of a family.
+pub fn side(family: &Family, quick: bool) -> u32 {
+    let rays = f64::from(RAYS[usize::from(!quick)]) / family.variants.len() as f64;
+    rays.sqrt().ceil() as u32
+}
+
+/// Sweeps the families. `proceed` is told after each level of a family, and ends the sweep where it says no.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<Document, AccuracyError> {
+    let mut document = Document {
+        schema: SCHEMA,
+        machine: Machine::this(),
+        seed: settings.seed,
+        quick: settings.quick,
+        complete: true,
+        rows: Vec::new(),
+        cells: Vec::new(),
+        tighter: Vec::new(),
+    };
+    'families: for family in &settings.families {
+        let mut cells = Vec::new();
+        for level in 0..family.levels.len() {
+            cells.extend(sweep_level(settings, family, level)?);
+            if !proceed() {
+                document.complete = false;
+                break 'families;
+            }
+        }
+        if family.same_work {
+            compare_times(family, &mut cells);
+        }
+        document.rows.extend(rows(family, &cells));
+        document.cells.extend(cells);
+    }
+    let limits = Limits::checked_in();
+    for row in &mut document.rows {
+        row.broken = limits.broken(row);
+        row.holds = row.broken.is_empty();
+    }
+    // Of small pictures, or of some of the cases, the worst is not to be expected.
+    if document.complete && !settings.quick && settings.case.is_none() {
+        document.tighter = document.rows.iter().filter_map(|row| limits.tighter(row)).collect();
+    }
+    Ok(document)
+}
+
+fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, AccuracyError> {
+    let variants = family.variants.len();
+    let cases =
+        (level * variants..(level + 1) * variants).filter(|case| settings.case.is_none_or(|only| only == *case));
+    let cases: Vec<Case> = cases.map(|case| family.case(case, settings.seed, side(family, settings.quick))).collect();
+    if cases.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut cells: Vec<Cell> = settings.contenders.iter().map(|contender| empty(family, level, *contender)).collect();
+    let mut worst = vec![(0, -1.0); cells.len()];
+    for case in &cases {
+        if !case.valid {
+            // There is no picture; asking for one must be an error.
+            for (cell, contender) in cells.iter_mut().zip(&settings.contenders) {
+                let prepared = contender.engine.prepare(Some(contender.precision), &case.scene, &case.scene.camera);
+                let refused = matches!(prepared, Err(EngineError::Scene(_)));
+                cell.rays += 1;
+                cell.wrong_hits += usize::from(!refused);
+                cell.worst_case = case.index;
+            }
+            continue;
+        }
+        let judged = judge(&case.scene, &settings.contenders)?;
+        for ((cell, worst), contender) in cells.iter_mut().zip(&mut worst).zip(&settings.contenders) {
+            let own: Vec<_> = judged.iter().filter(|judged| judged.entry.contender == *contender).collect();
+            let badness = add(cell, case, &own);
+            if badness > *worst {
+                *worst = badness;
+                cell.worst_case = case.index;
+            }
+            let ns = time(*contender, case)? * case.scene.camera.pixels() as f64;
+            *cell.ns_per_ray.get_or_insert(0.0) += ns;
+        }
+    }
+    for cell in &mut cells {
+        cell.ns_per_ray = cell.ns_per_ray.map(|ns| ns / cell.rays as f64);
+    }
+    Ok(cells)
+}
+
+fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
+    Cell {
+        family: family.id,
+        level,
+        value: family.levels[level].to_string(),
+        engine: contender.engine.name(),
+        precision: contender.precision.name(),
+        rays: 0,
+        in_margin: 0,
+        wrong_hits: 0,
+        holes: 0,
+        max_ulp: None,
+        bound_share: None,
+        max_angle: None,
+        off_by_1: 0,
+        off_by_2: 0,
+        ns_per_ray: None,
+        slowdown: None,
+        worst_case: 0,
+    }
+}
+
+/// Adds what one engine made of a case, in each of its outputs; gives what makes one case worse than another.
+fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
+    let largest = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
+    let Some(first) = judged.first().map(|judged| judged.errors) else { return (0, 0.0) };
+    let wrong = first.wrong_hits + first.wrong_objects;
+    // Floats round what f64 has made, and that alone can be a level; bytes do not.
+    let bytes = judged.iter().any(|judged| judged.entry.output == PixelFormat::Rgba8);
+    let coarse = |judged: &&&Judged| {
+        let Contender { precision, .. } = judged.entry.contender;
+        precision == Precision::Double && bytes && judged.entry.output == PixelFormat::F32x4
+    };
+    let seen: Vec<_> = judged.iter().filter(|judged| !coarse(judged)).collect();
+    let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
+    let off_by_2 = most(|judged| judged.errors.off_by_2);
+    cell.rays += first.rays;
+    cell.in_margin += first.in_margin;
+    cell.wrong_hits += wrong;
+    if case.covered {
+        cell.holes += first.wrong_hits + first.wrong_hits_inside;
+    }
+    cell.max_ulp = largest(cell.max_ulp, first.max_ulp);
+    cell.bound_share = largest(cell.bound_share, first.bound_share);
+    cell.max_angle = largest(cell.max_angle, first.max_angle);
+    cell.off_by_1 += most(|judged| judged.errors.off_by_1);
+    cell.off_by_2 += off_by_2;
+    (wrong + off_by_2, first.bound_share.unwrap_or(0.0))
+}
+
+/// Nanoseconds of a ray, the fastest run of this thread.
+fn time(contender: Contender, case: &Case) -> Result<f64, AccuracyError> {
+    let camera = case.scene.camera;
+    let tracer = contender.engine.prepare(Some(contender.precision), &case.scene, &camera)?;
+    let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
+    let start = Instant::now();
+    let mut fastest = f64::INFINITY;
+    for _ in 0..RUNS {
+        let run = Instant::now();
+        tracer.rows(0..camera.height(), film.as_mut());
+        fastest = fastest.min(run.elapsed().as_secs_f64());
+        if start.elapsed().as_secs_f64() > SECONDS {
+            break;
+        }
+    }
+    Ok(1e9 * fastest / camera.pixels() as f64)
+}
+
+/// Sets each cell's time against that of the ordinary level.
+fn compare_times(family: &Family, cells: &mut [Cell]) {
+    let ordinary: Vec<_> = cells
+        .iter()
+        .filter(|cell| cell.level == family.ordinary)
+        .filter_map(|cell| Some((cell.contender(), cell.ns_per_ray?)))
+        .collect();
+    for cell in cells {
+        let contender = cell.contender();
+        let ordinary = ordinary.iter().find(|(other, _)| *other == contender);
+        cell.slowdown = cell.ns_per_ray.zip(ordinary).map(|(ns, (_, ordinary))| ns / ordinary);
+    }
+}
+
+/// The rows of a family from its cells.
+fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
+    let mut seen = BTreeSet::new();
+    let contenders = cells.iter().map(Cell::contender).filter(|contender| seen.insert(*contender));
+    let row = |(engine, precision): (&'static str, &'static str)| {
+        let own: Vec<_> = cells.iter().filter(|cell| cell.contender() == (engine, precision)).collect();
+        let largest = |of: fn(&Cell) -> Option<f64>| own.iter().filter_map(|cell| of(cell)).reduce(f64::max);
+        let sum = |of: fn(&Cell) -> usize| own.iter().map(|cell| of(cell)).sum();
+        let share = |of: fn(&Cell) -> usize| {
+            own.iter().map(|cell| of(cell) as f64 / cell.rays.max(1) as f64).fold(0.0, f64::max)
+        };
+        let badness = |cell: &&&Cell| (cell.wrong_hits + cell.off_by_2, cell.bound_share.unwrap_or(0.0));
+        let worst = own.iter().max_by(|a, b| badness(a).partial_cmp(&badness(b)).expect("shares are numbers"));
+        let outwards = own.iter().filter(|cell| cell.breaks()).min_by_key(|cell| cell.level.abs_diff(family.ordinary));
+        Row {
+            family: family.id,
+            engine,
+            precision,
+            worst: largest(|cell| cell.max_ulp),
+            bound: largest(|cell| cell.bound_share),
+            wrong_hits: sum(|cell| cell.wrong_hits),
+            wrong_share: share(|cell| cell.wrong_hits),
+            holes: sum(|cell| cell.holes),
+            off_by_1: sum(|cell| cell.off_by_1),
+            off_by_2: sum(|cell| cell.off_by_2),
+            off_by_2_share: share(|cell| cell.off_by_2),
+            breaks_at: outwards.map(|cell| cell.value.clone()),
+            slowdown: largest(|cell| cell.slowdown),
+            holds: true,
+            broken: Vec::new(),
+            worst_case: worst.map_or(0, |cell| cell.worst_case),
+        }
+    };
+    contenders.map(row).collect()
+}
+
+impl Row {
+    /// The command that repeats its worst case alone.
+    pub fn replay(&self, seed: u64, quick: bool) -> String {
+        let quick = if quick { " --quick" } else { "" };
+        let Row { family, engine, worst_case, .. } = self;
+        format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {worst_case}{quick}")
+    }
+}

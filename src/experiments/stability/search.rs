@@ -1,0 +1,85 @@
+//! The adversarial search: a scene is perturbed at random, and what is worse than before is kept.
+
+use glam::Vec3;
+
+use crate::experiments::accuracy::{AccuracyError, Contender, judge};
+use crate::scene::{Camera, Rng, Scene};
+
+/// How bad a picture is, the worst first: wrong hits and levels off by two, the share of the bound, levels off by one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Badness {
+    /// Rays with a wrong hit or another object, and pixels off by two levels or more.
+    pub wrong: usize,
+    /// The largest error of t as a share of its documented bound.
+    pub bound_share: f64,
+    /// Pixels off by a level.
+    pub off_by_1: usize,
+}
+
+/// What one of `contenders` at its worst makes of a scene.
+///
+/// # Errors
+/// A scene whose numbers no scene may have.
+pub fn badness(scene: &Scene, contenders: &[Contender]) -> Result<Badness, AccuracyError> {
+    let of = |errors: &crate::experiments::accuracy::errors::Errors| Badness {
+        wrong: errors.wrong_hits + errors.wrong_objects + errors.off_by_2,
+        bound_share: errors.bound_share.unwrap_or(0.0),
+        off_by_1: errors.off_by_1,
+    };
+    let judged = judge(scene, contenders)?;
+    let worst = judged.iter().map(|judged| of(&judged.errors)).max_by(|a, b| a.partial_cmp(b).expect("no NaN"));
+    Ok(worst.unwrap_or_default())
+}
+
+/// The worst of `steps` perturbations of `scene` with a picture of `side` x `side` pixels, each of the worst so far. Its
+/// film is of diagonal 1, so that a scene file says all of it.
+///
+/// # Errors
+/// As [`badness`].
+pub fn search(
+    scene: &Scene,
+    contenders: &[Contender],
+    side: u32,
+    steps: usize,
+    rng: &mut Rng,
+) -> Result<(Scene, Badness), AccuracyError> {
+    let camera = |focal: f32| Camera::new(side, side, focal, 1.0);
+    let focal = scene.camera.focal() / scene.camera.film();
+    let mut worst = Scene { camera: camera(focal).unwrap_or(scene.camera), ..scene.clone() };
+    let mut found = badness(&worst, contenders)?;
+    for _ in 0..steps {
+        let mut next = worst.clone();
+        perturb(&mut next, rng);
+        if let Ok(camera) = camera(jitter(worst.camera.focal(), rng)) {
+            next.camera = camera;
+        }
+        if next.check().is_err() {
+            continue;
+        }
+        let badness = badness(&next, contenders)?;
+        if badness > found {
+            (worst, found) = (next, badness);
+        }
+    }
+    Ok((worst, found))
+}
+
+/// Changes some numbers of the scene a little, or by a lot.
+fn perturb(scene: &mut Scene, rng: &mut Rng) {
+    let vector = |v: &mut Vec3, rng: &mut Rng| *v = Vec3::from(v.to_array().map(|x| jitter(x, rng)));
+    scene.lights.iter_mut().for_each(|light| vector(&mut light.position, rng));
+    for sphere in &mut scene.spheres {
+        vector(&mut sphere.centre, rng);
+        sphere.radius = jitter(sphere.radius, rng);
+    }
+    scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| vector(vertex, rng));
+}
+
+/// `x` with a relative change of any size down to one unit in the last place; unchanged in two of three cases.
+fn jitter(x: f32, rng: &mut Rng) -> f32 {
+    if !rng.next_u64().is_multiple_of(3) {
+        return x;
+    }
+    let size = 2f32.powf(rng.between(-23.0, -3.0));
+    x + x * size * rng.between(-1.0, 1.0)
+}
