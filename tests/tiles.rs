@@ -2,7 +2,6 @@
 
 #![cfg(rayo_asm)]
 
-// Its engines' own pictures are for other tests.
 mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};

@@ -104,6 +104,7 @@ pub struct TrianglePlanes<E> {
 }
 
 /// The pixels of a tile in blocks: 1/t and who.
+#[cfg(rayo_asm)]
 #[derive(Clone)]
 #[repr(C, align(64))]
 pub(super) struct Tile<E> {
@@ -112,6 +113,7 @@ pub(super) struct Tile<E> {
 }
 
 /// Pixels of a tile.
+#[cfg(rayo_asm)]
 const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
 /// More elements than a register has of f64.

@@ -27,10 +27,25 @@ const LONGEST_SIDE: u32 = u16::MAX as u32;
 /// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
 const FEWEST_OBJECTS: usize = 32;
 
-/// Whether a scene is to be traced tile by tile, rather than span by span.
+/// Lengths between its inverse and this have squares and products that f32 holds.
+const MODERATE: f32 = (1u64 << 30) as f32;
+
+/// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects, and none whose numbers the
+/// spans may have to leave to f64.
 pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
     (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
         && camera.width().max(camera.height()) <= LONGEST_SIDE
+        && is_moderate(scene)
+}
+
+fn is_moderate(scene: &Scene) -> bool {
+    let size = |size: f32| (1.0 / MODERATE..MODERATE).contains(&size);
+    let sphere = |s: &Sphere| size(s.radius) && s.centre.abs().max_element() < MODERATE;
+    let triangle = |t: &Triangle| {
+        let [one, other, third] = t.vertices.map(glam::Vec3::abs);
+        size(one.max(other).max(third).max_element())
+    };
+    scene.spheres.iter().all(sphere) && scene.triangles.iter().all(triangle)
 }
 
 /// A scene planned for tiles.

@@ -187,7 +187,8 @@ impl Engine {
         scene: &'a Scene,
         camera: &Camera,
     ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
-        let precision = self.precision_for(purpose)?;
+        // Asked for in vain it is an error, whatever the engine.
+        self.precision_for(purpose)?;
         scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
@@ -203,7 +204,7 @@ impl Engine {
             #[cfg(rayo_asm)]
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
-                let Purpose { format, keep, .. } = purpose;
+                let (precision, Purpose { format, keep, .. }) = (self.precision_for(purpose)?, purpose);
                 if plan::tiles_pay(scene, camera) {
                     let keep_all = keep.has(Omission::Misses);
                     return Ok(tiles(kernels, precision, scene, camera, keep_all));

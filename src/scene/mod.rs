@@ -25,9 +25,10 @@ pub use view::{Setting, View};
 
 use glam::Vec3;
 
+use crate::reference::geometry;
+
 /// A flat triangle, seen from both sides.
 pub use crate::kernels::Facet as Triangle;
-use crate::reference::geometry;
 
 /// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,9 +63,11 @@ pub struct Sphere {
     pub centre: Vec3,
 }
 
-/// Whether a triangle's corners are on one line, or one point: no ray hits it then.
-pub fn has_no_area(triangle: &Triangle) -> bool {
-    geometry::has_no_area(triangle.vertices.map(|v| v.as_dvec3()))
+impl Triangle {
+    /// Whether its corners are on one line, or one point: no ray hits it then.
+    pub fn has_no_area(&self) -> bool {
+        geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
+    }
 }
 
 /// An object of a scene by its place in its list.

@@ -131,7 +131,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
 
 /// A warning of the triangles of a mesh that have no area, which are often its seams.
 pub(super) fn no_area_of_mesh(path: &Path, triangles: &[Triangle]) -> Option<String> {
-    let count = triangles.iter().filter(|triangle| super::has_no_area(triangle)).count();
+    let count = triangles.iter().filter(|triangle| triangle.has_no_area()).count();
     let (have, them) = if count == 1 { ("triangle has", "it") } else { ("triangles have", "them") };
     let path = path.to_string_lossy();
     (count > 0).then(|| format!("{}: {count} {have} no area, and no ray hits {them}", printable(&path)))

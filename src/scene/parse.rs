@@ -148,7 +148,7 @@ impl<'a> Parser<'a, '_> {
             let mut vertex = |names: [&'static str; 3]| parser.vector(names.map(triangle), Rule::Any);
             let [a, b, c] = VERTICES;
             let item = Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] };
-            if super::has_no_area(&item) {
+            if item.has_no_area() {
                 let (which, end) = (triangle("corners").owner.expect("a triangle has a number"), parser.last.start);
                 let Parser { log, no_area, name, .. } = parser;
                 no_area.add(name, &format!("{} {}", which.0, which.1), || log.line(end));

@@ -166,7 +166,7 @@ impl Reader<'_> {
             let vertices = self.vertices(&fields);
             let vertices = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
             let triangle = Triangle { colour, vertices };
-            if super::has_no_area(&triangle) {
+            if triangle.has_no_area() {
                 self.no_area.push((self.start + fields.span.start, fields.owner.clone()));
             }
             triangles.push(triangle);
