@@ -28,7 +28,7 @@ const LONGEST_SIDE: u32 = u16::MAX as u32;
 const FEWEST_OBJECTS: usize = 32;
 
 /// Lengths between its inverse and this have squares and products that f32 holds.
-const MODERATE: f32 = (1u64 << 30) as f32;
+const MODERATE: f32 = (1u64 << 60) as f32;
 
 /// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects, and none whose numbers the
 /// spans may have to leave to f64.
