@@ -2,8 +2,9 @@
 ;
 ; The rows come from lit_rows.asm. A span is shaded packet by packet from where the memory is aligned to one, so its
 ; first and its last packet hold black pixels too: these edge packets are masked, those between are not. Shading wants
-; arithmetic and black pixels want nothing but stores, so that the two go side by side: while a span is shaded, what is
-; black between it and the next row's span is stored along the way.
+; arithmetic and black pixels want nothing but stores, so that in floats the two go side by side: while a span is
+; shaded, what is black between it and the next row's span is stored along the way. Bytes are too few for that: lines
+; that are not in cache come faster one after another than from two places in turn.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
@@ -114,17 +115,19 @@
     add     r10, LANES * %%format %+ _BYTES
 %endmacro
 
-; LIT_NEXT - steps to the next packet, and stores up to two packets of what is black before the next row's span.
+; LIT_NEXT - steps to the next packet; in floats, stores up to two packets of what is black before the next row's span.
 %macro LIT_NEXT 1
 %define %%format %1     ; [in]       F32X4 or RGBA8
     VADD    v0, v0, [PACKET(step)]
     add     r12, LANES * %%format %+ _BYTES
+%ifidn %%format, F32X4
 %rep 2
     cmp     r10, r13
     jae     %%written
     LIT_BLACK %%format
 %endrep
 %%written:
+%endif
 %endmacro
 
 ; LIT - a function that makes rows.
