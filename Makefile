@@ -27,8 +27,8 @@ test: setup ## Run everything that must pass: format, lints, tests with assembly
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
-	$(cargo) test --release --locked
 	$(cargo) test --release --locked --no-default-features
+	$(cargo) test --release --locked
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
 
 bench: setup ## Run the micro benches
