@@ -262,7 +262,7 @@ impl<E: Element> TileTracer<'_, E> {
                 if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
                     let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
                     let light = |light: &crate::scene::Light| {
-                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance().as_dvec3()
+                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
                     };
                     let light: DVec3 = self.scene.lights.iter().map(light).sum();
                     let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
