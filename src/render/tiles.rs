@@ -1,5 +1,7 @@
 //! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
 
+mod normals;
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -304,6 +306,7 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
                 }
             }
         });
+        self.add_normals(rows, &mut found);
         found
     }
 
