@@ -18,7 +18,7 @@ use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
 /// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
-const LADDER_ROUNDS: usize = 100;
+const LADDER_ROUNDS: usize = 250;
 const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
