@@ -9,7 +9,7 @@ mod spans;
 #[cfg(rayo_asm)]
 mod tiles;
 
-pub use hits::{sphere_hit, triangle_hit};
+pub use hits::{InUnits, sphere_hit, triangle_hit};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{Kept, LeftOut, Report, grouped};
