@@ -94,6 +94,22 @@ impl<'a> Frame<'a> {
         }
     }
 
+    /// At how many pixels of the picture the engine finds something.
+    pub fn count_hits(&self) -> u64 {
+        let (height, rows) = (self.camera.height(), self.task_rows() as u32);
+        let count = |start: u32| self.tracer.count_hits(start..height.min(start + rows));
+        match &self.pool {
+            None => (0..height).step_by(rows as usize).map(count).sum(),
+            Some(pool) => pool.install(|| (0..height).into_par_iter().step_by(rows as usize).map(count).sum()),
+        }
+    }
+
+    /// The rows that a thread takes at a time.
+    fn task_rows(&self) -> usize {
+        let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
+        rows.next_multiple_of(self.tracer.rows_together() as usize)
+    }
+
     fn trace_tasks<'b, T: Send>(
         &self,
         rows: Range<u32>,
@@ -103,8 +119,7 @@ impl<'a> Frame<'a> {
     ) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
-        let together = self.tracer.rows_together() as usize;
-        let task_rows = (TASK_PIXELS / width).max(1).next_multiple_of(together);
+        let task_rows = self.task_rows();
         let task = |(index, part): (usize, &'b mut [T])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;

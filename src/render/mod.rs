@@ -47,4 +47,9 @@ pub trait Tracer: Sync {
 
     /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
+
+    /// At how many pixels of `rows` it finds something.
+    fn count_hits(&self, rows: Range<u32>) -> u64 {
+        rows.map(|row| self.hits(row..row + 1).into_iter().flatten().count() as u64).sum()
+    }
 }

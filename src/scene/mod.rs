@@ -16,7 +16,7 @@ mod write;
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
-pub use open::{Opened, SceneFormat, open, read};
+pub use open::{MAX_TOML, Opened, SceneFormat, open, read};
 pub use parse::parse;
 pub use random::{Rng, many};
 pub use tables::parse_toml;
