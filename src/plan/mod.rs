@@ -11,7 +11,7 @@ mod tile_report;
 #[cfg(rayo_asm)]
 mod tiles;
 
-pub use hits::{sphere_hit, triangle_hit};
+pub use hits::{InUnits, sphere_hit, triangle_hit};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};

@@ -123,7 +123,7 @@ impl<'a, E: Element> Tiles<'a, E> {
                 .iter()
                 .zip(&positions)
                 .map(|(light, l)| {
-                    let radiance = white * light.radiance().as_dvec3();
+                    let radiance = white * light.radiance();
                     TileLight { x: l.x, y: l.y, z: l.z, red: radiance.x, green: radiance.y, blue: radiance.z }
                 })
                 .collect(),
@@ -683,5 +683,5 @@ fn lit<E: Element>(to_light: DVec3, colour: DVec3, light: &Light) -> Lit<E> {
 
 /// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
 fn weights(light: &Light, colour: DVec3) -> DVec3 {
-    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
+    (light.radiance() * colour).min(DVec3::splat(f32::MAX.into()))
 }

@@ -1,5 +1,7 @@
 //! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
 
+mod normals;
+
 use std::ops::Range;
 
 use glam::DVec3;
@@ -314,7 +316,7 @@ impl<E: Element> TileTracer<'_, E> {
                 if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
                     let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
                     let light = |light: &crate::scene::Light| {
-                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance().as_dvec3()
+                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
                     };
                     let light: DVec3 = self.scene.lights.iter().map(light).sum();
                     let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
@@ -357,6 +359,7 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
                 }
             }
         });
+        self.add_normals(rows, &mut found);
         found
     }
 
