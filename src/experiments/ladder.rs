@@ -219,7 +219,7 @@ impl Planned {
         let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
         let mut films = Films::new(2 * width as usize)?;
         let mut count = |rows: Range<u32>| {
-            let film = films.of(ready.output).as_mut().take(rows.len() * width as usize);
+            let film = films.of(ready.output).as_mut().part(0..rows.len() * width as usize);
             step::count_instructions(|| (ready.trace)(rows, film)).ok()
         };
         // What two calls for a row each take more than one for both.
