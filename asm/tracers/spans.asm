@@ -65,34 +65,30 @@
     LIGHTS  FROM_CENTRE, 0
 %endmacro
 
-; BODY_NEAR - the colour in v1, v2, v3 of the pixels j in v0.
-%macro BODY_NEAR 0
-    SPHERE_NEAR v4, v5, v6, v0, v7, v8, v9
-    LIGHTS  FROM_CAMERA, NearSpan.cx
-%endmacro
-
 ; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
 %macro BODY_OUTSIDE_NORMAL 0
     SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
 %endmacro
 
-; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
-%macro BODY_NEAR_NORMAL 0
-    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
-    SUB3    v1, v2, v3, v1, v2, v3, K(NearSpan.cx), K(NearSpan.cy), K(NearSpan.cz)
+; BODY_CAMERA - the colour in v1, v2, v3 of the pixels j in v0 of a sphere whose points are seen from the camera.
+%macro BODY_CAMERA 2
+%define %%object %1     ; [in]       SPHERE_<object>
+%define %%record %2     ; [in]       its span record
+    SPHERE_ %+ %%object v4, v5, v6, v0, v7, v8, v9
+    LIGHTS  FROM_CAMERA, %[%%record].cx
 %endmacro
+%define BODY_NEAR BODY_CAMERA NEAR, NearSpan
+%define BODY_INSIDE BODY_CAMERA INSIDE, InsideSpan
 
-; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
-%macro BODY_INSIDE 0
-    SPHERE_INSIDE v4, v5, v6, v0, v7, v8, v9
-    LIGHTS  FROM_CAMERA, InsideSpan.cx
+; BODY_CAMERA_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_CAMERA_NORMAL 2
+%define %%object %1     ; [in]       SPHERE_<object>
+%define %%record %2     ; [in]       its span record
+    SPHERE_ %+ %%object v1, v2, v3, v0, v7, v8, v9
+    SUB3    v1, v2, v3, v1, v2, v3, K(%[%%record].cx), K(%[%%record].cy), K(%[%%record].cz)
 %endmacro
-
-; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
-%macro BODY_INSIDE_NORMAL 0
-    SPHERE_INSIDE v1, v2, v3, v0, v7, v8, v9
-    SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
-%endmacro
+%define BODY_NEAR_NORMAL BODY_CAMERA_NORMAL NEAR, NearSpan
+%define BODY_INSIDE_NORMAL BODY_CAMERA_NORMAL INSIDE, InsideSpan
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_TRIANGLE 0
@@ -357,12 +353,10 @@ ENDFUNC
 
 ; This file is assembled once per element type.
 %unmacro LIGHTS 2
+%unmacro BODY_CAMERA 2
+%unmacro BODY_CAMERA_NORMAL 2
 %unmacro BODY_OUTSIDE 0
 %unmacro BODY_OUTSIDE_NORMAL 0
-%unmacro BODY_NEAR 0
-%unmacro BODY_NEAR_NORMAL 0
-%unmacro BODY_INSIDE 0
-%unmacro BODY_INSIDE_NORMAL 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
 %unmacro DEN_NEAR 0
