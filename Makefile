@@ -1,7 +1,7 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for who works on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench images accuracy stability map clean
+.PHONY: help setup build demo test bench images accuracy stability complexity map clean
 
 # cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
 # after set-up. A NASM named by the user stays.
@@ -27,8 +27,8 @@ test: setup ## Run everything that must pass: format, lints, tests with assembly
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
-	$(cargo) test --release --locked
 	$(cargo) test --release --locked --no-default-features
+	$(cargo) test --release --locked
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
 
 bench: setup ## Run the micro benches
@@ -46,6 +46,10 @@ accuracy: build ## Measure error against run time anew: docs/accuracy.md and its
 stability: build ## Sweep the stiff scenes anew: docs/stability.md and its figure
 	$(rayo) stability --out out/stability
 	cp out/stability/stability.md out/stability/stability.svg docs/
+
+complexity: build ## Measure large pictures and scenes anew: docs/complexity.md and its figure
+	$(rayo) experiment --complexity --out out/complexity
+	cp out/complexity/complexity.md out/complexity/complexity.svg docs/
 
 map: ## Print the first line of every source file: what lives there
 	@git ls-files asm benches build.rs src tests | while read -r file; do \

@@ -295,7 +295,8 @@ fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_lev
         let mut worst = 0.0_f32;
         for (name, scene) in lit_scenes() {
             // The brightest that a pixel can be.
-            let white: f32 = scene.lights.iter().map(|light| light.radiance().max_element()).sum();
+            let white: f64 = scene.lights.iter().map(|light| light.radiance().max_element()).sum();
+            let white = white as f32;
             let truth = Truth::new(&scene);
             let (floats, estimates) = (exact.floats(&scene), fast.floats(&scene));
             let bytes = [exact.bytes(&scene), fast.bytes(&scene)];

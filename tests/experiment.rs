@@ -162,3 +162,37 @@ fn an_interrupt_keeps_what_is_finished_and_says_so() {
         other => panic!("{other:?}: {message}"),
     }
 }
+
+#[test]
+fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_schema() {
+    if !rayo::render::Engine::ALL
+        .iter()
+        .any(|engine| matches!(engine, rayo::render::Engine::Packet(_)) && engine.usable())
+    {
+        return;
+    }
+    let directory = TempDir::new().unwrap();
+    let output = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let schema = serde_json::from_str(include_str!("../docs/complexity.schema.json")).unwrap();
+    assert_eq!(errors(&schema, &document), Vec::<String>::new());
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    assert!(text("complexity.svg").starts_with("<svg") && text("complexity.md").contains("## Lights"));
+    let rows = document["rows"].as_array().unwrap();
+    assert_eq!(text("complexity.csv").lines().count(), 1 + rows.len());
+    for (axis, most) in [("pixels", 399_310), ("objects", 10_000), ("lights", 64)] {
+        let counts = rows.iter().filter(|row| row["axis"] == axis).map(|row| row["count"].as_u64().unwrap());
+        assert_eq!(counts.max(), Some(most), "{axis}");
+        assert!(document["slopes"].as_array().unwrap().iter().any(|slope| slope["axis"] == axis), "{axis}");
+    }
+}
+
+#[test]
+fn growing_pictures_are_for_packets_and_none_among_the_engines_is_an_error_that_names_them() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo(&["--complexity", "--engines", "rust"], directory.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("sse41, avx2 or avx512"), "{message}");
+}

@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
-use rayo::render::{Engine, Film, PixelFormat, Purpose};
+use rayo::render::{Engine, Film, Frame, PixelFormat, Purpose, Settings};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
@@ -313,6 +313,181 @@ fn with_all_kept_only_what_is_arithmetic_is_left_out() {
     assert!(report.left_out.iter().all(|line| line.omission.switch() != Switch::Work), "{report:?}");
 }
 
+/// Enough small spheres in the middle of the picture, each of some pixels, for it to go by tiles.
+const FILLERS: usize = 40;
+
+/// The report of [`FILLERS`] and `objects`, by tiles of a picture of 160 x 120 in bytes, with the omissions in `keep` not made.
+fn tile_report(lights: &str, spheres: &[&str], triangles: &[&str], keep: Keep) -> Report {
+    let fillers = (0..FILLERS).map(|i| format!("0.3  1 0.5 0.25  {} {} 20", i % 8 - 3, i as f32 / 8.0 - 2.0));
+    let spheres: Vec<_> = fillers.chain(spheres.iter().map(|sphere| (*sphere).to_owned())).collect();
+    let (count, spheres) = (spheres.len(), spheres.join("  "));
+    let text = format!("x.png 160 120 1  {lights}  {count} {spheres}  {} {}", triangles.len(), triangles.join("  "));
+    let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep, ..Purpose::default() };
+    Engine::fastest().report(purpose, &scene, &scene.camera).unwrap()
+}
+
+#[test]
+fn of_many_objects_those_without_a_pixel_are_counted_by_the_reason() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    let of = |spheres: &[&str], triangles: &[&str]| tile_report(lamp, spheres, triangles, Keep::NOTHING);
+    let none = of(&[], &[]);
+    let reasons = [Omission::Behind, Omission::Outside, Omission::NoArea, Omission::EdgeOn, Omission::Between];
+    assert_eq!(reasons.map(|reason| count(&none, reason)), [0; 5], "{none:?}");
+    for (what, sphere, triangle, omission) in [
+        ("a sphere behind the camera", "1  1 1 1  0 0 -5", "", Omission::Behind),
+        ("a sphere that ends at the camera", "5  1 1 1  0 0 -5", "", Omission::Behind),
+        ("a triangle behind the camera", "", "1 1 1  0 0 -1  1 0 -2  0 1 0", Omission::Behind),
+        ("a sphere to the left", "1  1 1 1  -90 0 20", "", Omission::Outside),
+        ("a sphere below", "1  1 1 1  0 -60 20", "", Omission::Outside),
+        ("a triangle to the left", "", "1 1 1  -50 0 20  -60 0 20  -50 1 20", Omission::Outside),
+        ("a point", "", "1 1 1  1 2 3  1 2 3  1 2 3", Omission::NoArea),
+        ("a line", "", "1 1 1  1 2 20  2 4 25  3 6 30", Omission::NoArea),
+        ("a triangle edge on", "", "1 1 1  1 -2 9  2 3 9  3 1 18", Omission::EdgeOn),
+        ("a sphere between rays", "0.001  1 1 1  0 0 20", "", Omission::Between),
+        ("a triangle between rays", "", "1 1 1  0.001 0.001 20  0.002 0.001 20  0.001 0.002 20", Omission::Between),
+    ] {
+        let some = |text: &&str| if text.is_empty() { vec![] } else { vec![*text] };
+        let report = of(&some(&sphere), &some(&triangle));
+        for reason in reasons {
+            assert_eq!(count(&report, reason), (reason == omission).into(), "{what}, {reason:?}: {report:?}");
+        }
+        assert_eq!((report.kept.spheres, report.kept.triangles), (FILLERS, 0), "{what}");
+    }
+    for (sphere, triangle) in [
+        ("1  1 1 1  -8.4 0 20", ""),
+        ("9  1 1 1  0 0 -5", ""),
+        ("3  1 1 1  3.2 0 0.5", ""),
+        ("", "1 1 1  -8 0 20  -60 0 20  -50 1 20"),
+        ("", "1 1 1  0 -1 20  9 -1 20  3 -1 -20"),
+    ] {
+        let some = |text: &&str| if text.is_empty() { vec![] } else { vec![*text] };
+        let report = of(&some(&sphere), &some(&triangle));
+        assert_eq!(report.kept.spheres + report.kept.triangles, FILLERS + 1, "{sphere}{triangle}: {report:?}");
+    }
+}
+
+#[test]
+fn what_tiles_leave_out_is_counted() {
+    let lamps = "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0";
+    let report = tile_report(lamps, &[], &[], Keep::NOTHING);
+    // 3 x 4 tiles, of which the fillers are in the 3 x 3 upper or the 3 x 2 middle ones.
+    let tiles = report.tiles.unwrap();
+    assert_eq!((tiles.objects, tiles.across, tiles.down), (FILLERS as u64, 3, 4));
+    assert_eq!(count(&report, Omission::OtherTiles), FILLERS as u64 * 12 - tiles.placed);
+    assert!((FILLERS as u64..2 * FILLERS as u64).contains(&tiles.placed), "{tiles:?}");
+    assert!((3..12).contains(&count(&report, Omission::EmptyTiles)), "{report:?}");
+    for (omission, expected) in [
+        (Omission::DarkLights, 1),
+        (Omission::TriangleCode, 1),
+        (Omission::SphereCode, 0),
+        (Omission::Constants, FILLERS as u64),
+        (Omission::Loop, FILLERS as u64),
+        (Omission::FloatImage, 160 * 120),
+        (Omission::Occluded, 0),
+        (Omission::Unseen, 0),
+    ] {
+        assert_eq!(count(&report, omission), expected, "{omission:?}: {report:?}");
+    }
+    // A sphere behind a wall is nearest nowhere; so are a hundred triangles, of which the wall's tiles set up none.
+    let wall = "1 1 1  -99 -99 9  99 -99 9  0 99 9";
+    let hidden = tile_report(lamps, &["1  1 1 1  0 0 20"], &[wall], Keep::NOTHING);
+    assert!(count(&hidden, Omission::Unseen) > FILLERS as u64, "{hidden:?}");
+    assert_eq!(count(&hidden, Omission::EmptyTiles), 0, "{hidden:?}");
+    let triangles = vec!["1 1 1  -1 -1 20  1 -1 20  0 1 20"; 100];
+    let hidden = tile_report(lamps, &[], &[&[wall][..], &triangles[..]].concat(), Keep::NOTHING);
+    assert!(count(&hidden, Omission::Occluded) >= 100, "{hidden:?}");
+    // With all kept there is nothing but what has no other code, and other arithmetic.
+    let all = tile_report(lamps, &["1  1 1 1  -90 0 20"], &triangles, Keep::all());
+    assert_eq!((all.kept.spheres, all.kept.triangles, all.kept.lights), (FILLERS + 1, 100, 1), "{all:?}");
+    assert!(all.left_out.iter().all(|line| line.switch != Switch::Work), "{all:?}");
+}
+
+/// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f, 160)` the ray of row and col
+/// is (col - 47.5, 63.5 - row, f), and tiles end at x = 16 and at y = 32, 0 and -32.
+fn on_tile_borders(rng: &mut Rng) -> Scene {
+    let focal = [8.0, 32.0, 128.0][(rng.next_u64() % 3) as usize];
+    let pick = |rng: &mut Rng, from: &[f32]| from[(rng.next_u64() % from.len() as u64) as usize];
+    let xs = [16.0, 15.5, 16.5, 47.5, -47.5, 48.0, -48.0, 48.5, -49.0, 0.0, -20.5, 31.0];
+    let ys = [32.0, 31.5, 32.5, 0.0, 0.5, -0.5, -32.0, -31.5, 63.5, -63.5, 64.0, -64.0, 64.5, 17.0];
+    // Whole multiples of a ray are exact in f32, so that a corner is on the ray, or on the border, and not beside it.
+    let point =
+        |rng: &mut Rng| pick(rng, &[1.0, 2.0, 3.0, 1.0, 4.0, -1.0]) * vec3(pick(rng, &xs), pick(rng, &ys), focal);
+    let colour = |rng: &mut Rng| vec3(rng.next_f32(), rng.next_f32(), 0.5);
+    let points: Vec<_> = (0..14).map(|_| point(rng)).collect();
+    let corner = |rng: &mut Rng| points[(rng.next_u64() % points.len() as u64) as usize];
+    let triangle = |rng: &mut Rng| Triangle { colour: colour(rng), vertices: [corner(rng), corner(rng), corner(rng)] };
+    // Around a point: up to a plane through a border of tiles or of the picture, or through another point.
+    let sphere = |rng: &mut Rng| {
+        let (centre, other) = (point(rng), corner(rng));
+        let plane = |at: f32, along: f32| (along * focal - at * centre.z).abs() / at.hypot(focal);
+        let radius = match rng.next_u64() % 3 {
+            0 => plane(pick(rng, &xs), centre.x),
+            1 => plane(pick(rng, &ys), centre.y),
+            _ => (other - centre).length(),
+        };
+        Sphere { radius: if radius > 1e-3 { radius } else { 1.0 }, colour: colour(rng), centre }
+    };
+    let light = |rng: &mut Rng| Light { intensity: 0.75, colour: Vec3::ONE, position: corner(rng) };
+    Scene {
+        name: "borders.png".into(),
+        camera: camera(96, 128, focal, 160.0),
+        lights: (0..rng.next_u64() % 3).map(|_| light(rng)).collect(),
+        spheres: (0..8).map(|_| sphere(rng)).collect(),
+        // More in some tiles than are tried without a look at which of them others hide.
+        triangles: (0..80).map(|_| triangle(rng)).collect(),
+    }
+}
+
+#[test]
+fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_of_the_picture() {
+    let seed = 43;
+    let mut rng = Rng::new(seed);
+    let work = || Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
+    let mut alone = work().cycle();
+    for case in 0..40 {
+        let scene = on_tile_borders(&mut rng);
+        let ray = scene.camera.grid::<f32>();
+        assert_eq!(
+            (ray.step, ray.ray(31, 63)),
+            (1.0, [15.5, 32.5, ray.focal]),
+            "rays are where the test takes them to be"
+        );
+        assert!(rayo::plan::tiles_pay(&scene, &scene.camera));
+        let omission = alone.next().unwrap();
+        for contender in packets() {
+            check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
+            check(&contender, &scene, Keep::only(omission), &format!("seed {seed}, case {case}, {omission:?}"));
+        }
+    }
+}
+
+#[test]
+fn hits_are_counted_by_what_traces_and_agree_with_the_reference() {
+    let mut rng = Rng::new(47);
+    let few =
+        (0..4).map(|i| Scene { camera: camera(67, 31, 1.0, 1.0), ..many(4 * i, 12 - 4 * i.min(3), 90 + i as u64) });
+    let on_borders = (0..4).map(|_| on_tile_borders(&mut rng)).collect::<Vec<_>>();
+    let more =
+        [(40, 0), (0, 200), (40, 400)].map(|(s, t)| Scene { camera: camera(131, 97, 1.0, 1.0), ..many(s, t, 95) });
+    for scene in few.chain(on_borders).chain(more) {
+        let truth = Truth::new(&scene);
+        let (width, height) = (scene.camera.width(), scene.camera.height());
+        let rays = (0..height).flat_map(|row| (0..width).map(move |col| (row, col)));
+        let expected = rays.filter(|(row, col)| truth.object(*row, *col).is_some()).count() as u64;
+        for contender in contenders() {
+            let tracer = contender.prepare(&scene);
+            let counts = [1, 3]
+                .map(|threads| Frame::new(tracer.as_ref(), scene.camera, Settings { threads }).unwrap().count_hits());
+            let listed = tracer.hits(0..height).into_iter().flatten().count() as u64;
+            assert_eq!(counts, [listed; 2], "{contender}");
+            if contender.engine.rays_in_f64() {
+                assert_eq!(listed, expected, "{contender}: {scene:?}");
+            }
+        }
+    }
+}
+
 /// One of everything.
 const EVERYTHING: &str = "\
 all.png 160 120 1
@@ -390,6 +565,33 @@ fn the_plan_is_one_json_document_with_these_fields() {
         let text = |key: &str| line[key].as_str().is_some_and(|text| !text.is_empty());
         assert!(text("what") && text("reason") && text("unit") && line["count"].as_u64() > Some(0), "{line}");
     }
+}
+
+#[test]
+fn the_plan_of_many_objects_says_that_it_goes_by_tiles() {
+    let directory = tempfile::tempdir().unwrap();
+    let made = rayo(directory.path(), "make torus --triangles 400 -o torus.toml --quiet");
+    assert!(made.status.success(), "{made:?}");
+    let text = stdout(&rayo(directory.path(), "plan torus.toml --engine sse41"));
+    let why = "\ntile by tile: 400 objects, and from 32 on that costs less than row by row; 13 x 19 tiles of 64 x 32 pixels, ";
+    assert!(text.contains(why), "{text}");
+    let output = rayo(directory.path(), "plan torus.toml --json --measure --size 100x70");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(json["kept"].to_string(), r#"{"lights":1,"spheres":0,"triangles":400}"#);
+    let tiles =
+        ["objects", "fewest_objects", "width", "height", "across", "down"].map(|key| json["tiles"][key].as_u64());
+    assert_eq!(tiles, [400, 32, 64, 32, 2, 3].map(Some));
+    assert_eq!(json["measured"]["rows"], 70);
+    let (lines, worth) = (json["left_out"].as_array().unwrap(), json["measured"]["worth"].as_array().unwrap());
+    for (line, worth) in lines.iter().zip(worth) {
+        assert_eq!(line["what"], worth["what"]);
+        let has_code = !["code for spheres", "constant terms"].contains(&line["what"].as_str().unwrap());
+        assert_eq!((worth["ratio"].is_f64(), worth["note"].is_string()), (has_code, !has_code), "{worth}");
+    }
+    for what in ["objects in other tiles", "set-up of hidden triangles", "tests of rays that miss", "float image"] {
+        assert!(lines.iter().any(|line| line["what"] == what), "{what}: {json}");
+    }
+    assert_eq!(stderr(&output), "", "no bar but on a terminal");
 }
 
 #[test]

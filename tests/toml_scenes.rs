@@ -11,9 +11,7 @@ use glam::{DMat3, DVec3, Vec3};
 use proptest::prelude::*;
 use rayo::scene::mesh::Placement;
 use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{
-    Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, Sphere, Triangle, many, open, parse_toml, read,
-};
+use rayo::scene::{Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read};
 
 /// Parses, and holds the memory that it takes to a multiple of the file.
 fn parse(source: &[u8]) -> Result<Opened, SceneError> {
@@ -63,25 +61,54 @@ colour = [1, 0, 0]
 
 #[test]
 fn every_value_of_a_file_lands_in_its_place() {
-    let expected = Scene {
-        name: "room.png".to_owned(),
-        camera: Camera::new(640, 480, 2.0, 35.0).unwrap(),
-        lights: vec![Light {
-            intensity: 0.5,
-            colour: Vec3::new(1.0, 0.25, 0.0),
-            position: Vec3::new(20.0, -20.0, 0.0),
-        }],
-        spheres: vec![
-            Sphere { radius: 30.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, 120.0) },
-            Sphere { radius: 2.5, colour: Vec3::new(0.0, 0.5, 1.0), centre: Vec3::new(-10.0, 0.5, 7.0) },
-        ],
-        triangles: vec![Triangle {
-            colour: Vec3::X,
-            vertices: [Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 1.0)],
-        }],
-    };
+    let same = "\
+        x.png 1 1 1
+        1  0.5  1 0.25 0  20 -20 0
+        2  30  1 1 1  0 0 120    2.5  0 0.5 1  -10 0.5 7
+        1  1 0 0  0 0 1  1 0 1  0 1 1";
+    let same = rayo::scene::parse(same.as_bytes(), "the same objects").unwrap();
+    let expected = Scene { name: "room.png".into(), camera: Camera::new(640, 480, 2.0, 35.0).unwrap(), ..same };
     assert_eq!(accepted(VALID), expected);
     assert_eq!(accepted(format!("\u{feff}{}", VALID.replace('\n', "\r\n"))), expected);
+}
+
+#[test]
+fn a_file_of_more_text_than_is_read_is_refused_before_it_takes_the_memory() {
+    let directory = tempfile::tempdir().unwrap();
+    let long = directory.path().join("long.toml");
+    fs::File::create(&long).unwrap().set_len((32 << 20) + 1).unwrap();
+    let (error, peak) = peak_of(|| read(&long).unwrap_err().to_string());
+    let advice = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
+    assert!(error.ends_with(&format!("cannot be read: it has more than 32 MiB, {advice}")), "{error}");
+    assert!(peak < 1 << 16, "{peak} bytes");
+}
+
+#[test]
+fn triangles_of_no_area_are_told_with_their_lines_and_those_of_meshes_by_their_numbers() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name);
+    let mut text = "image = { width = 9, height = 7 }\n".to_owned();
+    for _ in 0..12 {
+        text += "[[triangle]]\nvertices = [[0, 0, 5], [1, 0, 5], [2, 0, 5]]\n";
+    }
+    text += "[[mesh]]\nfile = \"flat.obj\"\n";
+    let mesh = "v 0 0 5\nv 1 0 5\nv 2 0 5\nv 0 1 5\nf 1 2 4\n".to_owned() + &"f 1 2 3\n".repeat(1000);
+    fs::write(path("flat.obj"), &mesh).unwrap();
+    fs::write(path("flat.toml"), text).unwrap();
+    let warnings = |name: &str| {
+        let folder = format!("{}{}", directory.path().display(), std::path::MAIN_SEPARATOR);
+        let warnings = open(&path(name), &Camera::default()).unwrap().warnings;
+        warnings.into_iter().map(|line| line.replace(&folder, "")).collect::<Vec<_>>()
+    };
+    let found = warnings("flat.toml");
+    let line = "triangle 10 has no area, and no ray hits it: its corners are on one line";
+    assert_eq!((found.len(), &found[9][..]), (12, &format!("flat.toml:20: {line}")[..]));
+    assert_eq!(found[10], "flat.toml: and 2 more triangles have no area");
+    let many = "1000 triangles have no area, and no ray hits them: 2, 3, 4, 5, 6 and so on";
+    assert_eq!(found[11], format!("flat.obj: {many}"));
+    assert_eq!(warnings("flat.obj"), [format!("flat.obj: {many}")]);
+    fs::write(path("flat.obj"), &mesh[..mesh.len() - 999 * 8]).unwrap();
+    assert_eq!(warnings("flat.obj"), ["flat.obj: triangle 2 has no area, and no ray hits it"]);
 }
 
 #[test]

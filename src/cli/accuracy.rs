@@ -12,6 +12,8 @@ use clap::Args;
 
 use super::measuring::{bar, say, stop_on_ctrl_c, write_file};
 use super::{Failure, print, print_json};
+#[cfg(rayo_asm)]
+use crate::experiments::accuracy::plain;
 use crate::experiments::accuracy::{self, AccuracyError, Document, SCHEMA, plot, subjects, summary};
 use crate::kernels::sys;
 use crate::measure::{Clock, Machine, TscClock, WallClock};
@@ -68,9 +70,12 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
         say(&format!("warning: the thread is not pinned to a core: {error}"));
     }
 
-    let contenders = accuracy::contenders();
+    let contenders = accuracy::contenders_and_options();
     let bar = bar(subjects.len() as u64);
     let mut rows = Vec::new();
+    let against_plain = Vec::new();
+    #[cfg(rayo_asm)]
+    let mut against_plain = against_plain;
     let mut complete = true;
     for subject in &subjects {
         let mut proceed = || !stop.load(Ordering::Relaxed);
@@ -82,6 +87,11 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
                 break;
             }
         }
+        #[cfg(rayo_asm)]
+        if subject.family.is_none() {
+            let timed = plain::against_plain(&subject.name, &subject.scene, clock, hz, &mut proceed);
+            against_plain.extend(timed.map_err(failure)?.into_iter().flatten());
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -89,7 +99,8 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));
     }
     let off_every_front = summary::off_every_front(&rows);
-    let document = Document { schema: SCHEMA, machine, complete, quick: args.quick, rows, off_every_front };
+    let document =
+        Document { schema: SCHEMA, machine, complete, quick: args.quick, rows, off_every_front, against_plain };
     write_file(&args.out, "accuracy.md", markdown::text(&document).as_bytes())?;
     write_file(&args.out, "table.csv", table::csv(&document).as_bytes())?;
     let json = serde_json::to_vec_pretty(&document).map_err(Failure::output)?;

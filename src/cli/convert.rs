@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::{Failure, colour_on_stderr, remove_part_files_on_signals, say};
 use crate::render::{Existing, OutputError, OutputFile};
-use crate::scene::{Camera, Mesh, MeshFormat, Opened, Scene, SceneError, SceneFormat, Setting, open};
+use crate::scene::{Camera, MAX_TOML, Mesh, MeshFormat, Opened, Scene, SceneError, SceneFormat, Setting, open};
 
 /// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
 ///
@@ -88,7 +88,15 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
                 let better = "a mesh file that the scene names does better";
                 warn(&format!("{triangles} triangles, a table each, are slow to read again: {better}"));
             }
-            write(path, |out| out.write_all(scene.to_toml().as_bytes()))
+            let text = scene.to_toml();
+            if text.len() as u64 > MAX_TOML {
+                let (path, limit) = (path.display(), MAX_TOML >> 20);
+                return Err(Failure::input(format!(
+                    "{path}: {triangles} triangles are more than the {limit} MiB of TOML that can be read again: write \
+                     them as .in, or as a mesh that a scene names"
+                )));
+            }
+            write(path, |out| out.write_all(text.as_bytes()))
         }
         SceneFormat::In => {
             let film = scene.camera.film();

@@ -1,6 +1,8 @@
 //! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
 
 #[cfg(rayo_asm)]
+mod complexity;
+#[cfg(rayo_asm)]
 mod one_run;
 #[cfg(rayo_asm)]
 mod run;
@@ -20,7 +22,8 @@ const MAX_RUNS: u64 = 100_000;
 /// Repeat the paper's experiment: C against SIMD and every other engine at twenty sizes, on one core
 ///
 /// Prints the paper's table beside ours and a verdict for each of its claims. Writes table.csv, table.md, results.json,
-/// figure2.svg and ratio.svg to the directory that --out names. Ctrl-C keeps what is finished.
+/// figure2.svg and ratio.svg to the directory that --out names; with --complexity complexity.md, .csv, .json and .svg.
+/// Ctrl-C keeps what is finished.
 #[derive(Debug, Args)]
 pub struct ExperimentArgs {
     /// Five sizes and five runs of each: well under a minute
@@ -29,7 +32,10 @@ pub struct ExperimentArgs {
     /// Climb from the paper's C to the fastest engine, one change at a time
     #[arg(long)]
     ladder: bool,
-    /// Runs of each size. Default: 25, as in the paper, or 5 with --quick
+    /// In place of all that: what the packets take as pictures grow to 100 million pixels, a million objects, 64 lights
+    #[arg(long, conflicts_with = "ladder")]
+    complexity: bool,
+    /// Runs of each size. Default: 25, as in the paper, or 5 with --quick; 9 or 2 with --complexity
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_RUNS))]
     runs: Option<u64>,
     /// Engines beside `c` and `paper`, which are always there. Default: every one that this machine runs
@@ -57,6 +63,7 @@ pub struct ExperimentArgs {
 pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     match args.one_run {
         Some(number) => one_run::measure(args, number),
+        None if args.complexity => complexity::run(args),
         None => run::run(args),
     }
 }

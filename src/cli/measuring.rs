@@ -7,20 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::Failure;
+use super::{Failure, convert};
 
 /// The file appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
-    let path = directory.join(name);
-    let mut builder = tempfile::Builder::new();
-    // A temporary file is its owner's alone; a result is as readable as any other new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let written = builder.tempfile_in(directory).and_then(|mut file| {
-        file.write_all(content)?;
-        file.persist(&path).map_err(|error| error.error)
-    });
-    written.map(drop).map_err(|error| Failure::output(format!("cannot write {}: {error}", path.display())))
+    convert::write(&directory.join(name), |out| out.write_all(content))
 }
 
 /// Set when the user asks for an end; a second time ends the process at once.

@@ -7,17 +7,17 @@ use std::str::FromStr;
 use clap::Args;
 use serde::Serialize;
 
+use super::measuring::bar;
 use super::view::ViewArgs;
 use super::{Failure, colour_on_stderr, print, print_json, say};
-use crate::experiments::ablation::{self, Ablation, AblationError};
+use crate::experiments::ablation::{self, Ablation, Timed};
 use crate::kernels::sys;
-use crate::measure::statistics::Estimate;
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Precision, Purpose};
 use crate::scene::{Camera, Opened, open};
 
-/// The time that a measurement may take, in seconds, and in ticks where nobody knows how long they are.
+/// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
 const PATIENCE: f64 = 10.0;
 const PATIENCE_TICKS: u64 = 20_000_000_000;
 
@@ -71,7 +71,7 @@ struct Measured<'a> {
     cycles_per_pixel: f64,
     /// The plan against itself.
     control: Ratio,
-    /// Nothing left out, against the plan.
+    /// All that `--keep-all` keeps, against the plan.
     keep_all: Ratio,
     worth: Vec<Worth<'a>>,
 }
@@ -80,22 +80,44 @@ struct Measured<'a> {
 #[derive(Serialize)]
 struct Worth<'a> {
     what: &'a str,
-    /// Null where there is no code without the omission.
     #[serde(flatten)]
-    ratio: Option<Ratio>,
+    ratio: Ratio,
 }
 
-/// How many times as long.
+/// How many times as long; null where that was not measured.
 #[derive(Clone, Copy, Serialize)]
 struct Ratio {
-    ratio: f64,
-    ratio_low: f64,
-    ratio_high: f64,
+    ratio: Option<f64>,
+    ratio_low: Option<f64>,
+    ratio_high: Option<f64>,
+    /// How it was measured, or why it was not, where there is something to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<&'static str>,
 }
 
-impl From<Estimate> for Ratio {
-    fn from(estimate: Estimate) -> Self {
-        Ratio { ratio: estimate.value, ratio_low: estimate.low, ratio_high: estimate.high }
+impl From<Timed> for Ratio {
+    fn from(timed: Timed) -> Self {
+        let (ratio, interval) = match timed {
+            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => (Some(estimate.value), Some(estimate)),
+            Timed::Once(ratio) => (Some(ratio), None),
+            Timed::NoCode => (None, None),
+        };
+        Ratio {
+            ratio,
+            ratio_low: interval.map(|interval| interval.low),
+            ratio_high: interval.map(|interval| interval.high),
+            note: note(timed),
+        }
+    }
+}
+
+/// What is to be said of how something was timed, if anything.
+fn note(timed: Timed) -> Option<&'static str> {
+    match timed {
+        Timed::Ratio(_) => None,
+        Timed::Extrapolated(_) => Some("extrapolated from one row and from two"),
+        Timed::NoCode => Some("there is no code without it"),
+        Timed::Once(_) => Some("extrapolated from one row and from two, timed once: too slow for more"),
     }
 }
 
@@ -125,8 +147,14 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
             say(&format!("warning: the thread is not pinned to a core: {error}"));
         }
         let ticks = tsc_hz().map_or(PATIENCE_TICKS, |hz| (PATIENCE * hz) as u64);
-        let lines = &report.left_out;
-        Some(ablation::run((engine, purpose), &scene, &camera, lines, ticks, &mut clock).map_err(failure)?)
+        let (lines, bar) = (&report.left_out, bar(1));
+        let mut progress = |done: usize, all: usize| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let ablation = ablation::run((engine, purpose), &scene, &camera, lines, ticks, &mut clock, &mut progress);
+        bar.finish_and_clear();
+        Some(ablation.map_err(Failure::input)?)
     } else {
         None
     };
@@ -137,10 +165,6 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
         print(&of.text(&report, ablation.as_ref()))?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn failure(error: AblationError) -> Failure {
-    Failure::input(error)
 }
 
 /// What the plan is of.
@@ -166,7 +190,7 @@ impl Of<'_> {
                 .left_out
                 .iter()
                 .zip(&ablation.worth)
-                .map(|(line, worth)| Worth { what: line.what, ratio: worth.map(Ratio::from) })
+                .map(|(line, worth)| Worth { what: line.what, ratio: (*worth).into() })
                 .collect(),
         });
         Document {
@@ -209,15 +233,22 @@ fn measured(of: &Of<'_>, report: &Report, ablation: &Ablation) -> String {
         ablation.cycles_per_pixel
     );
     text += "how many times as long without the omission (median of pairwise ratios, 95 % interval):\n";
-    let ratio =
-        |estimate: &Estimate| format!("{:>8.3}  {:>8.3} .. {:<8.3}", estimate.value, estimate.low, estimate.high);
-    let mut row = |name: &str, value: String| text += &format!("  {name:<28}  {}\n", value.trim_end());
-    row("the plan against itself", ratio(&ablation.control));
+    let mut row = |name: &str, timed: Timed, arithmetic: bool| {
+        let figure = match timed {
+            Timed::Ratio(of) | Timed::Extrapolated(of) => {
+                format!("{:>8.3}  {:>8.3} .. {:<8.3}", of.value, of.low, of.high)
+            }
+            Timed::NoCode => format!("{:>8}", "-"),
+            Timed::Once(ratio) => format!("{:>8}", format!("~{ratio:.0}")),
+        };
+        let notes = arithmetic.then_some("other arithmetic").into_iter().chain(note(timed));
+        let notes: String = notes.map(|note| format!("  {note}")).collect();
+        text += &format!("  {name:<28}  {}\n", (figure + &notes).trim_end());
+    };
+    row("the plan against itself", ablation.control, false);
     for (line, worth) in report.left_out.iter().zip(&ablation.worth) {
-        let note = if line.omission.switch() == Switch::Arithmetic { "  other arithmetic" } else { "" };
-        let worth = worth.as_ref().map_or("       -  there is no code without it".into(), |worth| ratio(worth) + note);
-        row(line.what, worth);
+        row(line.what, *worth, line.switch == Switch::Arithmetic);
     }
-    row("all that --keep-all keeps", ratio(&ablation.keep_all));
+    row("all that --keep-all keeps", ablation.keep_all, false);
     text
 }

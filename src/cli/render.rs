@@ -13,9 +13,7 @@ use serde::Serialize;
 use super::view::ViewArgs;
 use super::{Failure, colour_on_stderr, print, print_json, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
-use crate::render::{
-    Engine, Format, Frame, ImageWriter, Precision, Purpose, RenderError, Settings, Stats, reference, render,
-};
+use crate::render::{Engine, Format, Frame, ImageWriter, Precision, Purpose, RenderError, Settings, Stats, render};
 use crate::scene::{Camera, Opened, Scene, open};
 
 /// A picture that takes longer than this shows its progress.
@@ -135,7 +133,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
 
     if args.stats || args.json {
         let precision = precision.unwrap_or(engine.precision());
-        let report = report((engine, precision), &scene, &camera, threads, (parse, setup), &stats);
+        let report = report((engine, precision), &camera, frame.count_hits(), threads, (parse, setup), &stats);
         if args.json { print_json(&report)? } else { print(&report.text())? }
     } else if !args.quiet {
         let (width, height) = (camera.width(), camera.height());
@@ -168,8 +166,8 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 
 fn report(
     (engine, precision): (Engine, Precision),
-    scene: &Scene,
     camera: &Camera,
+    hits: u64,
     threads: usize,
     (parse, setup): (Duration, Duration),
     stats: &Stats,
@@ -183,7 +181,7 @@ fn report(
         height: camera.height(),
         threads,
         rays: camera.pixels(),
-        hits: reference::count_hits(scene, camera),
+        hits,
         parse_ns: ns(parse),
         setup_ns: ns(setup),
         trace_ns: ns(stats.trace),

@@ -3,8 +3,6 @@
 use std::collections::TryReserveError;
 use std::ops::Range;
 
-use serde::Serialize;
-
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
@@ -17,11 +15,15 @@ const ROUNDS: usize = 21;
 const FEWEST_ROUNDS: usize = 5;
 /// Rows are traced as many at a time as have this many pixels, as a frame does.
 const BAND_PIXELS: usize = 1 << 14;
+/// Of the ticks that are allowed, one in so many is what a contestant may take for a band, or else for a row and for two in
+/// every round.
+const BAND_SHARE: u64 = 50;
+const ROWS_SHARE: u64 = 10;
 /// Where the bootstrap's draws begin.
 const SEED: u64 = 0x0ab1_a710;
 
 /// What was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Ablation {
     /// Rounds: each traces the scene once as planned, once more so, and once with each omission not made.
     pub rounds: usize,
@@ -30,11 +32,24 @@ pub struct Ablation {
     /// Median TSC cycles of a pixel as planned.
     pub cycles_per_pixel: f64,
     /// The plan against itself: no ratio closer to 1 than its interval reaches is a difference.
-    pub control: Estimate,
+    pub control: Timed,
     /// What `--keep-all` takes, by what the plan takes.
-    pub keep_all: Estimate,
-    /// The same for one omission each; None where it cannot be switched off.
-    pub worth: Vec<Option<Estimate>>,
+    pub keep_all: Timed,
+    /// The same for one omission each.
+    pub worth: Vec<Timed>,
+}
+
+/// How many times as long as the plan something takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Timed {
+    /// On the same rows.
+    Ratio(Estimate),
+    /// From one row and from two of a band, of which the others would take as much more as the second.
+    Extrapolated(Estimate),
+    /// There is no code without it.
+    NoCode,
+    /// The same from one time each: it takes too long for more.
+    Once(f64),
 }
 
 /// Why nothing was measured.
@@ -60,8 +75,19 @@ struct Contestant<'a> {
     by_floats: bool,
 }
 
+/// How much of the picture a contestant can trace in every round.
+#[derive(Clone, Copy)]
+enum Part {
+    /// All bands that are chosen.
+    Bands,
+    /// One row of one band, and two.
+    Rows,
+    /// Nothing: it takes so many ticks for a band.
+    Nothing(u64),
+}
+
 /// Measures what the `lines` of a plan are worth in about `ticks` of the clock, on one thread. Tracing alone: the plan is
-/// made before.
+/// made before. `progress` hears how much of how much is done.
 ///
 /// # Errors
 /// An engine that is not there, and no memory for two pictures.
@@ -72,6 +98,7 @@ pub fn run(
     lines: &[LeftOut],
     ticks: u64,
     clock: &mut dyn Clock,
+    progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Ablation, AblationError> {
     let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant<'_>, EngineError> {
         let format = if by_floats { Some(PixelFormat::F32x4) } else { purpose.format };
@@ -81,7 +108,7 @@ pub fn run(
         vec![prepare(Keep::NOTHING, false)?, prepare(Keep::NOTHING, false)?, prepare(Keep::all(), false)?];
     let mut places = Vec::with_capacity(lines.len());
     for line in lines {
-        let timed = line.omission.switch() != Switch::None;
+        let timed = line.switch != Switch::None;
         places.push(timed.then_some(contestants.len()));
         if timed {
             contestants.push(prepare(Keep::only(line.omission), line.omission == Omission::FloatImage)?);
@@ -95,51 +122,95 @@ pub fn run(
     let mut out = film(purpose.format.unwrap_or(PixelFormat::F32x4), pixels)?;
     let mut floats = film(PixelFormat::F32x4, if by_floats { pixels } else { 0 })?;
 
-    let bands = bands(camera);
-    // One band of each, there and back, to see how many all of them can have.
+    let bands = bands(camera, contestants[0].tracer.rows_together());
     let middle = &bands[bands.len() / 2..=bands.len() / 2];
-    let mut total = 0;
-    for contestant in &contestants {
-        clock.time(&mut || contestant.trace(camera, middle, &mut out, &mut floats));
+    let band_rows = middle[0].len() as u64;
+    // As many rows of it as can be had, to see how much of the picture each contestant can trace.
+    let few = |rows: u64| [middle[0].start..middle[0].start + rows.min(band_rows) as u32];
+    let (mut of_bands, mut of_rows) = (0, 0);
+    let mut parts = Vec::with_capacity(contestants.len());
+    let all = contestants.len() + ROUNDS;
+    for (index, contestant) in contestants.iter().enumerate() {
+        let mut time = |rows: u64| clock.time(&mut || contestant.trace(camera, &few(rows), &mut out, &mut floats));
+        let one = time(1);
+        // Those that would take long for a band are looked at more closely: of what a row takes, much may be set-up.
+        let two = if index < 2 || one * band_rows <= ticks / BAND_SHARE { 2 * one } else { time(2) };
+        let band = one + two.saturating_sub(one) * (band_rows - 1);
+        parts.push(if index < 2 || band <= ticks / BAND_SHARE {
+            time(band_rows);
+            of_bands += time(band_rows);
+            Part::Bands
+        } else if one + two <= ticks / ROWS_SHARE {
+            of_rows += one + two;
+            Part::Rows
+        } else {
+            Part::Nothing(band)
+        });
+        progress(index + 1, all);
     }
-    for contestant in contestants.iter().rev() {
-        total += clock.time(&mut || contestant.trace(camera, middle, &mut out, &mut floats));
-    }
-    let affordable = (ticks / total.max(1)) as usize;
     // Rather fewer rows than fewer rounds: an interval wants rounds.
-    let rounds = affordable.clamp(FEWEST_ROUNDS, ROUNDS);
+    let affordable = (ticks.saturating_sub(FEWEST_ROUNDS as u64 * of_rows) / of_bands.max(1)) as usize;
+    let most = (ticks / of_rows.max(1)).clamp(FEWEST_ROUNDS as u64, ROUNDS as u64) as usize;
+    let rounds = affordable.clamp(FEWEST_ROUNDS, most);
     let share = (affordable / rounds).clamp(1, bands.len());
     let chosen: Vec<_> = (0..share).map(|i| bands[(2 * i + 1) * bands.len() / (2 * share)].clone()).collect();
     let rows: usize = chosen.iter().map(Range::len).sum();
 
     let films = std::cell::RefCell::new((out, floats));
+    let (one, two) = (few(1), few(2));
     let mut works: Vec<Work<'_>> = Vec::new();
-    for contestant in &contestants {
-        let (films, chosen) = (&films, &chosen);
-        works.push(Box::new(move || {
-            let (out, floats) = &mut *films.borrow_mut();
-            contestant.trace(camera, chosen, out, floats);
-        }));
+    // Of each contestant, the first of its works.
+    let mut firsts = Vec::with_capacity(contestants.len());
+    for (contestant, part) in contestants.iter().zip(&parts) {
+        firsts.push(works.len());
+        let bands: &[&[Range<u32>]] = match part {
+            Part::Bands => &[&chosen],
+            Part::Rows => &[&one, &two],
+            Part::Nothing(_) => &[],
+        };
+        for bands in bands.iter().copied() {
+            let films = &films;
+            works.push(Box::new(move || {
+                let (out, floats) = &mut *films.borrow_mut();
+                contestant.trace(camera, bands, out, floats);
+            }));
+        }
     }
-    let runs = interleave(clock, &mut works, 0..rounds, &mut || true).expect("nobody stops it");
+    let mut done = 0;
+    let mut proceed = || {
+        done += 1;
+        progress(contestants.len() + done, contestants.len() + rounds);
+        true
+    };
+    let runs = interleave(clock, &mut works, 0..rounds, &mut proceed).expect("nobody stops it");
     let mut rng = Rng::new(SEED);
-    let mut against_plan = |index: usize| {
-        let ratios = pairwise_ratios(&runs[index].ticks, &runs[0].ticks);
+    let mut estimate = |times: &[f64]| {
+        let ratios = pairwise_ratios(times, &runs[0].ticks);
         median_with_interval(ratios.chunks(1), &mut || rng.next_u64())
+    };
+    let planned = median(&runs[0].ticks);
+    let mut against_plan = |index: usize| match (parts[index], &runs[firsts[index]..]) {
+        (Part::Bands, [own, ..]) => Timed::Ratio(estimate(&own.ticks)),
+        (Part::Rows, [one, two, ..]) => {
+            let all = |(one, two): (&f64, &f64)| share as f64 * (one + (two - one).max(0.0) * (band_rows - 1) as f64);
+            Timed::Extrapolated(estimate(&one.ticks.iter().zip(&two.ticks).map(all).collect::<Vec<_>>()))
+        }
+        (Part::Nothing(band), _) => Timed::Once(share as f64 * band as f64 / planned),
+        _ => unreachable!("every contestant has the works of its part"),
     };
     Ok(Ablation {
         rounds,
         rows,
-        cycles_per_pixel: median(&runs[0].ticks) / (rows as f64 * f64::from(camera.width())),
+        cycles_per_pixel: planned / (rows as f64 * f64::from(camera.width())),
         control: against_plan(1),
         keep_all: against_plan(2),
-        worth: places.into_iter().map(|place| place.map(&mut against_plan)).collect(),
+        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, &mut against_plan)).collect(),
     })
 }
 
 /// The rows of a picture as a frame hands them to a thread.
-fn bands(camera: &Camera) -> Vec<Range<u32>> {
-    let rows = (BAND_PIXELS / camera.width() as usize).max(1);
+fn bands(camera: &Camera, together: u32) -> Vec<Range<u32>> {
+    let rows = (BAND_PIXELS / camera.width() as usize).max(1).next_multiple_of(together as usize);
     let start = |row: u32| row..(row + rows as u32).min(camera.height());
     (0..camera.height()).step_by(rows).map(start).collect()
 }
@@ -167,17 +238,23 @@ mod tests {
     use super::*;
     use crate::scene::many;
 
-    /// A clock by a script, in which contestants take turns, forwards and backwards.
-    struct Scripted {
-        ticks: Vec<u64>,
-        calls: usize,
+    /// A clock by a script.
+    struct Scripted(std::vec::IntoIter<u64>);
+
+    impl Scripted {
+        /// First the `trials`, then rounds of `round`, there and back.
+        fn new(trials: Vec<u64>, round: &[u64]) -> Self {
+            let mut ticks = trials;
+            for i in 0..ROUNDS {
+                if i % 2 == 0 { ticks.extend(round) } else { ticks.extend(round.iter().rev()) }
+            }
+            Scripted(ticks.into_iter())
+        }
     }
 
     impl Clock for Scripted {
         fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
-            let (round, turn) = (self.calls / self.ticks.len(), self.calls % self.ticks.len());
-            self.calls += 1;
-            self.ticks[if round.is_multiple_of(2) { turn } else { self.ticks.len() - 1 - turn }]
+            self.0.next().unwrap()
         }
 
         fn core(&mut self) -> Option<usize> {
@@ -185,26 +262,62 @@ mod tests {
         }
     }
 
-    /// As planned 100 ticks, again 100, all kept 800, and then each line more than the one before.
-    #[test]
-    fn a_ratio_is_what_a_line_takes_by_what_the_plan_takes() {
+    /// What is found of eight objects in one band of 48 rows, with at most so many of the lines that can be timed.
+    fn measured(most: usize, ticks: u64, mut clock: impl FnMut(usize) -> Scripted) -> (Vec<LeftOut>, Ablation) {
         let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(4, 4, 71) };
         let engine = Engine::fastest();
         let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
-        let lines = engine.report(purpose, &scene, &scene.camera).unwrap().left_out;
-        let timed = lines.iter().filter(|line| line.omission.switch() != Switch::None).count();
-        let one_each = (2..).map(|i| 100 * i).take(timed);
-        let ticks = [100, 100, 800].into_iter().chain(one_each).collect();
-        let mut clock = Scripted { ticks, calls: 0 };
-        let found = run((engine, purpose), &scene, &scene.camera, &lines, u64::MAX, &mut clock).unwrap();
+        let mut lines = engine.report(purpose, &scene, &scene.camera).unwrap().left_out;
+        let mut left = most;
+        lines.retain(|line| {
+            let timed = line.switch != Switch::None;
+            left -= usize::from(timed && left > 0);
+            !timed || left > 0
+        });
+        let timed = lines.iter().filter(|line| line.switch != Switch::None).count();
+        let mut told = Vec::new();
+        let mut progress = |done, all| told.push((done, all));
+        let (camera, mut clock) = (scene.camera, clock(timed));
+        let found = run((engine, purpose), &scene, &camera, &lines, ticks, &mut clock, &mut progress).unwrap();
         assert_eq!((found.rounds, found.rows), (ROUNDS, 48));
-        assert_eq!((found.control.value, found.keep_all.value), (1.0, 8.0));
+        assert!(clock.0.next().is_none(), "all of the script was used");
+        assert!(told.is_sorted() && told.last() == Some(&(3 + timed + ROUNDS, 3 + timed + ROUNDS)), "{told:?}");
+        (lines, found)
+    }
+
+    fn ratio(timed: Timed) -> f64 {
+        let Timed::Ratio(estimate) = timed else { panic!("{timed:?}") };
+        estimate.value
+    }
+
+    /// As planned 100 ticks, again 100, all kept 800, and then each line more than the one before.
+    #[test]
+    fn a_ratio_is_what_a_line_takes_by_what_the_plan_takes() {
+        let (lines, found) = measured(usize::MAX, u64::MAX, |timed| {
+            let round: Vec<_> = [100, 100, 800].into_iter().chain((2..).map(|i| 100 * i).take(timed)).collect();
+            Scripted::new(round.iter().flat_map(|ticks| [1, *ticks, *ticks]).collect(), &round)
+        });
+        assert_eq!((ratio(found.control), ratio(found.keep_all)), (1.0, 8.0));
         let mut expected = (2..).map(f64::from);
         for (line, worth) in lines.iter().zip(&found.worth) {
-            assert_eq!(worth.is_some(), line.omission.switch() != Switch::None, "{:?}", line.omission);
-            if let Some(worth) = worth {
-                assert_eq!(worth.value, expected.next().unwrap(), "{:?}", line.omission);
+            match line.switch {
+                Switch::None => assert_eq!(*worth, Timed::NoCode, "{:?}", line.omission),
+                _ => assert_eq!(ratio(*worth), expected.next().unwrap(), "{:?}", line.omission),
             }
         }
+    }
+
+    /// All kept, one row takes 30 ticks and two 50, so that 48 take 970; and a line takes 300 and 700, which is too many.
+    #[test]
+    fn what_takes_long_is_extrapolated_from_two_rows_in_every_round_or_once() {
+        let (lines, found) = measured(2, 5000, |timed| {
+            assert_eq!(timed, 1);
+            Scripted::new(vec![1, 10, 10, 1, 10, 10, 30, 50, 300, 700], &[10, 10, 30, 50])
+        });
+        assert_eq!(ratio(found.control), 1.0);
+        let Timed::Extrapolated(keep_all) = found.keep_all else { panic!("{found:?}") };
+        assert_eq!(keep_all.value, 97.0);
+        let slow = lines.iter().position(|line| line.switch != Switch::None).unwrap();
+        assert_eq!(found.worth[slow], Timed::Once(1910.0));
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod errors;
 pub mod front;
+pub mod plain;
 pub mod plot;
 pub mod subjects;
 pub mod summary;
@@ -15,7 +16,8 @@ use serde::Serialize;
 
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
-use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Tracer, Truth};
+use crate::plan::{Keep, Omission};
+use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Purpose, Tracer, Truth};
 use crate::scene::Scene;
 use errors::{Errors, Expected, Tally};
 use front::{Point, front};
@@ -40,6 +42,8 @@ pub struct Contender {
     pub engine: Engine,
     /// In what numbers it computes.
     pub precision: Precision,
+    /// Whether it does all the work that a plan leaves out, as `--keep-all` asks for.
+    pub keep_all: bool,
 }
 
 /// A contender with what it writes.
@@ -56,12 +60,38 @@ pub fn contenders() -> Vec<Contender> {
     let engines = Engine::ALL.iter().filter(|engine| engine.usable());
     engines
         .flat_map(|engine| {
-            engine.precisions().iter().map(|precision| Contender { engine: *engine, precision: *precision })
+            let contender =
+                |precision: &Precision| Contender { engine: *engine, precision: *precision, keep_all: false };
+            engine.precisions().iter().map(contender)
         })
         .collect()
 }
 
+/// The same, and each that leaves work out once more without doing so.
+pub fn contenders_and_options() -> Vec<Contender> {
+    let with_option = |contender: Contender| {
+        let leaves_out = contender.engine.omissions().contains(&Omission::Misses);
+        [Some(contender), leaves_out.then_some(Contender { keep_all: true, ..contender })].into_iter().flatten()
+    };
+    contenders().into_iter().flat_map(with_option).collect()
+}
+
 impl Contender {
+    /// Gets it ready for `scene`.
+    ///
+    /// # Errors
+    /// A scene that cannot be traced.
+    pub fn prepare(self, scene: &Scene) -> Result<Box<dyn Tracer + '_>, EngineError> {
+        let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
+        let purpose = Purpose { precision: Some(self.precision), format: None, keep };
+        self.engine.prepare_for(purpose, scene, &scene.camera)
+    }
+
+    /// The option as users type it.
+    pub fn option(self) -> Option<&'static str> {
+        self.keep_all.then_some("--keep-all")
+    }
+
     /// What it writes that is worth a row: floats, and bytes where they are made in another way than from its floats.
     fn outputs(self, tracer: &dyn Tracer) -> Vec<PixelFormat> {
         let other_bytes = self.engine != Engine::Reference && self.precision != Precision::Fast;
@@ -88,6 +118,8 @@ pub struct Row {
     pub engine: &'static str,
     /// In what numbers.
     pub precision: &'static str,
+    /// `--keep-all`, or none.
+    pub option: Option<&'static str>,
     /// What a pixel is written as.
     pub output: &'static str,
     /// What it is worth.
@@ -126,8 +158,10 @@ pub struct Document {
     pub quick: bool,
     /// Every row.
     pub rows: Vec<Row>,
-    /// Every engine, precision and output that is on no front, and why it stays.
+    /// Every engine, precision, option and output that is on no front, and why it stays.
     pub off_every_front: Vec<summary::Reason>,
+    /// What the robust formulas take by what the paper's plain ones do.
+    pub against_plain: Vec<plain::AgainstPlain>,
 }
 
 /// Why a scene was not measured.
@@ -181,7 +215,7 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Acc
     let camera = scene.camera;
     let expected = expect(scene);
     let judged = contenders.par_iter().map(|contender| {
-        let tracer = contender.engine.prepare(Some(contender.precision), scene, &camera)?;
+        let tracer = contender.prepare(scene)?;
         let outputs = contender.outputs(tracer.as_ref()).into_iter().map(|output| {
             let tally = Tally::new(contender.precision, contender.engine.rays_in_f64());
             let errors = errors_of(tracer.as_ref(), camera.height(), output, &expected, tally)?;
@@ -208,7 +242,7 @@ pub fn measure(
     }
     let (scene, camera) = (&subject.scene, subject.scene.camera);
     let (height, pixels) = (camera.height(), camera.pixels() as usize);
-    let prepare = |contender: &Contender| contender.engine.prepare(Some(contender.precision), scene, &camera);
+    let prepare = |contender: &Contender| contender.prepare(scene);
     let tracers = contenders.iter().map(prepare).collect::<Result<Vec<_>, _>>()?;
     // One film of each format for all: each finds it in the same state.
     let [floats, bytes] = [PixelFormat::F32x4, PixelFormat::Rgba8].map(|format| Film::new(format, pixels));
@@ -232,7 +266,7 @@ pub fn measure(
     let per_ray = |ticks: f64| ticks / pixels as f64;
     let ns = |ticks: f64| 1e9 * ticks / hz;
     let rows = judged.iter().enumerate().map(|(i, Judged { entry, errors })| {
-        let Entry { contender: contender @ Contender { engine, precision }, output } = *entry;
+        let Entry { contender: contender @ Contender { engine, precision, .. }, output } = *entry;
         let setup = minimum(&runs[judged.len() + place(contenders, contender)].ticks);
         let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
         Row {
@@ -243,6 +277,7 @@ pub fn measure(
             height: camera.height(),
             engine: engine.name(),
             precision: precision.name(),
+            option: contender.option(),
             output: output.name(),
             errors: *errors,
             ns_per_ray: ns(per_ray(fastest)),

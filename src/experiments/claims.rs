@@ -59,6 +59,17 @@ pub enum Axis {
     Lights,
 }
 
+impl Axis {
+    /// Its name, as in the JSON document.
+    pub fn name(self) -> &'static str {
+        match self {
+            Axis::Pixels => "pixels",
+            Axis::Objects => "objects",
+            Axis::Lights => "lights",
+        }
+    }
+}
+
 /// The cost of an engine along an axis, and the straight line through it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sweep {

@@ -207,32 +207,42 @@ impl Planned {
     /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
     /// through, and where [`step::count_instructions`] does not work.
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
-        let Counted { size: (width, height), step_by, twice } = match &self.tracing {
+        let Counted { size: (width, height), step_by, call: (call_size, twice) } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
             Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_SPANS,
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
-        let camera = speedup::camera(scene, width, height);
+        // What two calls for a row each take more than one for both.
+        let rows = [twice..twice + 1, twice + 1..twice + 2, twice..twice + 2];
+        let Some(calls) = self.count(scene, cores, call_size, rows)? else { return Ok(None) };
+        let call = (calls[0] + calls[1]).saturating_sub(calls[2]);
+        let rows = (step_by as u32 / 2..height).step_by(step_by).map(|row| row..row + 1);
+        let Some(rows) = self.count(scene, cores, (width, height), rows)? else { return Ok(None) };
+        let pixels = rows.len() as f64 * f64::from(width);
+        let sum: u64 = rows.iter().map(|row| row - call).sum();
+        Ok(Some(sum as f64 / pixels))
+    }
+
+    /// Instructions of a call for each of `calls`, which are rows of a picture of `size`. None where
+    /// [`step::count_instructions`] does not work.
+    fn count(
+        &self,
+        scene: &Scene,
+        cores: &sys::Cores,
+        size: (u32, u32),
+        calls: impl IntoIterator<Item = Range<u32>>,
+    ) -> Result<Option<Vec<u64>>, SpeedupError> {
+        let camera = speedup::camera(scene, size.0, size.1);
         let packed = Packed::new(scene, &camera);
         let tracer = self.tracer(scene, &camera)?;
         let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
-        let mut films = Films::new(2 * width as usize)?;
-        let mut count = |rows: Range<u32>| {
-            let film = films.of(ready.output).as_mut().part(0..rows.len() * width as usize);
+        let mut films = Films::new(2 * size.0 as usize)?;
+        let count = |rows: Range<u32>| {
+            let film = films.of(ready.output).as_mut().part(0..rows.len() * size.0 as usize);
             step::count_instructions(|| (ready.trace)(rows, film)).ok()
         };
-        // What two calls for a row each take more than one for both.
-        let rows = [twice..twice + 1, twice + 1..twice + 2, twice..twice + 2].map(&mut count);
-        let [Some(one), Some(other), Some(both)] = rows else { return Ok(None) };
-        let call = (one + other).saturating_sub(both);
-        let (mut sum, mut pixels) = (0, 0);
-        for row in (step_by as u32 / 2..height).step_by(step_by) {
-            let Some(row) = count(row..row + 1) else { return Ok(None) };
-            sum += row - call;
-            pixels += u64::from(width);
-        }
-        Ok(Some(sum as f64 / pixels as f64))
+        Ok(calls.into_iter().map(count).collect())
     }
 
     fn flags(&self) -> &'static str {
@@ -405,17 +415,16 @@ struct Counted {
     size: (u32, u32),
     /// One row in how many is counted.
     step_by: usize,
-    /// The first of two rows that tell what a call costs beyond its rows.
-    twice: u32,
+    /// The size of a picture, and the first of two of its rows, that tell what a call costs beyond its rows.
+    call: ((u32, u32), u32),
 }
 
-/// Pixel by pixel, a few tell all: of these as many are hit as of the picture that is timed. Rows above the sphere cost
-/// the least.
-const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, twice: 0 };
+/// Pixel by pixel, a few tell all: of these as many are hit as of the picture that is timed.
+const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, call: ((1, 2), 0) };
 /// Where all pixels of a row go the same way, a few rows do.
-const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, twice: 0 };
+const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, call: ((1, 2), 0) };
 /// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
-const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, twice: SIZE.1 / 2 };
+const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, call: ((64, 48), 24) };
 
 /// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None where one is not there.
 pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {

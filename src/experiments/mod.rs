@@ -5,6 +5,8 @@ pub mod accuracy;
 #[cfg(rayo_asm)]
 pub mod claims;
 #[cfg(rayo_asm)]
+pub mod complexity;
+#[cfg(rayo_asm)]
 pub mod document;
 #[cfg(rayo_asm)]
 pub mod jumps;

@@ -1,6 +1,7 @@
 //! Stiff and extreme scenes: every family over its whole range, engine by engine, against the truth and against limits.
 
 pub mod limits;
+pub mod operations;
 pub mod plot;
 pub mod search;
 
@@ -13,6 +14,7 @@ use super::accuracy::{AccuracyError, Contender, Judged, judge};
 use crate::measure::Machine;
 use crate::render::{EngineError, Film, PixelFormat, Precision};
 use crate::scene::families::{Case, Family};
+use crate::scene::{Camera, Scene, many};
 use limits::Limits;
 
 /// The number of the schema, in the document's field `schema`.
@@ -72,7 +74,7 @@ pub struct Cell {
     pub off_by_2: usize,
     /// The fastest run of one thread, floats, all variants together.
     pub ns_per_ray: Option<f64>,
-    /// Its ratio to that of the ordinary level; None where levels show more or less.
+    /// Its ratio to that of the ordinary level or, where levels show more or less, of [`ordinary`]'s scene.
     pub slowdown: Option<f64>,
     /// The case with the most wrong hits or, where there are none, with the largest share of the bound.
     pub worst_case: usize,
@@ -143,6 +145,8 @@ pub struct Document {
     pub rows: Vec<Row>,
     /// The same level by level.
     pub cells: Vec<Cell>,
+    /// The operations by themselves, at ranges that scenes do not have too.
+    pub operations: Vec<operations::OperationRow>,
     /// Limits that could be tightened.
     pub tighter: Vec<String>,
 }
@@ -166,6 +170,7 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<D
         complete: true,
         rows: Vec::new(),
         cells: Vec::new(),
+        operations: Vec::new(),
         tighter: Vec::new(),
     };
     'families: for family in &settings.families {
@@ -188,6 +193,10 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<D
         row.broken = limits.broken(row);
         row.holds = row.broken.is_empty();
     }
+    #[cfg(rayo_asm)]
+    if document.complete && settings.case.is_none() {
+        document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
+    }
     // Of small pictures, or of some of the cases, the worst is not to be expected.
     if document.complete && !settings.quick && settings.case.is_none() {
         document.tighter = document.rows.iter().filter_map(|row| limits.tighter(row)).collect();
@@ -205,15 +214,18 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
     }
     let mut cells: Vec<Cell> = settings.contenders.iter().map(|contender| empty(family, level, *contender)).collect();
     let mut worst = vec![(0, -1.0); cells.len()];
+    let mut usual = vec![0.0; cells.len()];
     for case in &cases {
         if !case.valid {
             // There is no picture; asking for one must be an error.
             for (cell, contender) in cells.iter_mut().zip(&settings.contenders) {
-                let prepared = contender.engine.prepare(Some(contender.precision), &case.scene, &case.scene.camera);
-                let refused = matches!(prepared, Err(EngineError::Scene(_)));
+                let (refused, ns) = refusal(*contender, case);
                 cell.rays += 1;
                 cell.wrong_hits += usize::from(!refused);
                 cell.worst_case = case.index;
+                let picture = ordinary(case);
+                let usual = time(*contender, &picture)? * picture.camera.pixels() as f64;
+                cell.slowdown = Some(cell.slowdown.unwrap_or(0.0).max(ns / usual));
             }
             continue;
         }
@@ -225,11 +237,18 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
                 *worst = badness;
                 cell.worst_case = case.index;
             }
-            let ns = time(*contender, case)? * case.scene.camera.pixels() as f64;
+            let ns = time(*contender, &case.scene)? * case.scene.camera.pixels() as f64;
             *cell.ns_per_ray.get_or_insert(0.0) += ns;
         }
+        if !family.same_work {
+            let picture = ordinary(case);
+            for (usual, contender) in usual.iter_mut().zip(&settings.contenders) {
+                *usual += time(*contender, &picture)? * case.scene.camera.pixels() as f64;
+            }
+        }
     }
-    for cell in &mut cells {
+    for (cell, usual) in cells.iter_mut().zip(usual) {
+        cell.slowdown = cell.slowdown.or(cell.ns_per_ray.filter(|_| !family.same_work).map(|ns| ns / usual));
         cell.ns_per_ray = cell.ns_per_ray.map(|ns| ns / cell.rays as f64);
     }
     Ok(cells)
@@ -285,10 +304,32 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     (wrong + off_by_2, first.bound_share.unwrap_or(0.0))
 }
 
+/// What a case of a family is compared with whose levels show more or less: as many spheres, triangles and lights in
+/// ordinary places, in a square picture of as many pixels.
+pub fn ordinary(case: &Case) -> Scene {
+    let Scene { camera, lights, spheres, triangles, .. } = &case.scene;
+    let side = (camera.pixels() as f64).sqrt().ceil() as u32;
+    let scene = many(spheres.len(), triangles.len(), case.seed);
+    let lamps = scene.lights.iter().copied().cycle().take(lights.len()).collect();
+    let camera = Camera::new(side, side, 1.0, 1.0).expect("a square of so many pixels is within the limits");
+    Scene { camera, lights: lamps, ..scene }
+}
+
+/// Whether a scene that is none is refused, and nanoseconds until it is.
+fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
+    let (mut refused, mut fastest) = (true, f64::INFINITY);
+    for _ in 0..RUNS {
+        let start = Instant::now();
+        refused &= matches!(contender.prepare(&case.scene), Err(EngineError::Scene(_)));
+        fastest = fastest.min(start.elapsed().as_secs_f64());
+    }
+    (refused, 1e9 * fastest)
+}
+
 /// Nanoseconds of a ray, the fastest run of this thread.
-fn time(contender: Contender, case: &Case) -> Result<f64, AccuracyError> {
-    let camera = case.scene.camera;
-    let tracer = contender.engine.prepare(Some(contender.precision), &case.scene, &camera)?;
+fn time(contender: Contender, scene: &Scene) -> Result<f64, AccuracyError> {
+    let camera = scene.camera;
+    let tracer = contender.prepare(scene)?;
     let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
     let start = Instant::now();
     let mut fastest = f64::INFINITY;

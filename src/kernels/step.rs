@@ -188,6 +188,8 @@ mod imp {
         let done = s.current.load(Relaxed);
         // SAFETY: `rip` is about to be executed, so the bytes of its instruction are there to read.
         if done == rip && unsafe { repeats(rip as *const u8) } {
+            // SAFETY: as above, and the registers are those that it is executed with.
+            unsafe { store_all_but_one(rip as *const u8, registers) };
             return;
         }
         s.current.store(rip, Relaxed);
@@ -230,6 +232,42 @@ mod imp {
             }
         };
         matches!(first, 0xf2 | 0xf3)
+    }
+
+    /// Does what is left of a `rep stos` but for its last element, so that filling memory takes two traps and not one for
+    /// each element. Other instructions, and a direction that is downwards, are left to the CPU.
+    ///
+    /// # Safety
+    /// A repeated instruction begins at `code`, and is about to be executed with `registers`.
+    unsafe fn store_all_but_one(code: *const u8, registers: &mut [libc::greg_t; 23]) {
+        const DIRECTION_FLAG: libc::greg_t = 0x400;
+        let (mut at, mut element) = (0, 4);
+        let opcode = loop {
+            // SAFETY: each byte before it was a prefix, after which the instruction goes on.
+            match unsafe { *code.add(at) } {
+                0x66 => element = 2,
+                0x48 => element = 8,
+                0xf3 => {}
+                opcode => break opcode,
+            }
+            at += 1;
+        };
+        match opcode {
+            0xaa => element = 1,
+            0xab => {}
+            _ => return,
+        }
+        let (left, out) = (registers[libc::REG_RCX as usize] as usize, registers[libc::REG_RDI as usize] as *mut u8);
+        if left < 2 || registers[libc::REG_EFL as usize] & DIRECTION_FLAG != 0 {
+            return;
+        }
+        let value = registers[libc::REG_RAX as usize].to_le_bytes();
+        for index in 0..left - 1 {
+            // SAFETY: the instruction is about to write these bytes itself; who may not, faults here as there.
+            unsafe { ptr::copy_nonoverlapping(value.as_ptr(), out.add(index * element), element) };
+        }
+        registers[libc::REG_RDI as usize] = out as libc::greg_t + ((left - 1) * element) as libc::greg_t;
+        registers[libc::REG_RCX as usize] = 1;
     }
 
     /// A closure on its way through `extern "sysv64"`, and what became of it.
@@ -378,5 +416,51 @@ mod imp {
 
     pub fn self_test() -> Result<(), Unavailable> {
         Err(Unavailable::Platform)
+    }
+}
+
+#[cfg(all(test, target_os = "linux", target_arch = "x86_64"))]
+mod tests {
+    use std::arch::asm;
+
+    use super::count_instructions;
+
+    /// Fills `$count` elements by `rep $stos` under the counter, and gives the instructions and the memory around them.
+    macro_rules! filled {
+        ($stos:literal, $bytes:literal, $direction:literal, $count:expr) => {{
+            let mut memory = [0x55_u8; 64];
+            let count: usize = $count;
+            let first = if $direction == "std" { 16 + $bytes * count.saturating_sub(1) } else { 16 };
+            let out = memory[first..].as_mut_ptr();
+            let instructions = count_instructions(|| {
+                // SAFETY: the elements are within `memory`; the direction flag is cleared before the compiler's code.
+                unsafe {
+                    asm!($direction, concat!("rep ", $stos), "cld",
+                        inout("rcx") count => _, inout("rdi") out => _, in("rax") 0x0807_0605_0403_0201_u64);
+                }
+            });
+            (instructions.unwrap(), memory)
+        }};
+    }
+
+    #[test]
+    fn a_repeated_store_fills_what_it_would_without_the_counter_and_is_one_instruction() {
+        let (once, _) = filled!("stosb", 1, "cld", 1);
+        for count in 0..6 {
+            for (bytes, [(up, filled_up), (down, filled_down)]) in [
+                (1, [filled!("stosb", 1, "cld", count), filled!("stosb", 1, "std", count)]),
+                (2, [filled!("stosw", 2, "cld", count), filled!("stosw", 2, "std", count)]),
+                (4, [filled!("stosd", 4, "cld", count), filled!("stosd", 4, "std", count)]),
+                (8, [filled!("stosq", 8, "cld", count), filled!("stosq", 8, "std", count)]),
+            ] {
+                let mut expected = [0x55; 64];
+                for (index, byte) in expected[16..16 + bytes * count].iter_mut().enumerate() {
+                    *byte = (index % bytes) as u8 + 1;
+                }
+                assert_eq!(filled_up, expected, "{count} elements of {bytes} bytes");
+                assert_eq!(filled_down, expected, "{count} elements of {bytes} bytes, downwards");
+                assert_eq!((up, down), (once, once), "{count} elements of {bytes} bytes");
+            }
+        }
     }
 }

@@ -7,19 +7,39 @@ use glam::DVec3;
 use crate::kernels::{Element, SphereHit, TriangleHit};
 use crate::reference::geometry;
 
-/// The record of a sphere.
-pub fn sphere_hit<E: Element>(centre: [f32; 3], radius: f32) -> SphereHit<E> {
-    let (c, r) = (DVec3::from(centre.map(f64::from)), f64::from(radius));
-    SphereHit { cx: c.x, cy: c.y, cz: c.z, square: r * r, k: c.dot(c) - r * r }.round()
+/// A record in a unit of length of its object's own, so that no product leaves the range of an f32 or an f64.
+#[derive(Clone, Copy, Debug)]
+pub struct InUnits<R> {
+    /// What the operation takes.
+    pub record: R,
+    /// The unit, a power of two: t is so many times what the operation gives.
+    pub unit: f64,
+}
+
+/// The power of two next to the largest of some lengths; 1 where there is no such length.
+fn unit(largest: f64) -> f64 {
+    if largest.is_normal() { f64::from_bits(largest.to_bits() & f64::INFINITY.to_bits()) } else { 1.0 }
+}
+
+/// The record of a sphere. One with a number that is not finite is never hit.
+pub fn sphere_hit<E: Element>(centre: [f64; 3], radius: f64) -> InUnits<SphereHit<E>> {
+    let unit = unit(DVec3::from(centre).abs().max_element().max(radius));
+    let (c, r) = (DVec3::from(centre) / unit, radius / unit);
+    let record = SphereHit { cx: c.x, cy: c.y, cz: c.z, square: r * r, k: geometry::power(c, r) };
+    InUnits { record: record.round(), unit }
 }
 
 /// The record of a triangle, for rays whose components are at most `reach`.
 ///
-/// What depends on its size is scaled to the order of 1, so that no product leaves the range of an f32. A triangle of no area
-/// and one whose plane passes through the origin are never hit.
-pub fn triangle_hit<E: Element>(vertices: [[f32; 3]; 3], reach: [f32; 3]) -> TriangleHit<E> {
-    let [v1, v2, v3] = vertices.map(|v| DVec3::from(v.map(f64::from)));
-    let reach = DVec3::from(reach.map(f64::from));
+/// What depends on its size is scaled to the order of 1. A triangle of no area and one whose plane passes through the origin
+/// are never hit.
+pub fn triangle_hit<E: Element>(vertices: [[f64; 3]; 3], reach: [f64; 3]) -> InUnits<TriangleHit<E>> {
+    let vertices = vertices.map(DVec3::from);
+    let unit = unit(vertices.map(|v| v.abs().max_element()).into_iter().fold(0.0, f64::max));
+    InUnits { record: in_its_unit(vertices.map(|v| v / unit), DVec3::from(reach)), unit }
+}
+
+fn in_its_unit<E: Element>([v1, v2, v3]: [DVec3; 3], reach: DVec3) -> TriangleHit<E> {
     // A NaN is no volume either.
     let Some(volume) = geometry::triangle_volume([v1, v2, v3]) else { return TriangleHit::<f64>::default().round() };
     let facing = volume.signum();

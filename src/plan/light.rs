@@ -111,7 +111,7 @@ fn brightest_of(lights: usize) -> f64 {
 impl Scale {
     /// I_L C.
     fn weights(self, light: &Light, colour: DVec3) -> DVec3 {
-        light.radiance().as_dvec3() * (self.white() * colour)
+        light.radiance() * (self.white() * colour)
     }
 }
 

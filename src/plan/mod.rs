@@ -7,12 +7,16 @@ mod packed;
 mod report;
 mod spans;
 #[cfg(rayo_asm)]
+mod tile_report;
+#[cfg(rayo_asm)]
 mod tiles;
 
-pub use hits::{sphere_hit, triangle_hit};
+pub use hits::{InUnits, sphere_hit, triangle_hit};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
-pub use report::{Kept, LeftOut, Report, grouped};
+pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
+#[cfg(rayo_asm)]
+pub use tile_report::TileSurvey;
 #[cfg(rayo_asm)]
 pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};

@@ -7,6 +7,8 @@ pub enum Omission {
     Behind,
     /// Objects beside, above or below all rays.
     Outside,
+    /// Objects that no pixel's centre lies in, by their bounds in the picture.
+    Between,
     /// Triangles of no area.
     NoArea,
     /// Triangles whose plane passes through the camera.
@@ -17,6 +19,12 @@ pub enum Omission {
     IdleLights,
     /// The shading of objects that no light reaches.
     Unlit,
+    /// Tiles that no object may be in.
+    EmptyTiles,
+    /// Objects in tiles that they cannot be in.
+    OtherTiles,
+    /// The set-up of triangles behind all that the nearer half of their tile leaves.
+    Occluded,
     /// Rays that an object cannot be hit by.
     Misses,
     /// The search for the nearest where one object is alone.
@@ -25,6 +33,8 @@ pub enum Omission {
     Depths,
     /// The shading of hits that are not the nearest.
     Hidden,
+    /// The shading of those objects of a tile that are nearest at none of its pixels.
+    Unseen,
     /// The clamp to white of what cannot exceed it.
     Clamp,
     /// The second and third channel where all three are equal.
@@ -54,20 +64,25 @@ pub enum Switch {
 
 impl Omission {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Omission; 18] = [
+    pub const ALL: [Omission; 23] = [
         Omission::Behind,
         Omission::Outside,
         Omission::NoArea,
         Omission::EdgeOn,
+        Omission::Between,
         Omission::DarkLights,
         Omission::IdleLights,
         Omission::Unlit,
         Omission::SphereCode,
         Omission::TriangleCode,
+        Omission::EmptyTiles,
+        Omission::OtherTiles,
+        Omission::Occluded,
         Omission::Misses,
         Omission::Search,
         Omission::Depths,
         Omission::Hidden,
+        Omission::Unseen,
         Omission::Constants,
         Omission::Loop,
         Omission::Channels,
@@ -80,6 +95,7 @@ impl Omission {
         match self {
             Omission::Behind => "objects behind the camera",
             Omission::Outside => "objects outside the frustum",
+            Omission::Between => "objects between rays",
             Omission::NoArea => "triangles of no area",
             Omission::EdgeOn => "triangles seen edge on",
             Omission::DarkLights => "dark lights",
@@ -87,10 +103,14 @@ impl Omission {
             Omission::Unlit => "unlit objects' shading",
             Omission::SphereCode => "code for spheres",
             Omission::TriangleCode => "code for triangles",
+            Omission::EmptyTiles => "tiles with nothing in them",
+            Omission::OtherTiles => "objects in other tiles",
+            Omission::Occluded => "set-up of hidden triangles",
             Omission::Misses => "tests of rays that miss",
             Omission::Search => "searches for the nearest",
             Omission::Depths => "depths of single pixels",
             Omission::Hidden => "shading of hidden hits",
+            Omission::Unseen => "shading of what is not seen",
             Omission::Constants => "constant terms",
             Omission::Loop => "loops over lights",
             Omission::Channels => "equal channels",
@@ -104,6 +124,7 @@ impl Omission {
         match self {
             Omission::Behind => "no ray looks back, and no point of them is in front of the camera",
             Omission::Outside => "they are beside, above or below every ray of the picture",
+            Omission::Between => "they are in the picture, but no ray passes within their bounds",
             Omission::NoArea => "their corners are on one line, so no ray hits them",
             Omission::EdgeOn => "their plane passes through the camera, so no ray hits them",
             Omission::DarkLights => "intensity times colour is 0",
@@ -113,12 +134,20 @@ impl Omission {
             Omission::Unlit => "no light reaches them: they hide what is behind them and stay black",
             Omission::SphereCode => "the picture has no sphere",
             Omission::TriangleCode => "the picture has no triangle",
+            Omission::EmptyTiles => "no object's bounds meet them: they are filled with black",
+            Omission::OtherTiles => "an object is looked at in those tiles alone that its bounds meet",
+            Omission::Occluded => {
+                "no point of them is as near as the farthest pixel that the nearer half of their tile leaves"
+            }
             Omission::Misses => "an object's outline bounds the pixels of each row that can see it",
             Omission::Search => "one object is alone in the pixel",
             Omission::Depths => {
                 "a triangle that is nearer at both ends of what two share in a row is nearer between them"
             }
             Omission::Hidden => "the nearest hit of each pixel is known before any is shaded",
+            Omission::Unseen => {
+                "set up in a tile, they are nearest at none of its pixels, which is known before any is shaded"
+            }
             Omission::Constants => {
                 "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, more terms only on its row"
             }
@@ -134,11 +163,16 @@ impl Omission {
     /// What counts it.
     pub fn unit(self) -> &'static str {
         match self {
-            Omission::Behind | Omission::Outside | Omission::Unlit | Omission::Constants => "objects",
+            Omission::Behind | Omission::Outside | Omission::Between | Omission::Unlit | Omission::Constants => {
+                "objects"
+            }
             Omission::NoArea | Omission::EdgeOn => "triangles",
             Omission::DarkLights => "lights",
             Omission::IdleLights => "lights of objects",
             Omission::SphereCode | Omission::TriangleCode => "kinds",
+            Omission::EmptyTiles => "tiles",
+            Omission::OtherTiles | Omission::Unseen => "objects of tiles",
+            Omission::Occluded => "triangles of tiles",
             Omission::Misses => "rays against objects",
             Omission::Search | Omission::Depths | Omission::FloatImage => "pixels",
             Omission::Hidden => "hits",

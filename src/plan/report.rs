@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::omission::Omission;
+use super::omission::{Omission, Switch};
 use super::spans::{RowSpans, Spans, Way};
 use crate::kernels::Element;
 use crate::scene::Scene;
@@ -14,6 +14,28 @@ pub struct Report {
     pub kept: Kept,
     /// What is not, in the order of [`Omission::ALL`]; only what there is any of.
     pub left_out: Vec<LeftOut>,
+    /// If the scene goes tile by tile, how and why.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<ByTiles>,
+}
+
+/// How a scene goes tile by tile, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct ByTiles {
+    /// Objects of the scene.
+    pub objects: u64,
+    /// From so many on tiles cost less than the spans of each row.
+    pub fewest_objects: u64,
+    /// Pixels of a tile.
+    pub width: u32,
+    /// Pixels of a tile.
+    pub height: u32,
+    /// Tiles of the picture, from left to right.
+    pub across: u32,
+    /// Tiles of the picture, from top to bottom.
+    pub down: u32,
+    /// Objects of tiles, each in as many as its bounds meet.
+    pub placed: u64,
 }
 
 /// How much of a scene is traced.
@@ -37,8 +59,55 @@ pub struct LeftOut {
     pub count: u64,
     /// [`Omission::unit`].
     pub unit: &'static str,
-    /// [`Omission::reason`].
+    /// [`Omission::reason`], or that of tiles.
     pub reason: &'static str,
+    /// [`Omission::switch`], or that of tiles.
+    #[serde(skip)]
+    pub switch: Switch,
+}
+
+impl LeftOut {
+    /// None of it.
+    pub(super) fn none(omission: Omission) -> Self {
+        LeftOut {
+            omission,
+            what: omission.what(),
+            count: 0,
+            unit: omission.unit(),
+            reason: omission.reason(),
+            switch: omission.switch(),
+        }
+    }
+
+    /// As tiles have it.
+    #[cfg(rayo_asm)]
+    pub(super) fn by_tiles(self) -> Self {
+        match self.omission {
+            Omission::NoArea => {
+                let reason =
+                    "their corners are on one line: set-up takes them as infinitely far, and no pixel is theirs";
+                LeftOut { reason, switch: Switch::None, ..self }
+            }
+            Omission::EdgeOn => {
+                let reason = "their plane passes through the camera: set-up takes them as infinitely far, and no pixel is theirs";
+                LeftOut { reason, switch: Switch::None, ..self }
+            }
+            Omission::DarkLights => LeftOut { switch: Switch::None, ..self },
+            Omission::Misses => {
+                LeftOut { reason: "an object's corners or outline bound the pixels that can see it", ..self }
+            }
+            Omission::Constants => LeftOut {
+                reason: "every ray leaves the origin: a sphere's terms are made once, a triangle's planes once in each tile",
+                ..self
+            },
+            Omission::Loop => LeftOut {
+                what: "points and normals",
+                reason: "of spheres: each light's cosine in closed form, where it loses less than half of the bits of f32",
+                ..self
+            },
+            _ => self,
+        }
+    }
 }
 
 /// What is found out by looking at every row.
@@ -77,14 +146,9 @@ impl Report {
             Omission::FloatImage => spans.pixels(),
             _ => spans.left_out(omission),
         };
-        let lines = Omission::ALL.into_iter().filter(|omission| is_made(*omission)).map(|omission| LeftOut {
-            omission,
-            what: omission.what(),
-            count: count(omission),
-            unit: omission.unit(),
-            reason: omission.reason(),
-        });
-        Report { kept, left_out: lines.filter(|line| line.count > 0).collect() }
+        let made = Omission::ALL.into_iter().filter(|omission| is_made(*omission));
+        let lines = made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) });
+        Report { kept, left_out: lines.filter(|line| line.count > 0).collect(), tiles: None }
     }
 
     /// The report in lines: counts, names and reasons in columns.
@@ -96,6 +160,7 @@ impl Report {
             counted(triangles, "triangle"),
             counted(lights, "light")
         )];
+        lines.extend(self.tiles.iter().map(ByTiles::line));
         lines.push(if self.left_out.is_empty() { "left out: nothing".into() } else { "left out:".into() });
         let what = self.left_out.iter().map(|line| line.what.len()).max().unwrap_or(0);
         let counts: Vec<_> = self.left_out.iter().map(|line| grouped(line.count)).collect();
@@ -104,6 +169,18 @@ impl Report {
             |(line, counted): (&LeftOut, &String)| format!("  {counted:>count$}  {:what$}  {}", line.what, line.reason);
         lines.extend(self.left_out.iter().zip(&counts).map(line));
         lines
+    }
+}
+
+impl ByTiles {
+    fn line(&self) -> String {
+        let ByTiles { objects, fewest_objects, width, height, across, down, placed } = *self;
+        format!(
+            "tile by tile: {} objects, and from {fewest_objects} on that costs less than row by row; \
+             {across} x {down} tiles of {width} x {height} pixels, {} of them for an object on average",
+            grouped(objects),
+            format_args!("{:.2}", placed as f64 / objects as f64),
+        )
     }
 }
 

@@ -480,6 +480,14 @@ impl<E: Element> Spans<E> {
         self.objects[object].source
     }
 
+    /// The unit normal of a triangle, on the side that is seen; None of a sphere, which has many.
+    pub fn normal(&self, object: usize) -> Option<DVec3> {
+        match &self.objects[object].shape {
+            Shape::Triangle(triangle) => Some(-triangle.plane.normalize()),
+            Shape::Sphere(_) | Shape::Nothing => None,
+        }
+    }
+
     /// Whether any object's numbers are beyond f32, so that there are rows to trace in f64.
     pub fn any_wide(&self) -> bool {
         !self.wide.is_empty()

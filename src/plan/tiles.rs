@@ -8,6 +8,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::light;
+use super::omission::{Keep, Omission};
+use super::tile_report::Frustum;
 use crate::kernels::sys;
 use crate::kernels::{
     Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
@@ -25,7 +28,7 @@ const MOST_OBJECTS: usize = 1 << 24;
 const LONGEST_SIDE: u32 = u16::MAX as u32;
 
 /// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
-const FEWEST_OBJECTS: usize = 32;
+pub(super) const FEWEST_OBJECTS: usize = 32;
 
 /// Lengths between its inverse and this have squares and products that f32 holds.
 const MODERATE: f32 = (1u64 << 60) as f32;
@@ -55,7 +58,7 @@ pub struct Tiles<'a, E> {
     grid: Grid<f64>,
     /// A power of two that brings 1/t to size.
     scale: f64,
-    keep_all: bool,
+    keep: Keep,
     /// Where the lights stand, those that are too far for f32 brought nearer.
     points: Vec<TilePoint<E>>,
     linear: Weighted<E>,
@@ -104,23 +107,23 @@ impl TilePlace {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene` for `camera`, by a kernel that finds bounds. With `keep_all` every object is taken to be everywhere.
-    pub fn new(scene: &'a Scene, camera: &Camera, bounds: &Bounds, keep_all: bool) -> Self {
+    /// Plans `scene` for `camera`, by a kernel that finds bounds, without the omissions in `keep`.
+    pub fn new(scene: &'a Scene, camera: &Camera, bounds: &Bounds, keep: Keep) -> Self {
         let grid = camera.grid::<f64>();
         let extent = extent(scene);
         let scale = power_of_two(extent / grid.focal);
         let far = if size_of::<E>() == 4 { 1e10 } else { 1e100 };
-        let positions: Vec<_> =
-            scene.lights.iter().map(|light| nearer(light.position.as_dvec3(), far * extent)).collect();
+        // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
+        let lights = light::lights(scene, Keep::NOTHING);
+        let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far * extent)).collect();
         let points = positions.iter().map(|l| *l / scale);
         let points = points.map(|l| [l.x, l.y, l.z, 0.0].map(E::from_f64)).collect();
         let weighted = |white: f64| Weighted {
-            lights: scene
-                .lights
+            lights: lights
                 .iter()
                 .zip(&positions)
                 .map(|(light, l)| {
-                    let radiance = white * light.radiance().as_dvec3();
+                    let radiance = white * light.radiance();
                     TileLight { x: l.x, y: l.y, z: l.z, red: radiance.x, green: radiance.y, blue: radiance.z }
                 })
                 .collect(),
@@ -130,7 +133,7 @@ impl<'a, E: Element> Tiles<'a, E> {
                 .flat_map(|sphere| {
                     let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
                     let colour = white * sphere.colour.as_dvec3();
-                    scene.lights.iter().map(move |light| {
+                    lights.iter().map(move |light| {
                         let from_centre = (light.position.as_dvec3() - centre) / radius;
                         lit(nearer(from_centre, far), colour, light)
                     })
@@ -143,10 +146,10 @@ impl<'a, E: Element> Tiles<'a, E> {
             .iter()
             .map(|sphere| in_front(sphere.centre.as_dvec3(), sphere.radius.into(), &grid, scale, picture))
             .collect();
-        let mut shorts = Vec::with_capacity(scene.spheres.len() * scene.lights.len());
+        let mut shorts = Vec::with_capacity(scene.spheres.len() * lights.len());
         for (planned, sphere) in planned.iter_mut().zip(&scene.spheres) {
-            let mut short = true;
-            for light in &scene.lights {
+            let mut short = !keep.has(Omission::Loop);
+            for light in &lights {
                 let (lit, accurate) = short_lit(planned.as_ref(), sphere, light, &grid, scale);
                 shorts.push(lit.round());
                 short &= accurate;
@@ -155,20 +158,27 @@ impl<'a, E: Element> Tiles<'a, E> {
                 planned.sphere.short = f64::from(u8::from(short));
             }
         }
-        let seen = |planned: &Option<InFront>| planned.as_ref().filter(|_| !keep_all).map(|planned| planned.bounds);
-        let sphere_bounds: Vec<_> = planned.iter().map(|planned| seen(planned).unwrap_or(picture.whole())).collect();
-        let sphere_bounds = PixelBounds {
+        let sphere_bounds: Vec<_> =
+            planned.iter().map(|planned| planned.as_ref().map_or(picture.whole(), |planned| planned.bounds)).collect();
+        let mut sphere_bounds = PixelBounds {
             columns: sphere_bounds.iter().map(|b| b[0]).collect(),
             rows: sphere_bounds.iter().map(|b| b[1]).collect(),
             near: Vec::new(),
         };
-        let triangle_bounds = triangle_bounds(&scene.triangles, &grid, scale, picture, bounds, keep_all);
+        let mut triangle_bounds = triangle_bounds(&scene.triangles, &grid, scale, picture, bounds);
+        if keep != Keep::NOTHING {
+            let frustum = Frustum::new(&grid);
+            let sphere = |i: usize| frustum.unseen_sphere(&scene.spheres[i]);
+            widen(&mut sphere_bounds, scene.spheres.len(), picture, keep, sphere);
+            let triangle = |i: usize| frustum.unseen_triangle(&scene.triangles[i]);
+            widen(&mut triangle_bounds, scene.triangles.len(), picture, keep, triangle);
+        }
         Tiles {
             scene,
             camera: *camera,
             grid,
             scale,
-            keep_all,
+            keep,
             points,
             shorts,
             linear: weighted(1.0),
@@ -230,9 +240,36 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.levels
     }
 
-    /// Whether nothing is to be left out.
-    pub fn keeps_all(&self) -> bool {
-        self.keep_all
+    /// What is not left out.
+    pub fn keep(&self) -> Keep {
+        self.keep
+    }
+
+    /// The scene.
+    pub(super) fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    /// Who is seen from where, to say why something is not.
+    pub(super) fn frustum(&self) -> Frustum {
+        Frustum::new(&self.grid)
+    }
+
+    /// Pixels of the picture.
+    pub(super) fn pixels(&self) -> u64 {
+        self.camera.pixels()
+    }
+
+    /// How many spheres in the picture have the short form in bytes.
+    pub(super) fn in_short_form(&self) -> usize {
+        let seen = self.sphere_bounds.columns.iter().zip(&self.sphere_bounds.rows);
+        let seen = seen.map(|(columns, rows)| covered(*columns, *rows) > 0);
+        self.spheres.iter().zip(seen).filter(|(sphere, seen)| *seen && sphere.short != E::ZERO).count()
+    }
+
+    /// How many tiles there are, across and down.
+    pub(super) fn tiles(&self) -> [u32; 2] {
+        [self.camera.width().div_ceil(TILE_WIDTH as u32), self.camera.height().div_ceil(TILE_HEIGHT as u32)]
     }
 
     /// A power of two: the tile's 1/t is this over t.
@@ -248,6 +285,14 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// The spheres and the triangles that a tile may see, in the scene's order.
     pub fn seen_in(&self, tile: TilePlace, spheres: &mut Vec<u32>, triangles: &mut Vec<u32>) {
+        if self.keep.has(Omission::OtherTiles) {
+            let all = |list: &mut Vec<u32>, count: usize| {
+                list.clear();
+                list.extend(0..count as u32);
+            };
+            all(spheres, self.spheres.len());
+            return all(triangles, self.scene.triangles.len());
+        }
         self.sphere_bins.seen_in(tile, self.camera.width(), &self.sphere_bounds, spheres);
         self.triangle_bins.seen_in(tile, self.camera.width(), &self.triangle_bounds, triangles);
     }
@@ -319,7 +364,6 @@ fn triangle_bounds(
     scale: f64,
     picture: Picture,
     kernel: &Bounds,
-    keep_all: bool,
 ) -> PixelBounds {
     let [all_columns, all_rows] = picture.whole();
     let room = facets.len().next_multiple_of(CHUNK);
@@ -346,11 +390,23 @@ fn triangle_bounds(
     };
     let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room), near: roomy(room) };
     kernel.call(&view, facets, &mut bounds);
-    if keep_all {
-        bounds.columns.fill(all_columns);
-        bounds.rows.fill(all_rows);
-    }
     bounds
+}
+
+/// Gives those objects the whole picture that are not to be left out: all of them, or those that are `unseen` for a reason
+/// that is to be kept.
+fn widen(bounds: &mut PixelBounds, count: usize, picture: Picture, keep: Keep, unseen: impl Fn(usize) -> Omission) {
+    let [all_columns, all_rows] = picture.whole();
+    for (i, (columns, rows)) in bounds.columns.iter_mut().zip(&mut bounds.rows).take(count).enumerate() {
+        if keep.has(Omission::Misses) || covered(*columns, *rows) == 0 && keep.has(unseen(i)) {
+            (*columns, *rows) = (all_columns, all_rows);
+        }
+    }
+}
+
+/// Pixels within bounds.
+pub(super) fn covered(columns: u32, rows: u32) -> u64 {
+    range(columns).len() as u64 * range(rows).len() as u64
 }
 
 /// A sphere for the kernels.
@@ -627,5 +683,5 @@ fn lit<E: Element>(to_light: DVec3, colour: DVec3, light: &Light) -> Lit<E> {
 
 /// I_L C, finite in f32 too: an infinite weight would make a NaN of a cosine of 0.
 fn weights(light: &Light, colour: DVec3) -> DVec3 {
-    (light.radiance().as_dvec3() * colour).min(DVec3::splat(f32::MAX.into()))
+    (light.radiance() * colour).min(DVec3::splat(f32::MAX.into()))
 }

@@ -147,6 +147,13 @@ impl Vector {
         self.dot(self).sqrt()
     }
 
+    /// Divided by its largest component; 0 as it is.
+    fn in_its_unit(&self) -> Vector {
+        let larger = |a: Exact, b: &Exact| if b.abs() > a { b.abs() } else { a };
+        let largest = self.0.iter().fold(Exact::new(0.0), larger);
+        if largest.is_positive() { self.scale(&(&Exact::new(1.0) / &largest)) } else { self.clone() }
+    }
+
     /// self / |self|; None for 0.
     pub fn normalize(&self) -> Option<Vector> {
         let length = self.length();
@@ -195,12 +202,26 @@ pub struct Ray {
 }
 
 impl Ray {
+    /// The longest ray of the picture over this one: of what is rounded in units of the film, so much is this ray's share.
+    pub fn longest_over_this(&self) -> f64 {
+        let longest = self.reach.iter().map(|d| d * d).sum::<f64>().sqrt();
+        longest / self.d.length().to_f64()
+    }
+
     /// The ray along `d`, taken as exact.
     ///
     /// # Panics
     /// As [`Exact::new`].
     pub fn new(d: [f64; 3]) -> Self {
-        Ray { d: Vector::new(d), reach: d.map(f64::abs) }
+        Ray::within(d, d.map(f64::abs))
+    }
+
+    /// The same, one of many rays whose components are at most `reach`.
+    ///
+    /// # Panics
+    /// As [`Exact::new`].
+    pub fn within(d: [f64; 3], reach: [f64; 3]) -> Self {
+        Ray { d: Vector::new(d), reach }
     }
 }
 
@@ -222,7 +243,8 @@ pub struct Meeting {
 }
 
 impl Meeting {
-    const NEVER: Meeting =
+    /// Of an object that no ray meets.
+    pub const NEVER: Meeting =
         Meeting { hit: None, miss: None, margin: f64::INFINITY, bound: f64::INFINITY, slant: f64::INFINITY };
 }
 
@@ -310,7 +332,8 @@ impl Triangle {
         let volume = v1.dot(&plane);
         let sign = Exact::new(if volume.is_negative() { -1.0 } else { 1.0 });
         let normal = plane.normalize()?;
-        let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w).scale(&sign));
+        // Of an edge only the direction counts, whose numbers f64 holds however large the vertices' are.
+        let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w).scale(&sign).in_its_unit());
         let volume = volume.abs();
         volume.is_positive().then(|| Triangle { edges, plane: plane.scale(&sign), volume, normal })
     }

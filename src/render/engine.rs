@@ -13,7 +13,7 @@ use super::rust::RustTracer;
 use super::tiles::TileTracer;
 use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Isa, PacketKernels};
+use crate::kernels::{self, Element, Isa, PacketKernels};
 #[cfg(rayo_asm)]
 use crate::plan;
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
@@ -206,8 +206,7 @@ impl Engine {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 let (precision, Purpose { format, keep, .. }) = (self.precision_for(purpose)?, purpose);
                 if plan::tiles_pay(scene, camera) {
-                    let keep_all = keep.has(Omission::Misses);
-                    return Ok(tiles(kernels, precision, scene, camera, keep_all));
+                    return Ok(with_tiles(kernels, precision, scene, camera, keep, AnyTracer));
                 }
                 match precision {
                     Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
@@ -228,23 +227,58 @@ impl Engine {
         camera: &Camera,
         keep_all: bool,
     ) -> Option<Box<dyn Tracer + 'a>> {
-        let Engine::Packet(isa) = self else { return None };
-        Some(tiles(kernels::packets(isa)?, precision, scene, camera, keep_all))
+        let kernels = self.packets()?;
+        let keep = if keep_all { Keep::all() } else { Keep::NOTHING };
+        Some(with_tiles(kernels, precision, scene, camera, keep, AnyTracer))
+    }
+}
+
+/// What is done with a tracer of tiles, whatever its elements.
+#[cfg(rayo_asm)]
+trait UseTiles<'a> {
+    type Result;
+    fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result;
+}
+
+/// Hands it out.
+#[cfg(rayo_asm)]
+struct AnyTracer;
+
+#[cfg(rayo_asm)]
+impl<'a> UseTiles<'a> for AnyTracer {
+    type Result = Box<dyn Tracer + 'a>;
+    fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result {
+        Box::new(tracer)
+    }
+}
+
+/// Reports what it leaves out.
+#[cfg(rayo_asm)]
+struct TileReport {
+    bytes: bool,
+}
+
+#[cfg(rayo_asm)]
+impl UseTiles<'_> for TileReport {
+    type Result = Report;
+    fn of<E: Element>(self, tracer: TileTracer<'_, E>) -> Report {
+        tracer.report(self.bytes)
     }
 }
 
 #[cfg(rayo_asm)]
-fn tiles<'a>(
+fn with_tiles<'a, U: UseTiles<'a>>(
     kernels: &'static PacketKernels,
     precision: Precision,
     scene: &'a Scene,
     camera: &Camera,
-    keep_all: bool,
-) -> Box<dyn Tracer + 'a> {
+    keep: Keep,
+    user: U,
+) -> U::Result {
     match precision {
-        Precision::Single => Box::new(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep_all)),
-        Precision::Fast => Box::new(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep_all)),
-        Precision::Double => Box::new(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep_all)),
+        Precision::Single => user.of(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep)),
+        Precision::Fast => user.of(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep)),
+        Precision::Double => user.of(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep)),
     }
 }
 
@@ -284,6 +318,11 @@ impl Engine {
     pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
         let precision = self.precision_for(purpose)?;
         let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
+        #[cfg(rayo_asm)]
+        if let Some(kernels) = self.packets().filter(|_| plan::tiles_pay(scene, camera)) {
+            let keep = purpose.keep;
+            return Ok(with_tiles(kernels, precision, scene, camera, keep, TileReport { bytes }));
+        }
         let scale = if bytes { Scale::Levels } else { Scale::Linear };
         // What is not a packet engine's to keep or leave out is as it is.
         let switches = self.omissions().contains(&Omission::Outside);
@@ -293,6 +332,13 @@ impl Engine {
         } else {
             Report::new(scene, &Spans::<f32>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
         })
+    }
+
+    /// The kernels of a packet engine that this CPU runs.
+    #[cfg(rayo_asm)]
+    fn packets(self) -> Option<&'static PacketKernels> {
+        let Engine::Packet(isa) = self else { return None };
+        kernels::packets(isa)
     }
 
     /// The precision that is asked for, if it has that.

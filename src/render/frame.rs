@@ -92,11 +92,26 @@ impl<'a> Frame<'a> {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
+    /// At how many pixels of the picture the engine finds something.
+    pub fn count_hits(&self) -> u64 {
+        let (height, rows) = (self.camera.height(), self.task_rows() as u32);
+        let count = |start: u32| self.tracer.count_hits(start..height.min(start + rows));
+        match &self.pool {
+            None => (0..height).step_by(rows as usize).map(count).sum(),
+            Some(pool) => pool.install(|| (0..height).into_par_iter().step_by(rows as usize).map(count).sum()),
+        }
+    }
+
+    /// The rows that a thread takes at a time.
+    fn task_rows(&self) -> usize {
+        let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
+        rows.next_multiple_of(self.tracer.rows_together() as usize)
+    }
+
     fn trace_tasks<P: Pixel>(&self, rows: Range<u32>, film: &mut [P], done: &(dyn Fn(u32) + Sync)) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
-        let together = self.tracer.rows_together() as usize;
-        let task_rows = (TASK_PIXELS / width).max(1).next_multiple_of(together);
+        let task_rows = self.task_rows();
         let task = |(index, part): (usize, &mut [P])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
@@ -135,8 +150,8 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
             converted.as_mut().part(0..pixels).set(&floats[..pixels]);
         }
         match converted.as_ref().unwrap_or(&film) {
-            Film::F32x3(pixels_of_file) => image.write_f32x3(&pixels_of_file[..pixels])?,
-            Film::Rgb8(pixels_of_file) => image.write_rgb8(&pixels_of_file[..pixels])?,
+            Film::F32x3(film) => image.write_f32x3(&film[..pixels])?,
+            Film::Rgb8(film) => image.write_rgb8(&film[..pixels])?,
             Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
         }
         let write = image.writing() - clock.1;

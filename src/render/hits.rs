@@ -11,7 +11,7 @@ pub struct Found {
     pub object: Object,
     /// Where: the point t r_d.
     pub distance: Distance,
-    /// The unit normal. None where the engine has none of its own: a triangle's that was made before the first ray.
+    /// The unit normal, of a triangle on either side. None where the engine cannot tell.
     pub normal: Option<DVec3>,
 }
 

@@ -38,8 +38,8 @@ pub trait Tracer: Sync {
     }
 
     /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth if
-    /// there is one. Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by estimates that
-    /// are too coarse for floats, with the same hits and at most one level away.
+    /// there is one. Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by
+    /// estimates that are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
     /// Where `out` is not as long as the rows, or of a format that it does not write.
@@ -47,4 +47,9 @@ pub trait Tracer: Sync {
 
     /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
+
+    /// At how many pixels of `rows` it finds something.
+    fn count_hits(&self, rows: Range<u32>) -> u64 {
+        rows.map(|row| self.hits(row..row + 1).into_iter().flatten().count() as u64).sum()
+    }
 }

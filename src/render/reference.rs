@@ -134,11 +134,3 @@ impl Tracer for ReferenceTracer {
         rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
     }
 }
-
-/// How many rays of the whole picture hit something.
-pub fn count_hits(scene: &Scene, camera: &Camera) -> u64 {
-    use rayon::prelude::*;
-    let tracer = ReferenceTracer::new(scene, camera);
-    let in_row = |row| (0..camera.width()).filter(|col| tracer.hit(row, *col).is_some()).count() as u64;
-    (0..camera.height()).into_par_iter().map(in_row).sum()
-}

@@ -1,8 +1,11 @@
 //! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
 
+mod normals;
+
 use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
@@ -10,7 +13,7 @@ use crate::kernels::{
     CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH,
     TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use crate::plan::{TilePlace, Tiles, Weighted};
+use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
 use crate::scene::{Camera, Object, Scene};
 
@@ -29,17 +32,16 @@ pub struct TileTracer<'a, E: 'static> {
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Plans `scene` for the kernels; `kernels` are theirs for one element type. With `keep_all` every object is asked at
-    /// every pixel.
+    /// Plans `scene` for the kernels; `kernels` are theirs for one element type. What is in `keep` is not left out.
     pub fn new(
         packets: &'static PacketKernels,
         kernels: &'static SpanKernels<E>,
         fast: bool,
         scene: &'a Scene,
         camera: &Camera,
-        keep_all: bool,
+        keep: Keep,
     ) -> Self {
-        let plan = Tiles::new(scene, camera, &packets.bounds, keep_all);
+        let plan = Tiles::new(scene, camera, &packets.bounds, keep);
         TileTracer { packets, kernels, fast, camera: *camera, scene, plan }
     }
 }
@@ -101,7 +103,12 @@ struct Scratch<E: Element> {
     /// Everyone's place in the scene, by their numbers in the tile.
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
+    /// Triangles of the tile that were not set up.
+    occluded: usize,
 }
+
+/// Is told who is nearest so far.
+type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &[u32]);
 
 impl<E: Element> TileTracer<'_, E> {
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
@@ -112,6 +119,41 @@ impl<E: Element> TileTracer<'_, E> {
             let first = (window.row + window.rows.start - rows.start) as usize * width + window.column as usize;
             self.trace_tile(tile, window, TileOut { pixels: &mut *out, first, width }, &mut scratch);
         });
+    }
+
+    /// Says of all tiles of `rows` that have something in them who is nearest where.
+    fn each_nearest(&self, rows: Range<u32>, mut say: impl FnMut(&TileWindow, &Scratch<E>)) {
+        let mut scratch = Scratch::default();
+        self.each_tile(rows, |tile, window| {
+            if self.find_nearest(tile, window, self.plan.linear(), &mut scratch, None) {
+                say(window, &scratch);
+            }
+        });
+    }
+
+    /// What is left out of the whole picture.
+    pub fn report(&self, bytes: bool) -> Report {
+        let height = self.camera.height();
+        let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
+        let surveys = starts.map(|start| self.survey(start..height.min(start + TILE_HEIGHT as u32)));
+        Report::of_tiles(&self.plan, surveys.reduce(TileSurvey::default, TileSurvey::and), bytes)
+    }
+
+    /// What is left out of `rows`.
+    fn survey(&self, rows: Range<u32>) -> TileSurvey {
+        let mut survey = TileSurvey::default();
+        let mut seen = Vec::new();
+        self.each_tile(rows.clone(), |_, _| survey.empty += 1);
+        self.each_nearest(rows, |window, Scratch { buffers, order, occluded, .. }| {
+            seen.clear();
+            seen.resize(order.len(), false);
+            pixels_of(window).for_each(|(row, column)| seen[buffers.pixel(self.kernels.lanes, column, row).1] = true);
+            survey.empty -= 1;
+            survey.occluded += *occluded as u64;
+            survey.placed += (order.len() - 1 + *occluded) as u64;
+            survey.unseen += seen[1..].iter().filter(|seen| !**seen).count() as u64;
+        });
+        survey
     }
 
     /// Says of all tiles of `rows` what of them is in these.
@@ -144,40 +186,47 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut Scratch<E>,
     ) {
         let weighted = P::weighted(&self.plan);
-        if !self.find_nearest(tile, window, weighted, scratch) {
+        let (_, rays) = self.plan.view(tile);
+        let TileOut { pixels, first, width } = out;
+        let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &[u32]| {
+            let looks = Looks {
+                shades,
+                lights: self.plan.points(),
+                sphere_ids: spheres,
+                spheres: self.plan.spheres(),
+                lits: &weighted.lits,
+                shorts: self.plan.shorts(),
+            };
+            P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+        };
+        let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
+        if !self.find_nearest(tile, window, weighted, scratch, by_force) {
             for row in 0..window.rows.len() {
-                P::fill(self, &mut out.pixels[out.first + row * out.width..][..window.columns as usize]);
+                P::fill(self, &mut pixels[first + row * width..][..window.columns as usize]);
             }
             return;
         }
         let Scratch { buffers, spheres, shades, .. } = scratch;
-        let (_, rays) = self.plan.view(tile);
-        let looks = Looks {
-            shades,
-            lights: self.plan.points(),
-            sphere_ids: spheres,
-            spheres: self.plan.spheres(),
-            lits: &weighted.lits,
-            shorts: self.plan.shorts(),
-        };
-        let TileOut { pixels, first, width } = out;
-        P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+        shade(buffers, shades, spheres);
         if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
             self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
         }
     }
 
-    /// Finds who is nearest at the pixels of a tile; false where nobody can be.
+    /// Finds who is nearest at the pixels of a tile; false where nobody can be. `so_far` is called whenever that may have
+    /// changed.
     fn find_nearest(
         &self,
         tile: TilePlace,
         window: &TileWindow,
         weighted: &Weighted<E>,
         scratch: &mut Scratch<E>,
+        mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
-        let Scratch { buffers, spheres, triangles, behind, order, shades } = scratch;
+        let Scratch { buffers, spheres, triangles, behind, order, shades, occluded } = scratch;
         self.plan.seen_in(tile, spheres, triangles);
-        if spheres.is_empty() && triangles.is_empty() {
+        *occluded = 0;
+        if spheres.is_empty() && triangles.is_empty() && !self.plan.keep().has(Omission::EmptyTiles) {
             return false;
         }
         let (view, _) = self.plan.view(tile);
@@ -203,9 +252,12 @@ impl<E: Element> TileTracer<'_, E> {
                 order.extend(ids.iter().take(CHUNK).map(|id| id + 1));
                 self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
                 self.kernels.tiles.nearest_triangles.call(buffers, order, window, &grid);
+                if let Some(so_far) = &mut so_far {
+                    so_far(buffers, shades, spheres);
+                }
             }
         };
-        if triangles.len() < FEWEST_HIDDEN || self.plan.keeps_all() {
+        if triangles.len() < FEWEST_HIDDEN || self.plan.keep().has(Omission::Occluded) {
             nearest(triangles, buffers);
         } else {
             // The nearer half of what is there first; what is behind all that this leaves need not be set up.
@@ -220,7 +272,9 @@ impl<E: Element> TileTracer<'_, E> {
             nearest(triangles, buffers);
             let whole = window.columns as usize == TILE_WIDTH && window.rows.len() == TILE_HEIGHT;
             let farthest = if whole { buffers.farthest().to_f64() } else { 0.0 };
+            *occluded = behind.len();
             behind.retain(|id| f64::from(of(id)) >= farthest);
+            *occluded -= behind.len();
             nearest(behind, buffers);
         }
         true
@@ -271,7 +325,7 @@ impl<E: Element> TileTracer<'_, E> {
                 if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
                     let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
                     let light = |light: &crate::scene::Light| {
-                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance().as_dvec3()
+                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
                     };
                     let light: DVec3 = self.scene.lights.iter().map(light).sum();
                     let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
@@ -286,6 +340,12 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
+/// The rows and columns of a tile that are in a window.
+fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
+    let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
+    rows.flat_map(move |row| (0..columns).map(move |column| (row, column)))
+}
+
 impl<E: Element> Tracer for TileTracer<'_, E> {
     fn writes(&self, _: PixelFormat) -> bool {
         true
@@ -294,26 +354,31 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let width = self.camera.width() as usize;
         let mut found = vec![None; rows.len() * width];
-        let mut scratch = Scratch::default();
-        self.each_tile(rows.clone(), |tile, window| {
-            if !self.find_nearest(tile, window, self.plan.linear(), &mut scratch) {
-                return;
-            }
-            let Scratch { buffers, spheres, order, .. } = &scratch;
-            for (row, column) in window.rows.clone().flat_map(|row| (0..window.columns).map(move |col| (row, col))) {
-                let (near, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
+        self.each_nearest(rows.clone(), |window, Scratch { buffers, spheres, order, .. }| {
+            for (row, column) in pixels_of(window) {
+                let (near, who) = buffers.pixel(self.kernels.lanes, column, row);
                 if who > 0 {
                     let object = match order[who] {
                         0 => Object::Sphere(spheres[who - 1] as usize),
                         triangle => Object::Triangle(triangle as usize - 1),
                     };
                     let distance = Distance::Inverse(near.to_f64() / self.plan.scale());
-                    let place = (window.row + row - rows.start) as usize * width + (window.column + column) as usize;
-                    found[place] = Some(Found { object, distance, normal: None });
+                    let place = (window.row as usize + row - rows.start as usize) * width;
+                    found[place + window.column as usize + column] = Some(Found { object, distance, normal: None });
                 }
             }
         });
+        self.add_normals(rows, &mut found);
         found
+    }
+
+    fn count_hits(&self, rows: Range<u32>) -> u64 {
+        let mut hits = 0;
+        self.each_nearest(rows, |window, Scratch { buffers, .. }| {
+            let hit = |(row, column): &(usize, usize)| buffers.pixel(self.kernels.lanes, *column, *row).1 > 0;
+            hits += pixels_of(window).filter(hit).count() as u64;
+        });
+        hits
     }
 
     fn rows_together(&self) -> u32 {

@@ -40,8 +40,9 @@ pub struct TrueHit {
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
-    /// 1 / the cosine between the ray and the normal.
-    pub slant: f64,
+    /// By how many times what rounds the camera's numbers, as a share of its longest ray, changes t: 1 / the cosine
+    /// between the ray and the normal, times the longest ray over this one.
+    pub lever: f64,
 }
 
 struct Light {
@@ -189,7 +190,7 @@ impl Truth {
             normal,
             colour: (!near_light).then_some(colour),
             bound: meeting.bound,
-            slant: meeting.slant,
+            lever: meeting.slant * ray.longest_over_this(),
         }
     }
 }

@@ -16,14 +16,14 @@ mod write;
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
-pub use open::{Opened, SceneFormat, open, read};
+pub use open::{MAX_TOML, Opened, SceneFormat, open, read};
 pub use parse::parse;
 pub use random::{Rng, many};
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
 pub use view::{Setting, View};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::reference::geometry;
 
@@ -46,9 +46,9 @@ impl Light {
     /// cosine of two rounded unit vectors comes out a little above 1. Brighter lights are taken for this bright.
     pub const BRIGHTEST: f32 = f32::MAX / 2.0;
 
-    /// I_L of eq. 11: intensity x colour, at most [`Light::BRIGHTEST`].
-    pub fn radiance(&self) -> Vec3 {
-        (self.intensity * self.colour).min(Vec3::splat(Self::BRIGHTEST))
+    /// I_L of eq. 11: intensity x colour, a product that f64 holds exactly, at most [`Light::BRIGHTEST`].
+    pub fn radiance(&self) -> DVec3 {
+        (f64::from(self.intensity) * self.colour.as_dvec3()).min(DVec3::splat(Self::BRIGHTEST.into()))
     }
 }
 

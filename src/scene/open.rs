@@ -12,6 +12,8 @@ use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, Tri
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
+/// The longest scene in TOML, in bytes: its text takes some fifty times as much memory while it is read.
+pub const MAX_TOML: u64 = 32 << 20;
 /// The most that is read of what has no length of its own: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
 
@@ -89,12 +91,20 @@ impl SceneFormat {
 ///
 /// # Errors
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
-/// for a pipe or a device); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
+/// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     let read = || contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause });
     let name = path.to_string_lossy();
     match SceneFormat::from_path(path) {
-        Some(SceneFormat::Toml) => parse_toml(&read()?, &name, path.parent().unwrap_or(Path::new(""))),
+        Some(SceneFormat::Toml) => {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let read = contents_within(
+                path,
+                MAX_TOML,
+                "too many for TOML: put its triangles into a mesh file, which [[mesh]] names",
+            );
+            parse_toml(&read.map_err(|cause| SceneError::Read { path: path.to_owned(), cause })?, &name, folder)
+        }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
         Some(SceneFormat::In) | None => parse_with_warnings(&read()?, &name),
     }
@@ -129,12 +139,22 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     Ok(Opened { scene, notes, warnings })
 }
 
-/// A warning of the triangles of a mesh that have no area, which are often its seams.
+/// A warning of the triangles of a mesh that have no area, which are often its seams: how many, and the first by their
+/// numbers in the file, from 1 on, where each face of more corners counts as the triangles it is cut into.
 pub(super) fn no_area_of_mesh(path: &Path, triangles: &[Triangle]) -> Option<String> {
-    let count = triangles.iter().filter(|triangle| triangle.has_no_area()).count();
-    let (have, them) = if count == 1 { ("triangle has", "it") } else { ("triangles have", "them") };
+    const MOST: usize = 5;
+    let of_no_area = |(number, triangle): (usize, &Triangle)| triangle.has_no_area().then_some(number);
+    let mut numbers = (1..).zip(triangles).filter_map(of_no_area);
+    let first: Vec<_> = numbers.by_ref().take(MOST).map(|number| number.to_string()).collect();
+    let (count, listed) = (first.len() + numbers.count(), first.join(", "));
     let path = path.to_string_lossy();
-    (count > 0).then(|| format!("{}: {count} {have} no area, and no ray hits {them}", printable(&path)))
+    let path = printable(&path);
+    match count {
+        0 => None,
+        1 => Some(format!("{path}: triangle {listed} has no area, and no ray hits it")),
+        ..=MOST => Some(format!("{path}: {count} triangles have no area, and no ray hits them: {listed}")),
+        _ => Some(format!("{path}: {count} triangles have no area, and no ray hits them: {listed} and so on")),
+    }
 }
 
 /// What is to be said of a mesh whose faces have been cut.
@@ -149,14 +169,19 @@ pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
 
 /// A file's bytes, so many at most as make sense.
 pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
+    contents_within(path, MAX_FILE, "too many for a scene")
+}
+
+/// A file's bytes, if they are at most `limit`, or else `advice`.
+fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(ErrorKind::IsADirectory.into());
     }
-    let limit = if metadata.is_file() { MAX_FILE } else { MAX_STREAM };
+    let limit = if metadata.is_file() { limit } else { limit.min(MAX_STREAM) };
     let too_large = || {
         let size = limit >> 20;
-        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, too many for a scene"))
+        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, {advice}"))
     };
     if metadata.len() > limit {
         return Err(too_large());

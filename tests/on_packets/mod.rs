@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use rayo::kernels::{Element, Isa, OpRef, PacketElement, PacketOp, Vec4, packet_ops, paper};
-use rayo::plan::{sphere_hit, triangle_hit};
+use rayo::plan::{InUnits, sphere_hit, triangle_hit};
 use rayo::reference::packet::{self, Rounding};
 use rayo::reference::{Real, geometry};
 use rayo::scene::Rng;
@@ -113,11 +113,18 @@ fn hits<E: PacketElement>(isa: Isa, name: &str, rays: &[[f32; 3]], record: &[E])
 fn in_every_form(mut check: impl FnMut(&str, &dyn Fn(&str, &[[f32; 3]], Object) -> Vec<f64>)) {
     fn of<E: PacketElement>(isa: Isa, name: &str, rays: &[[f32; 3]], object: Object) -> Vec<f64> {
         let reach = [0, 1, 2].map(|i| rays.iter().map(|ray| ray[i].abs()).fold(0.0, f32::max));
-        let record: Vec<E> = match object {
-            Object::Sphere(centre, radius) => sphere_hit(centre, radius).numbers(),
-            Object::Triangle(vertices) => triangle_hit(vertices, reach).numbers(),
+        let wide = |v: [f32; 3]| v.map(f64::from);
+        let (record, unit): (Vec<E>, f64) = match object {
+            Object::Sphere(centre, radius) => {
+                let InUnits { record, unit } = sphere_hit(wide(centre), radius.into());
+                (record.numbers(), unit)
+            }
+            Object::Triangle(vertices) => {
+                let InUnits { record, unit } = triangle_hit(vertices.map(wide), wide(reach));
+                (record.numbers(), unit)
+            }
         };
-        hits(isa, name, rays, &record)
+        hits(isa, name, rays, &record).into_iter().map(|t| unit * t).collect()
     }
     for isa in Isa::ALL.into_iter().filter(|isa| isa.usable()) {
         check(&format!("{isa} f32"), &|name, rays, object| of::<f32>(isa, name, rays, object));

@@ -1,13 +1,25 @@
 //! The document docs/accuracy.md.
 
-use super::table::{number, reasons, summary_table};
+use super::table::{number, plain_table, reasons, summary_table};
 use crate::cli::table::Table;
 use crate::experiments::accuracy::summary::summaries;
 use crate::experiments::accuracy::{Document, Row};
+use crate::render::Engine;
 use crate::scene::families;
 
 /// What stands before the tables: no word of it depends on the machine.
 const EXPLANATION: &str = include_str!("explanation.md");
+
+/// What stands before the table of plain formulas.
+const PLAIN: &str = "
+## What being right costs
+
+The plain formulas are the paper's: eq. 5 with half of b, eq. 9 and eq. 10, all in f32, with what a scene's rays share computed
+once. `turned.c` has them over arrays of rays, one in each lane, and the compiler makes them for the same instructions as the
+packets' (-O3 -ffast-math). Both write floats, by turns. The robust packets compute more exactly, and less: the ends of a span are
+found in f64 once per row, and no ray is asked whether it hits.
+
+";
 
 /// All of it.
 pub(super) fn text(document: &Document) -> String {
@@ -23,8 +35,16 @@ pub(super) fn text(document: &Document) -> String {
         machine.rustc,
     );
     text += &summary_table(&summaries(rows));
+    let engines: Vec<_> = Engine::ALL.iter().filter(|engine| !engine.usable()).map(|engine| engine.name()).collect();
+    if !engines.is_empty() {
+        text += &format!("\nThis machine does not run {}, which the table would have too.\n", engines.join(" and "));
+    }
     text += "\nWhat is on no front of this machine, and why it stays:\n\n";
     text += &reasons(&document.off_every_front);
+    if !document.against_plain.is_empty() {
+        text += PLAIN;
+        text += &plain_table(&document.against_plain);
+    }
     text += "\n## Every scene\n\n";
     text += "Wrong hits and objects / the largest error of t in ulp / pixels off by two levels. A family's three scenes go from \
              ordinary to the end of its range; after its name is the value of what is varied.\n\n";
@@ -50,7 +70,7 @@ const COLUMNS: [(&str, &str); 7] = [
 
 fn scenes_table(rows: &[Row]) -> String {
     let is = |row: &Row, (engine, precision): (&str, &str)| {
-        (row.engine, row.precision, row.output) == (engine, precision, "f32x4")
+        (row.engine, row.precision, row.option, row.output) == (engine, precision, None, "f32x4")
     };
     let columns: Vec<_> = COLUMNS.into_iter().filter(|column| rows.iter().any(|row| is(row, *column))).collect();
     let names = columns.iter().map(|(engine, precision)| match *precision {

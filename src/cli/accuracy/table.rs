@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::cli::table::Table;
+use crate::experiments::accuracy::plain::AgainstPlain;
 use crate::experiments::accuracy::summary::{Reason, Summary, summaries};
 use crate::experiments::accuracy::{Document, Row};
 
@@ -22,10 +23,11 @@ pub(super) fn number(x: Option<f64>) -> String {
 /// One scene: every row, those of the front marked.
 fn scene_table(rows: &[&Row]) -> String {
     let mut table = Table::new(
-        3,
+        4,
         [
             "engine",
             "precision",
+            "option",
             "output",
             "wrong hits",
             "in margin",
@@ -53,6 +55,7 @@ fn scene_table(rows: &[&Row]) -> String {
         table.row(vec![
             row.engine.into(),
             row.precision.into(),
+            row.option.unwrap_or("").into(),
             row.output.into(),
             errors.wrong_hits.to_string(),
             errors.wrong_hits_inside.to_string(),
@@ -81,10 +84,11 @@ fn scene_table(rows: &[&Row]) -> String {
 /// Who over all scenes.
 pub(super) fn summary_table(summaries: &[Summary]) -> String {
     let mut table = Table::new(
-        3,
+        4,
         [
             "engine",
             "precision",
+            "option",
             "output",
             "wrong hits",
             "wrong object",
@@ -100,6 +104,7 @@ pub(super) fn summary_table(summaries: &[Summary]) -> String {
         table.row(vec![
             summary.engine.into(),
             summary.precision.into(),
+            summary.option.unwrap_or("").into(),
             summary.output.into(),
             summary.wrong_hits.to_string(),
             summary.wrong_objects.to_string(),
@@ -114,13 +119,38 @@ pub(super) fn summary_table(summaries: &[Summary]) -> String {
     table.text()
 }
 
-/// The sentences why those stay that are on no front.
+/// What robust formulas take by what plain ones do.
+pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
+    let mut table =
+        Table::new(2, ["scene", "instructions", "plain, ns/ray", "robust, ns/ray", "robust / plain", "95 %"]);
+    for AgainstPlain { scene, engine, robust_ns_per_ray, plain_ns_per_ray, ratio, .. } in pairs {
+        table.row(vec![
+            scene.clone(),
+            (*engine).into(),
+            number(Some(*plain_ns_per_ray)),
+            number(Some(*robust_ns_per_ray)),
+            format!("{:.3}", ratio.value),
+            format!("{:.3} to {:.3}", ratio.low, ratio.high),
+        ]);
+    }
+    table.text()
+}
+
+/// The sentences why those stay that are on no front, one after those that it is of.
 pub(super) fn reasons(reasons: &[Reason]) -> String {
-    let line = |reason: &Reason| {
-        let Reason { engine, precision, output, reason } = reason;
-        format!("- `{engine}` in {precision}, {output}: {reason}\n")
+    let who = |reason: &Reason| {
+        let Reason { engine, precision, option, output, .. } = reason;
+        let option = option.map_or(String::new(), |option| format!(" with `{option}`"));
+        format!("`{engine}` in {precision}{option}, {output}")
     };
-    reasons.iter().map(line).collect()
+    let mut of: Vec<(&str, Vec<String>)> = Vec::new();
+    for reason in reasons {
+        match of.iter_mut().find(|(sentence, _)| *sentence == reason.reason) {
+            Some((_, all)) => all.push(who(reason)),
+            None => of.push((reason.reason, vec![who(reason)])),
+        }
+    }
+    of.iter().map(|(sentence, all)| format!("- {}: {sentence}\n", all.join("; "))).collect()
 }
 
 /// What is printed: each scene if there are few, and all of them together.
@@ -145,6 +175,11 @@ pub(super) fn text(document: &Document, each: bool) -> String {
     }
     text += "Wrong hits and objects, errors of t and of colours: outside of the margin, within which either answer is \
              right. * is on the front of its scene and output: nothing beats it in both error and time.\n";
+    if !document.against_plain.is_empty() {
+        text +=
+            "\nRobust packets in single precision against the paper's plain formulas, a ray in each lane, by gcc:\n\n";
+        text += &plain_table(&document.against_plain);
+    }
     if !document.off_every_front.is_empty() {
         text += "\nOn no front here, and why it stays:\n";
         text += &reasons(&document.off_every_front);
@@ -155,7 +190,7 @@ pub(super) fn text(document: &Document, each: bool) -> String {
 /// A line per row.
 pub(super) fn csv(document: &Document) -> String {
     let mut text = String::from(
-        "scene,family,stiffness,width,height,engine,precision,output,rays,hits,in_margin,wrong_hits,wrong_hits_inside,\
+        "scene,family,stiffness,width,height,engine,precision,option,output,rays,hits,in_margin,wrong_hits,wrong_hits_inside,\
          wrong_objects,wrong_objects_inside,max_ulp,rms_ulp,p999_ulp,bound_share,max_angle,rms_angle,max_colour,\
          rms_colour,off_by_1,off_by_2,max_level,psnr,ns_per_ray,ns_per_ray_median,spread,cycles_per_ray,\
          cycles_per_ray_median,setup_ns,runs,error,front\n",
@@ -169,12 +204,13 @@ pub(super) fn csv(document: &Document) -> String {
         let stiffness = row.stiffness.map_or_else(String::new, |stiffness| stiffness.to_string());
         write!(
             text,
-            "{name},{},{stiffness},{},{},{},{},{}",
+            "{name},{},{stiffness},{},{},{},{},{},{}",
             row.family.unwrap_or(""),
             row.width,
             row.height,
             row.engine,
             row.precision,
+            row.option.unwrap_or(""),
             row.output
         )
         .expect("a String takes all");

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -18,23 +19,13 @@ use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
 
 /// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
-const LADDER_ROUNDS: usize = 100;
+const LADDER_ROUNDS: usize = 250;
 const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
-    let mut clock = TscClock::new().ok_or_else(no_clock)?;
-    fs::create_dir_all(&args.out)
-        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
-    let stop = stop_on_ctrl_c()?;
-    let machine = Machine::this();
-    let cores = cores()?;
-    let core = sys::pin_to_this_core();
-    if let Err(error) = &core {
-        say(&format!("warning: the thread is not pinned to a core: {error}"));
-    }
-
-    let document = measure(args, &settings, machine, core.ok(), &cores, &mut clock, &stop)?;
+    let Prepared { mut clock, stop, machine, cores, core } = prepare(args)?;
+    let document = measure(args, &settings, machine, core, &cores, &mut clock, &stop)?;
     write_files(&args.out, &document)?;
     if args.json {
         print_json(&document)?
@@ -45,6 +36,31 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
         say("warning: stopped early: only what was finished is in the results");
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What every measurement needs, once nothing can be refused any more.
+pub(super) struct Prepared {
+    pub clock: TscClock,
+    pub stop: Arc<AtomicBool>,
+    pub machine: Machine,
+    /// The cores that threads may run on.
+    pub cores: sys::Cores,
+    /// The one that this thread stays on.
+    pub core: Option<usize>,
+}
+
+pub(super) fn prepare(args: &ExperimentArgs) -> Result<Prepared, Failure> {
+    let clock = TscClock::new().ok_or_else(no_clock)?;
+    fs::create_dir_all(&args.out)
+        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    let stop = stop_on_ctrl_c()?;
+    let machine = Machine::this();
+    let cores = cores()?;
+    let core = sys::pin_to_this_core();
+    if let Err(error) = &core {
+        say(&format!("warning: the thread is not pinned to a core: {error}"));
+    }
+    Ok(Prepared { clock, stop, machine, cores, core: core.ok() })
 }
 
 pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {

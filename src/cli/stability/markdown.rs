@@ -2,12 +2,24 @@
 
 use std::fmt::Write;
 
-use super::table::{COLUMNS, number};
+use super::table::{COLUMNS, number, operations};
 use crate::experiments::stability::Document;
+use crate::render::Engine;
 use crate::scene::families::{FAMILIES, family};
 
 /// What a student should know first.
 const EXPLANATION: &str = include_str!("explanation.md");
+
+/// What stands before the table of operations.
+const OPERATIONS: &str = "\
+### The operations by themselves
+
+`SPHERE_HIT3` and `TRIANGLE_HIT3`, which `rayo ops` counts, take rays of any direction, and numbers that no scene has: distances
+up to 10¹⁴ radii and units of length from 10⁻³⁰⁰ to 10³⁰⁰. Rays are exact here, and so the bound has no part for a camera. Without FMA
+the cross product of a far sphere is rounded twice: `sse41` leaves its bound where κ u is no longer small, which the row kernels,
+who subtract in f64, do not. N1: no ray meets an object of which a number is NaN or infinite, and no NaN comes out.
+
+";
 
 /// The page: explanation, map, and a table for each family.
 pub fn text(document: &Document) -> String {
@@ -18,6 +30,11 @@ pub fn text(document: &Document) -> String {
     let cpu = machine.cpu.as_deref().unwrap_or("an unknown CPU");
     writeln!(text, "## What was found\n\nOn {cpu}, seed {}, {kind}.\n", document.seed)
         .expect("a string takes any text");
+    let absent: Vec<_> = Engine::ALL.iter().filter(|engine| !engine.usable()).map(|engine| engine.name()).collect();
+    if !absent.is_empty() {
+        writeln!(text, "This machine does not run {}, whose limits are checked where it runs.\n", absent.join(" and "))
+            .expect("a string takes any text");
+    }
     text += "![Every engine on every family](stability.svg)\n\n";
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
         let Some(family) = family(rows[0].family) else { continue };
@@ -31,6 +48,10 @@ pub fn text(document: &Document) -> String {
             writeln!(text, "| {engine} | {} | {slowdown} |", cells.join(" | ")).expect("a string takes any text");
         }
         text += "\n";
+    }
+    if !document.operations.is_empty() {
+        text += OPERATIONS;
+        text += &operations(&document.operations);
     }
     text.truncate(text.trim_end().len());
     text + "\n"

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::cli::table::Table;
+use crate::experiments::stability::operations::OperationRow;
 use crate::experiments::stability::{Document, Row};
 use crate::scene::families::family;
 
@@ -41,10 +43,38 @@ pub fn text(document: &Document) -> String {
         }
         text += "\n";
     }
+    if !document.operations.is_empty() {
+        text += "The operations by themselves\n\n";
+        text += &operations(&document.operations);
+        text += "\n";
+    }
     for line in &document.tighter {
         writeln!(text, "could be tightened: {line}").expect("a string takes any text");
     }
     text
+}
+
+/// The operations by themselves.
+pub(super) fn operations(rows: &[OperationRow]) -> String {
+    let mut table = Table::new(
+        4,
+        ["family", "operation", "engine", "range", "rays", "t, ulp", "of bound", "wrong hits", "breaks at", "slowdown"],
+    );
+    for row in rows {
+        table.row(vec![
+            row.family.into(),
+            row.operation.into(),
+            format!("`{}` {}", row.engine, row.precision),
+            format!("{} to {}", row.from, row.to),
+            row.rays.to_string(),
+            number(row.worst),
+            number(row.bound),
+            row.wrong_hits.to_string(),
+            row.breaks_at.clone().unwrap_or_else(|| "-".into()),
+            number(Some(row.slowdown)),
+        ]);
+    }
+    table.text()
 }
 
 /// Three digits, or a power of ten where that is far from 1; a dash for None.

@@ -10,7 +10,11 @@ use crate::scene::Object;
 /// The margin within which f32 may answer either way, in units of its u: 2e-6.
 const MARGIN_IN_U: f64 = 2e-6 * 16_777_216.0;
 
-/// What a camera's own rounding adds to the bound, in units of its u: it turns the ray by less, and t follows by the slant.
+/// What a camera's own rounding adds to the bound, in units of its u and times [`Target::lever`].
+///
+/// step (col + 1/2) - W/2 takes a product of up to W, whose factor is rounded too, from W/2: what is left can be nothing, and
+/// is off by up to 2u W all the same, which is 4u of half a film. So the ray is turned by up to 4u of the longest ray's
+/// length over its own, and t follows by the slant.
 const CAMERA: f64 = 4.0;
 
 /// What is true of a pixel, in numbers that are quick to compare with.
@@ -35,8 +39,8 @@ pub struct Target {
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of u.
     pub bound: f64,
-    /// 1 / the cosine between the ray and the normal.
-    pub slant: f64,
+    /// What a turn of the ray by u of the camera's longest does to t, in units of u.
+    pub lever: f64,
 }
 
 impl From<&TruePixel> for Expected {
@@ -47,7 +51,7 @@ impl From<&TruePixel> for Expected {
             normal: hit.normal.0.each_ref().map(Split::from),
             colour: hit.colour,
             bound: hit.bound,
-            slant: hit.slant,
+            lever: hit.lever,
         });
         Expected { hit, margin: pixel.margin }
     }
@@ -138,17 +142,28 @@ pub struct Tally {
     levels: Sum,
 }
 
+/// The unit roundoff of f64 or of f32.
+fn unit(double: bool) -> f64 {
+    let digits = if double { f64::MANTISSA_DIGITS } else { f32::MANTISSA_DIGITS };
+    2f64.powi(-(digits as i32))
+}
+
 impl Tally {
     /// Nothing so far, of an engine that computes in `precision` and its rays in f64 where `rays_in_f64`.
     pub fn new(precision: Precision, rays_in_f64: bool) -> Self {
-        let u = |double: bool| {
-            let digits = if double { f64::MANTISSA_DIGITS } else { f32::MANTISSA_DIGITS };
-            2f64.powi(-(digits as i32))
-        };
         let double = precision == Precision::Double;
+        Tally::of(unit(double), unit(double || rays_in_f64))
+    }
+
+    /// Nothing so far, of numbers of f64 or of f32, along rays that are exact.
+    pub fn of_exact_rays(double: bool) -> Self {
+        Tally::of(unit(double), 0.0)
+    }
+
+    fn of(u: f64, camera_u: f64) -> Self {
         Tally {
-            u: u(double),
-            camera_u: u(double || rays_in_f64),
+            u,
+            camera_u,
             errors: Errors::default(),
             ulps: Vec::new(),
             t: Sum::default(),
@@ -202,7 +217,7 @@ impl Tally {
         self.ulps.push(ulps);
         self.t.add(ulps);
         self.bound_share =
-            self.bound_share.max(relative / (target.bound * self.u + CAMERA * target.slant * self.camera_u));
+            self.bound_share.max(relative / (target.bound * self.u + CAMERA * target.lever * self.camera_u));
         if let Some(normal) = found.normal {
             self.angles.add(angle(target.normal, normal));
         }
@@ -273,7 +288,7 @@ mod tests {
             normal,
             colour: Some(DVec3::splat(0.5)),
             bound: 5.0,
-            slant: 1.0,
+            lever: 1.0,
         }
     }
 

@@ -11,6 +11,8 @@ pub struct Summary {
     pub engine: &'static str,
     /// In what numbers.
     pub precision: &'static str,
+    /// `--keep-all`, or none.
+    pub option: Option<&'static str>,
     /// What a pixel is written as.
     pub output: &'static str,
     /// Scenes.
@@ -40,6 +42,8 @@ pub struct Reason {
     pub engine: &'static str,
     /// In what numbers.
     pub precision: &'static str,
+    /// `--keep-all`, or none.
+    pub option: Option<&'static str>,
     /// What a pixel is written as.
     pub output: &'static str,
     /// One sentence.
@@ -49,7 +53,7 @@ pub struct Reason {
 /// The rows taken together, in the order in which they appear.
 pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
     let mut groups: Vec<Vec<&Row>> = Vec::new();
-    let key = |row: &Row| (row.engine, row.precision, row.output);
+    let key = |row: &Row| (row.engine, row.precision, row.option, row.output);
     for row in rows {
         match groups.iter_mut().find(|group| key(group[0]) == key(row)) {
             Some(group) => group.push(row),
@@ -57,13 +61,14 @@ pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
         }
     }
     let summary = |group: &Vec<&Row>| {
-        let (engine, precision, output) = key(group[0]);
+        let (engine, precision, option, output) = key(group[0]);
         let sum = |of: fn(&Row) -> usize| group.iter().map(|row| of(row)).sum();
         let largest = |of: fn(&Row) -> Option<f64>| group.iter().filter_map(|row| of(row)).reduce(f64::max);
         let logarithms: f64 = group.iter().map(|row| row.ns_per_ray.ln()).sum();
         Summary {
             engine,
             precision,
+            option,
             output,
             scenes: group.len(),
             wrong_hits: sum(|row| row.errors.wrong_hits),
@@ -82,18 +87,22 @@ pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
 /// Everything that is on no front, with the sentence why it stays.
 pub fn off_every_front(rows: &[Row]) -> Vec<Reason> {
     let off = summaries(rows).into_iter().filter(|summary| summary.fronts == 0);
-    off.map(|Summary { engine, precision, output, .. }| Reason {
+    off.map(|Summary { engine, precision, option, output, .. }| Reason {
         engine,
         precision,
+        option,
         output,
-        reason: reason(engine, precision, output),
+        reason: reason(engine, precision, option, output),
     })
     .collect()
 }
 
 /// Why an engine and precision is there, though another may be as good and faster.
-pub fn reason(engine: &str, precision: &str, output: &str) -> &'static str {
+pub fn reason(engine: &str, precision: &str, option: Option<&str>, output: &str) -> &'static str {
     match (engine, precision, output) {
+        _ if option.is_some() => {
+            "It does all that the plan leaves out: the same bytes in more time, which is what leaving out is worth."
+        }
         ("reference", ..) => "It is what the others are tested against, written to be read, and runs on any machine.",
         ("rust", ..) => "It is the yardstick of what plain Rust gives, and runs where there is no assembly.",
         ("c", ..) => "It is the paper's C, kept as it is so that its time and its errors can be seen.",

@@ -89,7 +89,7 @@ struct TriangleCase {
 }
 
 /// No component of a ray of these is larger.
-const REACH: [f32; 3] = [1.0; 3];
+const REACH: [f64; 3] = [1.0; 3];
 const FACING: [[f32; 3]; 3] = [[-1.0, -1.0, 4.0], [1.0, -1.0, 4.0], [0.0, 1.0, 4.0]];
 const TRIANGLES: [TriangleCase; 6] = [
     TriangleCase { path: "inside", ray: AHEAD, vertices: FACING },
@@ -211,11 +211,14 @@ fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
     let spread = |values: [f32; 3]| values.iter().flat_map(|&value| vec![value; lanes]).collect::<Vec<_>>();
     let (paths, operands): (_, Vec<_>) = match op.name {
         "sphere" => {
-            let record = |case: &SphereCase| sphere_hit::<f32>(case.centre, RADIUS).numbers();
+            let record =
+                |case: &SphereCase| sphere_hit::<f32>(case.centre.map(f64::from), RADIUS.into()).record.numbers();
             (sphere_paths(), SPHERES.iter().map(|case| (spread(AHEAD), record(case))).collect())
         }
         "triangle" => {
-            let operands = |case: &TriangleCase| (spread(case.ray), triangle_hit(case.vertices, REACH).numbers());
+            let record =
+                |case: &TriangleCase| triangle_hit::<f32>(case.vertices.map(|v| v.map(f64::from)), REACH).record;
+            let operands = |case: &TriangleCase| (spread(case.ray), record(case).numbers());
             (triangle_paths(), TRIANGLES.iter().map(operands).collect())
         }
         "lambert" => {

@@ -91,16 +91,17 @@ impl<E: Element> PacketTracer<E> {
                 // A span that is alone in its pixels is shaded there without a look at its depth.
                 let own = |at: &E| !by_depth || at.to_f64() == who;
                 let pixels = owners[x.clone()].iter_mut().zip(&buffers.plane(0)[x]);
-                pixels.filter(|(_, at)| own(at)).for_each(|(owner, _)| *owner = Some((who, plan.source(span.object))));
+                pixels.filter(|(_, at)| own(at)).for_each(|(owner, _)| *owner = Some((who, span.object)));
             }
             found.extend(owners.into_iter().enumerate().map(|(x, owner)| {
                 let (who, object) = owner?;
                 let normal = DVec3::new(plane(1, x), plane(2, x), plane(3, x));
                 let known = plane(0, x) == who && normal != DVec3::ZERO;
                 Some(Found {
-                    object,
+                    object: plan.source(object),
                     distance: Distance::Inverse(plan.depth_unit() * plane(4, x)),
-                    normal: known.then_some(normal),
+                    // A triangle's is made with the plan, and kernels have its product with each light.
+                    normal: known.then_some(normal).or_else(|| plan.normal(object)),
                 })
             }));
         }

@@ -1,0 +1,203 @@
+//! `rayo experiment --complexity`: the tables, and the files.
+
+use std::fmt::Write as _;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+use super::ExperimentArgs;
+use super::run::{Prepared, failure, prepare, settings};
+use crate::cli::measuring::{bar, say, write_file};
+use crate::cli::table::Table;
+use crate::cli::{Failure, print, print_json};
+use crate::experiments::claims::Axis;
+use crate::experiments::complexity::{self, Document, Row, SCHEMA, Settings, ZEROS, lines, plot, slopes};
+
+pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
+    let engines = settings(args)?.engines;
+    let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), &engines);
+    if settings.engines.is_empty() {
+        return Err(Failure::input(
+            "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512",
+        ));
+    }
+    let Prepared { mut clock, stop, machine, .. } = prepare(args)?;
+    let bar = bar(settings.work());
+    let mut rows = Vec::new();
+    let mut proceed = |work| {
+        bar.inc(work);
+        !stop.load(Ordering::Relaxed)
+    };
+    let complete = complexity::run(&settings, &mut clock, &mut proceed, &mut |finished| rows.extend(finished));
+    let complete = complete.map_err(failure)?;
+    bar.finish_and_clear();
+    if rows.is_empty() {
+        return Err(Failure::output("stopped before the first picture was finished: there is nothing to show"));
+    }
+    let slopes = slopes(&rows);
+    let document = Document { schema: SCHEMA, machine, runs: settings.runs, complete, rows, slopes };
+    write_file(&args.out, "complexity.md", page(&document).as_bytes())?;
+    write_file(&args.out, "complexity.csv", csv(&document).as_bytes())?;
+    let json = serde_json::to_vec_pretty(&document).map_err(Failure::output)?;
+    write_file(&args.out, "complexity.json", &json)?;
+    let figure = plot::figure(&document.rows).map_err(Failure::output)?;
+    write_file(&args.out, "complexity.svg", figure.as_bytes())?;
+    if args.json {
+        print_json(&document)?;
+    } else {
+        print(&tables(&document))?;
+    }
+    if !document.complete {
+        say("warning: stopped early: only what was finished is in the results");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// docs/complexity.md.
+fn page(document: &Document) -> String {
+    let Document { machine, runs, .. } = document;
+    let megahertz = machine.tsc_hz.map_or("?".into(), |hz| format!("{:.0}", hz / 1e6));
+    let caches: Vec<_> =
+        machine.caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
+    format!(
+        "# What a picture costs as it grows\n\n\
+        Made by `make complexity`, which runs `rayo experiment --complexity`. One thread of {} (TSC {megahertz} MHz; {}); NASM \
+        {}, {}. TSC cycles by the pixel, medians of {runs} runs in which all contestants of a picture take turns, buffers \
+        touched before.\n\n\
+        ![Cycles by the pixel against pixels, objects and lights](complexity.svg)\n\n{}",
+        machine.cpu.as_deref().unwrap_or("an unknown CPU"),
+        caches.join(", "),
+        machine.nasm.unwrap_or("?"),
+        machine.rustc,
+        tables(document),
+    )
+}
+
+fn tables(document: &Document) -> String {
+    [pixels(document), objects(document), lights(document)].concat()
+}
+
+/// 12.3, 1.23, 0.123: three digits.
+fn digits(x: f64) -> String {
+    match x {
+        x if x >= 100.0 => format!("{x:.0}"),
+        x if x >= 10.0 => format!("{x:.1}"),
+        x => format!("{x:.2}"),
+    }
+}
+
+fn of_axis(document: &Document, axis: Axis) -> Vec<Vec<&Row>> {
+    lines(&document.rows).into_iter().filter(|line| line[0].axis == axis).collect()
+}
+
+/// A row for each count, and a column for each of `lines`.
+fn counts<'a>(
+    head: &str,
+    lines: &[Vec<&'a Row>],
+    name: impl Fn(&Row) -> String,
+    cell: impl Fn(&'a Row) -> String,
+) -> String {
+    let mut counts: Vec<_> = lines.iter().flatten().map(|row| row.count).collect();
+    counts.sort_unstable();
+    counts.dedup();
+    let mut table = Table::new(0, [head.to_owned()].into_iter().chain(lines.iter().map(|line| name(line[0]))));
+    for count in counts {
+        let cell =
+            |line: &Vec<&'a Row>| line.iter().find(|row| row.count == count).map_or_else(String::new, |row| cell(row));
+        table.row([count.to_string()].into_iter().chain(lines.iter().map(cell)).collect());
+    }
+    table.text()
+}
+
+/// The sphere in every size, and by how much the cost of a pixel changes.
+fn pixels(document: &Document) -> String {
+    let lines = of_axis(document, Axis::Pixels);
+    if lines.is_empty() {
+        return String::new();
+    }
+    let name = |row: &Row| format!("{}, {}", row.engine, row.output);
+    let mut text = format!(
+        "## Pixels\n\nOne sphere under one light; the set-up, which does not grow, is not in the time. `{ZEROS}` only fills the \
+        film with them.\n\n{}\n",
+        counts("pixels", &lines, name, |row| digits(row.cycles_per_pixel()))
+    );
+    for line in &lines {
+        let costs = || line.iter().map(|row| row.cycles_per_pixel());
+        let (low, high) = (costs().fold(f64::INFINITY, f64::min), costs().fold(0.0, f64::max));
+        let spread = 100.0 * (high - low) / (high + low);
+        let line = name(line[0]);
+        writeln!(text, "- {line}: from {} to {}, ±{spread:.0} % about their middle", digits(low), digits(high))
+            .expect("a String takes all");
+    }
+    text + "\n"
+}
+
+/// Spheres, triangles and meshes of more and more of them.
+fn objects(document: &Document) -> String {
+    let lines = of_axis(document, Axis::Objects);
+    let Some(first) = lines.first() else { return String::new() };
+    let Row { engine, width, height, output, .. } = first[0];
+    let name = |row: &Row| format!("{}{}", row.scene, if row.keep_all { ", brute force" } else { "" });
+    let planned: Vec<_> = lines.iter().filter(|line| !line[0].keep_all).cloned().collect();
+    let setup = |row: &Row| digits(row.setup_cycles.unwrap_or(f64::NAN) / row.pixels());
+    let mut text = format!(
+        "## Objects\n\n`{engine}`, {width}×{height}, {output}, one light, from the parsed scene to the last pixel. The spheres \
+        and triangles are spread over the picture and the smaller the more there are; the mesh is closed and bumpy, and half of \
+        it faces away.\n\n{}\nOf which the set-up:\n\n{}\n",
+        counts("objects", &lines, name, |row| digits(row.cycles_per_pixel())),
+        counts("objects", &planned, name, setup),
+    );
+    for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Objects) {
+        let by = if slope.keep_all { ", by brute force" } else { "" };
+        writeln!(
+            text,
+            "- {}{by}: from {} to {} objects, one more costs {} cycles (residual {:.1} %)",
+            slope.scene,
+            slope.from,
+            slope.to,
+            digits(slope.line.slope),
+            100.0 * slope.line.residual
+        )
+        .expect("a String takes all");
+    }
+    text + "\n"
+}
+
+/// The sphere under more and more lights.
+fn lights(document: &Document) -> String {
+    let lines = of_axis(document, Axis::Lights);
+    let Some(first) = lines.first() else { return String::new() };
+    let Row { width, height, output, .. } = first[0];
+    let mut text = format!(
+        "## Lights\n\nOne sphere, {width}×{height}, {output}, under lights in a half circle above it.\n\n{}\n",
+        counts("lights", &lines, |row| row.engine.into(), |row| digits(row.cycles_per_pixel())),
+    );
+    for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Lights) {
+        let pixels = first[0].pixels();
+        writeln!(
+            text,
+            "- {}: one more light costs {} cycles by the pixel of the picture (residual {:.1} %)",
+            slope.engine,
+            digits(slope.line.slope / pixels),
+            100.0 * slope.line.residual
+        )
+        .expect("a String takes all");
+    }
+    text
+}
+
+/// Every contestant in every picture.
+fn csv(document: &Document) -> String {
+    let mut csv =
+        "axis,scene,count,width,height,engine,output,keep_all,setup_cycles,cycles_median,cycles_min\n".to_owned();
+    for row in &document.rows {
+        let Row { scene, count, width, height, engine, output, keep_all, cycles_median, cycles_min, .. } = row;
+        let axis = row.axis.name();
+        let setup = row.setup_cycles.map_or_else(String::new, |cycles| cycles.to_string());
+        writeln!(
+            csv,
+            "{axis},{scene},{count},{width},{height},{engine},{output},{keep_all},{setup},{cycles_median},{cycles_min}"
+        )
+        .expect("a String takes all");
+    }
+    csv
+}

@@ -1,0 +1,469 @@
+//! What a picture costs the packets as it grows: in pixels, in objects, in lights; and the slopes.
+
+pub mod plot;
+
+use std::cell::RefCell;
+
+use glam::Vec3;
+use serde::Serialize;
+
+use super::claims::Axis;
+use super::speedup::{self, Progress, SpeedupError};
+use crate::kernels::Vec4;
+use crate::measure::statistics::{Line, fit_line, median, minimum};
+use crate::measure::{Clock, Machine, Work, interleave};
+use crate::plan::Keep;
+use crate::render::{Engine, Film, PixelFormat, Purpose, Tracer};
+use crate::scene::mesh::shapes;
+use crate::scene::{Camera, Light, MeshFormat, Scene, Setting, many};
+
+/// The number of the document's schema, `docs/complexity.schema.json`.
+pub const SCHEMA: u32 = 1;
+
+/// Pictures of 0.1 to 100 million pixels, each 4:3.
+const SIZES: [(u32, u32); 11] = [
+    (365, 273),
+    (516, 387),
+    (730, 547),
+    (1155, 866),
+    (1632, 1224),
+    (2309, 1732),
+    (3652, 2739),
+    (5164, 3873),
+    (6532, 4899),
+    (8165, 6124),
+    (11547, 8660),
+];
+/// One to a million objects, about three to the power of ten.
+const OBJECTS: [u64; 13] = [1, 3, 10, 32, 100, 316, 1_000, 3_162, 10_000, 31_623, 100_000, 316_228, 1_000_000];
+/// More than this are not traced by brute force.
+const MOST_BY_FORCE: u64 = 1_000;
+/// One to 64 lights.
+const LIGHTS: [u64; 7] = [1, 2, 4, 8, 16, 32, 64];
+/// The pictures along the axes of objects and lights.
+const SIZE: (u32, u32) = (1632, 1224);
+const QUICK_SIZE: (u32, u32) = (204, 153);
+/// A quick run goes no further than this, in pixels and in objects.
+const QUICK_PIXELS: u64 = 1_000_000;
+const QUICK_OBJECTS: u64 = 10_000;
+/// Runs of every picture.
+pub const RUNS: usize = 9;
+/// The same of a quick run.
+pub const QUICK_RUNS: usize = 2;
+const SEED: u64 = 7;
+/// How far the mesh's corners are from a sphere, as a share of its radius.
+const BUMPS: f64 = 0.3;
+
+/// The name of the contestant that only fills the film with zeros, by plain stores.
+pub const ZEROS: &str = "zeros";
+
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Small pictures, few objects.
+    pub quick: bool,
+    /// Runs of each picture.
+    pub runs: usize,
+    /// The packet engines; the last of them, which is the fastest, traces all objects.
+    pub engines: Vec<Engine>,
+}
+
+impl Settings {
+    /// The packet engines among `engines`, which must be usable.
+    pub fn new(quick: bool, runs: Option<usize>, engines: &[Engine]) -> Self {
+        let packets = Engine::ALL.iter().copied().filter(|engine| matches!(engine, Engine::Packet(_)));
+        let runs = runs.unwrap_or(if quick { QUICK_RUNS } else { RUNS });
+        Settings { quick, runs, engines: packets.filter(|engine| engines.contains(engine)).collect() }
+    }
+
+    fn size(&self) -> (u32, u32) {
+        if self.quick { QUICK_SIZE } else { SIZE }
+    }
+
+    fn sizes(&self) -> impl Iterator<Item = (u32, u32)> {
+        let most = if self.quick { QUICK_PIXELS } else { u64::MAX };
+        SIZES.into_iter().filter(move |(width, height)| u64::from(*width) * u64::from(*height) <= most)
+    }
+
+    fn objects(&self) -> impl Iterator<Item = u64> {
+        let most = if self.quick { QUICK_OBJECTS } else { u64::MAX };
+        OBJECTS.into_iter().filter(move |count| *count <= most)
+    }
+
+    /// How many times [`run`] calls `proceed` with the work 1.
+    pub fn work(&self) -> u64 {
+        let pixels = self.sizes().count() * OUTPUTS.len();
+        (pixels + self.objects().count() * SCENES.len() + LIGHTS.len()) as u64
+    }
+}
+
+/// What pixels are written as along the axis of pixels.
+const OUTPUTS: [PixelFormat; 2] = [PixelFormat::Rgba8, PixelFormat::F32x4];
+
+/// What is along the axis of objects: a name, and the scene of so many.
+type Make = fn(u64, Camera) -> Scene;
+const SCENES: [(&str, Make); 3] = [("spheres", spheres), ("triangles", triangles), ("mesh", mesh)];
+
+/// A contestant in a picture. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// What is varied.
+    pub axis: Axis,
+    /// The scene.
+    pub scene: &'static str,
+    /// How much there is of what is varied.
+    pub count: u64,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// The engine, or [`ZEROS`].
+    pub engine: &'static str,
+    /// What a pixel was written as.
+    pub output: &'static str,
+    /// Whether nothing was left out.
+    pub keep_all: bool,
+    /// Median TSC cycles of the set-up, from the parsed scene to the first ray; None where it is not in the time below.
+    pub setup_cycles: Option<f64>,
+    /// TSC cycles of the picture: the median.
+    pub cycles_median: f64,
+    /// The same: the minimum.
+    pub cycles_min: f64,
+    /// Cycles of every run.
+    pub samples: Vec<f64>,
+}
+
+impl Row {
+    /// Pixels.
+    pub fn pixels(&self) -> f64 {
+        f64::from(self.width) * f64::from(self.height)
+    }
+
+    /// Median cycles by the pixel.
+    pub fn cycles_per_pixel(&self) -> f64 {
+        self.cycles_median / self.pixels()
+    }
+
+    fn is_of(&self, other: &Row) -> bool {
+        let who = |row: &Row| (row.axis, row.scene, row.engine, row.output, row.keep_all);
+        who(self) == who(other)
+    }
+}
+
+/// What one more pixel, object or light costs. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Slope {
+    /// What is varied.
+    pub axis: Axis,
+    /// The scene.
+    pub scene: &'static str,
+    /// Who traced.
+    pub engine: &'static str,
+    /// What a pixel was written as.
+    pub output: &'static str,
+    /// Whether nothing was left out.
+    pub keep_all: bool,
+    /// The least count that the line goes through.
+    pub from: u64,
+    /// The greatest.
+    pub to: u64,
+    /// Through the fastest pictures; its slope is in TSC cycles by the pixel, object or light.
+    pub line: Line,
+}
+
+/// Everything that was measured, where, and with what.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// The machine and the build.
+    pub machine: Machine,
+    /// Runs of each picture.
+    pub runs: usize,
+    /// Whether everything that was asked for is there.
+    pub complete: bool,
+    /// Every contestant in every picture.
+    pub rows: Vec<Row>,
+    /// The lines through them.
+    pub slopes: Vec<Slope>,
+}
+
+/// `count` spheres all over the picture.
+fn spheres(count: u64, camera: Camera) -> Scene {
+    scattered(many(count as usize, 0, SEED), camera)
+}
+
+/// `count` triangles all over the picture.
+fn triangles(count: u64, camera: Camera) -> Scene {
+    scattered(many(0, count as usize, SEED), camera)
+}
+
+fn scattered(mut scene: Scene, camera: Camera) -> Scene {
+    scene.camera = camera;
+    scene.lights.truncate(1);
+    scene
+}
+
+/// A closed, bumpy mesh of about `count` triangles that fills the picture's height.
+fn mesh(count: u64, camera: Camera) -> Scene {
+    let mesh = shapes::icosphere(count, BUMPS, SEED);
+    let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
+    let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera));
+    scene.expect("the shapes are of ordinary size")
+}
+
+/// The experiment's sphere under `count` lights in a half circle above it, together as strong as its one.
+fn lit(count: u64, camera: Camera) -> Scene {
+    let mut scene = speedup::scene();
+    scene.camera = camera;
+    let light = scene.lights[0];
+    let place = |index: u64| {
+        let (sine, cosine) = (std::f32::consts::PI * (index as f32 + 0.5) / count as f32).sin_cos();
+        Vec3::new(40.0 * cosine, 40.0 * sine, light.position.z)
+    };
+    let light = |index| Light { intensity: light.intensity / count as f32, position: place(index), ..light };
+    scene.lights = (0..count).map(light).collect();
+    scene
+}
+
+fn clear(film: &mut Film) {
+    match film {
+        Film::F32x4(pixels) => pixels.fill(Vec4::default()),
+        Film::F32x3(pixels) => pixels.as_flattened_mut().fill(0.0),
+        Film::Rgba8(pixels) => pixels.as_flattened_mut().fill(0),
+        Film::Rgb8(pixels) => pixels.as_flattened_mut().fill(0),
+    }
+}
+
+/// Who traces or fills.
+#[derive(Clone, Copy, PartialEq)]
+enum Who {
+    Engine(Engine, Keep),
+    Zeros,
+}
+
+/// What is measured in turn.
+struct Picture<'a> {
+    axis: Axis,
+    name: &'static str,
+    count: u64,
+    scene: &'a Scene,
+    output: PixelFormat,
+    /// Whether the set-up is part of the time.
+    setup: bool,
+}
+
+impl Picture<'_> {
+    /// Each of `who` in turn, so many times. None where `proceed` says no.
+    fn measure(
+        &self,
+        who: &[Who],
+        runs: usize,
+        clock: &mut dyn Clock,
+        proceed: &mut Progress<'_>,
+    ) -> Result<Option<Vec<Row>>, SpeedupError> {
+        let Picture { scene, output, .. } = self;
+        let camera = scene.camera;
+        let memory = |source| SpeedupError::Memory { pixels: camera.pixels() as usize, source };
+        let film = RefCell::new(Film::new(*output, camera.pixels() as usize).map_err(memory)?);
+        let trace = |tracer: &dyn Tracer| tracer.rows(0..camera.height(), film.borrow_mut().as_mut());
+        // The first time shows whether it can be done at all.
+        let prepare = |engine: Engine, keep| {
+            let purpose = Purpose { precision: None, format: Some(*output), keep };
+            engine.prepare_for(purpose, scene, &camera)
+        };
+        let mut contestants: Vec<Work<'_>> = Vec::new();
+        for who in who {
+            match *who {
+                Who::Zeros => contestants.push(Box::new(|| clear(&mut film.borrow_mut()))),
+                Who::Engine(engine, keep) => {
+                    let tracer = prepare(engine, keep)?;
+                    if self.setup {
+                        drop(tracer);
+                        let again = move || prepare(engine, keep).expect("it could be done before");
+                        contestants.push(Box::new(move || trace(again().as_ref())));
+                        contestants.push(Box::new(move || drop(again())));
+                    } else {
+                        contestants.push(Box::new(move || trace(tracer.as_ref())));
+                    }
+                }
+            }
+        }
+        // What happens once, such as first calls, nobody pays for.
+        contestants.iter_mut().for_each(|contestant| contestant());
+        let Some(measured) = interleave(clock, &mut contestants, 0..runs, &mut || proceed(0)) else { return Ok(None) };
+        let mut measured = measured.into_iter();
+        let rows = who.iter().map(|who| {
+            let samples = measured.next().expect("each has runs").ticks;
+            let setup = (self.setup && *who != Who::Zeros).then(|| measured.next().expect("so has its set-up"));
+            Row {
+                axis: self.axis,
+                scene: self.name,
+                count: self.count,
+                width: camera.width(),
+                height: camera.height(),
+                engine: if let Who::Engine(engine, _) = who { engine.name() } else { ZEROS },
+                output: output.name(),
+                keep_all: matches!(who, Who::Engine(_, keep) if *keep != Keep::NOTHING),
+                setup_cycles: setup.map(|setup| median(&setup.ticks)),
+                cycles_median: median(&samples),
+                cycles_min: minimum(&samples),
+                samples,
+            }
+        });
+        Ok(Some(rows.collect()))
+    }
+}
+
+/// Measures picture by picture and gives each to `finished`; `proceed` hears of each, and where it says no that was all.
+/// Whether it has come to the end.
+pub fn run(
+    settings: &Settings,
+    clock: &mut dyn Clock,
+    proceed: &mut Progress<'_>,
+    finished: &mut dyn FnMut(Vec<Row>),
+) -> Result<bool, SpeedupError> {
+    let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, SpeedupError> {
+        let rows = picture.measure(who, settings.runs, clock, proceed)?;
+        let whole = rows.is_some();
+        finished(rows.unwrap_or_default());
+        Ok(whole && proceed(1))
+    };
+    let all = |engines: &[Engine]| engines.iter().map(|engine| Who::Engine(*engine, Keep::NOTHING)).collect::<Vec<_>>();
+    let mut scene = speedup::scene();
+    for output in OUTPUTS {
+        let mut who = all(&settings.engines);
+        who.push(Who::Zeros);
+        for (width, height) in settings.sizes() {
+            scene.camera = speedup::camera(&scene, width, height);
+            let count = scene.camera.pixels();
+            let picture = Picture { axis: Axis::Pixels, name: "sphere", count, scene: &scene, output, setup: false };
+            if !measure(&picture, &who, proceed)? {
+                return Ok(false);
+            }
+        }
+    }
+    let (width, height) = settings.size();
+    let camera = speedup::camera(&scene, width, height);
+    let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
+    for (name, make) in SCENES {
+        let mut before = 0;
+        for wanted in settings.objects() {
+            let scene = make(wanted, camera);
+            // A mesh has as many triangles as its shape admits.
+            let count = (scene.spheres.len() + scene.triangles.len()) as u64;
+            if std::mem::replace(&mut before, count) == count {
+                proceed(1);
+                continue;
+            }
+            let picture =
+                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgba8, setup: true };
+            let mut who = all(fastest);
+            if count <= MOST_BY_FORCE {
+                who.extend(fastest.iter().map(|engine| Who::Engine(*engine, Keep::all())));
+            }
+            if !measure(&picture, &who, proceed)? {
+                return Ok(false);
+            }
+        }
+    }
+    for count in LIGHTS {
+        let scene = lit(count, camera);
+        let picture = Picture {
+            axis: Axis::Lights,
+            name: "sphere",
+            count,
+            scene: &scene,
+            output: PixelFormat::Rgba8,
+            setup: true,
+        };
+        if !measure(&picture, &all(&settings.engines), proceed)? {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// The rows of each contestant along each axis, in ascending order of what is varied.
+pub fn lines(rows: &[Row]) -> Vec<Vec<&Row>> {
+    let mut lines: Vec<Vec<&Row>> = Vec::new();
+    for row in rows {
+        match lines.iter_mut().find(|line| line[0].is_of(row)) {
+            Some(line) => line.push(row),
+            None => lines.push(vec![row]),
+        }
+    }
+    lines
+}
+
+/// The line through the last three points of each contestant: what one more costs where there are many. Along the axis of
+/// lights, and by brute force, through all points.
+pub fn slopes(rows: &[Row]) -> Vec<Slope> {
+    const LAST: usize = 3;
+    let slope = |line: Vec<&Row>| {
+        let all = line[0].axis == Axis::Lights || line[0].keep_all;
+        let last = if all { &line[..] } else { &line[line.len().saturating_sub(LAST)..] };
+        let (first, end) = (last.first()?, last.last()?);
+        if first.count == end.count {
+            return None;
+        }
+        let points: Vec<_> = last.iter().map(|row| (row.count as f64, row.cycles_min)).collect();
+        let Row { axis, scene, engine, output, keep_all, .. } = **first;
+        let (from, to) = (first.count, end.count);
+        Some(Slope { axis, scene, engine, output, keep_all, from, to, line: fit_line(&points) })
+    };
+    lines(rows).into_iter().filter_map(slope).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(axis: Axis, count: u64, cycles: f64, keep_all: bool) -> Row {
+        Row {
+            axis,
+            scene: "mesh",
+            count,
+            width: 10,
+            height: 10,
+            engine: "avx2",
+            output: "rgba8",
+            keep_all,
+            setup_cycles: None,
+            cycles_median: cycles + 5.0,
+            cycles_min: cycles,
+            samples: vec![cycles],
+        }
+    }
+
+    #[test]
+    fn a_slope_is_that_of_the_last_three_points_and_by_brute_force_of_all() {
+        let points = [(1, 50.0), (10, 1000.0), (100, 1300.0), (1000, 4300.0), (10_000, 34_300.0)];
+        let of = |axis, keep_all| {
+            let rows: Vec<_> = points.iter().map(|(count, cycles)| row(axis, *count, *cycles, keep_all)).collect();
+            let slopes = slopes(&rows);
+            assert_eq!(slopes.len(), 1);
+            slopes[0].clone()
+        };
+        let last = of(Axis::Objects, false);
+        assert_eq!((last.from, last.to), (100, 10_000));
+        assert!((last.line.slope - 10.0 / 3.0).abs() < 1e-9 && last.line.residual < 1e-9, "{:?}", last.line);
+        for all in [of(Axis::Objects, true), of(Axis::Lights, false)] {
+            assert_eq!((all.from, all.to), (1, 10_000));
+        }
+    }
+
+    #[test]
+    fn contestants_are_told_apart_and_one_point_has_no_slope() {
+        let rows = [
+            row(Axis::Objects, 1, 10.0, false),
+            row(Axis::Objects, 1, 20.0, true),
+            row(Axis::Objects, 2, 30.0, true),
+            row(Axis::Lights, 1, 10.0, false),
+        ];
+        assert_eq!(lines(&rows).iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 1]);
+        let slopes = slopes(&rows);
+        assert_eq!(slopes.len(), 1);
+        assert!(slopes[0].keep_all && slopes[0].line.slope == 10.0);
+    }
+}

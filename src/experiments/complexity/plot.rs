@@ -1,0 +1,78 @@
+//! The figure: cycles by the pixel against pixels, objects and lights, a panel each, on logarithmic axes.
+
+use plotters::prelude::*;
+
+use super::{Row, ZEROS, lines};
+use crate::experiments::claims::Axis;
+use crate::experiments::svg::{Area, FONT, PlotError, draw, legend};
+
+const PANEL: (i32, i32) = (460, 420);
+
+/// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+];
+
+/// Draws the panels side by side.
+pub fn figure(rows: &[Row]) -> Result<String, PlotError> {
+    let axes = [Axis::Pixels, Axis::Objects, Axis::Lights];
+    draw(PANEL.0 * axes.len() as i32, PANEL.1, |area| {
+        for (cell, axis) in area.split_evenly((1, axes.len())).iter().zip(axes) {
+            let of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
+            if !of_axis.is_empty() {
+                panel(cell, axis.name(), &of_axis)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotError> {
+    let point = |row: &&Row| (row.count as f64, row.cycles_per_pixel());
+    let points = || lines.iter().flatten().map(point);
+    let ends = |of: fn((f64, f64)) -> f64| {
+        let values = || points().map(of);
+        (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max))
+    };
+    let ((left, right), (low, high)) = (ends(|p| p.0), ends(|p| p.1));
+    let mut chart = ChartBuilder::on(area)
+        .caption(format!("Cycles by the pixel against {name}"), (FONT, 16))
+        .margin(8)
+        .x_label_area_size(36)
+        .y_label_area_size(52)
+        // Above the lines there is room for their list.
+        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..8.0 * high).log_scale())
+        .map_err(PlotError::new)?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.1))
+        .x_desc(name)
+        .y_desc("TSC cycles by the pixel")
+        .x_label_formatter(&|x| format!("{x:e}"))
+        .label_style((FONT, 12))
+        .axis_desc_style((FONT, 13))
+        .draw()
+        .map_err(PlotError::new)?;
+    for (line, colour) in lines.iter().zip(COLOURS.into_iter().cycle()) {
+        let Row { scene, engine, output, keep_all, .. } = *line[0];
+        let label = match line[0].axis {
+            Axis::Objects => format!("{scene}{}", if keep_all { ", by brute force" } else { "" }),
+            Axis::Pixels => format!("{engine}, {output}"),
+            Axis::Lights => engine.to_owned(),
+        };
+        let width = if engine == ZEROS || keep_all { 1 } else { 2 };
+        chart
+            .draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)).point_size(3))
+            .map_err(PlotError::new)?
+            .label(label)
+            .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
+    }
+    legend(&mut chart, SeriesLabelPosition::UpperLeft)
+}

@@ -1,0 +1,225 @@
+//! What tiles keep and leave out, counted: the lines of `rayo plan` for scenes of many objects.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::light::is_dark;
+use super::omission::{Omission, Switch};
+use super::report::{ByTiles, Kept, LeftOut, Report};
+use super::tiles::{FEWEST_OBJECTS, Tiles, covered};
+use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
+use crate::reference::geometry;
+use crate::scene::{Grid, Sphere, Triangle};
+
+/// What is known of a picture once the nearest of each tile has been found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TileSurvey {
+    /// Tiles that no object may be in.
+    pub empty: u64,
+    /// Objects of tiles, each in as many as its bounds meet.
+    pub placed: u64,
+    /// Triangles of tiles that need no set-up, since what is nearer hides all of them.
+    pub occluded: u64,
+    /// Objects of tiles that are tested and nearest nowhere.
+    pub unseen: u64,
+}
+
+impl TileSurvey {
+    /// Of two parts of the picture together.
+    pub fn and(self, other: Self) -> Self {
+        TileSurvey {
+            empty: self.empty + other.empty,
+            placed: self.placed + other.placed,
+            occluded: self.occluded + other.occluded,
+            unseen: self.unseen + other.unseen,
+        }
+    }
+}
+
+/// The pyramid of all rays, to say why an object without a pixel has none.
+#[derive(Clone, Copy, Debug)]
+pub struct Frustum {
+    /// Unit normals, outwards, of the planes through the camera and the picture's four sides.
+    sides: [DVec3; 4],
+}
+
+impl Frustum {
+    pub fn new(&Grid { half_width, half_height, focal, .. }: &Grid<f64>) -> Self {
+        let sides = [
+            DVec3::new(focal, 0.0, -half_width),
+            DVec3::new(-focal, 0.0, -half_width),
+            DVec3::new(0.0, focal, -half_height),
+            DVec3::new(0.0, -focal, -half_height),
+        ];
+        Frustum { sides: sides.map(DVec3::normalize) }
+    }
+
+    /// Why no ray passes within the bounds of a sphere.
+    pub fn unseen_sphere(&self, sphere: &Sphere) -> Omission {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        if centre.z <= -radius {
+            Omission::Behind
+        } else if self.sides.iter().any(|side| side.dot(centre) >= radius) {
+            Omission::Outside
+        } else {
+            Omission::Between
+        }
+    }
+
+    /// Why no ray passes within the bounds of a triangle.
+    pub fn unseen_triangle(&self, triangle: &Triangle) -> Omission {
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        if corners.iter().all(|v| v.z <= 0.0) {
+            Omission::Behind
+        } else if self.sides.iter().any(|side| corners.iter().all(|v| side.dot(*v) >= 0.0)) {
+            Omission::Outside
+        } else if geometry::has_no_area(corners) {
+            Omission::NoArea
+        } else {
+            Omission::Between
+        }
+    }
+}
+
+/// Why a triangle that has pixels in its bounds is never hit, if it is not.
+fn never_hit(triangle: &Triangle) -> Option<Omission> {
+    let corners = triangle.vertices.map(|v| v.as_dvec3());
+    match geometry::triangle_volume(corners) {
+        Some(_) => None,
+        None if geometry::has_no_area(corners) => Some(Omission::NoArea),
+        None => Some(Omission::EdgeOn),
+    }
+}
+
+/// The objects of a kind, by why they are left out; and of those that are kept, their number and the pixels within their
+/// bounds.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    left_out: [u64; Omission::ALL.len()],
+    kept: u64,
+    covered: u64,
+}
+
+impl Counts {
+    fn one(mut self, left_out: Option<Omission>, covered: u64) -> Self {
+        match left_out {
+            Some(omission) => self.left_out[omission as usize] += 1,
+            None => {
+                self.kept += 1;
+                self.covered += covered;
+            }
+        }
+        self
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.left_out.iter_mut().zip(other.left_out).for_each(|(sum, more)| *sum += more);
+        Counts { kept: self.kept + other.kept, covered: self.covered + other.covered, ..self }
+    }
+
+    /// Of all `objects`: `unseen` says why one without pixels is left out, `why` whether one with some is.
+    fn of<T: Sync>(
+        objects: &[T],
+        bounds: &PixelBounds,
+        unseen: impl Fn(&T) -> Omission + Sync,
+        why: impl Fn(&T) -> Option<Omission> + Sync,
+    ) -> Self {
+        let objects = objects.par_iter().zip(&bounds.columns).zip(&bounds.rows);
+        let add = |sum: Counts, ((object, columns), rows): ((&T, &u32), &u32)| match covered(*columns, *rows) {
+            0 => sum.one(Some(unseen(object)), 0),
+            covered => sum.one(why(object), covered),
+        };
+        objects.fold(Counts::default, add).reduce(Counts::default, Counts::and)
+    }
+}
+
+impl Report {
+    /// Of a scene that goes by `tiles`; `survey` is of the whole picture, and `bytes` says whether the engine writes 8 bits.
+    pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
+        let (scene, frustum) = (tiles.scene(), tiles.frustum());
+        let spheres =
+            Counts::of(&scene.spheres, tiles.sphere_bounds(), |sphere| frustum.unseen_sphere(sphere), |_| None);
+        let triangles = Counts::of(
+            &scene.triangles,
+            tiles.triangle_bounds(),
+            |triangle| frustum.unseen_triangle(triangle),
+            never_hit,
+        );
+        let both = spheres.and(triangles);
+        let dark = scene.lights.iter().filter(|light| is_dark(light)).count();
+        let [across, down] = tiles.tiles();
+        let (count, pixels) = (u64::from(across) * u64::from(down), tiles.pixels());
+        let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
+        let counted = |omission: Omission| match omission {
+            Omission::Behind | Omission::Outside | Omission::NoArea | Omission::EdgeOn | Omission::Between => {
+                both.left_out[omission as usize]
+            }
+            Omission::DarkLights => dark as u64,
+            Omission::SphereCode => (spheres.kept == 0).into(),
+            Omission::TriangleCode => (triangles.kept == 0).into(),
+            Omission::EmptyTiles => survey.empty,
+            Omission::OtherTiles => objects * count - survey.placed,
+            Omission::Occluded => survey.occluded,
+            Omission::Misses => both.kept * pixels - both.covered,
+            Omission::Unseen => survey.unseen,
+            Omission::Constants => both.kept,
+            Omission::Loop if bytes => tiles.in_short_form() as u64,
+            Omission::FloatImage if bytes => pixels,
+            _ => 0,
+        };
+        let line = |omission: Omission| {
+            let line = LeftOut::none(omission).by_tiles();
+            let kept = tiles.keep().has(omission) && line.switch != Switch::None;
+            LeftOut { count: if kept { 0 } else { counted(omission) }, ..line }
+        };
+        let kept = Kept {
+            spheres: spheres.kept as usize,
+            triangles: triangles.kept as usize,
+            lights: scene.lights.len() - dark,
+        };
+        let by_tiles = ByTiles {
+            objects,
+            fewest_objects: FEWEST_OBJECTS as u64,
+            width: TILE_WIDTH as u32,
+            height: TILE_HEIGHT as u32,
+            across,
+            down,
+            placed: survey.placed,
+        };
+        let left_out = Omission::ALL.into_iter().map(line).filter(|line| line.count > 0).collect();
+        Report { kept, left_out, tiles: Some(by_tiles) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Camera;
+    use glam::{Vec3, vec3};
+
+    #[test]
+    fn what_has_no_pixel_is_behind_outside_of_no_area_or_between() {
+        let frustum = Frustum::new(&Camera::new(160, 120, 1.0, 1.0).unwrap().grid());
+        let sphere = |centre: Vec3| frustum.unseen_sphere(&Sphere { radius: 1.0, colour: Vec3::ONE, centre });
+        for (centre, why) in [
+            (vec3(0.0, 0.0, -1.0), Omission::Behind),
+            (vec3(-90.0, 0.0, 20.0), Omission::Outside),
+            (vec3(90.0, 0.0, 20.0), Omission::Outside),
+            (vec3(0.0, -90.0, 20.0), Omission::Outside),
+            (vec3(0.0, 90.0, 20.0), Omission::Outside),
+            (vec3(3.0, 3.0, 1e9), Omission::Between),
+        ] {
+            assert_eq!(sphere(centre), why, "{centre}");
+        }
+        let triangle = |vertices: [Vec3; 3]| frustum.unseen_triangle(&Triangle { colour: Vec3::ONE, vertices });
+        let [a, b, c] = [vec3(1e-3, 0.0, 20.0), vec3(2e-3, 0.0, 20.0), vec3(1e-3, 1e-3, 20.0)];
+        for (vertices, why) in [
+            ([a, b, c].map(|v| -v), Omission::Behind),
+            ([a, b, c].map(|v| v + 90.0 * Vec3::Y), Omission::Outside),
+            ([a, b, b], Omission::NoArea),
+            ([a, b, c], Omission::Between),
+        ] {
+            assert_eq!(triangle(vertices), why, "{vertices:?}");
+        }
+    }
+}
