@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::TileTracer;
 use crate::kernels::{Element, Vec4};
+use crate::plan::Keep;
 use crate::reference::geometry;
 use crate::render::{FilmMut, Found, Tracer};
 use crate::scene::{Light, Object, Scene, Sphere, Triangle};
@@ -42,7 +43,7 @@ impl<E: Element> TileTracer<'_, E> {
             spheres: self.scene.spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
             triangles: self.scene.triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
         };
-        let tracer = TileTracer::new(self.packets, self.kernels, false, &scene, &self.camera, false);
+        let tracer = TileTracer::new(self.packets, self.kernels, false, &scene, &self.camera, Keep::NOTHING);
         let mut out = vec![Vec4::default(); rows.len() * self.camera.width() as usize];
         tracer.rows(rows, FilmMut::F32x4(&mut out));
         out
