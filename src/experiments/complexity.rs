@@ -98,7 +98,7 @@ impl Settings {
 }
 
 /// What pixels are written as along the axis of pixels.
-const OUTPUTS: [PixelFormat; 2] = [PixelFormat::Rgba8, PixelFormat::F32x4];
+const OUTPUTS: [PixelFormat; 4] = PixelFormat::ALL;
 
 /// What is along the axis of objects: a name, and the scene of so many.
 type Make = fn(u64, Camera) -> Scene;

@@ -2,9 +2,10 @@
 
 use std::collections::TryReserveError;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
+use crossbeam_deque::{Injector, Steal};
 
 use super::film::with_pixels;
 use super::{Film, FilmMut, ImageError, ImageWriter, Pixel, PixelFormat, Tracer};
@@ -64,17 +65,17 @@ pub enum RenderError {
 pub struct Frame<'a> {
     tracer: &'a dyn Tracer,
     camera: Camera,
-    /// None: this thread alone.
-    pool: Option<rayon::ThreadPool>,
+    /// The threads beside this one, if any.
+    others: Option<rayon::ThreadPool>,
 }
 
 impl<'a> Frame<'a> {
     /// Starts the threads.
     pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
         let threads = settings.threads.max(1);
-        let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
-        let pool = pool.transpose().map_err(|source| RenderError::Threads { threads, source })?;
-        Ok(Frame { tracer, camera, pool })
+        let others = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads - 1).build());
+        let others = others.transpose().map_err(|source| RenderError::Threads { threads, source })?;
+        Ok(Frame { tracer, camera, others })
     }
 
     /// A film for `rows` rows, in memory that has been touched.
@@ -95,11 +96,33 @@ impl<'a> Frame<'a> {
     /// At how many pixels of the picture the engine finds something.
     pub fn count_hits(&self) -> u64 {
         let (height, rows) = (self.camera.height(), self.task_rows() as u32);
-        let count = |start: u32| self.tracer.count_hits(start..height.min(start + rows));
-        match &self.pool {
-            None => (0..height).step_by(rows as usize).map(count).sum(),
-            Some(pool) => pool.install(|| (0..height).into_par_iter().step_by(rows as usize).map(count).sum()),
-        }
+        let hits = AtomicU64::new(0);
+        self.share((0..height).step_by(rows as usize), |start| {
+            let hits_in_task = self.tracer.count_hits(start..height.min(start + rows));
+            hits.fetch_add(hits_in_task, Ordering::Relaxed);
+        });
+        hits.into_inner()
+    }
+
+    /// Has all threads take tasks until none is left. This one takes part: it need not wait until another is awake, which can
+    /// take longer than a small picture.
+    fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
+        let Some(others) = &self.others else { return tasks.for_each(work) };
+        let queue = Injector::new();
+        tasks.for_each(|task| queue.push(task));
+        let take_all = || {
+            loop {
+                match queue.steal() {
+                    Steal::Success(task) => work(task),
+                    Steal::Retry => {}
+                    Steal::Empty => break,
+                }
+            }
+        };
+        others.in_place_scope(|scope| {
+            (0..others.current_num_threads()).for_each(|_| scope.spawn(|_| take_all()));
+            take_all();
+        });
     }
 
     /// The rows that a thread takes at a time.
@@ -112,16 +135,12 @@ impl<'a> Frame<'a> {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
-        let task = |(index, part): (usize, &mut [P])| {
+        self.share(film.chunks_mut(task_rows * width).enumerate(), |(index, part): (usize, &mut [P])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
             self.tracer.rows(start..start + count, P::film(part));
             done(count);
-        };
-        match &self.pool {
-            None => film.chunks_mut(task_rows * width).enumerate().for_each(task),
-            Some(pool) => pool.install(|| film.par_chunks_mut(task_rows * width).enumerate().for_each(task)),
-        }
+        });
     }
 }
 
