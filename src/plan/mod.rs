@@ -15,4 +15,4 @@ pub use packed::Packed;
 pub use report::{Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 #[cfg(rayo_asm)]
-pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};
+pub use tiles::{TilePlace, Tiles, Weighted, is_moderate, objects_are_many, tiles_pay};

@@ -13,9 +13,9 @@ use super::rust::RustTracer;
 use super::tiles::TileTracer;
 use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Isa, PacketKernels};
+use crate::kernels::{self, Element, Isa, PacketKernels};
 #[cfg(rayo_asm)]
-use crate::plan;
+use crate::plan::{self, Tiles};
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, InvalidScene, Scene};
 
@@ -46,6 +46,8 @@ pub struct Purpose {
     pub format: Option<PixelFormat>,
     /// What is not to be left out.
     pub keep: Keep,
+    /// Threads that get it ready; 0 is 1. The pictures do not depend on it.
+    pub threads: usize,
 }
 
 /// In what numbers an engine computes.
@@ -189,6 +191,21 @@ impl Engine {
     ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
         // Asked for in vain it is an error, whatever the engine.
         self.precision_for(purpose)?;
+        #[cfg(rayo_asm)]
+        if let (Engine::Packet(isa), true) = (self, plan::objects_are_many(scene, camera)) {
+            let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
+            let (precision, keep_all) = (self.precision_for(purpose)?, purpose.keep.has(Omission::Misses));
+            scene.check_but_triangles()?;
+            // Set-up reads every triangle, and so sees for nothing whether they have numbers that tiles can take.
+            let (tracer, plain) = tiles(kernels, precision, scene, camera, keep_all, purpose.threads);
+            if plain {
+                return Ok(tracer);
+            }
+            scene.check()?;
+            if plan::is_moderate(scene) {
+                return Ok(tracer);
+            }
+        }
         scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
@@ -205,10 +222,6 @@ impl Engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 let (precision, Purpose { format, keep, .. }) = (self.precision_for(purpose)?, purpose);
-                if plan::tiles_pay(scene, camera) {
-                    let keep_all = keep.has(Omission::Misses);
-                    return Ok(tiles(kernels, precision, scene, camera, keep_all));
-                }
                 match precision {
                     Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
                     Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
@@ -219,7 +232,8 @@ impl Engine {
     }
 
     /// Gets a packet engine ready to trace tile by tile, however few objects there are; with `keep_all` by brute force:
-    /// every object is asked at every pixel, by the same arithmetic. None for the other engines, which have no tiles.
+    /// every object is asked at every pixel, by the same arithmetic. `threads` as in [`Purpose`]. None for the other
+    /// engines, which have no tiles.
     #[cfg(rayo_asm)]
     pub fn prepare_tiles<'a>(
         self,
@@ -227,12 +241,14 @@ impl Engine {
         scene: &'a Scene,
         camera: &Camera,
         keep_all: bool,
+        threads: usize,
     ) -> Option<Box<dyn Tracer + 'a>> {
         let Engine::Packet(isa) = self else { return None };
-        Some(tiles(kernels::packets(isa)?, precision, scene, camera, keep_all))
+        Some(tiles(kernels::packets(isa)?, precision, scene, camera, keep_all, threads).0)
     }
 }
 
+/// A tracer of tiles, and whether its plan is [plain](plan::Tiles::is_plain).
 #[cfg(rayo_asm)]
 fn tiles<'a>(
     kernels: &'static PacketKernels,
@@ -240,11 +256,22 @@ fn tiles<'a>(
     scene: &'a Scene,
     camera: &Camera,
     keep_all: bool,
-) -> Box<dyn Tracer + 'a> {
+    threads: usize,
+) -> (Box<dyn Tracer + 'a>, bool) {
+    fn boxed<'a, E: Element>(tracer: TileTracer<'a, E>) -> (Box<dyn Tracer + 'a>, bool) {
+        let plain = tracer.is_plain();
+        (Box::new(tracer), plain)
+    }
+    let bounds = &kernels.bounds;
     match precision {
-        Precision::Single => Box::new(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep_all)),
-        Precision::Fast => Box::new(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep_all)),
-        Precision::Double => Box::new(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep_all)),
+        Precision::Double => {
+            let plan = Tiles::new(scene, camera, bounds, keep_all, threads);
+            boxed(TileTracer::new(kernels, &kernels.double, false, plan))
+        }
+        _ => {
+            let plan = Tiles::new(scene, camera, bounds, keep_all, threads);
+            boxed(TileTracer::new(kernels, &kernels.single, precision == Precision::Fast, plan))
+        }
     }
 }
 
