@@ -12,10 +12,11 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
-    BROKEN, Bodies, Depth, Element, Emit, F32x3, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow,
-    LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup,
-    Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow,
-    Triangle, Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
+    BROKEN, Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InsideSpan,
+    LIT_ROWS, Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain,
+    Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface,
+    TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, broken_read, broken_write, hits_of_c,
+    hits_of_paper,
 };
 use rayo::plan::{TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -698,24 +699,22 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, false);
+        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, false, 1);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
+        let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];
+        let view_of_all = bounds_view(64, 32);
+        packets.bounds.call(&view_of_all, plan.facets(), 0, true, &mut seen).unwrap();
         let order: Vec<_> = std::iter::repeat_n(0, 1 + count).chain(1..=count as u32).collect();
         let grid = plan.grid();
         for side in SIDES {
             // What is read lies between guard pages; the plan's copies are the scene's own.
             let facets = Guarded::new(plan.facets(), side).unwrap();
             let ids = Guarded::new(&ids, side).unwrap();
+            let seen = Guarded::new(&seen[..count], side).unwrap();
             let lights = Guarded::new(&plan.levels().lights, side).unwrap();
             let order = Guarded::new(&order, side).unwrap();
-            let triangles = Triangles {
-                facets: &facets,
-                bounds: plan.triangle_bounds(),
-                lights: &lights,
-                ids: &ids,
-                first_id: 1 + count,
-            };
+            let triangles = Triangles { facets: &facets, lights: &lights, seen: &seen, first_id: 1 + count };
             let spheres = Spheres { spheres: plan.spheres(), bounds: plan.sphere_bounds(), ids: &ids, first_id: 1 };
             for window in [(64, 0..32), (1, 0..1), (37, 3..5), (64, 31..32), (63, 1..30)] {
                 let window = TileWindow { column: 0, row: 0, columns: window.0, rows: window.1 };
@@ -775,46 +774,78 @@ fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alon
     }
 }
 
-fn check_bounds(kernels: &PacketKernels, seed: u64) {
-    let view = rayo::kernels::BoundsView {
-        to_pixels: 80.0,
-        column: 31.5,
-        row: 15.5,
+/// How bounds are found in a picture of this size.
+fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
+    let (width, height) = (width as f32, height as f32);
+    BoundsView {
+        to_pixels: 1.25 * width,
+        column: 0.5 * width - 0.5,
+        row: 0.5 * height - 0.5,
         low: 0.99,
         high: 1.01,
-        width: 64.0,
-        height: 32.0,
+        width,
+        height,
         near: 1.0,
-        all_columns: f32::from_bits(64 << 16),
-        all_rows: f32::from_bits(32 << 16),
-    };
+        all_columns: f32::from_bits((width as u32) << 16),
+        all_rows: f32::from_bits((height as u32) << 16),
+        reach: 1.96,
+        outside: -0.13,
+    }
+}
+
+fn check_bounds(kernels: &PacketKernels, seed: u64) {
+    let view = bounds_view(64, 32);
     for count in [1, 2, 3, 5, 63, 64, 65, 200] {
         let scene = scene::many(0, count, seed);
-        for side in SIDES {
+        for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             let facets = Guarded::new(&scene.triangles, side).unwrap();
-            let room = count.next_multiple_of(rayo::kernels::CHUNK);
-            let bounds =
-                || rayo::kernels::PixelBounds { columns: vec![7; room], rows: vec![7; room], near: vec![7.0; room] };
-            let (mut checked, mut unchecked) = (bounds(), bounds());
+            let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
+            let (mut checked, mut unchecked) = (seen(), seen());
             let what = format!("{} of {count}", kernels.bounds.symbol());
-            let alive = survives(|| kernels.bounds.call(&view, &facets, &mut bounds())).unwrap();
+            let mut room = Guarded::new(&seen(), side).unwrap();
+            let alive = survives(|| _ = kernels.bounds.call(&view, &facets, 5, keep_all, &mut room)).unwrap();
             assert!(alive, "{what}: the guard page {side:?} is touched");
-            assert_eq!(kernels.bounds.call_checked(&view, &facets, &mut checked), Ok(()), "{what}");
-            kernels.bounds.call(&view, &facets, &mut unchecked);
-            assert_eq!(checked.columns[..count], unchecked.columns[..count], "{what}");
-            assert_eq!(checked.rows[..count], unchecked.rows[..count], "{what}");
-            // Every corner's own pixel is within the bounds.
-            for (facet, (columns, rows)) in facets.iter().zip(checked.columns.iter().zip(&checked.rows)) {
-                for v in facet.vertices {
-                    let (x, y) = (31.5 + 80.0 * v.x / v.z, 15.5 - 80.0 * v.y / v.z);
+            assert_eq!(kernels.bounds.call_checked(&view, &facets, 5, keep_all, &mut checked), Ok(()), "{what}");
+            let (found, extremes) = kernels.bounds.call(&view, &facets, 5, keep_all, &mut unchecked).unwrap();
+            assert_eq!(checked[..found], unchecked[..found], "{what}");
+            let sizes = facets.iter().map(|facet| facet.vertices.map(|v| v.abs().max_element()));
+            let sizes: Vec<_> = sizes.map(|[a, b, c]| a.max(b).max(c)).collect();
+            let brightest = facets.iter().map(|facet| facet.colour.max_element()).fold(0.0, f32::max);
+            let (most, least) =
+                (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
+            assert_eq!(extremes, Extremes { most, least, brightest }, "{what}");
+            // Every corner's own pixel is within the bounds, and what is not seen has no pixel.
+            let mut of = checked[..found].iter().peekable();
+            for (id, facet) in (5..).zip(facets.iter()) {
+                let corners = facet.vertices.map(|v| (31.5 + 80.0 * v.x / v.z, 15.5 - 80.0 * v.y / v.z));
+                let Some(seen) = of.next_if(|seen| seen.id == id) else {
+                    assert!(!keep_all && !holds_a_pixel(corners), "{what}: {id} is left out");
+                    continue;
+                };
+                for (x, y) in corners {
                     let within = |at: f32, bounds: u32, side: f32| {
                         at < 0.0
                             || at > side
                             || (bounds & 0xffff) as f32 <= at.ceil() && at.floor() < (bounds >> 16) as f32
                     };
-                    assert!(within(x, *columns, 63.0) && within(y, *rows, 31.0), "{what}: {x} {y}");
+                    let seen_nowhere = (seen.columns & 0xffff) >= (seen.columns >> 16);
+                    let inside = within(x, seen.columns, 63.0) && within(y, seen.rows, 31.0);
+                    assert!(inside || keep_all && seen_nowhere, "{what}: {x} {y}");
                 }
             }
+            assert_eq!(of.next(), None, "{what}");
         }
     }
+}
+
+/// Whether the centre of a pixel of 64 x 32 is within a triangle.
+fn holds_a_pixel(corners: [(f32, f32); 3]) -> bool {
+    let [a, b, c] = corners;
+    let side =
+        |(ax, ay): (f32, f32), (bx, by): (f32, f32), (x, y): (f32, f32)| (ax - x) * (by - y) - (ay - y) * (bx - x);
+    let pixels = (0..32).flat_map(|row| (0..64).map(move |column| (column as f32, row as f32)));
+    pixels.into_iter().any(|p| {
+        let edges = [side(a, b, p), side(b, c, p), side(c, a, p)];
+        edges.iter().all(|edge| *edge > 1e-3) || edges.iter().all(|edge| *edge < -1e-3)
+    })
 }

@@ -21,7 +21,7 @@ fn packets() -> Vec<Contender> {
 
 /// The bytes of a picture.
 fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {
-    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep };
+    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, threads: 1 };
     let tracer = contender.engine.prepare_for(purpose, scene, &scene.camera).unwrap();
     match film(tracer.as_ref(), scene.camera, 1, format) {
         Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),

@@ -17,7 +17,7 @@ fn packets() -> Vec<Contender> {
 }
 
 fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
-    let tracer = contender.engine.prepare_tiles(contender.precision, scene, &scene.camera, keep_all);
+    let tracer = contender.engine.prepare_tiles(contender.precision, scene, &scene.camera, keep_all, 1);
     tracer.expect("a packet engine that runs here")
 }
 
@@ -166,6 +166,48 @@ fn threads_and_splits_give_the_same_bytes() {
 }
 
 #[test]
+fn planning_on_several_threads_gives_the_same_bytes() {
+    let mut scene = Scene { camera: camera(301, 131), ..many(10, 50_000, 9) };
+    scene.triangles.extend(scattered(0, 20_000, 9, scene.camera).triangles);
+    for contender in packets() {
+        let picture = |threads: usize| {
+            let tracer =
+                contender.engine.prepare_tiles(contender.precision, &scene, &scene.camera, false, threads).unwrap();
+            bits(film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4))
+        };
+        let alone = picture(1);
+        for threads in [0, 2, 3] {
+            assert!(picture(threads) == alone, "{contender}, {threads} threads");
+        }
+    }
+}
+
+/// Triangles of about a pixel, of which many have none, at all depths, so that they hide one another: in one mesh whose
+/// neighbours share their corners.
+fn fine(triangles: u64, camera: Camera) -> Scene {
+    let mesh = scene::mesh::shapes::icosphere(triangles, 0.3, 5);
+    let mut scene = Scene { camera, ..many(0, 0, 5) };
+    for corners in &mesh.triangles {
+        let vertices = mesh.corners(*corners).map(|v| v + glam::Vec3::new(0.1, 0.05, 3.6));
+        scene.triangles.push(Triangle { colour: [1.0, 0.5, 0.25].into(), vertices });
+    }
+    scene
+}
+
+#[test]
+fn fine_meshes_are_seen_as_by_brute_force() {
+    let scene = fine(9000, camera(97, 73));
+    for contender in packets() {
+        for format in FORMATS {
+            let (planned, brute) =
+                (picture(&contender, &scene, false, format), picture(&contender, &scene, true, format));
+            let differing = planned.iter().zip(&brute).filter(|(a, b)| a != b).count();
+            assert_eq!(differing, 0, "{contender}, {format:?}");
+        }
+    }
+}
+
+#[test]
 fn avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
     for precision in ["single", "double"] {
         let fused: Vec<_> =
@@ -205,6 +247,44 @@ fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
             }
         }
     }
+}
+
+/// Spheres of which each is as far as `radii` of its own, seen through a long lens, with a light among them: the terms of
+/// the short form are about three times as large as what they leave, times `radii`.
+fn far_spheres(radii: f32) -> Scene {
+    let camera = Camera::new(301, 226, radii / 18.0, 1.0).unwrap();
+    let mut scene = Scene { camera, ..many(0, 0, 1) };
+    scene.lights.truncate(1);
+    scene.lights[0].position = glam::Vec3::new(0.7, -0.4, radii - 5.0);
+    scene.lights[0].intensity = 1.0;
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row as f32, column as f32))) {
+        let centre = glam::Vec3::new(2.3 * column - 5.75, 2.3 * row - 5.75, radii);
+        scene.spheres.push(Sphere { radius: 1.0, colour: [1.0, 0.75, 0.5].into(), centre });
+    }
+    scene
+}
+
+#[test]
+fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
+    let mut short = Vec::new();
+    for radii in [50.0, 150.0, 250.0, 290.0, 330.0, 500.0, 1000.0] {
+        let scene = far_spheres(radii);
+        let truth = Truth::new(&scene);
+        for contender in packets() {
+            let Film::Rgba8(film) =
+                film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8)
+            else {
+                unreachable!()
+            };
+            let bytes: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+            truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
+            let kernels = rayo::kernels::packets(rayo::kernels::Isa::Sse41).unwrap();
+            let plan = rayo::plan::Tiles::<f32>::new(&scene, &scene.camera, &kernels.bounds, false, 1);
+            short.push((radii, plan.spheres().iter().filter(|sphere| sphere.short > 0.0).count()));
+        }
+    }
+    // The limit lies among them.
+    assert!(short.iter().any(|(_, count)| (1..36).contains(count)), "{short:?}");
 }
 
 /// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.

@@ -3,20 +3,24 @@
 ; unsafe extern "sysv64" fn(view: *const BoundsView, task: *const BoundsTask)
 ;
 ;   A ray passes between the edges of a triangle in front of the camera only if its pixel lies between the projected
-;   vertices. These are found in f32, and the bounds opened by a margin above its rounding: a triangle of a fine mesh
-;   that holds no pixel's centre is mostly found out here, and costs nothing from then on. One that reaches behind the
-;   camera's plane gets the whole picture, and one all behind it nothing.
+;   vertices. These are found in f32, and the bounds opened by a margin above its rounding. One that reaches behind the
+;   camera's plane gets the whole picture, and one all behind it nothing. A triangle of a fine mesh that has no pixel's
+;   centre is found out here, and costs nothing from then on: if its bounds are small, its edges are tried at the four
+;   pixels that they can hold, and if one edge or another has each of them outside by more than the rounding, they are
+;   made empty.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
-;               r9 columns, r10 rows, rax near, r11 those of the chunk
-;   writes      columns and rows of count triangles, up to a multiple of CHUNK: the first, and past the last << 16; and
-;               what their 1/t cannot exceed
+;               r9 the next id, r10 seen, r11 packets to go, r15 the last facet
+;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits
+;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
+;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
+;               all triangles together, for who judges the scene's numbers, those in BoundsFound
 ;   requires    the CPUID features of the ISA; facets, count >= 1 of them
 
-; FIRST_AND_PAST - w<f> = the first pixel and the one past the last << 16, of coordinates from v<f> to v<p>.
+; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
 %macro FIRST_AND_PAST 3
 %define %%f %1          ; [in/out]   number of a register
-%define %%p %2          ; [clobbered] number of a register
+%define %%p %2          ; [in/out]   number of a register
 %define %%side %3       ; [in]       field: how many pixels there are
     VADD    v%[%%f], v%[%%f], K(BoundsView.low)
     VADD    v%[%%p], v%[%%p], K(BoundsView.high)
@@ -27,10 +31,9 @@
     LEVELS  %%f
     LEVELS  %%p
     IOP     pslld, w%[%%p], w%[%%p], 16
-    IOR     w%[%%f], w%[%%f], w%[%%p]
 %endmacro
 
-; PROJECT - d = x / z to_pixels, widened to the least and the greatest of three vertices.
+; PROJECT - d = x / z to_pixels, which takes the place of x, widened to the least and the greatest of three vertices.
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
 %define %%high %2       ; [out]      vreg
@@ -38,54 +41,147 @@
 %define %%t %4          ; [clobbered] vreg
     VMUL    %%low, v0, [r8 + Corners.a %+ %%axis]
     VMUL    %%high, v1, [r8 + Corners.b %+ %%axis]
+    VMOV_TO [r8 + Corners.a %+ %%axis], %%low
+    VMOV_TO [r8 + Corners.b %+ %%axis], %%high
     VMOV    %%t, %%low
     VMIN    %%low, %%low, %%high
     VMAX    %%high, %%high, %%t
     VMUL    %%t, v2, [r8 + Corners.c %+ %%axis]
+    VMOV_TO [r8 + Corners.c %+ %%axis], %%t
     VMIN    %%low, %%low, %%t
     VMAX    %%high, %%high, %%t
 %endmacro
 
-; FACET_AT - r = the address of the facet number i from rdx on, or of the first one where only r11 are left.
+; FACET_AT - r = the address of the facet number i from rdx on, or of the last one where there are not so many.
 %macro FACET_AT 2
-%define %%i %1          ; [in]       1 to 3
+%define %%i %1          ; [in]       0 to 3
 %define %%r %2          ; [out]      general register
     lea     %%r, [rdx + Facet_size * %%i]
-    cmp     r11, %%i
-    cmovbe  %%r, rdx
+    cmp     %%r, r15
+    cmova   %%r, r15
+%endmacro
+
+; SIZE - makes w5 the greater of itself and the bits of |v<i>|. Clobbers v<i>.
+%macro SIZE 1
+%define %%i %1          ; [in]       number of a register
+    VAND    v%[%%i], v%[%%i], [PACKET(magnitude)]
+    IOP     pmaxud, w5, w5, w%[%%i]
+%endmacro
+
+; EDGES_HERE - widens v3, the greatest of what is least of the edges v9, v10, v11 at a pixel, and v5, the least of what
+;              is greatest. Clobbers v7.
+%macro EDGES_HERE 0
+    VMIN    v7, v9, v10
+    VMIN    v7, v7, v11
+    VMAX    v3, v3, v7
+    VMAX    v7, v9, v10
+    VMAX    v7, v7, v11
+    VMIN    v5, v5, v7
+%endmacro
+
+; CROSS2 - d = ax*by - ay*bx. Clobbers v1.
+%macro CROSS2 5
+%define %%d %1          ; [out]      vreg, not one of the inputs
+%define %%ax %2         ; [in]       vreg
+%define %%ay %3         ; [in]       vreg
+%define %%bx %4         ; [in]       vreg
+%define %%by %5         ; [in]       vreg
+    VMUL    %%d, %%ax, %%by
+    VMUL    v1, %%ay, %%bx
+    VSUB    %%d, %%d, v1
+%endmacro
+
+; LENGTH - v<n> = how many pixels there are in the bounds in w<b>. Clobbers v8.
+%macro LENGTH 2
+%define %%n %1          ; [out]      number of a register
+%define %%b %2          ; [in]       number of a register
+    IOP     psrld, w%[%%n], w%[%%b], 16
+    IOP     pslld, w8, w%[%%b], 16
+    IOP     psrld, w8, w8, 16
+    IOP     psubd, w%[%%n], w%[%%n], w8
+    VOP     cvtdq2, v%[%%n], w%[%%n]
+%endmacro
+
+; SEEN - stores the records in v6, v7, v2, v8 whose bits are in eax, from bit 4 on. Clobbers eax, r12.
+%macro SEEN 0
+%assign %%l 0
+%rep LANES
+%assign %%c %%l / 4
+%if %%l % 4 == 0
+%assign %%i 6
+%elif %%l % 4 == 1
+%assign %%i 7
+%elif %%l % 4 == 2
+%assign %%i 2
+%else
+%assign %%i 8
+%endif
+    STORE128 [r10], v, %%i, %%c
+    mov     r12d, eax
+    and     r12d, Seen_size
+    add     r10, r12
+    shr     eax, 1
+%assign %%l %%l + 1
+%endrep
 %endmacro
 
 FUNC ISA %+ _bounds
     push    rbx
     push    r12
     push    r13
+    push    r14
+    push    r15
     mov     rdx, [rsi + BoundsTask.facets]
-    mov     r9, [rsi + BoundsTask.columns]
-    mov     r10, [rsi + BoundsTask.rows]
-    mov     rax, [rsi + BoundsTask.near]
+    mov     r9, [rsi + BoundsTask.first_id]
+    mov     r10, [rsi + BoundsTask.seen]
     mov     rcx, [rsi + BoundsTask.count]
-    CONSTANTS 10
+    imul    r15, rcx, Facet_size
+    lea     r15, [rdx + r15 - Facet_size]
+    CONSTANTS 12
+    VZERO   v12
+    VMOV    v13, [PACKET(magnitude)]
+    VZERO   v14
 .chunk:
     mov     r8, [rsi + BoundsTask.corners]
-    mov     r11d, CHUNK
-    cmp     rcx, r11
-    cmovb   r11, rcx
-    sub     rcx, r11
+    mov     r11d, CHUNK / 4
 .turn:
+    FACET_AT 0, r14
     FACET_AT 1, rbx
     FACET_AT 2, r12
     FACET_AT 3, r13
-    TURN_FACETS r8, rdx, rbx, r12, r13
+    TURN_FACETS r8, r14, rbx, r12, r13
     add     rdx, 4 * Facet_size
     add     r8, 16
-    sub     r11, 4
-    ja      .turn
+    dec     r11d
+    jnz     .turn
     mov     r8, [rsi + BoundsTask.corners]
     mov     r11d, CHUNK / LANES
 .packet:
     VLOAD   v0, [r8 + Corners.az]
     VLOAD   v1, [r8 + Corners.bz]
     VLOAD   v2, [r8 + Corners.cz]
+    VAND    v5, v0, [PACKET(magnitude)]
+    VMOV    v6, v1
+    SIZE    6
+    VMOV    v6, v2
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.ax]
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.ay]
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.bx]
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.by]
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.cx]
+    SIZE    6
+    VLOAD   v6, [r8 + Corners.cy]
+    SIZE    6
+    IOP     pmaxud, w12, w12, w5
+    IOP     pminud, w13, w13, w5
+    IOP     pmaxud, w14, w14, [r8 + Corners.red]
+    IOP     pmaxud, w14, w14, [r8 + Corners.green]
+    IOP     pmaxud, w14, w14, [r8 + Corners.blue]
     VMIN    v3, v0, v1
     VMIN    v3, v3, v2
     VMAX    v4, v0, v1
@@ -99,6 +195,10 @@ FUNC ISA %+ _bounds
     VMOV    v2, v8
     PROJECT v5, v6, x, v9
     PROJECT v10, v7, y, v9
+    VSUB    v8, v6, v5
+    VMOV_TO [r8 + Corners.red], v8
+    VSUB    v8, v7, v10
+    VMOV_TO [r8 + Corners.green], v8
     VADD    v5, v5, K(BoundsView.column)
     VADD    v6, v6, K(BoundsView.column)
     KLOAD   v8, BoundsView.row
@@ -107,6 +207,13 @@ FUNC ISA %+ _bounds
     VSUB    v9, v9, v10
     FIRST_AND_PAST 5, 6, width
     FIRST_AND_PAST 8, 9, height
+    VOP     cvtdq2, v0, w5
+    VSUB    v0, v0, K(BoundsView.column)
+    VOP     cvtdq2, v1, w8
+    KLOAD   v2, BoundsView.row
+    VSUB    v2, v2, v1
+    IOR     w5, w5, w6
+    IOR     w8, w8, w9
     MASK_GREATER v3, [PACKET(least)]    ; nearer ones could overflow
     KLOAD   v6, BoundsView.all_columns
     VSELECT v6, v5
@@ -116,26 +223,106 @@ FUNC ISA %+ _bounds
     VDIV    v7, v7, v3
     VMOV    v8, [PACKET(largest)]
     VSELECT v8, v7
-    VSTORE  [rax], v8
+    VMOV_TO [r8 + Corners.near], v8
+    VMOV    v8, [PACKET(largest)]
+    VMOV    v7, [r8 + Corners.red]
+    VSELECT v8, v7
+    VMOV_TO [r8 + Corners.red], v8
     MASK_GREATER v4, [PACKET(zeros)]
     MASK_KEEP v6
     MASK_KEEP v9
-    VSTORE  [r9], v6
-    VSTORE  [r10], v9
+    VMOV_TO [r8 + Corners.columns], v6
+    VMOV_TO [r8 + Corners.rows], v9
+
+    ; Corners from the first pixel within the bounds, and their edges there: within a triangle all have one sign.
+    VMOV    v3, [r8 + Corners.ax]
+    VSUB    v3, v3, v0
+    VMOV    v4, [r8 + Corners.ay]
+    VSUB    v4, v4, v2
+    VMOV    v5, [r8 + Corners.bx]
+    VSUB    v5, v5, v0
+    VMOV    v6, [r8 + Corners.by]
+    VSUB    v6, v6, v2
+    VMOV    v7, [r8 + Corners.cx]
+    VSUB    v7, v7, v0
+    VMOV    v8, [r8 + Corners.cy]
+    VSUB    v8, v8, v2
+    CROSS2  v9, v3, v4, v5, v6
+    CROSS2  v10, v5, v6, v7, v8
+    CROSS2  v11, v7, v8, v3, v4
+    VSUB    v0, v4, v6                  ; what a column more adds
+    VSUB    v1, v6, v8
+    VSUB    v2, v8, v4
+    VSUB    v4, v3, v5                  ; what a row more adds
+    VSUB    v6, v5, v7
+    VSUB    v8, v7, v3
+    VMIN    v3, v9, v10
+    VMIN    v3, v3, v11
+    VMAX    v5, v9, v10
+    VMAX    v5, v5, v11
+    VADD    v9, v9, v0
+    VADD    v10, v10, v1
+    VADD    v11, v11, v2
+    EDGES_HERE
+    VADD    v9, v9, v4
+    VADD    v10, v10, v6
+    VADD    v11, v11, v8
+    EDGES_HERE
+    VSUB    v9, v9, v0
+    VSUB    v10, v10, v1
+    VSUB    v11, v11, v2
+    EDGES_HERE
+    VXOR    v5, v5, [PACKET(sign)]
+    VMAX    v3, v3, v5
+    KLOAD   v5, BoundsView.outside
+    MASK_GREATER v5, v3
+    VMOV    v3, [r8 + Corners.red]
+    MASK_AND_LESS v3, K(BoundsView.reach), v5
+    VMOV    v3, [r8 + Corners.green]
+    MASK_AND_LESS v3, K(BoundsView.reach), v5
+    VMOV    v3, [r8 + Corners.columns]
+    VZERO   v5
+    VSELECT v3, v5
+    VMOV    v4, [r8 + Corners.rows]
+    LENGTH  0, 3
+    LENGTH  1, 4
+    VMIN    v0, v0, v1
+    MASK_GREATER v0, [PACKET(zeros)]
+    MASK_BITS eax
+    or      eax, [rsi + BoundsTask.keep_all]
+    VSPREAD_INTEGER 2, r9
+    VADD    v2, v2, [PACKET(natural)]
+    LEVELS  2
+    VMOV    v5, [r8 + Corners.near]
+    TURN4   2, 3, 4, 5, 6, 7, 8, 1
+    shl     eax, 4                      ; Seen_size is 16
+    SEEN
     add     r8, VBYTES
-    add     r9, VBYTES
-    add     r10, VBYTES
-    add     rax, VBYTES
+    add     r9, LANES
     dec     r11d
     jnz     .packet
-    test    rcx, rcx
-    jnz     .chunk
+    sub     rcx, CHUNK
+    ja      .chunk
+    mov     r8, [rsi + BoundsTask.found]
+    VSTORE  [r8 + BoundsFound.most], v12
+    VSTORE  [r8 + BoundsFound.least], v13
+    VSTORE  [r8 + BoundsFound.brightest], v14
+    sub     r10, [rsi + BoundsTask.seen]
+    shr     r10, 4
+    mov     [r8 + BoundsFound.count], r10
     UNCONSTANTS
+    pop     r15
+    pop     r14
     pop     r13
     pop     r12
     pop     rbx
 ENDFUNC
 
 %unmacro FACET_AT 2
+%unmacro SIZE 1
+%unmacro EDGES_HERE 0
+%unmacro CROSS2 5
+%unmacro LENGTH 2
+%unmacro SEEN 0
 %unmacro FIRST_AND_PAST 3
 %unmacro PROJECT 4

@@ -11,10 +11,10 @@
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
 ;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; ids of facets
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets
 
-; FACET_OF - r = the address of the facet number i of those from r8 on, of which rcx are left, or else of the first of
-;            them; its bounds go to the corners at r9. Clobbers r14.
+; FACET_OF - r = the address of the facet number i of those seen from r8 on, of which rcx are left, or else of the first
+;            of them; its bounds go to the corners at r9. Clobbers r14.
 %macro FACET_OF 3
 %define %%i %1          ; [in]       0 to 3
 %define %%r %2          ; [out]      general register
@@ -23,14 +23,14 @@
     cmp     rcx, %%i + 1
     adc     r14d, r14d                  ; 1 where there is none
     dec     r14d
-    and     r14d, 4 * %%i
-    mov     r14d, [r8 + r14]
-    mov     %%e, [r10 + 4 * r14]
+    and     r14d, Seen_size * %%i
+    mov     %%e, [r8 + r14 + Seen.columns]
     mov     [r9 + Corners.columns + 4 * %%i], %%e
-    mov     %%e, [r11 + 4 * r14]
+    mov     %%e, [r8 + r14 + Seen.rows]
     mov     [r9 + Corners.rows + 4 * %%i], %%e
-    mov     %%e, [r15 + 4 * r14]
+    mov     %%e, [r8 + r14 + Seen.near]
     mov     [r9 + Corners.near + 4 * %%i], %%e
+    mov     r14d, [r8 + r14 + Seen.id]
     lea     r14, [r14 + 2 * r14]
     shl     r14, 4                      ; Facet_size is 48
     lea     %%r, [rdx + r14]
@@ -140,25 +140,20 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     push    r14
     push    r15
     mov     rdx, [rsi + SetupTask.facets]
-    mov     r8, [rsi + SetupTask.ids]
-    mov     r10, [rsi + SetupTask.columns]
-    mov     r11, [rsi + SetupTask.rows]
-    mov     r15, [rsi + SetupTask.near]
+    mov     r8, [rsi + SetupTask.seen]
 
     ; The triangles of the chunk that comes next are asked for now.
-    mov     rcx, [rsi + SetupTask.count]
-    lea     r9, [r8 + 4 * rcx]
+    imul    r9, [rsi + SetupTask.count], Seen_size
+    add     r9, r8
     mov     rcx, [rsi + SetupTask.ahead]
     jmp     .ahead
 .next_ahead:
-    mov     eax, [r9 + 4 * rcx]
-    prefetcht0 [r10 + 4 * rax]
-    prefetcht0 [r11 + 4 * rax]
-    prefetcht0 [r15 + 4 * rax]
+    mov     eax, [r9 + Seen.id]
     lea     rax, [rax + 2 * rax]
     shl     rax, 4                      ; Facet_size is 48
     prefetcht0 [rdx + rax]
     prefetcht0 [rdx + rax + Facet_size - 1]
+    add     r9, Seen_size
 .ahead:
     dec     rcx
     jns     .next_ahead
@@ -171,7 +166,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     FACET_OF 2, r12, r12d
     FACET_OF 3, r13, r13d
     TURN_FACETS r9, rax, rbx, r12, r13
-    add     r8, 16
+    add     r8, 4 * Seen_size
     add     r9, 16
     sub     rcx, 4
     ja      .turn

@@ -22,6 +22,7 @@
 %assign WIDTH_SHIFT (LANES == 2 ? 1 : 2)
 %assign HEIGHT_SHIFT (BLOCK_HEIGHT == 4 ? 2 : BLOCK_HEIGHT == 2 ? 1 : 0)
 %assign ALL_LANES ((1 << LANES) - 1)
+%assign SMALL_SIDE 4                    ; pixels: a triangle whose bounds have no longer side is small
 
 ; SD - d = d op b in f64, of one number.
 %macro SD 3
@@ -43,10 +44,9 @@
     SD      cvtss2sd, %%d, %%m
 %endmacro
 
-; ONE_RAY - xmm0, xmm1, xmm2 = the ray of the lane r9 of the block at r13 of row ebx of the tile; clobbers r9, r12.
-;
-;   The grid's step (i + 1/2) is half_step (2 i + 1), which is rounded alike.
-%macro ONE_RAY 0
+; BLOCK_PIXEL - r12d, r14d = column and row in the picture of the lane r9 of the block at r13 of row ebx of the tile.
+;               Clobbers r9.
+%macro BLOCK_PIXEL 0
     mov     r12, r13
     sub     r12, r8
     shr     r12, VBYTES == 64 ? 6 : VBYTES == 32 ? 5 : 4
@@ -59,6 +59,12 @@
     shr     r14d, WIDTH_SHIFT
     add     r14d, ebx
     add     r14d, [rsi + NearestTask.row]
+%endmacro
+
+; ONE_RAY - xmm0, xmm1, xmm2 = the ray of the pixel in column r12d and row r14d of the picture, which it clobbers.
+;
+;   The grid's step (i + 1/2) is half_step (2 i + 1), which is rounded alike.
+%macro ONE_RAY 0
     lea     r12d, [2 * r12 + 1]
     lea     r14d, [2 * r14 + 1]
     SD      xorps, xmm0, xmm0
@@ -90,12 +96,13 @@
     SD      subsd, xmm3, xmm4
 %endmacro
 
-; ONE_EDGE - jumps to .outside if the ray in xmm0, xmm1, xmm2 is outside the edge from corner v to corner w.
+; ONE_EDGE - jumps to `outside` if the ray in xmm0, xmm1, xmm2 is outside the edge from corner v to corner w.
 ;
 ;   (dx ex + dy ey) + dz ez >= 0 with e = v x w, times the sign of the volume: the reference's order of operations.
-%macro ONE_EDGE 2
+%macro ONE_EDGE 3
 %define %%v %1          ; [in]       a, b or c
 %define %%w %2          ; [in]       a, b or c
+%define %%outside %3    ; [in]       label
     ONE_CROSS %[%%v]y, %[%%w]z, %[%%v]z, %[%%w]y
     SD      mulsd, xmm3, xmm0
     SD      xorps, xmm6, xmm6
@@ -113,7 +120,7 @@
 %else
     ucomisd xmm6, xmm3
 %endif
-    jb      .outside
+    jb      %%outside
 %endmacro
 
 ; ELEMENT_F64 - d = an element in f64.
@@ -204,6 +211,19 @@
 %endif
 %endmacro
 
+; STORE_INTEGERS - stores w<i>, LANES integers of 32 bits.
+%macro STORE_INTEGERS 2
+%define %%m %1          ; [out]      address
+%define %%i %2          ; [in]       number of a register
+%if LANES == 2
+    movq    [%%m], x%[%%i]
+%elif HAS_VEX
+    vmovups [%%m], w%[%%i]
+%else
+    movups  [%%m], w%[%%i]
+%endif
+%endmacro
+
 ; WHOSE - r = an element as an integer.
 %macro WHOSE 2
 %define %%r %1          ; [out]      32-bit register
@@ -220,7 +240,8 @@
 %endmacro
 
 ; ENTER_NEAREST - saves what the caller owns, and makes room on the stack.
-%macro ENTER_NEAREST 0
+%macro ENTER_NEAREST 1
+%define %%room %1       ; [in]       bytes beside what SPILL and MASK_OF_BITS need, a multiple of VBYTES
     push    rbp
     mov     rbp, rsp
     push    rbx
@@ -228,12 +249,12 @@
     push    r13
     push    r14
     push    r15
-    sub     rsp, VBYTES * 16 + 32       ; and four numbers, from rbp - 72 on
+    sub     rsp, VBYTES * 16 + %%room + 64      ; and eight numbers, from rbp - 104 on
     and     rsp, -VBYTES
 %endmacro
 
-; LEAVE_NEAREST - gives it back.
-%macro LEAVE_NEAREST 0
+; LEAVE - gives back what five pushes after rbp's saved, and leaves the upper parts of the registers clean.
+%macro LEAVE 0
     lea     rsp, [rbp - 40]
     pop     r15
     pop     r14
@@ -299,22 +320,370 @@
     VFMA    %%d, v9, v8, v13
 %endmacro
 
-; Triangles.
+; Triangles, a packet of them at a time. Those whose bounds hold few pixels are asked together, a triangle in each lane
+; and a pixel of its own after another; what they hit is put in a list, and then made theirs where they are nearest. The
+; others are asked one by one, a block of pixels at a time.
 ;
-;   registers   rdi planes, rdx corners, both of one triangle; rsi task; rcx triangles to go; r8 tile; r11 the first
-;               column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of rows; r13 block
-;               v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the row, v8 x, v12 first x,
-;               v14 what 1/t cannot exceed
+; The stack of it, from rsp on, after what SPILL and MASK_OF_BITS use.
+%assign MOST_STEPS (SMALL_SIDE * SMALL_SIDE)
+%assign ORIGIN_X (VBYTES * 16)          ; the tile's middle in the picture
+%assign ORIGIN_Y (ORIGIN_X + VBYTES)
+%assign LOW_X (ORIGIN_Y + VBYTES)       ; the window, from there
+%assign HIGH_X (LOW_X + VBYTES)
+%assign LOW_Y (HIGH_X + VBYTES)
+%assign HIGH_Y (LOW_Y + VBYTES)
+%assign FIRST_X (HIGH_Y + VBYTES)       ; of each lane's triangle: its first column, the one past its last,
+%assign PAST_X (FIRST_X + VBYTES)
+%assign ROW_PAST_X (PAST_X + VBYTES)    ; the same in its row
+%assign NOW_Y (ROW_PAST_X + VBYTES)     ; its row
+%assign PAST_Y (NOW_Y + VBYTES)
+%assign ROW_PLACE (PAST_Y + VBYTES)     ; where that row is in the tile
+%assign INVERSES (ROW_PLACE + VBYTES)   ; what was found of a pixel of each lane: 1/t, and where it is in the tile
+%assign PLACES (INVERSES + MOST_STEPS * VBYTES)
+%assign FOUND (PLACES + MOST_STEPS * VBYTES)    ; the numbers of those that are hit, a byte each
+%assign SMALL_FRAME (FOUND + 256 + 64 - ORIGIN_X)
+; The tile's middle.
+%assign MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
+
+; IAND - d = a & b of 32-bit numbers.
+%macro IAND 3
+%define %%d %1          ; [out]      register
+%define %%a %2          ; [in]       register
+%define %%b %3          ; [in]       register or aligned memory
+%if HAS_MASKS
+    vpandd  %%d, %%a, %%b
+%else
+    IOP     pand, %%d, %%a, %%b
+%endif
+%endmacro
+
+; HALVES - v<f> = the lower half of each lane's number of 32 bits at an address, v<p> = the upper one.
+%macro HALVES 3
+%define %%f %1          ; [out]      number of a register
+%define %%p %2          ; [out]      number of a register
+%define %%m %3          ; [in]       address
+%if LANES == 2
+    movq    x%[%%f], [%%m]
+%elif HAS_VEX
+    vmovups w%[%%f], [%%m]
+%else
+    movups  w%[%%f], [%%m]
+%endif
+    IOP     psrld, w%[%%p], w%[%%f], 16
+    IOP     pslld, w%[%%f], w%[%%f], 16
+    IOP     psrld, w%[%%f], w%[%%f], 16
+    ELEMENTS %%f
+    ELEMENTS %%p
+%endmacro
+
+; ELEMENTS - v<n> = the integers in w<n>.
+%macro ELEMENTS 1
+%define %%n %1          ; [in/out]   number of a register
+%if ELEM == 8 && HAS_VEX
+    vcvtdq2pd v%[%%n], w%[%%n]
+%elif ELEM == 8
+    cvtdq2pd v%[%%n], w%[%%n]
+%elif HAS_VEX
+    vcvtdq2ps v%[%%n], w%[%%n]
+%else
+    cvtdq2ps v%[%%n], w%[%%n]
+%endif
+%endmacro
+
+; KEEP_INTEGER - a number for all packets: the integer in eax, in every lane, to a place on the stack.
+%macro KEEP_INTEGER 1
+%define %%place %1      ; [out]      from rsp
+    VSPREAD_INTEGER 0, eax
+    VMOV_TO [rsp + %%place], v0
+%endmacro
+
+; PLANE_AT - d = the plane at the pixels of a block or of the lanes: row + factor x for x in v8.
+%macro PLANE_AT 3
+%define %%d %1          ; [out]      vreg
+%define %%row %2        ; [in]       vreg
+%define %%factor %3     ; [in]       vreg
+    VMOV    %%d, %%row
+    VFMA    %%d, %%factor, v8, v13
+%endmacro
+
+; PLANES_AT - v9 = the least of the three edges, v10 = 1/t, no more than at the nearest corner, for x in v8.
+%macro PLANES_AT 0
+    PLANE_AT v9, v4, v0
+    PLANE_AT v10, v5, v1
+    VMIN    v9, v9, v10
+    PLANE_AT v10, v6, v2
+    VMIN    v9, v9, v10
+    PLANE_AT v10, v7, v3
+    VMIN    v10, v10, v14
+%endmacro
+
+; LANES_PLANE - v<i> = name0 + namey y for y in v8, for a triangle in each lane.
+%macro LANES_PLANE 2
+%define %%d %1          ; [out]      vreg
+%define %%name %2       ; [in]       of TrianglePlanes
+    VLOAD   %%d, [rdi + ELEM * TrianglePlanes. %+ %%name %+ 0]
+    VFMA    %%d, v8, [rdi + ELEM * TrianglePlanes. %+ %%name %+ y], v13
+%endmacro
+
+; The names of registers of an element's size, for the list of hits.
+%if ELEM == 4
+%define E_cx ecx
+%define E_12 r12d
+%define E_14 r14d
+%else
+%define E_cx rcx
+%define E_12 r12
+%define E_14 r14
+%endif
+
+;   registers   rdi planes, rdx corners, both of one triangle or one packet; rsi task; r8 tile
+;               of a packet: r10 hits, r11 pixels asked, r14 the same in every byte, r13 LANES in every byte, r15
+;               numbers of lanes by masks; v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the
+;               row, v8 x, v14 what 1/t cannot exceed
+;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
+;               rows; r13 block; v0 to v8 and v14 the same, v12 first x
 FUNC NAME(nearest, triangles)
-    ENTER_NEAREST
+    ENTER_NEAREST SMALL_FRAME
     mov     rdx, [rsi + NearestTask.corners]
     mov     rcx, [rsi + NearestTask.count]
     mov     r8, [rsi + NearestTask.tile]
+    mov     eax, [rsi + NearestTask.column]
+    add     eax, TILE_WIDTH / 2
+    KEEP_INTEGER ORIGIN_X
+    mov     eax, [rsi + NearestTask.row]
+    add     eax, TILE_HEIGHT / 2
+    KEEP_INTEGER ORIGIN_Y
+    mov     eax, -(TILE_WIDTH / 2)
+    KEEP_INTEGER LOW_X
+    add     eax, [rsi + NearestTask.end_column]
+    KEEP_INTEGER HIGH_X
+    mov     eax, [rsi + NearestTask.start_row]
+    sub     eax, TILE_HEIGHT / 2
+    KEEP_INTEGER LOW_Y
+    mov     eax, [rsi + NearestTask.end_row]
+    sub     eax, TILE_HEIGHT / 2
+    KEEP_INTEGER HIGH_Y
+.packet:
+    mov     [rbp - 80], rcx
+    mov     [rbp - 88], rdi
+    mov     [rbp - 96], rdx
+    HALVES  0, 1, rdx + Corners.columns
+    VSUB    v0, v0, [rsp + ORIGIN_X]
+    VSUB    v1, v1, [rsp + ORIGIN_X]
+    VMAX    v0, v0, [rsp + LOW_X]
+    VMIN    v1, v1, [rsp + HIGH_X]
+    HALVES  2, 3, rdx + Corners.rows
+    VSUB    v2, v2, [rsp + ORIGIN_Y]
+    VSUB    v3, v3, [rsp + ORIGIN_Y]
+    VMAX    v2, v2, [rsp + LOW_Y]
+    VMIN    v3, v3, [rsp + HIGH_Y]
+    VSUB    v4, v1, v0
+    VSUB    v5, v3, v2
+    VMIN    v6, v4, v5
+    MASK_GREATER v6, [PACKET(zeros)]
+    MASK_BITS eax                       ; those that are in the window
+    test    eax, eax
+    jz      .next_packet
+    VMAX    v4, v4, v5
+    VMOV    v5, [PACKET(small)]
+    MASK_AND_NOT_LESS v5, v4, v6
+    MASK_BITS ebx
+    lea     r15, [lanes_of_mask]
+    movzx   r9d, bl
+    movzx   r9d, byte [r15 + 8 * 256 + r9]
+%if LANES == 16
+    mov     r10d, ebx
+    shr     r10d, 8
+    movzx   r10d, byte [r15 + 8 * 256 + r10]
+    add     r9d, r10d
+%endif
+    cmp     r9d, LANES / 2 + 1
+    jb      .no_small                   ; few do better by themselves
+    xor     eax, ebx
+    mov     [rbp - 104], eax
+    VMOV    v4, [rsp + LOW_X]
+    VSELECT v4, v1
+    VMOV_TO [rsp + FIRST_X], v0
+    VMOV_TO [rsp + PAST_X], v4
+    VMOV_TO [rsp + NOW_Y], v2
+    VMOV_TO [rsp + PAST_Y], v3
+    VLOAD   v0, [rdi + ELEM * TrianglePlanes.e1x]
+    VLOAD   v1, [rdi + ELEM * TrianglePlanes.e2x]
+    VLOAD   v2, [rdi + ELEM * TrianglePlanes.e3x]
+    VLOAD   v3, [rdi + ELEM * TrianglePlanes.tx]
+    VLOAD   v14, [rdi + ELEM * TrianglePlanes.most]
+    mov     r13, 0x0101010101010101 * LANES
+    xor     r10d, r10d
+    xor     r11d, r11d
+    xor     r14d, r14d
+.lanes_row:
+    VMOV    v8, [rsp + NOW_Y]
+    VMOV    v9, [rsp + PAST_Y]
+    MASK_GREATER v9, v8
+    MASK_BITS eax
+    test    eax, eax
+    jz      .lanes_done
+    VMOV    v9, [rsp + LOW_X]
+    VMOV    v10, [rsp + PAST_X]
+    VSELECT v9, v10
+    VMOV_TO [rsp + ROW_PAST_X], v9
+    LANES_PLANE v4, e1
+    LANES_PLANE v5, e2
+    LANES_PLANE v6, e3
+    LANES_PLANE v7, t
+    VMOV    v9, v8
+    LEVELS  9
+%if BLOCK_HEIGHT > 1
+    IAND    w10, w9, [PACKET(in_block_y)]
+    IOP     psubd, w9, w9, w10
+    IOP     pslld, w10, w10, WIDTH_SHIFT
+%endif
+    IOP     pslld, w9, w9, 6            ; TILE_WIDTH is 64
+%if BLOCK_HEIGHT > 1
+    IOP     paddd, w9, w9, w10
+%endif
+    VMOV_TO [rsp + ROW_PLACE], v9
+    VADD    v8, v8, [PACKET(ones)]
+    VMOV_TO [rsp + NOW_Y], v8
+    VMOV    v8, [rsp + FIRST_X]
+.lanes_pixel:
+    VMOV    v12, [rsp + ROW_PAST_X]
+    MASK_GREATER v12, v8
+    MASK_BITS eax
+    test    eax, eax
+    jz      .lanes_row
+    PLANES_AT
+    MASK_AND_NOT_LESS v9, [PACKET(minus_ones)], v13
+    MASK_BITS eax
+    WHERE   r9d, v9, [PACKET(ones)], 1, v13
+    test    r9d, r9d
+    jnz     .lanes_doubt
+.lanes_hit:
+    VMOV_TO [rsp + INVERSES + ELEM * r11], v10
+    VMOV    v11, v8
+    LEVELS  11
+%if BLOCK_HEIGHT > 1
+    IAND    w12, w11, [PACKET(of_block_x)]
+    IOP     paddd, w11, w11, w12
+%if BLOCK_HEIGHT == 4
+    IOP     pslld, w12, w12, 1
+    IOP     paddd, w11, w11, w12
+%endif
+%endif
+    IOP     paddd, w11, w11, [rsp + ROW_PLACE]
+    STORE_INTEGERS rsp + PLACES + 4 * r11, 11
+%if LANES == 16
+    movzx   r9d, al
+    mov     r12, [r15 + 8 * r9]
+    add     r12, r14
+    mov     [rsp + FOUND + r10], r12
+    movzx   r9d, byte [r15 + 8 * 256 + r9]
+    add     r10d, r9d
+    shr     eax, 8
+    mov     r12, [r15 + 8 * rax]
+    mov     r9, 0x0808080808080808
+    add     r12, r9
+    add     r12, r14
+%else
+    mov     r12, [r15 + 8 * rax]
+    add     r12, r14
+%endif
+    mov     [rsp + FOUND + r10], r12
+    movzx   eax, byte [r15 + 8 * 256 + rax]
+    add     r10d, eax
+    add     r14, r13
+    add     r11d, LANES
+    VADD    v8, v8, [PACKET(ones)]
+    jmp     .lanes_pixel
+
+    ; The pixels of the list: nearer is what is greater, which is so of their bits too, since none is below 0.
+.lanes_done:
+    xor     r11d, r11d
+    jmp     .more_found
 align 16
-.triangle:
+.found:
+    movzx   eax, byte [rsp + FOUND + r11]
+    mov     r9d, eax
+    and     r9d, LANES - 1
+    mov     E_cx, [rsp + INVERSES + ELEM * rax]
+    movsxd  rax, dword [rsp + PLACES + 4 * rax]
+    mov     E_12, [r8 + ELEM * (rax + MIDDLE)]
+    mov     E_14, [r8 + WHO + ELEM * (rax + MIDDLE)]
+    cmp     E_cx, E_12
+    je      .found_tie
+    cmovg   E_12, E_cx
+    cmovg   E_14, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    mov     [r8 + ELEM * (rax + MIDDLE)], E_12
+    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
+.next_found:
+    inc     r11d
+.more_found:
+    cmp     r11d, r10d
+    jb      .found
+    jmp     .large
+
+    ; As near as another: the first in the scene stays. Nobody comes first of all.
+.found_tie:
+    mov     r13, [rsi + NearestTask.order]
+    WHOSE   r12d, [r8 + WHO + ELEM * (rax + MIDDLE)]
+    mov     r12d, [r13 + 4 * r12]
+    WHOSE   ecx, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    cmp     r12d, [r13 + 4 * rcx]
+    jbe     .next_found
+    mov     E_14, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
+    jmp     .next_found
+
+    ; The lanes of r9d are within the rounding of an edge.
+.lanes_doubt:
+    SPILL
+    mov     [rbp - 48], r14
+    mov     [rbp - 56], r9
+.doubtful_lane:
+    bsf     r9d, [rbp - 56]
+    WHOSE   r12d, [rsp + VBYTES * 8 + ELEM * r9]        ; v8
+    add     r12d, [rsi + NearestTask.column]
+    add     r12d, TILE_WIDTH / 2
+    WHOSE   r14d, [rsp + NOW_Y + ELEM * r9]
+    add     r14d, [rsi + NearestTask.row]
+    add     r14d, TILE_HEIGHT / 2 - 1   ; it is the next row already
+    ELEMENT_F64 xmm7, [rdi + ELEM * (r9 + TrianglePlanes.side)]
+    lea     rdx, [rdx + 4 * r9]
+    ONE_RAY
+    ONE_EDGE a, b, .lane_outside
+    ONE_EDGE b, c, .lane_outside
+    ONE_EDGE c, a, .lane_outside
+    jmp     .lane_decided
+.lane_outside:
+    btr     eax, r9d
+.lane_decided:
+    mov     rdx, [rbp - 96]
+    mov     r12d, [rbp - 56]
+    lea     r9d, [r12 - 1]
+    and     r9d, r12d
+    mov     [rbp - 56], r9d
+    jnz     .doubtful_lane
+    mov     r14, [rbp - 48]
+    UNSPILL
+    jmp     .lanes_hit
+
+.no_small:
+    mov     [rbp - 104], eax
+    ; Those that are asked one by one.
+.large:
+    mov     eax, [rbp - 104]
+    test    eax, eax
+    jz      .next_packet
+    bsf     r9d, eax
+    btr     eax, r9d
+    mov     [rbp - 104], eax
+    mov     rdi, [rbp - 88]
+    mov     rdx, [rbp - 96]
+    lea     rdi, [rdi + ELEM * r9]
+    lea     rdx, [rdx + 4 * r9]
     mov     eax, [rdx + Corners.columns]
     mov     ebx, [rdx + Corners.rows]
-    CLIP    .next_triangle
+    CLIP    .large
     mov     r11d, r9d
     sub     eax, r9d
     mov     r14d, eax                   ; blocks in a row
@@ -340,17 +709,7 @@ align 16
     mov     r10d, r14d
 align 16
 .block:
-    VMOV    v9, v4
-    VFMA    v9, v0, v8, v13
-    VMOV    v10, v5
-    VFMA    v10, v1, v8, v13
-    VMIN    v9, v9, v10
-    VMOV    v10, v6
-    VFMA    v10, v2, v8, v13
-    VMIN    v9, v9, v10                 ; the least of the three edges
-    VMOV    v10, v7
-    VFMA    v10, v3, v8, v13
-    VMIN    v10, v10, v14               ; 1/t, no more than at the nearest corner
+    PLANES_AT
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, [PACKET(minus_ones)]
     MASK_AND_NOT_LESS v10, v11, v13
@@ -376,12 +735,16 @@ align 16
     add     ebx, BLOCK_HEIGHT
     cmp     ebx, r15d
     jl      .row
-.next_triangle:
-    add     rdi, ELEM
-    add     rdx, 4
-    dec     rcx
-    jnz     .triangle
-    LEAVE_NEAREST
+    jmp     .large
+.next_packet:
+    mov     rdi, [rbp - 88]
+    mov     rdx, [rbp - 96]
+    mov     rcx, [rbp - 80]
+    add     rdi, VBYTES
+    add     rdx, 4 * LANES
+    sub     rcx, LANES
+    ja      .packet
+    LEAVE
     ret
 
     ; The lanes of r9d have another triangle that is as near: the first in the scene stays. Nobody comes first of all.
@@ -420,10 +783,11 @@ align 16
     ELEMENT_F64 xmm7, [rdi + ELEM * TrianglePlanes.side]
 .lane:
     bsf     r9d, r10d
+    BLOCK_PIXEL
     ONE_RAY
-    ONE_EDGE a, b
-    ONE_EDGE b, c
-    ONE_EDGE c, a
+    ONE_EDGE a, b, .outside
+    ONE_EDGE b, c, .outside
+    ONE_EDGE c, a, .outside
     jmp     .decided
 .outside:
     bsf     r9d, r10d
@@ -456,7 +820,7 @@ align 16
 ;               v0 dxx, v1 hx, v2 v3 minus and plus the bound, v4 v5 v6 along the row: D at x = 0, its linear part, h;
 ;               v7 who, v8 x, v12 first x
 FUNC NAME(nearest, spheres)
-    ENTER_NEAREST
+    ENTER_NEAREST 0
     mov     rdx, [rsi + NearestTask.ids]
     mov     rcx, [rsi + NearestTask.count]
     mov     r8, [rsi + NearestTask.tile]
@@ -546,7 +910,7 @@ align 16
     inc     dword [rbp - 64]
     dec     rcx
     jnz     .sphere
-    LEAVE_NEAREST
+    LEAVE
     ret
 
     ; The lanes of r9d are within the rounding of the silhouette: r^2 d.d >= |c x d|^2 in f64.
@@ -558,6 +922,7 @@ align 16
     mov     r10d, r9d
 .lane:
     bsf     r9d, r10d
+    BLOCK_PIXEL
     ONE_RAY
     SPHERE_CROSS 1, z, 2, y
     SD      xorps, xmm6, xmm6
@@ -599,19 +964,6 @@ align 16
 %assign OFFSETS_AT (IDS_AT + 64)        ; of their shades
 %assign STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
 %assign FRAME (STRIDES_AT + 64)
-
-; STORE_INTEGERS - stores who is in v<i> as integers, LANES of 32 bits.
-%macro STORE_INTEGERS 2
-%define %%m %1          ; [out]      address
-%define %%i %2          ; [in]       number of a register
-%if LANES == 2
-    movq    [%%m], x%[%%i]
-%elif HAS_VEX
-    vmovups [%%m], w%[%%i]
-%else
-    movups  [%%m], w%[%%i]
-%endif
-%endmacro
 
 ; COSINE - d = d / sqrt q, from 0 to 1; NaN gives 0.
 %macro COSINE 3
@@ -911,16 +1263,7 @@ align 16
     add     r12d, BLOCK_HEIGHT
     cmp     r12d, [rsi + ShadeTask.end_row]
     jl      .row
-    lea     rsp, [rbp - 40]
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
-    pop     rbp
-%if HAS_VEX
-    vzeroupper
-%endif
+    LEAVE
     ret
 
     ; A block that is only partly to be written: its pixels by way of the stack.
@@ -986,6 +1329,24 @@ align 16
     VFNMA   %%d, v13, v9, v15
 %endmacro
 
+; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3 of the lanes whose who is
+;             that at r11.
+%macro ADD_LIGHT 4
+%define %%cosine %1     ; [in/out]   vreg
+%define %%record %2     ; [in]       Lit or ShortLit
+%define %%s %3          ; [clobbered] vreg
+%define %%t %4          ; [clobbered] vreg
+    VSPREAD %%s, [r11]
+    MASK_EQUAL v6, %%s
+    MASK_KEEP %%cosine
+    VSPREAD %%s, [r13 + ELEM * %%record %+ .red]
+    VFMA    v1, %%cosine, %%s, %%t
+    VSPREAD %%s, [r13 + ELEM * %%record %+ .green]
+    VFMA    v2, %%cosine, %%s, %%t
+    VSPREAD %%s, [r13 + ELEM * %%record %+ .blue]
+    VFMA    v3, %%cosine, %%s, %%t
+%endmacro
+
 ; SPHERE_LIGHT - adds what the Lit at r13 does to the colours v1, v2, v3 of the lanes whose who is that at r11, with
 ;                w = 1/t in v0 and m = n w in v10, v11, v12. Clobbers v7, v8, v9, v13, v15.
 ;
@@ -1006,15 +1367,7 @@ align 16
     VFMSUB  v9, v0, v12
     DOT3    v7, v7, v8, v9, v7, v8, v9, v15
     COSINE  v13, v7, v8
-    VSPREAD v7, [r11]
-    MASK_EQUAL v6, v7
-    MASK_KEEP v13
-    VSPREAD v7, [r13 + ELEM * Lit.red]
-    VFMA    v1, v13, v7, v8
-    VSPREAD v7, [r13 + ELEM * Lit.green]
-    VFMA    v2, v13, v7, v8
-    VSPREAD v7, [r13 + ELEM * Lit.blue]
-    VFMA    v3, v13, v7, v8
+    ADD_LIGHT v13, Lit, v7, v8
 %endmacro
 
 ; SHORT_LIGHT - adds what the ShortLit at r13 does to the colours v1, v2, v3 of the lanes whose who is that at r11, with
@@ -1035,15 +1388,7 @@ align 16
     VSPREAD v10, [r13 + ELEM * ShortLit.kn]
     VFMA    v9, v10, v0, v15            ; q + kn w
     COSINE  v9, v11, v12
-    VSPREAD v10, [r11]
-    MASK_EQUAL v6, v10
-    MASK_KEEP v9
-    VSPREAD v10, [r13 + ELEM * ShortLit.red]
-    VFMA    v1, v9, v10, v12
-    VSPREAD v10, [r13 + ELEM * ShortLit.green]
-    VFMA    v2, v9, v10, v12
-    VSPREAD v10, [r13 + ELEM * ShortLit.blue]
-    VFMA    v3, v9, v10, v12
+    ADD_LIGHT v9, ShortLit, v10, v12
 %endmacro
 
 %assign ESTIMATE 0
@@ -1059,9 +1404,10 @@ align 16
 
 %unmacro SD 3
 %unmacro CORNER 2
+%unmacro BLOCK_PIXEL 0
 %unmacro ONE_RAY 0
 %unmacro ONE_CROSS 4
-%unmacro ONE_EDGE 2
+%unmacro ONE_EDGE 3
 %unmacro ELEMENT_F64 2
 %unmacro SPHERE_CROSS 4
 %unmacro SPILL 0
@@ -1069,11 +1415,18 @@ align 16
 %unmacro MASK_OF_BITS 0
 %unmacro WHERE 5
 %unmacro WHOSE 2
-%unmacro ENTER_NEAREST 0
-%unmacro LEAVE_NEAREST 0
+%unmacro ENTER_NEAREST 1
+%unmacro LEAVE 0
 %unmacro CLIP 1
 %unmacro BLOCK_ROW 0
 %unmacro ROW_PLANE 2
+%unmacro IAND 3
+%unmacro HALVES 3
+%unmacro ELEMENTS 1
+%unmacro KEEP_INTEGER 1
+%unmacro PLANE_AT 3
+%unmacro PLANES_AT 0
+%unmacro LANES_PLANE 2
 %unmacro SPHERE_FIELD 3
 %unmacro STORE_INTEGERS 2
 %unmacro COSINE 3
@@ -1084,5 +1437,6 @@ align 16
 %unmacro PIXELS_OUT_RGB8 0
 %unmacro SHADE_TILE 2
 %unmacro NORMAL_OVER_T 2
+%unmacro ADD_LIGHT 4
 %unmacro SPHERE_LIGHT 0
 %unmacro SHORT_LIGHT 0

@@ -105,7 +105,9 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let camera = args.view.camera(&scene.camera)?;
     let (path, format) = output(args, &scene)?;
     let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
-    let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep };
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.unwrap_or_else(cores);
+    let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep, threads };
     if args.explain {
         let report = engine.report(purpose, &scene, &camera).map_err(Failure::input)?;
         report.lines().iter().for_each(|line| say(line));
@@ -116,8 +118,6 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
 
     let clock = Instant::now();
     let tracer = engine.prepare_for(purpose, &scene, &camera).map_err(Failure::input)?;
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.unwrap_or_else(cores);
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 

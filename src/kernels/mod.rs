@@ -49,12 +49,12 @@ pub use spans::{
 };
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounds, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers, TileGrid,
-    TileOut, TileWindow, Triangles,
+    Bounds, Extremes, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers,
+    TileGrid, TileOut, TileWindow, Triangles,
 };
 pub use tiles::{
-    BoundsView, CHUNK, Corners, Facet, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
-    TileSphere, TileView, TrianglePlanes,
+    BoundsView, CHUNK, Corners, Facet, Seen, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays,
+    TileShade, TileSphere, TileView, TrianglePlanes,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

@@ -1,6 +1,9 @@
 //! What measuring and testing ask of the CPU and the operating system: the time-stamp counter, pinning, guard pages.
 
+use std::alloc::{self, Layout};
 use std::io;
+
+use super::Plain;
 
 /// The time-stamp counter before what is to be timed: everything earlier is done, nothing later has begun.
 #[cfg(target_arch = "x86_64")]
@@ -78,6 +81,22 @@ pub fn pin_to(core: usize) -> io::Result<()> {
 #[cfg(not(target_os = "linux"))]
 pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
+}
+
+/// As many zeros, in memory that is not touched before they are used: a large piece of it is untouched when it comes.
+pub fn zeros<T: Plain>(len: usize) -> Vec<T> {
+    let layout = Layout::array::<T>(len).expect("a length that memory can have");
+    if layout.size() == 0 {
+        return Vec::new();
+    }
+    // SAFETY: the layout has a size.
+    let first = unsafe { alloc::alloc_zeroed(layout) };
+    if first.is_null() {
+        alloc::handle_alloc_error(layout);
+    }
+    // SAFETY: the allocator gave room for `len` values by the layout of such a vector, and their bits are 0: any bits are a
+    // value of a plain type.
+    unsafe { Vec::from_raw_parts(first.cast(), len, len) }
 }
 
 /// Asks for large pages for the room of a vector, as far as they lie within it. Only a wish: nothing else depends on it.

@@ -36,9 +36,28 @@ unsafe impl Plain for Facet {
     const ZERO: Self = Facet { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
 }
 
+/// A triangle that a tile may see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct Seen {
+    /// Its number in the scene.
+    pub id: u32,
+    /// The columns of the picture where it may be: the first, and the one past the last in the upper 16 bits.
+    pub columns: u32,
+    /// The rows.
+    pub rows: u32,
+    /// What its 1/t cannot exceed.
+    pub near: f32,
+}
+
+// SAFETY: four numbers that fill it, as the offsets asserted in types.rs show.
+unsafe impl Plain for Seen {
+    const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, near: 0.0 };
+}
+
 records! {
     /// What turns corners into bounds.
-    BoundsView { to_pixels, column, row, low, high, width, height, near, all_columns, all_rows }
+    BoundsView { to_pixels, column, row, low, high, width, height, near, all_columns, all_rows, reach, outside }
     /// The rays of a tile as set-up sees them.
     TileView { dx, dy, dz, step, down, scale, bound_x, bound_y, bound_z, bound_0 }
     /// A light as set-up sees it.
@@ -59,48 +78,38 @@ records! {
 /// Where a light stands, seen from the camera, and a 0.
 pub type TilePoint<E> = [E; 4];
 
-/// The corners of a chunk of triangles, turned round.
-#[derive(Clone)]
-#[repr(C, align(64))]
-#[expect(missing_docs, reason = "tile_layout.inc says what each field is")]
-pub struct Corners {
-    pub ax: [f32; CHUNK],
-    pub ay: [f32; CHUNK],
-    pub az: [f32; CHUNK],
-    pub bx: [f32; CHUNK],
-    pub by: [f32; CHUNK],
-    pub bz: [f32; CHUNK],
-    pub cx: [f32; CHUNK],
-    pub cy: [f32; CHUNK],
-    pub cz: [f32; CHUNK],
-    pub red: [f32; CHUNK],
-    pub green: [f32; CHUNK],
-    pub blue: [f32; CHUNK],
-    pub columns: [u32; CHUNK],
-    pub rows: [u32; CHUNK],
-    pub near: [f32; CHUNK],
+/// Defines a structure of a chunk's numbers, all of one field after another, and what it is before anything is written.
+macro_rules! turned_round {
+    ($(#[$doc:meta])* $name:ident $(<$element:ident>)? { $($type:ty: $($field:ident)*;)* }) => {
+        $(#[$doc])*
+        #[derive(Clone)]
+        #[repr(C, align(64))]
+        #[expect(missing_docs, reason = "tile_layout.inc says what each field is")]
+        pub struct $name $(<$element>)? {
+            $($(pub $field: [$type; CHUNK],)*)*
+        }
+
+        #[cfg(rayo_asm)]
+        impl $(<$element: Element>)? $name $(<$element>)? {
+            const ZERO: Self = $name { $($($field: [<$type as Plain>::ZERO; CHUNK],)*)* };
+        }
+    };
 }
 
-/// A chunk of triangles as functions of a tile's pixels.
-#[derive(Clone)]
-#[repr(C, align(64))]
-#[expect(missing_docs, reason = "tile_layout.inc says what each field is")]
-pub struct TrianglePlanes<E> {
-    pub e1x: [E; CHUNK],
-    pub e1y: [E; CHUNK],
-    pub e10: [E; CHUNK],
-    pub e2x: [E; CHUNK],
-    pub e2y: [E; CHUNK],
-    pub e20: [E; CHUNK],
-    pub e3x: [E; CHUNK],
-    pub e3y: [E; CHUNK],
-    pub e30: [E; CHUNK],
-    pub tx: [E; CHUNK],
-    pub ty: [E; CHUNK],
-    pub t0: [E; CHUNK],
-    pub most: [E; CHUNK],
-    pub side: [E; CHUNK],
-    pub id: [E; CHUNK],
+turned_round! {
+    /// The corners of a chunk of triangles, turned round.
+    Corners {
+        f32: ax ay az bx by bz cx cy cz red green blue;
+        u32: columns rows;
+        f32: near;
+    }
+}
+
+turned_round! {
+    /// A chunk of triangles as functions of a tile's pixels.
+    TrianglePlanes<E> {
+        E: e1x e1y e10 e2x e2y e20 e3x e3y e30 tx ty t0 most side id;
+    }
 }
 
 /// The pixels of a tile in blocks: 1/t and who.
@@ -120,6 +129,10 @@ const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 #[cfg(rayo_asm)]
 const MOST_SET_UP: usize = 8;
 
+/// More elements than any register has.
+#[cfg(rayo_asm)]
+const MOST_LANES: usize = 16;
+
 #[cfg(rayo_asm)]
 pub use calls::*;
 
@@ -132,22 +145,52 @@ mod calls {
     pub(in crate::kernels) struct BoundsTask {
         pub(in crate::kernels) facets: *const Facet,
         pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) first_id: u64,
+        pub(in crate::kernels) keep_all: u64,
         pub(in crate::kernels) corners: *mut Corners,
-        pub(in crate::kernels) columns: *mut u32,
-        pub(in crate::kernels) rows: *mut u32,
-        pub(in crate::kernels) near: *mut f32,
+        pub(in crate::kernels) seen: *mut Seen,
+        pub(in crate::kernels) found: *mut BoundsFound,
+    }
+
+    /// As bounds writes it.
+    #[repr(C)]
+    pub(in crate::kernels) struct BoundsFound {
+        pub(in crate::kernels) most: [u32; MOST_LANES],
+        pub(in crate::kernels) least: [u32; MOST_LANES],
+        pub(in crate::kernels) brightest: [u32; MOST_LANES],
+        pub(in crate::kernels) count: u64,
+    }
+
+    /// The extremes of a scene's triangles. What is not a number, and a negative colour, is among them for sure.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Extremes {
+        /// The greatest size, which is that of the triangle's greatest coordinate.
+        pub most: f32,
+        /// The least.
+        pub least: f32,
+        /// The greatest number in a colour, or a negative one.
+        pub brightest: f32,
+    }
+
+    impl Extremes {
+        /// Those of both.
+        pub fn and(self, other: Self) -> Self {
+            let most = |a: f32, b: f32| f32::from_bits(a.to_bits().max(b.to_bits()));
+            Extremes {
+                most: most(self.most, other.most),
+                least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
+                brightest: most(self.brightest, other.brightest),
+            }
+        }
     }
 
     /// As set-up reads it: addresses of elements have no type, so that one layout serves both.
     #[repr(C)]
     pub(in crate::kernels) struct SetupTask {
         pub(in crate::kernels) facets: *const Facet,
-        pub(in crate::kernels) ids: *const u32,
+        pub(in crate::kernels) seen: *const Seen,
         pub(in crate::kernels) count: u64,
         pub(in crate::kernels) ahead: u64,
-        pub(in crate::kernels) columns: *const u32,
-        pub(in crate::kernels) rows: *const u32,
-        pub(in crate::kernels) near: *const f32,
         pub(in crate::kernels) corners: *mut Corners,
         pub(in crate::kernels) planes: *mut (),
         pub(in crate::kernels) shades: *mut (),
@@ -206,8 +249,6 @@ mod calls {
         pub columns: Vec<u32>,
         /// Rows.
         pub rows: Vec<u32>,
-        /// Of triangles: what 1/t cannot exceed.
-        pub near: Vec<f32>,
     }
 
     /// The grid of rays in f64.
@@ -255,51 +296,13 @@ mod calls {
 
     impl<E: Element> Default for TileBuffers<E> {
         fn default() -> Self {
-            let zero = [E::ZERO; CHUNK];
             TileBuffers {
                 tile: Box::new(Tile { near: [E::ZERO; TILE_PIXELS], who: [E::ZERO; TILE_PIXELS] }),
-                corners: Box::new(no_corners()),
-                planes: Box::new(TrianglePlanes {
-                    e1x: zero,
-                    e1y: zero,
-                    e10: zero,
-                    e2x: zero,
-                    e2y: zero,
-                    e20: zero,
-                    e3x: zero,
-                    e3y: zero,
-                    e30: zero,
-                    tx: zero,
-                    ty: zero,
-                    t0: zero,
-                    most: zero,
-                    side: zero,
-                    id: zero,
-                }),
+                corners: Box::new(Corners::ZERO),
+                planes: Box::new(TrianglePlanes::ZERO),
                 count: 0,
                 most: 0,
             }
-        }
-    }
-
-    fn no_corners() -> Corners {
-        let (none, nothing) = ([0.0; CHUNK], [0; CHUNK]);
-        Corners {
-            ax: none,
-            ay: none,
-            az: none,
-            bx: none,
-            by: none,
-            bz: none,
-            cx: none,
-            cy: none,
-            cz: none,
-            red: none,
-            green: none,
-            blue: none,
-            columns: nothing,
-            rows: nothing,
-            near: none,
         }
     }
 
@@ -311,14 +314,23 @@ mod calls {
             (self.count, self.most) = (0, 0);
         }
 
-        /// The 1/t of the farthest pixel of a whole tile, 0 where a pixel is nobody's.
-        pub fn farthest(&self) -> E {
+        /// The 1/t of the farthest pixel of each part of the tile, 0 where a pixel is nobody's, for kernels of so many
+        /// lanes.
+        pub fn farthest(&self, lanes: usize) -> Farthest {
             let least = |a: E, b: E| if b < a { b } else { a };
-            let mut lanes = [E::from_f64(f64::INFINITY); 32];
-            for part in self.tile.near.as_chunks::<32>().0 {
-                lanes.iter_mut().zip(part).for_each(|(lane, near)| *lane = least(*lane, *near));
+            let mut parts = [[E::from_f64(f64::INFINITY); PART_SIDE]; PARTS_ACROSS * PARTS_DOWN];
+            // A part's pixels in a row of blocks follow one another.
+            let block_height = (lanes / 4).max(1);
+            for (i, row) in self.tile.near.chunks_exact(TILE_WIDTH * block_height).enumerate() {
+                let parts = &mut parts[i * block_height / PART_SIDE * PARTS_ACROSS..][..PARTS_ACROSS];
+                for (part, near) in parts.iter_mut().zip(row.chunks_exact(PART_SIDE * block_height)) {
+                    for near in near.as_chunks::<PART_SIDE>().0 {
+                        part.iter_mut().zip(near).for_each(|(part, near)| *part = least(*part, *near));
+                    }
+                }
             }
-            lanes.into_iter().reduce(least).expect("lanes")
+            let parts = parts.map(|part| part.into_iter().fold(part[0], least).to_f64());
+            Farthest { all: parts.into_iter().fold(f64::INFINITY, f64::min), parts }
         }
 
         /// The triangles that were set up last.
@@ -351,6 +363,40 @@ mod calls {
         }
     }
 
+    /// Sides of a part of a tile, in pixels: a square whose farthest pixel is known.
+    const PART_SIDE: usize = 8;
+    const PARTS_ACROSS: usize = TILE_WIDTH / PART_SIDE;
+    const PARTS_DOWN: usize = TILE_HEIGHT / PART_SIDE;
+
+    /// What is farthest in each part of a tile: 1/t.
+    pub struct Farthest {
+        /// Of the whole tile.
+        all: f64,
+        parts: [f64; PARTS_ACROSS * PARTS_DOWN],
+    }
+
+    impl Farthest {
+        /// Whether all pixels of a window of the tile where the triangle may be have something nearer than it can be.
+        #[inline]
+        pub fn hides(&self, seen: &Seen, window: &TileWindow) -> bool {
+            if self.all > seen.near.into() {
+                return true;
+            }
+            let parts = |bounds: u32, first: u32, start: u32, end: u32| {
+                let (start, end) = ((bounds & 0xffff).max(first + start) - first, (bounds >> 16).min(first + end));
+                (start as usize / PART_SIDE, (end.saturating_sub(first + 1)) as usize / PART_SIDE)
+            };
+            let (left, right) = parts(seen.columns, window.column, 0, window.columns);
+            let (top, bottom) = parts(seen.rows, window.row, window.rows.start, window.rows.end);
+            let at = |row: usize, column: usize| self.parts[(row * PARTS_ACROSS + column) % self.parts.len()];
+            if right > left + 1 || bottom > top + 1 {
+                return (top..=bottom).all(|row| (left..=right).all(|column| at(row, column) > seen.near.into()));
+            }
+            let farthest = f64::min(at(top, left).min(at(top, right)), at(bottom, left).min(at(bottom, right)));
+            farthest > seen.near.into()
+        }
+    }
+
     /// Finds the bounds of triangles.
     pub struct Bounds {
         pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const BoundsView<f32>, *const BoundsTask),
@@ -363,13 +409,26 @@ mod calls {
             self.symbol
         }
 
-        /// Writes the bounds of all facets, for which there is room up to a multiple of [`CHUNK`].
-        pub fn call(&self, view: &BoundsView<f32>, facets: &[Facet], bounds: &mut PixelBounds) {
-            let mut corners = no_corners();
-            let Some(task) = Self::task(facets, bounds, &mut corners) else { return };
+        /// Writes those of the facets that may be seen to the front of `seen`, in order, the first facet being number
+        /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
+        /// be. There must be room for all facets, up to a multiple of [`CHUNK`]. None where there is no facet.
+        pub fn call(
+            &self,
+            view: &BoundsView<f32>,
+            facets: &[Facet],
+            first_id: u32,
+            keep_all: bool,
+            seen: &mut [Seen],
+        ) -> Option<(usize, Extremes)> {
+            let (mut corners, mut found) = (Corners::ZERO, BoundsFound::NONE);
+            let task = Self::task(facets, first_id, keep_all, seen, &mut corners, &mut found)?;
             // SAFETY: task() proves that there is a facet and room for the results; the references the rest. The table it
             // came from was handed out by packets(), which had checked the CPU.
             unsafe { (self.code)(view, &task) }
+            // What fills the last chunk comes last.
+            let past = first_id + facets.len() as u32;
+            let count = seen[..found.count as usize].iter().rposition(|seen| seen.id < past).map_or(0, |last| last + 1);
+            Some((count, found.extremes()))
         }
 
         /// As [`Bounds::call`], with a look at whether the kernel keeps the calling convention.
@@ -377,41 +436,61 @@ mod calls {
             &self,
             view: &BoundsView<f32>,
             facets: &[Facet],
-            bounds: &mut PixelBounds,
+            first_id: u32,
+            keep_all: bool,
+            seen: &mut [Seen],
         ) -> Result<(), Vec<Fault>> {
-            let mut corners = no_corners();
-            let Some(task) = Self::task(facets, bounds, &mut corners) else { return Ok(()) };
+            let (mut corners, mut found) = (Corners::ZERO, BoundsFound::NONE);
+            let task = Self::task(facets, first_id, keep_all, seen, &mut corners, &mut found);
+            let Some(task) = task else { return Ok(()) };
             let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(facets: &[Facet], bounds: &mut PixelBounds, corners: &mut Corners) -> Option<BoundsTask> {
-            let PixelBounds { columns, rows, near } = bounds;
-            let room = facets.len().next_multiple_of(CHUNK);
-            assert!([columns.len(), rows.len(), near.len()].iter().all(|len| *len >= room), "whole chunks are written");
+        fn task(
+            facets: &[Facet],
+            first_id: u32,
+            keep_all: bool,
+            seen: &mut [Seen],
+            corners: &mut Corners,
+            found: &mut BoundsFound,
+        ) -> Option<BoundsTask> {
+            assert!(seen.len() >= facets.len().next_multiple_of(CHUNK), "whole chunks are written");
+            assert!(first_id as usize + facets.len() <= 1 << 24, "f32 has every number up to here");
             (!facets.is_empty()).then_some(BoundsTask {
                 facets: facets.as_ptr(),
                 count: facets.len() as u64,
+                first_id: first_id.into(),
+                keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
                 corners,
-                columns: columns.as_mut_ptr(),
-                rows: rows.as_mut_ptr(),
-                near: near.as_mut_ptr(),
+                seen: seen.as_mut_ptr(),
+                found,
             })
         }
     }
 
-    /// Triangles with their bounds, the lights, and which of them a chunk is.
+    impl BoundsFound {
+        /// Of no triangle.
+        const NONE: BoundsFound =
+            BoundsFound { most: [0; MOST_LANES], least: [u32::MAX; MOST_LANES], brightest: [0; MOST_LANES], count: 0 };
+
+        fn extremes(&self) -> Extremes {
+            let most = |of: &[u32]| f32::from_bits(of.iter().fold(0, |a, b| a.max(*b)));
+            let least = f32::from_bits(self.least.iter().fold(u32::MAX, |a, b| a.min(*b)));
+            Extremes { most: most(&self.most), least, brightest: most(&self.brightest) }
+        }
+    }
+
+    /// Triangles, the lights, and which of them a chunk is.
     #[derive(Clone, Copy)]
     pub struct Triangles<'a> {
         /// All triangles of the scene.
         pub facets: &'a [Facet],
-        /// Their bounds.
-        pub bounds: &'a PixelBounds,
         /// The lights.
         pub lights: &'a [TileLight<f64>],
         /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
-        pub ids: &'a [u32],
+        pub seen: &'a [Seen],
         /// The number in the tile of the first of them.
         pub first_id: usize,
     }
@@ -459,26 +538,21 @@ mod calls {
         }
 
         fn task(triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) -> SetupTask {
-            let Triangles { facets, bounds, lights, ids, first_id } = triangles;
-            let (ids, ahead) = ids.split_at(ids.len().min(CHUNK));
-            assert!(!ids.is_empty());
-            assert!(ids.iter().all(|id| (*id as usize) < facets.len()), "ids of facets");
+            let Triangles { facets, lights, seen, first_id } = triangles;
+            let (seen, ahead) = seen.split_at(seen.len().min(CHUNK));
+            assert!(!seen.is_empty());
+            assert!(seen.iter().all(|seen| (seen.id as usize) < facets.len()), "ids of facets");
             // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
-            assert!(bounds.columns.len() >= facets.len() && bounds.rows.len() >= facets.len());
-            assert!(bounds.near.len() >= facets.len());
             // The last packet writes as many as it has lanes.
             let before = first_id * lights.len();
-            shades.resize(before + (ids.len() + MOST_SET_UP) * lights.len(), TileShade::ZERO);
-            buffers.count = ids.len();
-            buffers.most = buffers.most.max(first_id + ids.len() - 1);
+            shades.resize(before + (seen.len() + MOST_SET_UP) * lights.len(), TileShade::ZERO);
+            buffers.count = seen.len();
+            buffers.most = buffers.most.max(first_id + seen.len() - 1);
             SetupTask {
                 facets: facets.as_ptr(),
-                ids: ids.as_ptr(),
-                count: ids.len() as u64,
+                seen: seen.as_ptr(),
+                count: seen.len() as u64,
                 ahead: ahead.len().min(CHUNK) as u64,
-                columns: bounds.columns.as_ptr(),
-                rows: bounds.rows.as_ptr(),
-                near: bounds.near.as_ptr(),
                 corners: &mut *buffers.corners,
                 planes: std::ptr::from_mut(&mut *buffers.planes).cast(),
                 shades: shades[before..].as_mut_ptr().cast(),
@@ -573,6 +647,9 @@ mod calls {
 
         fn task(buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) -> NearestTask {
             assert!(buffers.most < order.len(), "everyone has a place in the scene");
+            // Whole packets are read: what is past the chunk is seen nowhere.
+            let past = buffers.count..buffers.count.next_multiple_of(MOST_LANES);
+            buffers.corners.columns[past].fill(0);
             NearestTask {
                 order: order.as_ptr(),
                 corners: &*buffers.corners,

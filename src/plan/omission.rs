@@ -124,7 +124,7 @@ impl Omission {
         match self {
             Omission::Behind => "no ray looks back, and no point of them is in front of the camera",
             Omission::Outside => "they are beside, above or below every ray of the picture",
-            Omission::Between => "they are in the picture, but no ray passes within their bounds",
+            Omission::Between => "they are in the picture, but pass between its rays",
             Omission::NoArea => "their corners are on one line, so no ray hits them",
             Omission::EdgeOn => "their plane passes through the camera, so no ray hits them",
             Omission::DarkLights => "intensity times colour is 0",

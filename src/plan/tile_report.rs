@@ -141,7 +141,7 @@ impl Report {
             Counts::of(&scene.spheres, tiles.sphere_bounds(), |sphere| frustum.unseen_sphere(sphere), |_| None);
         let triangles = Counts::of(
             &scene.triangles,
-            tiles.triangle_bounds(),
+            &tiles.triangle_bounds(),
             |triangle| frustum.unseen_triangle(triangle),
             never_hit,
         );

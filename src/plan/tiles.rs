@@ -5,6 +5,8 @@
 //! each tile sets up its own. What is kept of one is its bounds and its number in the lists of a few tiles.
 
 use std::ops::Range;
+use std::panic::resume_unwind;
+use std::thread;
 
 use glam::DVec3;
 
@@ -13,13 +15,16 @@ use super::omission::{Keep, Omission};
 use super::tile_report::Frustum;
 use crate::kernels::sys;
 use crate::kernels::{
-    Bounds, BoundsView, CHUNK, Element, Lit, PixelBounds, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
-    TilePoint, TileRays, TileSphere, TileView,
+    Bounds, BoundsView, CHUNK, Element, Extremes, Lit, PixelBounds, Seen, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileGrid,
+    TileLight, TilePoint, TileRays, TileSphere, TileView,
 };
 use crate::scene::{Camera, Grid, Light, Scene, Sphere, Triangle};
 
-/// An object in more tiles than this is in the list that all tiles look through.
-const MOST_TILES: u32 = 32;
+/// An object in more tiles than this is in the list that all tiles look through: 16 bytes in each, and 16 while planning.
+const MOST_TILES: usize = 11;
+
+/// Spheres are fewer.
+const MOST_TILES_OF_A_SPHERE: usize = 64;
 
 /// Numbers of objects are kept in f32, which has every integer up to here.
 const MOST_OBJECTS: usize = 1 << 24;
@@ -30,25 +35,40 @@ const LONGEST_SIDE: u32 = u16::MAX as u32;
 /// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
 pub(super) const FEWEST_OBJECTS: usize = 32;
 
+/// A thread that plans fewer triangles costs more than it brings.
+const FEWEST_PER_THREAD: usize = 1 << 14;
+
 /// Lengths between its inverse and this have squares and products that f32 holds.
 const MODERATE: f32 = (1u64 << 60) as f32;
 
 /// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects, and none whose numbers the
 /// spans may have to leave to f64.
 pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
-    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
-        && camera.width().max(camera.height()) <= LONGEST_SIDE
-        && is_moderate(scene)
+    objects_are_many(scene, camera) && is_moderate(scene)
 }
 
-fn is_moderate(scene: &Scene) -> bool {
-    let size = |size: f32| (1.0 / MODERATE..MODERATE).contains(&size);
-    let sphere = |s: &Sphere| size(s.radius) && s.centre.abs().max_element() < MODERATE;
+/// Whether tiles pay for so many objects, if their numbers are moderate: see [`is_moderate`].
+pub fn objects_are_many(scene: &Scene, camera: &Camera) -> bool {
+    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
+        && camera.width().max(camera.height()) <= LONGEST_SIDE
+}
+
+/// Whether f32 holds squares and products of all lengths in a scene.
+pub fn is_moderate(scene: &Scene) -> bool {
     let triangle = |t: &Triangle| {
         let [one, other, third] = t.vertices.map(glam::Vec3::abs);
-        size(one.max(other).max(third).max_element())
+        is_moderate_size(one.max(other).max(third).max_element())
     };
-    scene.spheres.iter().all(sphere) && scene.triangles.iter().all(triangle)
+    spheres_are_moderate(scene) && scene.triangles.iter().all(triangle)
+}
+
+fn spheres_are_moderate(scene: &Scene) -> bool {
+    let sphere = |s: &Sphere| is_moderate_size(s.radius) && s.centre.abs().max_element() < MODERATE;
+    scene.spheres.iter().all(sphere)
+}
+
+fn is_moderate_size(size: f32) -> bool {
+    (1.0 / MODERATE..MODERATE).contains(&size)
 }
 
 /// A scene planned for tiles.
@@ -68,9 +88,10 @@ pub struct Tiles<'a, E> {
     /// Spheres around the camera, or that reach behind its plane.
     odd: Vec<bool>,
     sphere_bounds: PixelBounds,
-    triangle_bounds: PixelBounds,
     sphere_bins: Bins,
-    triangle_bins: Bins,
+    triangle_bins: Vec<Bins>,
+    /// Of all triangles; None where there are none.
+    extremes: Option<Extremes>,
 }
 
 /// What depends on what white is in the output.
@@ -83,11 +104,13 @@ pub struct Weighted<E> {
 
 /// The objects that each tile may see.
 struct Bins {
-    /// Where each tile's ids begin, and where the last one's end.
+    /// Where each tile's begin, and where the last one's end.
     starts: Vec<u32>,
-    ids: Vec<u32>,
+    seen: Vec<Seen>,
     /// Those that are in many tiles.
-    large: Vec<u32>,
+    large: Vec<Seen>,
+    /// Whether the large are in all tiles, wherever they may be seen.
+    everywhere: bool,
 }
 
 /// One tile of the picture.
@@ -107,8 +130,8 @@ impl TilePlace {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene` for `camera`, by a kernel that finds bounds, without the omissions in `keep`.
-    pub fn new(scene: &'a Scene, camera: &Camera, bounds: &Bounds, keep: Keep) -> Self {
+    /// Plans `scene` for `camera` on so many threads, by a kernel that finds bounds, without the omissions in `keep`.
+    pub fn new(scene: &'a Scene, camera: &Camera, bounds: &Bounds, keep: Keep, threads: usize) -> Self {
         let grid = camera.grid::<f64>();
         let extent = extent(scene);
         let scale = power_of_two(extent / grid.focal);
@@ -163,16 +186,21 @@ impl<'a, E: Element> Tiles<'a, E> {
         let mut sphere_bounds = PixelBounds {
             columns: sphere_bounds.iter().map(|b| b[0]).collect(),
             rows: sphere_bounds.iter().map(|b| b[1]).collect(),
-            near: Vec::new(),
         };
-        let mut triangle_bounds = triangle_bounds(&scene.triangles, &grid, scale, picture, bounds);
-        if keep != Keep::NOTHING {
-            let frustum = Frustum::new(&grid);
-            let sphere = |i: usize| frustum.unseen_sphere(&scene.spheres[i]);
-            widen(&mut sphere_bounds, scene.spheres.len(), picture, keep, sphere);
-            let triangle = |i: usize| frustum.unseen_triangle(&scene.triangles[i]);
-            widen(&mut triangle_bounds, scene.triangles.len(), picture, keep, triangle);
+        let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
+        for (sphere, (columns, rows)) in
+            scene.spheres.iter().zip(sphere_bounds.columns.iter_mut().zip(&mut sphere_bounds.rows))
+        {
+            widening.widen(columns, rows, || widening.frustum.unseen_sphere(sphere));
         }
+        let bounded = (0..).zip(sphere_bounds.columns.iter().zip(&sphere_bounds.rows));
+        let bounded: Vec<_> =
+            bounded.map(|(id, (&columns, &rows))| Seen { id, columns, rows, near: f32::MAX }).collect();
+        let view = bounds_view(&grid, scale, picture);
+        // No object is in so few tiles where each is to be in all.
+        let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
+        let bins = |seen: &[Seen]| Bins::new(seen, picture, most_tiles(MOST_TILES));
+        let (triangle_bins, extremes) = plan_triangles(&scene.triangles, &view, bounds, &widening, &bins, threads);
         Tiles {
             scene,
             camera: *camera,
@@ -188,21 +216,36 @@ impl<'a, E: Element> Tiles<'a, E> {
                 .into_iter()
                 .map(|planned| planned.map_or(TileSphere::<f64>::default(), |p| p.sphere).round())
                 .collect(),
-            sphere_bins: Bins::new(&sphere_bounds, scene.spheres.len(), picture),
-            triangle_bins: Bins::new(&triangle_bounds, scene.triangles.len(), picture),
+            sphere_bins: Bins::new(&bounded, picture, most_tiles(MOST_TILES_OF_A_SPHERE)),
+            triangle_bins,
+            extremes,
             sphere_bounds,
-            triangle_bounds,
         }
+    }
+
+    /// Whether planning has seen that the scene is valid as far as its triangles go, and [moderate](is_moderate). Where it
+    /// has not, the scene may yet be both.
+    pub fn is_plain(&self) -> bool {
+        let plain = |extremes: Extremes| {
+            let Extremes { most, least, brightest } = extremes;
+            is_moderate_size(most) && is_moderate_size(least) && (0.0..f32::INFINITY).contains(&brightest)
+        };
+        spheres_are_moderate(self.scene) && self.extremes.is_none_or(plain)
+    }
+
+    /// What is planned.
+    pub fn scene(&self) -> &Scene {
+        self.scene
+    }
+
+    /// As whom it is seen.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
     }
 
     /// All triangles.
     pub fn facets(&self) -> &[Triangle] {
         &self.scene.triangles
-    }
-
-    /// The bounds of all triangles.
-    pub fn triangle_bounds(&self) -> &PixelBounds {
-        &self.triangle_bounds
     }
 
     /// All spheres.
@@ -218,6 +261,17 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// The bounds of all spheres.
     pub fn sphere_bounds(&self) -> &PixelBounds {
         &self.sphere_bounds
+    }
+
+    /// The bounds of all triangles, empty of those that no ray can hit.
+    pub fn triangle_bounds(&self) -> PixelBounds {
+        let none = vec![0; self.scene.triangles.len()];
+        let mut bounds = PixelBounds { columns: none.clone(), rows: none };
+        for seen in self.triangle_bins.iter().flat_map(|bins| bins.seen.iter().chain(&bins.large)) {
+            bounds.columns[seen.id as usize] = seen.columns;
+            bounds.rows[seen.id as usize] = seen.rows;
+        }
+        bounds
     }
 
     /// Whether a sphere is around the camera or reaches behind its plane, which no kernel takes.
@@ -244,12 +298,6 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn keep(&self) -> Keep {
         self.keep
     }
-
-    /// The scene.
-    pub(super) fn scene(&self) -> &Scene {
-        self.scene
-    }
-
     /// Who is seen from where, to say why something is not.
     pub(super) fn frustum(&self) -> Frustum {
         Frustum::new(&self.grid)
@@ -284,17 +332,13 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// The spheres and the triangles that a tile may see, in the scene's order.
-    pub fn seen_in(&self, tile: TilePlace, spheres: &mut Vec<u32>, triangles: &mut Vec<u32>) {
-        if self.keep.has(Omission::OtherTiles) {
-            let all = |list: &mut Vec<u32>, count: usize| {
-                list.clear();
-                list.extend(0..count as u32);
-            };
-            all(spheres, self.spheres.len());
-            return all(triangles, self.scene.triangles.len());
+    pub fn seen_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>, triangles: &mut Vec<Seen>) {
+        spheres.clear();
+        triangles.clear();
+        self.sphere_bins.seen_in(tile, self.camera.width(), spheres);
+        for bins in &self.triangle_bins {
+            bins.seen_in(tile, self.camera.width(), triangles);
         }
-        self.sphere_bins.seen_in(tile, self.camera.width(), &self.sphere_bounds, spheres);
-        self.triangle_bins.seen_in(tile, self.camera.width(), &self.triangle_bounds, triangles);
     }
 
     /// A tile's rays, for set-up and for shading.
@@ -358,15 +402,9 @@ impl Picture {
     }
 }
 
-fn triangle_bounds(
-    facets: &[Triangle],
-    grid: &Grid<f64>,
-    scale: f64,
-    picture: Picture,
-    kernel: &Bounds,
-) -> PixelBounds {
+/// How the kernel finds bounds in a picture.
+fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> BoundsView<f32> {
     let [all_columns, all_rows] = picture.whole();
-    let room = facets.len().next_multiple_of(CHUNK);
     let (width, height) = (f64::from(picture.width), f64::from(picture.height));
     // Several roundings of numbers up to the picture's size, each of 2^-24 of it.
     let margin = (width + height) / f64::from(1 << 20);
@@ -382,24 +420,65 @@ fn triangle_bounds(
         near: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
         all_columns: 0.0,
         all_rows: 0.0,
+        // Within these bounds are two columns and two rows at most. An edge there is a sum of two products whose factors
+        // are below 3, each off by the margin.
+        reach: 2.0 - 4.0 * margin,
+        outside: -13.0 * margin,
     };
-    let view = BoundsView {
-        all_columns: f32::from_bits(all_columns),
-        all_rows: f32::from_bits(all_rows),
-        ..view.round::<f32>()
-    };
-    let mut bounds = PixelBounds { columns: roomy(room), rows: roomy(room), near: roomy(room) };
-    kernel.call(&view, facets, &mut bounds);
-    bounds
+    BoundsView { all_columns: f32::from_bits(all_columns), all_rows: f32::from_bits(all_rows), ..view.round::<f32>() }
 }
 
-/// Gives those objects the whole picture that are not to be left out: all of them, or those that are `unseen` for a reason
-/// that is to be kept.
-fn widen(bounds: &mut PixelBounds, count: usize, picture: Picture, keep: Keep, unseen: impl Fn(usize) -> Omission) {
-    let [all_columns, all_rows] = picture.whole();
-    for (i, (columns, rows)) in bounds.columns.iter_mut().zip(&mut bounds.rows).take(count).enumerate() {
-        if keep.has(Omission::Misses) || covered(*columns, *rows) == 0 && keep.has(unseen(i)) {
-            (*columns, *rows) = (all_columns, all_rows);
+/// Which tiles all triangles may be in, and their extremes. Each thread takes as many triangles, which lie side by side;
+/// what they find is one after another, so that nobody sees how many there were.
+fn plan_triangles(
+    facets: &[Triangle],
+    view: &BoundsView<f32>,
+    kernel: &Bounds,
+    widening: &Widening,
+    bins: &(impl Fn(&[Seen]) -> Bins + Sync),
+    threads: usize,
+) -> (Vec<Bins>, Option<Extremes>) {
+    let plan = |first_id: u32, facets: &[Triangle]| {
+        let mut seen = roomy(facets.len().next_multiple_of(CHUNK));
+        let all = widening.keep != Keep::NOTHING;
+        let (count, extremes) = kernel.call(view, facets, first_id, all, &mut seen).unzip();
+        seen.truncate(count.unwrap_or(0));
+        if all {
+            for Seen { id, columns, rows, .. } in &mut seen {
+                let facet = &facets[(*id - first_id) as usize];
+                widening.widen(columns, rows, || widening.frustum.unseen_triangle(facet));
+            }
+        }
+        (bins(&seen), extremes)
+    };
+    let threads = threads.clamp(1, facets.len().div_ceil(FEWEST_PER_THREAD).max(1));
+    let part = facets.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
+    let plan = &plan;
+    let mut parts = (0..).step_by(part).zip(facets.chunks(part)).map(|(first, facets)| move || plan(first, facets));
+    let own = parts.next();
+    let planned: Vec<_> = thread::scope(|scope| {
+        let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
+        let own = own.map(|part| part());
+        let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        own.into_iter().chain(others).collect()
+    });
+    let (bins, extremes): (Vec<_>, Vec<_>) = planned.into_iter().unzip();
+    (bins, extremes.into_iter().flatten().reduce(Extremes::and))
+}
+
+/// Gives those objects the whole picture that are not to be left out.
+struct Widening {
+    keep: Keep,
+    frustum: Frustum,
+    whole: [u32; 2],
+}
+
+impl Widening {
+    /// Of an object with these bounds; it may be `unseen` for a reason that is to be kept.
+    fn widen(&self, columns: &mut u32, rows: &mut u32, unseen: impl Fn() -> Omission) {
+        let keep = self.keep;
+        if keep.has(Omission::Misses) || keep != Keep::NOTHING && covered(*columns, *rows) == 0 && keep.has(unseen()) {
+            [*columns, *rows] = self.whole;
         }
     }
 }
@@ -556,16 +635,21 @@ fn range(bounds: u32) -> Range<u32> {
 }
 
 impl Bins {
-    fn new(bounds: &PixelBounds, count: usize, picture: Picture) -> Self {
+    /// An object in more than `most_tiles` is large; if None, all of them are, and in all tiles.
+    fn new(seen: &[Seen], picture: Picture, most_tiles: Option<usize>) -> Self {
         let across = picture.width.div_ceil(TILE_WIDTH as u32);
         let tiles = (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize;
+        let Some(most_tiles) = most_tiles else {
+            return Bins { starts: vec![0; tiles + 1], seen: Vec::new(), large: seen.to_vec(), everywhere: true };
+        };
         // How many objects each tile has, and then where its next one goes.
         let mut counts = vec![0_u32; tiles];
         let mut large = Vec::new();
-        let (columns, rows) = (&bounds.columns[..count], &bounds.rows[..count]);
-        each_place(columns, rows, across, |_, tiles, times| {
+        each_place(seen, most_tiles, |run, tiles| {
             let Some((x, y)) = tiles else { return };
-            y.for_each(|row| x.clone().for_each(|column| counts[(row * across + column) as usize] += times));
+            y.for_each(|row| {
+                x.clone().for_each(|column| counts[(row * across + column) as usize] += run.len() as u32);
+            });
         });
         let mut starts = Vec::with_capacity(tiles + 1);
         let mut sum = 0;
@@ -574,42 +658,43 @@ impl Bins {
             sum += std::mem::replace(count, sum);
         }
         starts.push(sum);
-        let mut ids = roomy(sum as usize);
-        each_place(columns, rows, across, |first, tiles, times| {
-            let Some((x, y)) = tiles else { return large.push(first) };
+        let mut placed = roomy(sum as usize);
+        each_place(seen, most_tiles, |run, tiles| {
+            let Some((x, y)) = tiles else { return large.extend_from_slice(run) };
             y.for_each(|row| {
                 x.clone().for_each(|column| {
                     let next = &mut counts[(row * across + column) as usize];
-                    let place = *next as usize..(*next + times) as usize;
-                    ids[place].iter_mut().zip(first..).for_each(|(place, id)| *place = id);
-                    *next += times;
+                    placed[*next as usize..][..run.len()].copy_from_slice(run);
+                    *next += run.len() as u32;
                 });
             });
         });
-        Bins { starts, ids, large }
+        Bins { starts, seen: placed, large, everywhere: false }
     }
 
-    /// Gathers what a tile may see, in order.
-    fn seen_in(&self, tile: TilePlace, width: u32, bounds: &PixelBounds, seen: &mut Vec<u32>) {
+    /// Adds what a tile may see, in order.
+    fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
         let across = width.div_ceil(TILE_WIDTH as u32);
         let index = (tile.down * across + tile.across) as usize;
-        let own = &self.ids[self.starts[index] as usize..self.starts[index + 1] as usize];
-        seen.clear();
+        let own = &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize];
         if self.large.is_empty() {
             seen.extend_from_slice(own);
             return;
         }
         let (column, row) = tile.first();
-        let in_tile = |id: &&u32| {
-            let (x, y) = (range(bounds.columns[**id as usize]), range(bounds.rows[**id as usize]));
+        let in_tile = |large: &&Seen| {
+            if self.everywhere {
+                return true;
+            }
+            let (x, y) = (range(large.columns), range(large.rows));
             x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
         let mut own = own.iter().copied().peekable();
-        for &large in self.large.iter().filter(in_tile) {
-            while let Some(id) = own.next_if(|id| *id < large) {
-                seen.push(id);
+        for large in self.large.iter().filter(in_tile) {
+            while let Some(own) = own.next_if(|own| own.id < large.id) {
+                seen.push(own);
             }
-            seen.push(large);
+            seen.push(*large);
         }
         seen.extend(own);
     }
@@ -623,45 +708,44 @@ fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
 /// Columns and rows of tiles.
 type TileRanges = (Range<u32>, Range<u32>);
 
-/// Says of all objects that may be seen in which tiles: as many with following numbers as are in one and the same tile at
-/// a time, the others one by one, and None for those that are in too many. Neighbours in a mesh are mostly in one tile.
-fn each_place(columns: &[u32], rows: &[u32], across: u32, mut say: impl FnMut(u32, Option<TileRanges>, u32)) {
-    let one = |tile: u32| {
-        let (x, y) = (tile % across, tile / across);
-        Some((x..x + 1, y..y + 1))
+/// Says of all objects that may be seen in which tiles: as many that follow one another and are in one and the same tile
+/// at a time, the others one by one, and None for those that are in too many. Neighbours in a mesh are mostly in one tile.
+fn each_place(seen: &[Seen], most_tiles: usize, mut say: impl FnMut(&[Seen], Option<TileRanges>)) {
+    let places = |seen: &Seen| {
+        let (x, y) = (range(seen.columns), range(seen.rows));
+        (tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT))
     };
-    let (mut run_tile, mut run_start, mut run) = (0, 0, 0);
-    for (id, (x, y)) in (0_u32..).zip(columns.iter().zip(rows)) {
-        let (x, y) = (range(*x), range(*y));
-        if x.start >= x.end || y.start >= y.end {
+    let is_empty = |seen: &Seen| range(seen.columns).is_empty() || range(seen.rows).is_empty();
+    let mut rest = seen;
+    while let Some(first) = rest.first() {
+        if is_empty(first) {
+            rest = &rest[1..];
             continue;
         }
-        let (x, y) = (tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT));
-        let tiles = (x.end - x.start) * (y.end - y.start);
-        let tile = y.start * across + x.start;
-        if tiles == 1 && tile == run_tile && id == run_start + run {
-            run += 1;
-            continue;
-        }
-        if run > 0 {
-            say(run_start, one(run_tile), run);
-            run = 0;
-        }
+        let (x, y) = places(first);
+        let tiles = x.len() * y.len();
+        let mut run = 1;
         if tiles == 1 {
-            (run_tile, run_start, run) = (tile, id, 1);
-        } else {
-            say(id, (tiles <= MOST_TILES).then_some((x, y)), 1);
+            // Of those that are in this tile alone.
+            let (left, top) = (x.start * TILE_WIDTH as u32, y.start * TILE_HEIGHT as u32);
+            let within = |bounds: u32, first: u32, side: usize| {
+                first <= (bounds & 0xffff)
+                    && (bounds & 0xffff) < (bounds >> 16)
+                    && (bounds >> 16) <= first + side as u32
+            };
+            let alike = |seen: &&Seen| within(seen.columns, left, TILE_WIDTH) & within(seen.rows, top, TILE_HEIGHT);
+            run += rest[1..].iter().take_while(alike).count();
         }
-    }
-    if run > 0 {
-        say(run_start, one(run_tile), run);
+        let (of_run, others) = rest.split_at(run);
+        say(of_run, (tiles <= most_tiles).then_some((x, y)));
+        rest = others;
     }
 }
 
 /// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
 /// triangles' numbers on it.
-fn roomy<T: Copy + Default>(len: usize) -> Vec<T> {
-    let mut zeros = vec![T::default(); len];
+fn roomy(len: usize) -> Vec<Seen> {
+    let mut zeros = sys::zeros(len);
     sys::large_pages(&mut zeros);
     zeros
 }

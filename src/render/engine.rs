@@ -15,7 +15,7 @@ use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Element, Isa, PacketKernels};
 #[cfg(rayo_asm)]
-use crate::plan;
+use crate::plan::{self, Tiles};
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, InvalidScene, Scene};
 
@@ -46,6 +46,8 @@ pub struct Purpose {
     pub format: Option<PixelFormat>,
     /// What is not to be left out.
     pub keep: Keep,
+    /// Threads that get it ready; 0 is 1. The pictures do not depend on it.
+    pub threads: usize,
 }
 
 /// In what numbers an engine computes.
@@ -189,6 +191,22 @@ impl Engine {
     ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
         // Asked for in vain it is an error, whatever the engine.
         self.precision_for(purpose)?;
+        #[cfg(rayo_asm)]
+        if let (Engine::Packet(isa), true) = (self, plan::objects_are_many(scene, camera)) {
+            let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
+            let precision = self.precision_for(purpose)?;
+            scene.check_but_triangles()?;
+            // Set-up reads every triangle, and so sees for nothing whether they have numbers that tiles can take.
+            let planning = (purpose.keep, purpose.threads);
+            let (tracer, plain) = with_tiles(kernels, precision, scene, camera, planning, AnyTracer);
+            if plain {
+                return Ok(tracer);
+            }
+            scene.check()?;
+            if plan::is_moderate(scene) {
+                return Ok(tracer);
+            }
+        }
         scene.check()?;
         Ok(match self {
             Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
@@ -205,9 +223,6 @@ impl Engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
                 let (precision, Purpose { format, keep, .. }) = (self.precision_for(purpose)?, purpose);
-                if plan::tiles_pay(scene, camera) {
-                    return Ok(with_tiles(kernels, precision, scene, camera, keep, AnyTracer));
-                }
                 match precision {
                     Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
                     Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
@@ -218,7 +233,8 @@ impl Engine {
     }
 
     /// Gets a packet engine ready to trace tile by tile, however few objects there are; with `keep_all` by brute force:
-    /// every object is asked at every pixel, by the same arithmetic. None for the other engines, which have no tiles.
+    /// every object is asked at every pixel, by the same arithmetic. `threads` as in [`Purpose`]. None for the other
+    /// engines, which have no tiles.
     #[cfg(rayo_asm)]
     pub fn prepare_tiles<'a>(
         self,
@@ -226,10 +242,11 @@ impl Engine {
         scene: &'a Scene,
         camera: &Camera,
         keep_all: bool,
+        threads: usize,
     ) -> Option<Box<dyn Tracer + 'a>> {
         let kernels = self.packets()?;
         let keep = if keep_all { Keep::all() } else { Keep::NOTHING };
-        Some(with_tiles(kernels, precision, scene, camera, keep, AnyTracer))
+        Some(with_tiles(kernels, precision, scene, camera, (keep, threads), AnyTracer).0)
     }
 }
 
@@ -240,15 +257,16 @@ trait UseTiles<'a> {
     fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result;
 }
 
-/// Hands it out.
+/// Hands it out, and whether its plan is [plain](plan::Tiles::is_plain).
 #[cfg(rayo_asm)]
 struct AnyTracer;
 
 #[cfg(rayo_asm)]
 impl<'a> UseTiles<'a> for AnyTracer {
-    type Result = Box<dyn Tracer + 'a>;
+    type Result = (Box<dyn Tracer + 'a>, bool);
     fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result {
-        Box::new(tracer)
+        let plain = tracer.is_plain();
+        (Box::new(tracer), plain)
     }
 }
 
@@ -272,13 +290,19 @@ fn with_tiles<'a, U: UseTiles<'a>>(
     precision: Precision,
     scene: &'a Scene,
     camera: &Camera,
-    keep: Keep,
+    (keep, threads): (Keep, usize),
     user: U,
 ) -> U::Result {
+    let bounds = &kernels.bounds;
     match precision {
-        Precision::Single => user.of(TileTracer::new(kernels, &kernels.single, false, scene, camera, keep)),
-        Precision::Fast => user.of(TileTracer::new(kernels, &kernels.single, true, scene, camera, keep)),
-        Precision::Double => user.of(TileTracer::new(kernels, &kernels.double, false, scene, camera, keep)),
+        Precision::Double => {
+            let plan = Tiles::new(scene, camera, bounds, keep, threads);
+            user.of(TileTracer::new(kernels, &kernels.double, false, plan))
+        }
+        _ => {
+            let plan = Tiles::new(scene, camera, bounds, keep, threads);
+            user.of(TileTracer::new(kernels, &kernels.single, precision == Precision::Fast, plan))
+        }
     }
 }
 
@@ -320,8 +344,8 @@ impl Engine {
         let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
         #[cfg(rayo_asm)]
         if let Some(kernels) = self.packets().filter(|_| plan::tiles_pay(scene, camera)) {
-            let keep = purpose.keep;
-            return Ok(with_tiles(kernels, precision, scene, camera, keep, TileReport { bytes }));
+            let planning = (purpose.keep, purpose.threads);
+            return Ok(with_tiles(kernels, precision, scene, camera, planning, TileReport { bytes }));
         }
         let scale = if bytes { Scale::Levels } else { Scale::Linear };
         // What is not a packet engine's to keep or leave out is as it is.

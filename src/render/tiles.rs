@@ -10,12 +10,12 @@ use rayon::prelude::*;
 use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
-    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH,
-    TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
+    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, Seen, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT,
+    TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
+use crate::plan::{Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
-use crate::scene::{Camera, Object, Scene};
+use crate::scene::Object;
 
 /// In a tile of fewer triangles it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
@@ -26,23 +26,23 @@ pub struct TileTracer<'a, E: 'static> {
     kernels: &'static SpanKernels<E>,
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
-    camera: Camera,
-    scene: &'a Scene,
     plan: Tiles<'a, E>,
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Plans `scene` for the kernels; `kernels` are theirs for one element type. What is in `keep` is not left out.
+    /// Traces what is planned for the kernels; `kernels` are theirs for one element type.
     pub fn new(
         packets: &'static PacketKernels,
         kernels: &'static SpanKernels<E>,
         fast: bool,
-        scene: &'a Scene,
-        camera: &Camera,
-        keep: Keep,
+        plan: Tiles<'a, E>,
     ) -> Self {
-        let plan = Tiles::new(scene, camera, &packets.bounds, keep);
-        TileTracer { packets, kernels, fast, camera: *camera, scene, plan }
+        TileTracer { packets, kernels, fast, plan }
+    }
+
+    /// See [`Tiles::is_plain`].
+    pub fn is_plain(&self) -> bool {
+        self.plan.is_plain()
     }
 }
 
@@ -96,10 +96,13 @@ bytes!(Rgb8, rgb8);
 #[derive(Default)]
 struct Scratch<E: Element> {
     buffers: TileBuffers<E>,
+    seen_spheres: Vec<Seen>,
+    /// Their numbers in the scene.
     spheres: Vec<u32>,
-    triangles: Vec<u32>,
-    /// Those of them that are farther away.
-    behind: Vec<u32>,
+    triangles: Vec<Seen>,
+    /// Those of them that are nearer and farther away, and what the last tiles left there.
+    before: Vec<Seen>,
+    behind: Vec<Seen>,
     /// Everyone's place in the scene, by their numbers in the tile.
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
@@ -112,7 +115,7 @@ type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &[u32]);
 
 impl<E: Element> TileTracer<'_, E> {
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
-        let width = self.camera.width() as usize;
+        let width = self.plan.camera().width() as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
         let mut scratch = Scratch::default();
         self.each_tile(rows.clone(), |tile, window| {
@@ -133,7 +136,7 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// What is left out of the whole picture.
     pub fn report(&self, bytes: bool) -> Report {
-        let height = self.camera.height();
+        let height = self.plan.camera().height();
         let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
         let surveys = starts.map(|start| self.survey(start..height.min(start + TILE_HEIGHT as u32)));
         Report::of_tiles(&self.plan, surveys.reduce(TileSurvey::default, TileSurvey::and), bytes)
@@ -158,7 +161,7 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// Says of all tiles of `rows` what of them is in these.
     fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
-        let (width, height) = (self.camera.width(), TILE_HEIGHT as u32);
+        let (width, height) = (self.plan.camera().width(), TILE_HEIGHT as u32);
         if rows.is_empty() {
             return;
         }
@@ -223,8 +226,10 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut Scratch<E>,
         mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
-        let Scratch { buffers, spheres, triangles, behind, order, shades, occluded } = scratch;
-        self.plan.seen_in(tile, spheres, triangles);
+        let Scratch { buffers, seen_spheres, spheres, triangles, before, behind, order, shades, occluded } = scratch;
+        self.plan.seen_in(tile, seen_spheres, triangles);
+        spheres.clear();
+        spheres.extend(seen_spheres.iter().map(|seen| seen.id));
         *occluded = 0;
         if spheres.is_empty() && triangles.is_empty() && !self.plan.keep().has(Omission::EmptyTiles) {
             return false;
@@ -238,18 +243,12 @@ impl<E: Element> TileTracer<'_, E> {
         shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
         order.clear();
         order.resize(1 + spheres.len(), 0);
-        let mut nearest = |ids: &[u32], buffers: &mut TileBuffers<E>| {
-            for start in (0..ids.len()).step_by(CHUNK) {
+        let mut nearest = |seen: &[Seen], buffers: &mut TileBuffers<E>| {
+            for start in (0..seen.len()).step_by(CHUNK) {
                 let first_id = order.len();
-                let ids = &ids[start..];
-                let triangles = Triangles {
-                    facets: self.plan.facets(),
-                    bounds: self.plan.triangle_bounds(),
-                    lights: &weighted.lights,
-                    ids,
-                    first_id,
-                };
-                order.extend(ids.iter().take(CHUNK).map(|id| id + 1));
+                let seen = &seen[start..];
+                let triangles = Triangles { facets: self.plan.facets(), lights: &weighted.lights, seen, first_id };
+                order.extend(seen.iter().take(CHUNK).map(|seen| seen.id + 1));
                 self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
                 self.kernels.tiles.nearest_triangles.call(buffers, order, window, &grid);
                 if let Some(so_far) = &mut so_far {
@@ -260,22 +259,34 @@ impl<E: Element> TileTracer<'_, E> {
         if triangles.len() < FEWEST_HIDDEN || self.plan.keep().has(Omission::Occluded) {
             nearest(triangles, buffers);
         } else {
-            // The nearer half of what is there first; what is behind all that this leaves need not be set up.
-            let near = &self.plan.triangle_bounds().near;
-            let of = |id: &u32| near[*id as usize];
-            let finite = triangles.iter().map(of).filter(|near| *near < f32::MAX);
-            let (low, high) = finite.fold((f32::MAX, 0.0_f32), |(low, high), near| (low.min(near), high.max(near)));
+            // The nearer half of what is there first; what is behind all that this leaves around it need not be set up.
+            let least = |a: f32, b: f32| if a < b { a } else { b };
+            let most = |a: f32, b: f32| if a > b { a } else { b };
+            let (low, high) = triangles.iter().fold((f32::MAX, 0.0), |(low, high), seen| {
+                let high_here = if seen.near < f32::MAX { seen.near } else { 0.0 };
+                (least(low, seen.near), most(high, high_here))
+            });
             let middle = 0.5 * low + 0.5 * high;
-            behind.clear();
-            behind.extend(triangles.iter().filter(|id| of(id) < middle));
-            triangles.retain(|id| of(id) >= middle);
-            nearest(triangles, buffers);
-            let whole = window.columns as usize == TILE_WIDTH && window.rows.len() == TILE_HEIGHT;
-            let farthest = if whole { buffers.farthest().to_f64() } else { 0.0 };
-            *occluded = behind.len();
-            behind.retain(|id| f64::from(of(id)) >= farthest);
-            *occluded -= behind.len();
-            nearest(behind, buffers);
+            if behind.len() < triangles.len() {
+                before.resize(triangles.len(), Seen::default());
+                behind.resize(triangles.len(), Seen::default());
+            }
+            // Without branches, which could not be foreseen.
+            let (mut near, mut far) = (0, 0);
+            for seen in triangles.iter() {
+                (before[near], behind[far]) = (*seen, *seen);
+                let is_far = usize::from(seen.near < middle);
+                (near, far) = (near + 1 - is_far, far + is_far);
+            }
+            nearest(&before[..near], buffers);
+            let farthest = buffers.farthest(self.kernels.lanes);
+            let mut left = 0;
+            for i in 0..far {
+                behind[left] = behind[i];
+                left += usize::from(!farthest.hides(&behind[i], window));
+            }
+            *occluded = far - left;
+            nearest(&behind[..left], buffers);
         }
         true
     }
@@ -300,7 +311,7 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// A sphere around the camera, or one that reaches behind its plane: in f64, ray by ray.
     fn nearest_odd(&self, sphere: u32, id: usize, buffers: &mut TileBuffers<E>, window: &TileWindow) {
-        let sphere = &self.scene.spheres[sphere as usize];
+        let sphere = &self.plan.scene().spheres[sphere as usize];
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         for row in window.rows.clone() {
             for column in 0..window.columns {
@@ -320,14 +331,14 @@ impl<E: Element> TileTracer<'_, E> {
                 let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
                 let Some(&id) = who.checked_sub(1).and_then(|i| ids.get(i)) else { continue };
                 let d = self.ray(window, column, row);
-                let sphere = &self.scene.spheres[id as usize];
+                let sphere = &self.plan.scene().spheres[id as usize];
                 let centre = sphere.centre.as_dvec3();
                 if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
                     let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
                     let light = |light: &crate::scene::Light| {
                         geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
                     };
-                    let light: DVec3 = self.scene.lights.iter().map(light).sum();
+                    let light: DVec3 = self.plan.scene().lights.iter().map(light).sum();
                     let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
                     out.pixels[place] = P::of_colour(light * sphere.colour.as_dvec3());
                 }
@@ -336,7 +347,7 @@ impl<E: Element> TileTracer<'_, E> {
     }
 
     fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
-        self.camera.grid::<f64>().ray(window.row + row, window.column + column).into()
+        self.plan.camera().grid::<f64>().ray(window.row + row, window.column + column).into()
     }
 }
 
@@ -352,7 +363,7 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let width = self.camera.width() as usize;
+        let width = self.plan.camera().width() as usize;
         let mut found = vec![None; rows.len() * width];
         self.each_nearest(rows.clone(), |window, Scratch { buffers, spheres, order, .. }| {
             for (row, column) in pixels_of(window) {

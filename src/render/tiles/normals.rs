@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::TileTracer;
 use crate::kernels::{Element, Vec4};
-use crate::plan::Keep;
+use crate::plan::{Keep, Tiles};
 use crate::reference::geometry;
 use crate::render::{FilmMut, Found, Tracer};
 use crate::scene::{Light, Object, Scene, Sphere, Triangle};
@@ -26,7 +26,7 @@ impl<E: Element> TileTracer<'_, E> {
                 Object::Sphere(_) => cosines(ahead) - cosines(back),
                 // Both of its sides are lit alike, and the signs are lost.
                 Object::Triangle(i) => {
-                    let vertices = self.scene.triangles[i].vertices.map(|vertex| vertex.as_dvec3());
+                    let vertices = self.plan.scene().triangles[i].vertices.map(|vertex| vertex.as_dvec3());
                     cosines(ahead) * geometry::triangle_plane(vertices).signum()
                 }
             });
@@ -38,13 +38,14 @@ impl<E: Element> TileTracer<'_, E> {
         let light = |axis: Vec3| Light { intensity: 1.0, colour: axis, position: far * axis };
         let scene = Scene {
             name: String::new(),
-            camera: self.camera,
+            camera: *self.plan.camera(),
             lights: [Vec3::X, Vec3::Y, Vec3::Z].map(light).to_vec(),
-            spheres: self.scene.spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
-            triangles: self.scene.triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
+            spheres: self.plan.scene().spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
+            triangles: self.plan.scene().triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
         };
-        let tracer = TileTracer::new(self.packets, self.kernels, false, &scene, &self.camera, Keep::NOTHING);
-        let mut out = vec![Vec4::default(); rows.len() * self.camera.width() as usize];
+        let plan = Tiles::new(&scene, &scene.camera, &self.packets.bounds, Keep::NOTHING, 1);
+        let tracer = TileTracer::new(self.packets, self.kernels, false, plan);
+        let mut out = vec![Vec4::default(); rows.len() * self.plan.camera().width() as usize];
         tracer.rows(rows, FilmMut::F32x4(&mut out));
         out
     }
