@@ -350,7 +350,7 @@ fn of_many_objects_those_without_a_pixel_are_counted_by_the_reason() {
         let some = |text: &&str| if text.is_empty() { vec![] } else { vec![*text] };
         let report = of(&some(&sphere), &some(&triangle));
         for reason in reasons {
-            assert_eq!(count(&report, reason), (reason == omission).into(), "{what}, {reason:?}: {report:?}");
+            assert_eq!(count(&report, reason), u64::from(reason == omission), "{what}, {reason:?}: {report:?}");
         }
         assert_eq!((report.kept.spheres, report.kept.triangles), (FILLERS, 0), "{what}");
     }
