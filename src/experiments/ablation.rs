@@ -262,9 +262,9 @@ mod tests {
         }
     }
 
-    /// What is found of eight objects in one band of 48 rows, with at most so many of the lines that can be timed.
+    /// What is found of eighteen objects in one band of 48 rows, with at most so many of the lines that can be timed.
     fn measured(most: usize, ticks: u64, mut clock: impl FnMut(usize) -> Scripted) -> (Vec<LeftOut>, Ablation) {
-        let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(4, 4, 71) };
+        let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(9, 9, 71) };
         let engine = Engine::fastest();
         let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
         let mut lines = engine.report(purpose, &scene, &scene.camera).unwrap().left_out;
