@@ -646,7 +646,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, false);
+        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, rayo::plan::Keep::NOTHING);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
         let order: Vec<_> = std::iter::repeat_n(0, 1 + count).chain(1..=count as u32).collect();
