@@ -24,14 +24,15 @@ fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep
     let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep };
     let tracer = contender.engine.prepare_for(purpose, scene, &scene.camera).unwrap();
     match film(tracer.as_ref(), scene.camera, 1, format) {
-        Film::F32x4(pixels) => pixels.into_iter().flat_map(|v| v.lanes()).flat_map(f32::to_le_bytes).collect(),
-        Film::Rgba8(pixels) => pixels.concat(),
+        Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),
+        Film::Rgb8(pixels) => pixels.concat(),
+        Film::F32x4(_) | Film::Rgba8(_) => unreachable!("files have three channels"),
     }
 }
 
 /// Holds the picture with `keep` against the one without.
 fn check(contender: &Contender, scene: &Scene, keep: Keep, what: &str) {
-    for format in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+    for format in [PixelFormat::F32x3, PixelFormat::Rgb8] {
         let planned = picture(contender, scene, format, Keep::NOTHING);
         let kept = picture(contender, scene, format, keep);
         if let Some(at) = planned.iter().zip(&kept).position(|(a, b)| a != b) {
