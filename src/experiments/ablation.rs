@@ -2,6 +2,7 @@
 
 use std::collections::TryReserveError;
 use std::ops::Range;
+use std::slice::from_ref;
 
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
@@ -123,15 +124,16 @@ pub fn run(
     let mut floats = film(PixelFormat::F32x4, if by_floats { pixels } else { 0 })?;
 
     let bands = bands(camera, contestants[0].tracer.rows_together());
-    let middle = &bands[bands.len() / 2..=bands.len() / 2];
-    let band_rows = middle[0].len() as u64;
+    let middle = &bands[bands.len() / 2];
+    let band_rows = middle.len() as u64;
     // As many rows of it as can be had, to see how much of the picture each contestant can trace.
-    let few = |rows: u64| [middle[0].start..middle[0].start + rows.min(band_rows) as u32];
+    let few = |rows: u64| middle.start..middle.start + rows.min(band_rows) as u32;
     let (mut of_bands, mut of_rows) = (0, 0);
     let mut parts = Vec::with_capacity(contestants.len());
     let all = contestants.len() + ROUNDS;
     for (index, contestant) in contestants.iter().enumerate() {
-        let mut time = |rows: u64| clock.time(&mut || contestant.trace(camera, &few(rows), &mut out, &mut floats));
+        let mut time =
+            |rows: u64| clock.time(&mut || contestant.trace(camera, from_ref(&few(rows)), &mut out, &mut floats));
         let one = time(1);
         // Those that would take long for a band are looked at more closely: of what a row takes, much may be set-up.
         let two = if index < 2 || one * band_rows <= ticks / BAND_SHARE { 2 * one } else { time(2) };
@@ -165,7 +167,7 @@ pub fn run(
         firsts.push(works.len());
         let bands: &[&[Range<u32>]] = match part {
             Part::Bands => &[&chosen],
-            Part::Rows => &[&one, &two],
+            Part::Rows => &[from_ref(&one), from_ref(&two)],
             Part::Nothing(_) => &[],
         };
         for bands in bands.iter().copied() {

@@ -152,7 +152,7 @@ pub(super) fn no_area_of_mesh(path: &Path, triangles: &[Triangle]) -> Option<Str
     match count {
         0 => None,
         1 => Some(format!("{path}: triangle {listed} has no area, and no ray hits it")),
-        ..=MOST => Some(format!("{path}: {count} triangles have no area, and no ray hits them: {listed}")),
+        2..=MOST => Some(format!("{path}: {count} triangles have no area, and no ray hits them: {listed}")),
         _ => Some(format!("{path}: {count} triangles have no area, and no ray hits them: {listed} and so on")),
     }
 }
