@@ -59,7 +59,7 @@ fn frames(c: &mut Criterion) {
         group.throughput(Throughput::Elements(camera.pixels()));
         for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
             let tracer = engine.prepare(None, &scene, &camera).expect("an engine that can be used");
-            for format in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+            for format in PixelFormat::ALL {
                 if !tracer.writes(format) {
                     continue;
                 }

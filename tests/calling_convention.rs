@@ -12,10 +12,10 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
-    BROKEN, Bodies, Depth, Element, Emit, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow, LitRows,
-    LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgba8, Row, RowSetup, Shade,
-    ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
-    Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
+    BROKEN, Bodies, Depth, Element, Emit, F32x3, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS, Light, Lit, LitRow,
+    LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup,
+    Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow,
+    Triangle, Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -250,6 +250,39 @@ impl Pixel for Rgba8 {
     }
 }
 
+impl Pixel for F32x3 {
+    const CANARY: Self = [1.5, -2.5, 3.5];
+    fn bits(self) -> [u32; 4] {
+        let [r, g, b] = self.map(f32::to_bits);
+        [r, g, b, 0]
+    }
+    fn whole(self) -> bool {
+        self != Self::CANARY
+    }
+}
+
+impl Pixel for Rgb8 {
+    const CANARY: Self = [1, 2, 3];
+    fn bits(self) -> [u32; 4] {
+        let [r, g, b] = self.map(u32::from);
+        [r, g, b, 0]
+    }
+    fn whole(self) -> bool {
+        self != Self::CANARY
+    }
+}
+
+/// A number that is filled in.
+impl Pixel for u32 {
+    const CANARY: Self = 7;
+    fn bits(self) -> [u32; 4] {
+        [self, 0, 0, 0]
+    }
+    fn whole(self) -> bool {
+        self != Self::CANARY
+    }
+}
+
 fn bits<P: Pixel>(pixels: &[P]) -> Vec<[u32; 4]> {
     pixels.iter().map(|pixel| pixel.bits()).collect()
 }
@@ -456,8 +489,12 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
     let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
     check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
     check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
+    check_shade(&bodies.f32x3, |pixels| spans[pixels], lits);
+    check_shade(&bodies.f32x3_fast, |pixels| spans[pixels], lits);
     check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
     check_shade(&bodies.rgba8_dim, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgb8, |pixels| spans[pixels], lits);
+    check_shade(&bodies.rgb8_dim, |pixels| spans[pixels], lits);
     let (mut won, mut recoloured, mut tried) = (0, 0, 0);
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -515,7 +552,10 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
         let sphere = kernel_cases::lit_sphere(numbers, rng);
         check_shade_rows(&bodies.f32x4, &sphere, rng);
         check_shade_rows(&bodies.f32x4_fast, &sphere, rng);
+        check_shade_rows(&bodies.f32x3, &sphere, rng);
+        check_shade_rows(&bodies.f32x3_fast, &sphere, rng);
         check_shade_rows(&bodies.rgba8, &sphere, rng);
+        check_shade_rows(&bodies.rgb8, &sphere, rng);
     }
     check_row_setup(&kernels.lit_rows, rng);
     check_lit_planes(kernels, &lits, rng);
@@ -534,6 +574,8 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
         let [r, g, b] = c.map(|x| x as f32);
         Vec4::new(r, g, b)
     });
+    check_emit(&kernels.emit_f32x3, &row, |c| c.map(|x| x as f32));
+    check_emit(&kernels.emit_rgb8, &row, |c| c.map(|x| x.min(255.0) as u8));
     check_emit(&kernels.emit_rgba8, &row, |c| {
         let [r, g, b] = c.map(|x| x.min(255.0) as u8);
         [r, g, b, 255]
@@ -551,18 +593,28 @@ fn every_packet_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_al
 }
 
 fn check_fill(fill: &Fill) {
-    for streaming in [false, true] {
-        check_writes(
-            fill.symbol(),
-            |_, out| fill.f32x4_checked(out, streaming).inspect(|()| assert!(out.iter().all(|p| p.bits() == [0; 4]))),
-            |_, out: &mut [Vec4]| fill.f32x4(out, streaming),
-        );
+    /// A black of some pixels, and what every one of them is.
+    fn check<P: Pixel>(fill: &Fill, black: P, call: impl Fn(&mut [P])) {
+        let checked = |_, out: &mut [P]| {
+            call(out);
+            assert!(out.iter().all(|pixel| pixel.bits() == black.bits()), "{}", fill.symbol());
+            Ok(())
+        };
+        check_writes(fill.symbol(), checked, |_, out: &mut [P]| call(out));
     }
-    check_writes(
-        fill.symbol(),
-        |_, out| fill.rgba8_checked(out).inspect(|()| assert!(out.iter().all(|p| *p == [0, 0, 0, 255]))),
-        |_, out: &mut [Rgba8]| fill.rgba8(out),
-    );
+    for streaming in [false, true] {
+        for pattern in [0, 0xff00_0000] {
+            check_writes(
+                fill.symbol(),
+                |_, out| fill.call_checked(out, pattern, streaming),
+                |_, out: &mut [u32]| fill.call(out, pattern, streaming),
+            );
+        }
+        check(fill, Vec4::ZERO, |out| fill.f32x4(out, streaming));
+        check(fill, F32x3::ZERO, |out| fill.f32x3(out, streaming));
+    }
+    check(fill, [0, 0, 0, 255], |out| fill.rgba8(out));
+    check(fill, Rgb8::ZERO, |out| fill.rgb8(out));
 }
 
 /// A kernel's symbol, and a call of it.
@@ -704,7 +756,10 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 };
                 check_shade_tile(&kernels.f32x4, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.f32x4_fast, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.f32x3, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.f32x3_fast, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.rgba8, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgb8, &plan, &checked, looks, &window);
             }
         }
     }

@@ -143,7 +143,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let scene = Scene { camera: Camera::new(1003, 97, 1.0, 1.0).unwrap(), ..many(9, 7, 6) };
     for contender in contenders() {
         let tracer = contender.prepare(&scene);
-        for format in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+        for format in PixelFormat::ALL {
             if !tracer.writes(format) {
                 continue;
             }

@@ -1,7 +1,6 @@
 //! Image files: written in bands and read back, whole or not at all, and never trusted.
 
 use proptest::prelude::*;
-use rayo::kernels::Vec4;
 use rayo::measure::picture::{Picture, Pixels};
 use rayo::render::{Format, ImageError, ImageWriter, OutputError, read};
 use std::fs;
@@ -19,23 +18,23 @@ const FORMATS: [(&str, Format); 8] = [
     ("a.tiff", Format::Tiff),
 ];
 
-/// Levels with every byte value among them, and an alpha that must not matter.
-fn levels(width: u32, height: u32) -> Vec<[u8; 4]> {
-    (0..width * height).map(|i| [i as u8, (i / 3) as u8, (i * 7 + 1) as u8, (i * 5) as u8]).collect()
+/// Levels with every byte value among them.
+fn levels(width: u32, height: u32) -> Vec<[u8; 3]> {
+    (0..width * height).map(|i| [i as u8, (i / 3) as u8, (i * 7 + 1) as u8]).collect()
 }
 
 /// Values below 0, above 1 and not exact in decimal.
-fn floats(width: u32, height: u32) -> Vec<[f32; 4]> {
-    (0..width * height).map(|i| [i as f32 / 7.0 - 3.0, -(i as f32), 1e-40 * i as f32, 9.0]).collect()
+fn floats(width: u32, height: u32) -> Vec<[f32; 3]> {
+    (0..width * height).map(|i| [i as f32 / 7.0 - 3.0, -(i as f32), 1e-40 * i as f32]).collect()
 }
 
 /// What reading back the above must give.
 fn expected(format: Format, width: u32, height: u32) -> Picture {
     let pixels = if format.is_8bit() {
-        Pixels::Rgb8(levels(width, height).iter().map(|p| [p[0], p[1], p[2]]).collect())
+        Pixels::Rgb8(levels(width, height))
     } else {
         let rounded = |pixel| if format == Format::Hdr { rgbe(pixel) } else { pixel };
-        Pixels::Rgb32F(floats(width, height).iter().map(|p| rounded([p[0], p[1], p[2]])).collect())
+        Pixels::Rgb32F(floats(width, height).into_iter().map(rounded).collect())
     };
     Picture::new(width, height, pixels)
 }
@@ -60,10 +59,9 @@ fn write_rows(
 ) -> Result<(), ImageError> {
     let band = (band * width) as usize;
     if format.is_8bit() {
-        levels(width, height).chunks(band).try_for_each(|rows| writer.write_rgba8(rows))
+        levels(width, height).chunks(band).try_for_each(|rows| writer.write_rgb8(rows))
     } else {
-        let floats: Vec<Vec4> = floats(width, height).into_iter().map(Vec4::from).collect();
-        floats.chunks(band).try_for_each(|rows| writer.write_f32x4(rows))
+        floats(width, height).chunks(band).try_for_each(|rows| writer.write_f32x3(rows))
     }
 }
 
@@ -138,8 +136,8 @@ fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
     let path = directory.path().join("a.hdr");
     let mut writer = ImageWriter::create(&path, Format::Hdr, 2, 2).unwrap();
     let (inf, tiny) = (f32::INFINITY, 1e-40);
-    let rows = [[inf, 1.0, 0.0, 0.0], [tiny; 4], [-inf, -1.0, 0.0, 0.0], [f32::NAN, 0.5, 0.25, 0.0]];
-    writer.write_f32x4(&rows.map(Vec4::from)).unwrap();
+    let rows = [[inf, 1.0, 0.0], [tiny; 3], [-inf, -1.0, 0.0], [f32::NAN, 0.5, 0.25]];
+    writer.write_f32x3(&rows).unwrap();
     writer.finish().unwrap();
     let Pixels::Rgb32F(pixels) = read(&path).unwrap().pixels else { panic!("floats") };
     assert!(pixels[0][0] > 8e37 && pixels[0][0].is_finite(), "{pixels:?}");
@@ -166,8 +164,8 @@ fn an_image_beyond_4_gib_is_a_big_tiff() {
     let path = directory.path().join("a.tiff");
     let beginning = |height| {
         let mut writer = ImageWriter::create(&path, Format::Tiff, 1 << 15, height).unwrap();
-        let rows = vec![[1, 2, 3, 255]; 1 << 15];
-        (0..height.min(40)).for_each(|_| writer.write_rgba8(&rows).unwrap());
+        let rows = vec![[1, 2, 3]; 1 << 15];
+        (0..height.min(40)).for_each(|_| writer.write_rgb8(&rows).unwrap());
         let part = fs::read_dir(directory.path()).unwrap().next().unwrap().unwrap().path();
         // What is not written yet is in a buffer: dropping the writer writes it, and removes the file after that.
         let link = directory.path().join("link");
@@ -187,7 +185,7 @@ fn an_empty_band_changes_nothing() {
     for (name, format) in FORMATS {
         let path = directory.path().join(name);
         let mut writer = ImageWriter::create(&path, format, 5, 3).unwrap();
-        if format.is_8bit() { writer.write_rgba8(&[]) } else { writer.write_f32x4(&[]) }.unwrap();
+        if format.is_8bit() { writer.write_rgb8(&[]) } else { writer.write_f32x3(&[]) }.unwrap();
         write_rows(&mut writer, format, (5, 3), 2).unwrap();
         writer.finish().unwrap();
         assert_eq!(read(&path).unwrap(), expected(format, 5, 3));
@@ -195,13 +193,13 @@ fn an_empty_band_changes_nothing() {
 }
 
 /// A 2x2 picture for the literal bytes.
-const TINY: [[u8; 4]; 4] = [[255, 0, 9, 1], [10, 99, 100, 2], [0, 0, 0, 3], [1, 2, 3, 4]];
+const TINY: [[u8; 3]; 4] = [[255, 0, 9], [10, 99, 100], [0, 0, 0], [1, 2, 3]];
 
 fn bytes_of_tiny(format: Format) -> Vec<u8> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("tiny");
     let mut writer = ImageWriter::create(&path, format, 2, 2).unwrap();
-    writer.write_rgba8(&TINY).unwrap();
+    writer.write_rgb8(&TINY).unwrap();
     writer.finish().unwrap();
     fs::read(&path).unwrap()
 }
@@ -223,8 +221,8 @@ fn a_pfm_file_has_its_rows_from_the_bottom_in_little_endian() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("tiny.pfm");
     let mut writer = ImageWriter::create(&path, Format::Pfm, 1, 2).unwrap();
-    writer.write_f32x4(&[[1.0, -2.0, 0.5, 7.0].into()]).unwrap();
-    writer.write_f32x4(&[[f32::INFINITY, 0.0, -0.0, 7.0].into()]).unwrap();
+    writer.write_f32x3(&[[1.0, -2.0, 0.5]]).unwrap();
+    writer.write_f32x3(&[[f32::INFINITY, 0.0, -0.0]]).unwrap();
     writer.finish().unwrap();
     let mut expected = b"PF\n1 2\n-1.0\n".to_vec();
     expected.extend(b"\x00\x00\x80\x7f\x00\x00\x00\x00\x00\x00\x00\x80");
@@ -360,7 +358,7 @@ fn an_image_without_pixels_is_an_error() {
 fn levels_are_not_accepted_by_a_float_format() {
     let directory = tempfile::tempdir().unwrap();
     let mut writer = ImageWriter::create(&directory.path().join("a.pfm"), Format::Pfm, 1, 1).unwrap();
-    let _ = writer.write_rgba8(&[[0; 4]]);
+    let _ = writer.write_rgb8(&[[0; 3]]);
 }
 
 #[test]
@@ -368,7 +366,7 @@ fn levels_are_not_accepted_by_a_float_format() {
 fn floats_are_not_accepted_by_an_8_bit_format() {
     let directory = tempfile::tempdir().unwrap();
     let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 1, 1).unwrap();
-    let _ = writer.write_f32x4(&[[0.0; 4].into()]);
+    let _ = writer.write_f32x3(&[[0.0; 3]]);
 }
 
 #[test]
@@ -376,7 +374,7 @@ fn floats_are_not_accepted_by_an_8_bit_format() {
 fn half_a_row_is_not_accepted() {
     let directory = tempfile::tempdir().unwrap();
     let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 2, 2).unwrap();
-    let _ = writer.write_rgba8(&[[0; 4]; 3]);
+    let _ = writer.write_rgb8(&[[0; 3]; 3]);
 }
 
 #[test]
@@ -384,8 +382,8 @@ fn half_a_row_is_not_accepted() {
 fn more_rows_than_the_image_has_are_not_accepted() {
     let directory = tempfile::tempdir().unwrap();
     let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 1, 2).unwrap();
-    writer.write_rgba8(&[[0; 4]]).unwrap();
-    let _ = writer.write_rgba8(&[[0; 4]; 2]);
+    writer.write_rgb8(&[[0; 3]]).unwrap();
+    let _ = writer.write_rgb8(&[[0; 3]; 2]);
 }
 
 #[cfg(unix)]

@@ -14,7 +14,7 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
     Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, NearSpan, Objects,
-    OpRef, OutsideSpan, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+    OpRef, OutsideSpan, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
 };
 use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
@@ -522,6 +522,16 @@ fn float_pixel<E: Element>(colour: [E; 3]) -> Lanes<f32> {
     [r, g, b, 0.0]
 }
 
+/// Three floats as the four that they are the first of.
+fn four([r, g, b]: [f32; 3]) -> Lanes<f32> {
+    [r, g, b, 0.0]
+}
+
+/// Three levels as the four that they are the first of.
+fn opaque([r, g, b]: Rgb8) -> Rgba8 {
+    [r, g, b, 255]
+}
+
 /// The 8-bit levels of a colour; None where they are left open: below 0, and where it is not clamped from 256 on.
 fn levels<E: Element>(colour: [E; 3], clamp: bool) -> Option<Rgba8> {
     let [r, g, b] = colour.map(|x| {
@@ -579,19 +589,25 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i))).collect();
 
         let f32x4 = shaded(&bodies.f32x4, &span, &lits, pixels, Vec4::default());
+        let f32x3 = shaded(&bodies.f32x3, &span, &lits, pixels, [0.0; 3]);
         // In f32 the bytes come from estimates.
         let exact = size_of::<E>() == 8;
         let rgba8 = shaded(&bodies.rgba8, &span, &lits, pixels, [0; 4]);
         let rgba8_dim = shaded(&bodies.rgba8_dim, &span, &lits, pixels, [0; 4]);
+        let rgb8 = shaded(&bodies.rgb8, &span, &lits, pixels, [0; 3]);
+        let rgb8_dim = shaded(&bodies.rgb8_dim, &span, &lits, pixels, [0; 3]);
         let mut row = Row::new(pixels);
         bodies.depth.call(&span, &mut row, 0..pixels);
         bodies.planes.call(&span, &lits, &mut row, 0..pixels);
         for (i, colour) in colours.into_iter().enumerate() {
             let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {lits:?}, {span:?}");
             compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
+            compared.floats(four(f32x3[i]), float_pixel(colour), &what);
             if exact {
                 compared.levels(rgba8[i], levels(colour, true), &what);
                 compared.levels(rgba8_dim[i], levels(colour, false), &what);
+                compared.levels(opaque(rgb8[i]), levels(colour, true), &what);
+                compared.levels(opaque(rgb8_dim[i]), levels(colour, false), &what);
             }
             let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
             let den = span.den(rounding, j(i)) * span.near();
@@ -654,7 +670,9 @@ fn lit_rows<E: Element, P: Copy>(
     }
     let mut out = vec![canary; rows.len() * width];
     kernel.call(sphere, &lit_rows, &mut out, width, false);
-    let first = out.as_ptr() as usize / size_of::<P>();
+    // Packets begin at multiples of the lanes' channels, or pixels of four: one in so many pixels does.
+    let (unit, inverse) = if size_of::<P>() % 3 == 0 { (size_of::<P>() / 3, 11) } else { (size_of::<P>(), 1) };
+    let first = out.as_ptr() as usize / unit * inverse % lanes;
     (out, move |pixel| (first + pixel) / lanes)
 }
 
@@ -677,6 +695,11 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
             for (i, (pixel, twin)) in f32x4.iter().zip(twins).enumerate() {
                 compared.floats(pixel.lanes(), float_pixel(twin.unwrap_or(black)), &|| what(i));
             }
+            let (f32x3, packets) = lit_rows(&bodies.f32x3, kernels.lanes, sphere, &rows, width, [0.0; 3]);
+            let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
+            for (i, (pixel, twin)) in f32x3.iter().zip(twins).enumerate() {
+                compared.floats(four(*pixel), float_pixel(twin.unwrap_or(black)), &|| what(i));
+            }
             let row = &rows[0];
             let pixels = (row.end.to_f64() - row.start.to_f64()).max(0.0) as usize;
             let mut in_row = owned(kernels, row.j, row.stop, pixels);
@@ -694,6 +717,13 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
             for (i, (pixel, twin)) in rgba8.iter().zip(twins).enumerate() {
                 if exact || twin.is_none() {
                     compared.levels(*pixel, levels(twin.unwrap_or(black), false), &|| what(i));
+                }
+            }
+            let (rgb8, packets) = lit_rows(&bodies.rgb8, kernels.lanes, sphere, &rows, width, [0; 3]);
+            let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
+            for (i, (pixel, twin)) in rgb8.into_iter().zip(twins).enumerate() {
+                if exact || twin.is_none() {
+                    compared.levels(opaque(pixel), levels(twin.unwrap_or(black), false), &|| what(i));
                 }
             }
         }

@@ -92,7 +92,8 @@ fn triangles_of_no_area_are_told_with_their_lines_and_those_of_meshes_by_their_n
         text += "[[triangle]]\nvertices = [[0, 0, 5], [1, 0, 5], [2, 0, 5]]\n";
     }
     text += "[[mesh]]\nfile = \"flat.obj\"\n";
-    let mesh = "v 0 0 5\nv 1 0 5\nv 2 0 5\nv 0 1 5\nf 1 2 4\n".to_owned() + &"f 1 2 3\n".repeat(1000);
+    // Corners on one line need not stay there when they are moved and rounded; equal ones do.
+    let mesh = "v 0 0 5\nv 1 0 5\nv 2 0 5\nv 0 1 5\nf 1 2 4\n".to_owned() + &"f 1 2 2\n".repeat(1000);
     fs::write(path("flat.obj"), &mesh).unwrap();
     fs::write(path("flat.toml"), text).unwrap();
     let warnings = |name: &str| {

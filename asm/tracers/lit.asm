@@ -15,14 +15,17 @@
 ;   <object>    lit         any colours; no clamp: the light is known not to exceed white
 ;               grey        red, green and blue are equal
 ;   <output>    f32x4       linear red, green, blue, 0
+;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
+;               rgb8        levels of red, green, blue
 ;   ..._fast    with estimates in place of roots and divisions. 8 bits in f32 have nothing else, and 8 bits in f64 have
 ;               them, refined to the end, where AVX-512 has them.
 ;
 ;   sphere      *const LitSphere
 ;   rows        *const LitRows, of which the first `count` are read
-;   out         *mut of the first pixel, aligned to 4: `count` rows of `width` pixels are written and nothing else
-;   streaming   u64: not 0 for stores that go past the cache; f32x4 only
+;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and nothing
+;               else
+;   streaming   u64: not 0 for stores that go past the cache; floats only
 ;   row, pixels, stride     as in spans.asm
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
@@ -67,9 +70,19 @@
     TURN_F32X4 1, 2, 3, 4, 8, 9
 %endmacro
 
+; LIT_PIXELS_LIT_F32X3 - the pixels of LIT_BODY_LIT in w4 and up.
+%macro LIT_PIXELS_LIT_F32X3 0
+    TURN_F32X3 1, 2, 3, 4, 8
+%endmacro
+
 ; LIT_PIXELS_LIT_RGBA8 - the pixels of LIT_BODY_LIT in w1.
 %macro LIT_PIXELS_LIT_RGBA8 0
     PACK_RGBA8 1, 2, 3, 0
+%endmacro
+
+; LIT_PIXELS_LIT_RGB8 - the pixels of LIT_BODY_LIT in w1 and w2.
+%macro LIT_PIXELS_LIT_RGB8 0
+    PACK_RGB8 1, 2, 3, 0, 1
 %endmacro
 
 ; LIT_PIXELS_GREY_F32X4 - the pixels of LIT_BODY_GREY in w4 and up.
@@ -77,50 +90,97 @@
     SPREAD_F32X4 1, 4, edi, k2
 %endmacro
 
+; LIT_PIXELS_GREY_F32X3 - the pixels of LIT_BODY_GREY in w4 and up.
+%macro LIT_PIXELS_GREY_F32X3 0
+    SPREAD_F32X3 1, 4
+%endmacro
+
 ; LIT_PIXELS_GREY_RGBA8 - the pixels of LIT_BODY_GREY in w1.
 %macro LIT_PIXELS_GREY_RGBA8 0
-    PACK_GREY 1
+    GREY_RGBA8 1
+%endmacro
+
+; LIT_PIXELS_GREY_RGB8 - the pixels of LIT_BODY_GREY in w1 and w2.
+%macro LIT_PIXELS_GREY_RGB8 0
+    GREY_RGB8 1
 %endmacro
 
 ; LIT_STORE - stores the packet at r12.
 %macro LIT_STORE 1
-%define %%format %1     ; [in]       F32X4 or RGBA8
-%ifidn %%format, F32X4
+%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%if %[%%format]_FLOATS
     test    r9d, r9d
     jnz     %%stream
-    STORE_F32X4 r12, 4, movaps
+    STORE_ %+ %%format r12, %[%%format]_FIRST, movaps
     jmp     %%done
 %%stream:
-    STORE_F32X4 r12, 4, movntps
+    STORE_ %+ %%format r12, %[%%format]_FIRST, movntps
 %%done:
 %else
-    STORE_RGBA8 r12, 1
+    STORE_ %+ %%format r12, %[%%format]_FIRST, movups
 %endif
 %endmacro
 
-; LIT_BLACK - stores a packet of black at r10, and steps over it.
+; LIT_BLACK - stores a packet of black floats at r10, and steps over it.
 %macro LIT_BLACK 1
-%define %%format %1     ; [in]       F32X4 or RGBA8
-%ifidn %%format, F32X4
+%define %%format %1     ; [in]       F32X4 or F32X3
     test    r9d, r9d
     jnz     %%stream
-    STORE_SAME_F32X4 r10, 11, movaps
+    STORE_SAME_ %+ %%format r10, 11, movaps
     jmp     %%done
 %%stream:
-    STORE_SAME_F32X4 r10, 11, movntps
+    STORE_SAME_ %+ %%format r10, 11, movntps
 %%done:
+    add     r10, LANES * %[%%format]_BYTES
+%endmacro
+
+; LIT_FILL - black from r10 up to an address where a packet may begin, or of bytes any pixel, and r10 there; nothing where
+;            r10 is there or beyond. Black bytes are the same from any pixel on, so that they take whole registers.
+%macro LIT_FILL 2
+%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%to %2         ; [in]       general register
+%if %[%%format]_FLOATS
+    jmp     %%until
+%%black:
+    LIT_BLACK %%format
+%%until:
+    cmp     r10, %%to
+    jb      %%black
 %else
-    STORE_RGBA8 r10, 11
+    lea     rdi, [r10 + VBYTES]
+    cmp     rdi, %%to
+    ja      %%few
+    VSTORE  [r10], v11                  ; the first and the last overlap with the aligned middle
+    and     rdi, -VBYTES
+    mov     r10, %%to
+    and     r10, -VBYTES
+    jmp     %%until
+align 16
+%%middle:
+    VMOV_TO [rdi], v11
+    add     rdi, VBYTES
+%%until:
+    cmp     rdi, r10
+    jb      %%middle
+    VSTORE  [%%to - VBYTES], v11
+    mov     r10, %%to
+    jmp     %%filled
+%%pixel:
+    STORE_PIXEL_ %+ %%format r10, 11
+    add     r10, %[%%format]_BYTES
+%%few:
+    cmp     r10, %%to
+    jb      %%pixel
+%%filled:
 %endif
-    add     r10, LANES * %%format %+ _BYTES
 %endmacro
 
 ; LIT_NEXT - steps to the next packet; in floats, stores up to two packets of what is black before the next row's span.
 %macro LIT_NEXT 1
-%define %%format %1     ; [in]       F32X4 or RGBA8
+%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
     VADD    v0, v0, [PACKET(step)]
-    add     r12, LANES * %%format %+ _BYTES
-%ifidn %%format, F32X4
+    add     r12, LANES * %[%%format]_BYTES
+%if %[%%format]_FLOATS
 %rep 2
     cmp     r10, r13
     jae     %%written
@@ -130,35 +190,39 @@
 %endif
 %endmacro
 
+; LIT_PACKET - from the address of a pixel to that of its packet. Clobbers rdi.
+%macro LIT_PACKET 2
+%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%m %2          ; [in/out]   general register
+    PIXELS_SINCE %%format, rdi, %%m, LANES
+    imul    rdi, rdi, %[%%format]_BYTES
+    sub     %%m, rdi
+%endmacro
+
 ; LIT - a function that makes rows.
 %macro LIT 4
 %define %%object %1     ; [in]       lit or grey: part of the function's name
 %define %%output %2     ; [in]       part of the function's name
 %define %%body %3       ; [in]       LIT_BODY_<body>
-%define %%format %4     ; [in]       F32X4 or RGBA8
-%assign %%packet LANES * %%format %+ _BYTES
+%define %%format %4     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%assign %%bytes %[%%format]_BYTES
+%assign %%packet LANES * %%bytes
 FUNC NAME(%%object, %%output)
     LIT_SPHERE_CONSTANTS
-%ifidn %%format, F32X4
-    VZERO   v11
-%elif HAS_VEX
-    vmovaps w11, [PACKET(opaque)]
-%else
-    movaps  w11, [PACKET(opaque)]
-%endif
-    shl     r8, %%format %+ _SHIFT
+    VMOV    v11, [%[%%format]_BLACK]
+    imul    r8, r8, %%bytes
     mov     r10, rcx
     mov     r11, rdx
     imul    r11, r8
     add     r11, rcx
-    ; black up to where the memory is aligned to a packet; a span that begins there is written over it
+    ; black up to where a packet can begin; a span that begins there is written over it
 .head:
-    test    r10, %%packet - 1
+    test    r10, (LANES << %[%%format]_UNIT) - 1
     jz      .row
     cmp     r10, r11
     jae     .row
     STORE_PIXEL_ %+ %%format r10, 11
-    add     r10, %%format %+ _BYTES
+    add     r10, %%bytes
     jmp     .head
 align 16
 .row:
@@ -167,40 +231,38 @@ align 16
     cmp     rax, rbx
     jae     .next_row
     LIT_ROW_CONSTANTS
-    shl     rax, %%format %+ _SHIFT
-    shl     rbx, %%format %+ _SHIFT
+    imul    rax, rax, %%bytes
+    imul    rbx, rbx, %%bytes
     add     rax, rcx
-    lea     rbx, [rcx + rbx + %%packet - 1]
-    and     rbx, -%%packet
+    lea     rbx, [rcx + rbx + %%packet - %%bytes]
+    LIT_PACKET %%format, rbx
     mov     r12, rax
-    and     r12, -%%packet
-    sub     rax, r12
-    shr     rax, %%format %+ _SHIFT     ; lanes before the span
+    LIT_PACKET %%format, r12
+    PIXELS_SINCE %%format, rax, rax, LANES      ; lanes before the span
     VSPREAD_INTEGER 1, rax
     VMOV    v0, LIT_j
-    VADD    v0, v0, [%%format %+ _ORDER]
+    VADD    v0, v0, [%[%%format]_ORDER]
     VSUB    v0, v0, v1
-    jmp     .black_until_span
-.black:
-    LIT_BLACK %%format
-.black_until_span:
+    LIT_FILL %%format, r12
     cmp     r10, r12
-    jb      .black
     mov     edi, 0
     cmove   rax, rdi                    ; all of the first packet is still to be written
     mov     r10, rbx
+%if %[%%format]_FLOATS
     xor     r13d, r13d
     cmp     rdx, 2
     jb      .edge
-    VTRUNCATE rdi, [rsi + ELEM * (LitRows.start + 1)]
-    VTRUNCATE r13, [rsi + ELEM * (LitRows.end + 1)]
-    cmp     rdi, r13
-    mov     r13d, 0
+    VTRUNCATE r13, [rsi + ELEM * (LitRows.start + 1)]
+    VTRUNCATE rdi, [rsi + ELEM * (LitRows.end + 1)]
+    cmp     r13, rdi
+    mov     edi, 0
+    cmovae  r13, rdi
     jae     .edge
-    shl     rdi, %%format %+ _SHIFT
-    add     rdi, rcx
-    lea     r13, [rdi + r8]
-    and     r13, -%%packet
+    imul    r13, r13, %%bytes
+    add     r13, rcx
+    add     r13, r8
+    LIT_PACKET %%format, r13
+%endif
 .edge:
     LIT_BODY_ %+ %%body 1
     LIT_PIXELS_ %+ %%body %+ _ %+ %%format
@@ -231,18 +293,16 @@ align 16
     add     rcx, r8
     dec     rdx
     jnz     .row
-    ; black up to the end: whole packets, then pixels
-    jmp     .whole
-.whole_black:
-    LIT_BLACK %%format
-.whole:
-    lea     rdi, [r10 + %%packet]
-    cmp     rdi, r11
-    jbe     .whole_black
+    ; black up to the end, floats by whole packets and then by pixels
+    mov     r12, r11
+%if %[%%format]_FLOATS
+    LIT_PACKET %%format, r12
+%endif
+    LIT_FILL %%format, r12
     jmp     .tail
 .pixel:
     STORE_PIXEL_ %+ %%format r10, 11
-    add     r10, %%format %+ _BYTES
+    add     r10, %%bytes
 .tail:
     cmp     r10, r11
     jb      .pixel
@@ -251,15 +311,11 @@ align 16
 .part:
     mov     rdi, r11
     sub     rdi, r12
-    shr     rdi, %%format %+ _SHIFT
-    mov     r13d, LANES
+    mov     r13d, %%packet
     cmp     rdi, r13
     cmova   rdi, r13
-%ifidn %%format, F32X4
-    PART_F32X4 r12, 4, rax, rdi, r13, k1, 1
-%else
-    PART_RGBA8 r12, 1, rax, rdi, r13, k1, 2
-%endif
+    PIXELS_SINCE %%format, rdi, rdi, 2 * LANES
+    PART_ %+ %%format r12, %[%%format]_FIRST, rax, rdi, r13, k1, 3
     xor     eax, eax
     xor     r13d, r13d                  ; leave what is black to the next row
     jmp     .edge_stored
@@ -285,9 +341,7 @@ align 16
     VMUL    v1, v1, LIT_red
     VLOAD   v14, [rcx]
     MASK_EQUAL v14, v13
-    VSTORE_MASKED rcx + r9, v1, v4
-    VSTORE_MASKED rcx + 2 * r9, v2, v4
-    VSTORE_MASKED rcx + r10, v3, v4
+    STORE_OWN rcx, r9, r10, v1, v2, v3, v4
     VADD    v0, v0, [PACKET(step)]
     add     rcx, VBYTES
     sub     r8, LANES
@@ -296,33 +350,48 @@ align 16
 ENDFUNC
 %endmacro
 
+; LITS - the functions that make rows of one output.
+%macro LITS 2
+%define %%output %1     ; [in]       part of the functions' names
+%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+    LIT     lit, %%output, LIT, %%format
+    LIT     grey, %%output, GREY, %%format
+%endmacro
+
 %assign ESTIMATE 0
     LIT_PLANES planes
-    LIT     lit, f32x4, LIT, F32X4
-    LIT     grey, f32x4, GREY, F32X4
+    LITS    f32x4, F32X4
+    LITS    f32x3, F32X3
 %if ELEM == 4
 %assign ESTIMATE 1
-    LIT     lit, f32x4_fast, LIT, F32X4
-    LIT     grey, f32x4_fast, GREY, F32X4
+    LITS    f32x4_fast, F32X4
+    LITS    f32x3_fast, F32X3
 %elif HAS_MASKS
 %assign ESTIMATE 1                      ; with Newton steps to the end
 %endif
 %if ESTIMATE
     LIT_PLANES planes_fast
 %endif
-    LIT     lit, rgba8, LIT, RGBA8
-    LIT     grey, rgba8, GREY, RGBA8
+    LITS    rgba8, RGBA8
+    LITS    rgb8, RGB8
 
 ; This file is assembled once per element type.
 %unmacro LIT_BODY_LIT 1
 %unmacro LIT_BODY_GREY 1
 %unmacro LIT_KEEP 1
 %unmacro LIT_PIXELS_LIT_F32X4 0
+%unmacro LIT_PIXELS_LIT_F32X3 0
 %unmacro LIT_PIXELS_LIT_RGBA8 0
+%unmacro LIT_PIXELS_LIT_RGB8 0
 %unmacro LIT_PIXELS_GREY_F32X4 0
+%unmacro LIT_PIXELS_GREY_F32X3 0
 %unmacro LIT_PIXELS_GREY_RGBA8 0
+%unmacro LIT_PIXELS_GREY_RGB8 0
 %unmacro LIT_STORE 1
 %unmacro LIT_BLACK 1
+%unmacro LIT_FILL 2
 %unmacro LIT_NEXT 1
+%unmacro LIT_PACKET 2
 %unmacro LIT 4
+%unmacro LITS 2
 %unmacro LIT_PLANES 1

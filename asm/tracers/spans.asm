@@ -18,8 +18,10 @@
 ;               inside      a sphere from inside
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
+;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
-;               rgba8_dim   the same without the clamp, for colours that are known not to exceed white
+;               rgb8        levels of red, green, blue
+;               rgba8_dim, rgb8_dim     the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
@@ -28,7 +30,7 @@
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
 ;   out         *mut of the first pixel; pixels >= 1 of them are written and nothing else
-;   streaming   u64: not 0 for stores that go past the cache; f32x4 only
+;   streaming   u64: not 0 for stores that go past the cache; floats only
 ;   row         *mut element: five planes of `stride` bytes each: who (0 for nobody, else the span's id), red, green,
 ;               blue, 1/t. It points to the span's first pixel, and up to LANES - 1 elements past its last are read and
 ;               written back unchanged (depth) or in pixels that are the span's own (planes)
@@ -63,34 +65,30 @@
     LIGHTS  FROM_CENTRE, 0
 %endmacro
 
-; BODY_NEAR - the colour in v1, v2, v3 of the pixels j in v0.
-%macro BODY_NEAR 0
-    SPHERE_NEAR v4, v5, v6, v0, v7, v8, v9
-    LIGHTS  FROM_CAMERA, NearSpan.cx
-%endmacro
-
 ; BODY_OUTSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as BODY_OUTSIDE has it.
 %macro BODY_OUTSIDE_NORMAL 0
     SPHERE_OUTSIDE v1, v2, v3, v0, v7, v8, v9, v10
 %endmacro
 
-; BODY_NEAR_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
-%macro BODY_NEAR_NORMAL 0
-    SPHERE_NEAR v1, v2, v3, v0, v7, v8, v9
-    SUB3    v1, v2, v3, v1, v2, v3, K(NearSpan.cx), K(NearSpan.cy), K(NearSpan.cz)
+; BODY_CAMERA - the colour in v1, v2, v3 of the pixels j in v0 of a sphere whose points are seen from the camera.
+%macro BODY_CAMERA 2
+%define %%object %1     ; [in]       SPHERE_<object>
+%define %%record %2     ; [in]       its span record
+    SPHERE_ %+ %%object v4, v5, v6, v0, v7, v8, v9
+    LIGHTS  FROM_CAMERA, %[%%record].cx
 %endmacro
+%define BODY_NEAR BODY_CAMERA NEAR, NearSpan
+%define BODY_INSIDE BODY_CAMERA INSIDE, InsideSpan
 
-; BODY_INSIDE - the colour in v1, v2, v3 of the pixels j in v0.
-%macro BODY_INSIDE 0
-    SPHERE_INSIDE v4, v5, v6, v0, v7, v8, v9
-    LIGHTS  FROM_CAMERA, InsideSpan.cx
+; BODY_CAMERA_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
+%macro BODY_CAMERA_NORMAL 2
+%define %%object %1     ; [in]       SPHERE_<object>
+%define %%record %2     ; [in]       its span record
+    SPHERE_ %+ %%object v1, v2, v3, v0, v7, v8, v9
+    SUB3    v1, v2, v3, v1, v2, v3, K(%[%%record].cx), K(%[%%record].cy), K(%[%%record].cz)
 %endmacro
-
-; BODY_INSIDE_NORMAL - the unit normal in v1, v2, v3 of the pixels j in v0, as LAMBERT3 has it.
-%macro BODY_INSIDE_NORMAL 0
-    SPHERE_INSIDE v1, v2, v3, v0, v7, v8, v9
-    SUB3    v1, v2, v3, v1, v2, v3, K(InsideSpan.cx), K(InsideSpan.cy), K(InsideSpan.cz)
-%endmacro
+%define BODY_NEAR_NORMAL BODY_CAMERA_NORMAL NEAR, NearSpan
+%define BODY_INSIDE_NORMAL BODY_CAMERA_NORMAL INSIDE, InsideSpan
 
 ; BODY_TRIANGLE - the colour in v1, v2, v3 of the pixels j in v0.
 %macro BODY_TRIANGLE 0
@@ -124,20 +122,36 @@
     TURN_F32X4 1, 2, 3, 4, 8, 9
 %endmacro
 
+; PIXELS_F32X3 - from colours in v1, v2, v3 to pixels in w4 and up.
+%macro PIXELS_F32X3 0
+    TURN_F32X3 1, 2, 3, 4, 8
+%endmacro
+
 ; PIXELS_RGBA8 - from colours in v1, v2, v3 to pixels in w1, none brighter than white.
 %macro PIXELS_RGBA8 0
     PACK_RGBA8 1, 2, 3, 1
 %endmacro
 
-; PIXELS_DIM - the same where none is brighter than white to begin with.
-%macro PIXELS_DIM 0
+; PIXELS_RGBA8_DIM - the same where none is brighter than white to begin with.
+%macro PIXELS_RGBA8_DIM 0
     PACK_RGBA8 1, 2, 3, 0
+%endmacro
+
+; PIXELS_RGB8 - from colours in v1, v2, v3 to pixels in w1 and w2, none brighter than white.
+%macro PIXELS_RGB8 0
+    PACK_RGB8 1, 2, 3, 1, 1
+%endmacro
+
+; PIXELS_RGB8_DIM - the same where none is brighter than white to begin with.
+%macro PIXELS_RGB8_DIM 0
+    PACK_RGB8 1, 2, 3, 0, 1
 %endmacro
 
 ; SHADE - a function that shades the pixels of a span one packet after another.
 ;
-;   Packets begin where the memory of `out` is aligned to one, so the first may begin before the span, and the last may
-;   end past it: of those, only the span's own pixels are stored.
+;   Packets begin where the memory of `out` is aligned to a register of pixels, which one in every so many pixels is,
+;   whatever their bytes. So the first packet may begin before the span, and the last may end past it: of those, only the
+;   span's own pixels are stored.
 ;
 ;   r10 first lane of the packet that is stored, r8 the lane past the last (beyond LANES where more packets follow)
 %macro SHADE 6
@@ -145,13 +159,11 @@
 %define %%output %2     ; [in]       part of the function's name
 %define %%body %3       ; [in]       BODY_<body>
 %define %%pixels %4     ; [in]       PIXELS_<pixels>
-%define %%format %5     ; [in]       F32X4 or RGBA8
+%define %%format %5     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 %define %%constants %6  ; [in]       fields of the span record
 FUNC NAME(%%object, %%output)
     CONSTANTS %%constants
-    mov     r10d, ecx
-    and     r10d, LANES * 4 - 1
-    shr     r10d, %%format %+ _SHIFT    ; pixels since the memory was aligned
+    PIXELS_SINCE %%format, r10, rcx, %[%%format]_PERIOD
     VSPREAD v0, [rdi + ELEM * Span.j]
     VADD    v0, v0, [%%format %+ _ORDER]
     VSPREAD_INTEGER 1, r10
@@ -167,13 +179,11 @@ align 16
     jb      .part
     test    r10d, r10d
     jnz     .part
-%ifidn %%format, F32X4
+%if %[%%format]_FLOATS
     test    r9d, r9d
     jnz     .stream
-    STORE_F32X4 rcx, 4, movups
-%else
-    STORE_RGBA8 rcx, 1
 %endif
+    STORE_ %+ %%format rcx, %[%%format]_FIRST, movups
 .next:
     add     rcx, LANES * %%format %+ _BYTES
     VADD    v0, v0, [PACKET(step)]
@@ -181,20 +191,16 @@ align 16
     ja      .packet
     UNCONSTANTS
     ret
-%ifidn %%format, F32X4
+%if %[%%format]_FLOATS
 .stream:
-    STORE_F32X4 rcx, 4, movntps
+    STORE_ %+ %%format rcx, %[%%format]_FIRST, movntps
     jmp     .next
 %endif
 .part:
     mov     r11d, LANES
     cmp     r8, r11
     cmovb   r11, r8
-%ifidn %%format, F32X4
-    PART_F32X4 rcx, 4, r10, r11, rax, k1, 1
-%else
-    PART_RGBA8 rcx, 1, r10, r11, rax, k1, 2
-%endif
+    PART_ %+ %%format rcx, %[%%format]_FIRST, r10, r11, rax, k1, 3
     xor     r10d, r10d
     jmp     .next
     END
@@ -216,9 +222,7 @@ align 16
     VLOAD   v14, [rcx]
     MASK_EQUAL v14, K(Span.id)
     BODY_ %+ %%body
-    VSTORE_MASKED rcx + r9, v1, v4
-    VSTORE_MASKED rcx + 2 * r9, v2, v4
-    VSTORE_MASKED rcx + r10, v3, v4
+    STORE_OWN rcx, r9, r10, v1, v2, v3, v4
     VADD    v0, v0, [PACKET(step)]
     add     rcx, VBYTES
     sub     r8, LANES
@@ -261,7 +265,7 @@ ENDFUNC
 ; EMIT - a function that writes a row of buffers out.
 %macro EMIT 2
 %define %%output %1     ; [in]       part of the function's name
-%define %%format %2     ; [in]       F32X4 or RGBA8
+%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 FUNC NAME(emit, %%output)
     mov     r8, rcx                     ; pixels
     mov     rcx, rdx                    ; out
@@ -291,72 +295,83 @@ ENDFUNC
 
 ; STORE_NATURAL - all pixels of a packet whose lanes are in the natural order.
 %macro STORE_NATURAL 2
-%define %%format %1     ; [in]       F32X4 or RGBA8
+%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 %define %%m %2          ; [in]       address
 %ifidn %%format, F32X4
-    STORE_NATURAL_F32X4 %%m, 4
+    STORE_NATURAL_F32X4 %%m, F32X4_FIRST
 %else
-    STORE_RGBA8 %%m, 1
+    STORE_ %+ %%format %%m, %[%%format]_FIRST, movups
 %endif
 %endmacro
 
+; SHADES - the functions that shade spans of each object to one output.
+%macro SHADES 3
+%define %%output %1     ; [in]       part of the functions' names
+%define %%pixels %2     ; [in]       PIXELS_<pixels>
+%define %%format %3     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+    SHADE   outside, %%output, OUTSIDE, %%pixels, %%format, 19
+    SHADE   near, %%output, NEAR, %%pixels, %%format, 17
+    SHADE   inside, %%output, INSIDE, %%pixels, %%format, 15
+    SHADE   triangle, %%output, TRIANGLE, %%pixels, %%format, 12
+%endmacro
+
+; ALL_PLANES - the functions that shade each object's pixels in a row of buffers.
+%macro ALL_PLANES 1
+%define %%output %1     ; [in]       part of the functions' names
+    PLANES  outside, %%output, OUTSIDE, 19
+    PLANES  near, %%output, NEAR, 17
+    PLANES  inside, %%output, INSIDE, 15
+    PLANES  triangle, %%output, TRIANGLE, 12
+%endmacro
+
 %assign ESTIMATE 0
-    SHADE   outside, f32x4, OUTSIDE, F32X4, F32X4, 19
-    SHADE   near, f32x4, NEAR, F32X4, F32X4, 17
-    SHADE   inside, f32x4, INSIDE, F32X4, F32X4, 15
-    SHADE   triangle, f32x4, TRIANGLE, F32X4, F32X4, 12
-    PLANES  outside, planes, OUTSIDE, 19
-    PLANES  near, planes, NEAR, 17
-    PLANES  inside, planes, INSIDE, 15
-    PLANES  triangle, planes, TRIANGLE, 12
+    SHADES  f32x4, F32X4, F32X4
+    SHADES  f32x3, F32X3, F32X3
+    ALL_PLANES planes
     DEPTH   outside, OUTSIDE, 19
     DEPTH   near, NEAR, 17
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
     EMIT    f32x4, F32X4
+    EMIT    f32x3, F32X3
     EMIT    rgba8, RGBA8
+    EMIT    rgb8, RGB8
     PLANES  outside, normals, OUTSIDE_NORMAL, 19
     PLANES  near, normals, NEAR_NORMAL, 17
     PLANES  inside, normals, INSIDE_NORMAL, 15
 %if ELEM == 4
 %assign ESTIMATE 1
-    SHADE   outside, f32x4_fast, OUTSIDE, F32X4, F32X4, 19
-    SHADE   near, f32x4_fast, NEAR, F32X4, F32X4, 17
-    SHADE   inside, f32x4_fast, INSIDE, F32X4, F32X4, 15
-    SHADE   triangle, f32x4_fast, TRIANGLE, F32X4, F32X4, 12
-    PLANES  outside, planes_fast, OUTSIDE, 19
-    PLANES  near, planes_fast, NEAR, 17
-    PLANES  inside, planes_fast, INSIDE, 15
-    PLANES  triangle, planes_fast, TRIANGLE, 12
+    SHADES  f32x4_fast, F32X4, F32X4
+    SHADES  f32x3_fast, F32X3, F32X3
+    ALL_PLANES planes_fast
 %endif
 %assign ESTIMATE ELEM == 4
-    SHADE   outside, rgba8, OUTSIDE, RGBA8, RGBA8, 19
-    SHADE   outside, rgba8_dim, OUTSIDE, DIM, RGBA8, 19
-    SHADE   near, rgba8, NEAR, RGBA8, RGBA8, 17
-    SHADE   near, rgba8_dim, NEAR, DIM, RGBA8, 17
-    SHADE   inside, rgba8, INSIDE, RGBA8, RGBA8, 15
-    SHADE   inside, rgba8_dim, INSIDE, DIM, RGBA8, 15
-    SHADE   triangle, rgba8, TRIANGLE, RGBA8, RGBA8, 12
-    SHADE   triangle, rgba8_dim, TRIANGLE, DIM, RGBA8, 12
+    SHADES  rgba8, RGBA8, RGBA8
+    SHADES  rgba8_dim, RGBA8_DIM, RGBA8
+    SHADES  rgb8, RGB8, RGB8
+    SHADES  rgb8_dim, RGB8_DIM, RGB8
 
 ; This file is assembled once per element type.
 %unmacro LIGHTS 2
+%unmacro BODY_CAMERA 2
+%unmacro BODY_CAMERA_NORMAL 2
 %unmacro BODY_OUTSIDE 0
 %unmacro BODY_OUTSIDE_NORMAL 0
-%unmacro BODY_NEAR 0
-%unmacro BODY_NEAR_NORMAL 0
-%unmacro BODY_INSIDE 0
-%unmacro BODY_INSIDE_NORMAL 0
 %unmacro BODY_TRIANGLE 0
 %unmacro DEN_OUTSIDE 0
 %unmacro DEN_NEAR 0
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
 %unmacro PIXELS_F32X4 0
+%unmacro PIXELS_F32X3 0
 %unmacro PIXELS_RGBA8 0
-%unmacro PIXELS_DIM 0
+%unmacro PIXELS_RGBA8_DIM 0
+%unmacro PIXELS_RGB8 0
+%unmacro PIXELS_RGB8_DIM 0
 %unmacro SHADE 6
+%unmacro SHADES 3
 %unmacro PLANES 4
+%unmacro ALL_PLANES 1
 %unmacro DEPTH 3
 %unmacro EMIT 2
 %unmacro STORE_NATURAL 2

@@ -664,7 +664,38 @@ align 16
 %endrep
 %endmacro
 
-; PIXELS_OUT_RGBA8 - the same in 8 bits.
+; PIXELS_OUT_F32X3 - the same in three floats a pixel.
+%macro PIXELS_OUT_F32X3 0
+    ROWS_F32X3 1, 2, 3, 7, 8
+%assign %%c 0
+%rep BLOCK_HEIGHT
+%if LANES == 2
+    STORE_F32X3 r9, 7, movups
+%else
+    STORE128 [r9], w, 7, %%c
+    STORE128 [r9 + 16], w, 8, %%c
+    STORE128 [r9 + 32], w, 9, %%c
+%endif
+    add     r9, r10
+%assign %%c %%c + 1
+%endrep
+%endmacro
+
+; PIXELS_OUT_RGB8 - the same in three bytes a pixel.
+%macro PIXELS_OUT_RGB8 0
+    PACK_RGB8 1, 2, 3, 1, 0
+    STORE_ROW_RGB8 r9, 1
+    add     r9, r10
+%assign %%c 1
+%rep BLOCK_HEIGHT - 1
+    STORE128 x2, w, 1, %%c
+    STORE_ROW_RGB8 r9, 2
+    add     r9, r10
+%assign %%c %%c + 1
+%endrep
+%endmacro
+
+; PIXELS_OUT_RGBA8 - the same in four bytes a pixel.
 %macro PIXELS_OUT_RGBA8 0
     PACK_RGBA8 1, 2, 3, 1
 %assign %%c 0
@@ -686,7 +717,7 @@ align 16
 ;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
 %macro SHADE_TILE 2
 %define %%output %1     ; [in]       part of the function's name
-%define %%format %2     ; [in]       F32X4 or RGBA8
+%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 FUNC NAME(tile, %%output)
     push    rbp
     mov     rbp, rsp
@@ -817,7 +848,7 @@ align 16
     VADD    v8, v8, [PACKET(block_y)]
     SPHERE_FIELD v9, r10, row
     VSUB    v8, v8, v9                  ; y
-%ifidn %%format, RGBA8
+%if %[%%format]_FLOATS == 0
     cmp     dword [r10 + ELEM * TileSphere.short + ELEM - 4], 0
     je      .long
     add     r13, [rsi + ShadeTask.shorts]
@@ -902,7 +933,11 @@ align 16
     mov     eax, BLOCK_WIDTH
     cmp     ecx, eax
     cmovg   ecx, eax
+%if %[%%format]_UNIT == 0
+    imul    ecx, ecx, %%format %+ _BYTES            ; bytes in a row
+%else
     imul    ecx, ecx, %%format %+ _BYTES / 4        ; numbers of 32 bits in a row
+%endif
     xor     r11d, r11d                  ; row of the block
 .part_row:
     lea     eax, [r12 + r11]
@@ -918,8 +953,13 @@ align 16
     add     r10, rsp
     xor     r13d, r13d
 .number:
+%if %[%%format]_UNIT == 0
+    mov     al, [r10 + r13]
+    mov     [r9 + r13], al
+%else
     mov     eax, [r10 + 4 * r13]
     mov     [r9 + 4 * r13], eax
+%endif
     inc     r13d
     cmp     r13d, ecx
     jb      .number
@@ -1008,11 +1048,14 @@ align 16
 
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4
+    SHADE_TILE f32x3, F32X3
 %if ELEM == 4
 %assign ESTIMATE 1
     SHADE_TILE f32x4_fast, F32X4
+    SHADE_TILE f32x3_fast, F32X3
 %endif
     SHADE_TILE rgba8, RGBA8
+    SHADE_TILE rgb8, RGB8
 
 %unmacro SD 3
 %unmacro CORNER 2
@@ -1036,7 +1079,9 @@ align 16
 %unmacro COSINE 3
 %unmacro TRIANGLE_LIGHT 0
 %unmacro PIXELS_OUT_F32X4 0
+%unmacro PIXELS_OUT_F32X3 0
 %unmacro PIXELS_OUT_RGBA8 0
+%unmacro PIXELS_OUT_RGB8 0
 %unmacro SHADE_TILE 2
 %unmacro NORMAL_OVER_T 2
 %unmacro SPHERE_LIGHT 0

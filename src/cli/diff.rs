@@ -130,12 +130,7 @@ fn output_format(path: &Path) -> Result<Format, DiffError> {
 fn write_picture(path: &Path, format: Format, picture: &Picture) -> Result<(), ImageError> {
     let Pixels::Rgb8(pixels) = &picture.pixels else { unreachable!("differences are shown in 8 bits") };
     let mut writer = ImageWriter::create(path, format, picture.width, picture.height)?;
-    let mut rgba = Vec::new();
-    for row in pixels.chunks_exact(picture.width as usize) {
-        rgba.clear();
-        rgba.extend(row.iter().map(|&[r, g, b]| [r, g, b, 255]));
-        writer.write_rgba8(&rgba)?;
-    }
+    writer.write_rgb8(pixels)?;
     writer.finish()
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
-use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Purpose, Tracer, levels};
+use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Purpose, Tracer};
 use crate::scene::{Camera, Rng, Scene};
 
 /// Rounds, where all rounds together stay within the ticks that are allowed.
@@ -220,17 +220,14 @@ impl Contestant<'_> {
         for rows in bands {
             let width = camera.width() as usize;
             let pixels = rows.start as usize * width..rows.end as usize * width;
-            match (out.as_mut(), self.by_floats) {
-                (FilmMut::F32x4(out), _) => self.tracer.rows(rows.clone(), FilmMut::F32x4(&mut out[pixels])),
-                (FilmMut::Rgba8(out), false) => self.tracer.rows(rows.clone(), FilmMut::Rgba8(&mut out[pixels])),
-                (FilmMut::Rgba8(out), true) => {
-                    let FilmMut::F32x4(floats) = floats.as_mut() else { unreachable!("it was made of floats") };
-                    let floats = &mut floats[pixels.clone()];
-                    self.tracer.rows(rows.clone(), FilmMut::F32x4(floats));
-                    for (out, linear) in out[pixels].iter_mut().zip(floats.iter()) {
-                        *out = levels(linear);
-                    }
-                }
+            let out = out.as_mut().part(pixels.clone());
+            if self.by_floats && out.format().is_8bit() {
+                let FilmMut::F32x4(floats) = floats.as_mut() else { unreachable!("it was made of floats") };
+                let floats = &mut floats[pixels];
+                self.tracer.rows(rows.clone(), FilmMut::F32x4(floats));
+                out.set(floats);
+            } else {
+                self.tracer.rows(rows.clone(), out);
             }
         }
     }
@@ -265,9 +262,9 @@ mod tests {
         }
     }
 
-    /// What is found of eight objects in one band of 48 rows, with at most so many of the lines that can be timed.
+    /// What is found of eighteen objects in one band of 48 rows, with at most so many of the lines that can be timed.
     fn measured(most: usize, ticks: u64, mut clock: impl FnMut(usize) -> Scripted) -> (Vec<LeftOut>, Ablation) {
-        let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(4, 4, 71) };
+        let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(9, 9, 71) };
         let engine = Engine::fastest();
         let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
         let mut lines = engine.report(purpose, &scene, &scene.camera).unwrap().left_out;

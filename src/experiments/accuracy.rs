@@ -19,7 +19,7 @@ use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::{Keep, Omission};
 use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Purpose, Tracer, Truth};
 use crate::scene::Scene;
-use errors::{Errors, Expected, Tally, Written};
+use errors::{Errors, Expected, Tally};
 use front::{Point, front};
 use subjects::Subject;
 
@@ -205,7 +205,7 @@ pub fn errors_of(
     let mut film = Film::new(output, expected.len())?;
     tracer.rows(0..height, film.as_mut());
     for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
-        tally.add(expected, found.as_ref(), written(&film, i));
+        tally.add(expected, found.as_ref(), film.colour(i));
     }
     Ok(tally.errors())
 }
@@ -224,13 +224,6 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Acc
         outputs.collect::<Result<Vec<_>, AccuracyError>>()
     });
     Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
-}
-
-fn written(film: &Film, i: usize) -> Written {
-    match film {
-        Film::F32x4(film) => Written::Linear([film[i].x, film[i].y, film[i].z]),
-        Film::Rgba8(film) => Written::Levels([film[i][0], film[i][1], film[i][2]]),
-    }
 }
 
 /// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp
@@ -309,9 +302,10 @@ fn place(contenders: &[Contender], contender: Contender) -> usize {
 
 /// What the front compares.
 pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
-    match output {
-        PixelFormat::F32x4 => errors.rms_colour.unwrap_or(0.0),
-        PixelFormat::Rgba8 => errors.psnr.map_or(0.0, |psnr| 10f64.powf(-psnr / 20.0)),
+    if output.is_8bit() {
+        errors.psnr.map_or(0.0, |psnr| 10f64.powf(-psnr / 20.0))
+    } else {
+        errors.rms_colour.unwrap_or(0.0)
     }
 }
 

@@ -229,7 +229,9 @@ fn lit(count: u64, camera: Camera) -> Scene {
 fn clear(film: &mut Film) {
     match film {
         Film::F32x4(pixels) => pixels.fill(Vec4::default()),
+        Film::F32x3(pixels) => pixels.as_flattened_mut().fill(0.0),
         Film::Rgba8(pixels) => pixels.as_flattened_mut().fill(0),
+        Film::Rgb8(pixels) => pixels.as_flattened_mut().fill(0),
     }
 }
 

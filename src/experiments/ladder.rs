@@ -239,7 +239,7 @@ impl Planned {
         let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
         let mut films = Films::new(2 * size.0 as usize)?;
         let count = |rows: Range<u32>| {
-            let film = films.of(ready.output).as_mut().take(rows.len() * size.0 as usize);
+            let film = films.of(ready.output).as_mut().part(0..rows.len() * size.0 as usize);
             step::count_instructions(|| (ready.trace)(rows, film)).ok()
         };
         Ok(calls.into_iter().map(count).collect())

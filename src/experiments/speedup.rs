@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, interleave};
 use crate::render::reference::ReferenceTracer;
-use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer, level};
+use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer};
 use crate::scene::{self, Camera, Rng, Scene};
 
 /// A row of the paper's table.
@@ -352,7 +352,7 @@ pub fn measure_run(
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
         let contestant = |index: &usize| -> Work<'_> {
             let (tracer, output, films) = (tracers[*index].as_ref(), entries[*index].output, &films);
-            Box::new(move || tracer.rows(0..height, films.borrow_mut().of(output).as_mut().take(pixels)))
+            Box::new(move || tracer.rows(0..height, films.borrow_mut().of(output).as_mut().part(0..pixels)))
         };
         let mut contestants: Vec<Work<'_>> = order.iter().map(contestant).collect();
         if !std::mem::replace(&mut warm, true) {
@@ -387,10 +387,9 @@ impl Films {
     }
 
     pub(super) fn of(&mut self, format: PixelFormat) -> &mut Film {
-        match format {
-            PixelFormat::F32x4 => &mut self.floats,
-            PixelFormat::Rgba8 => &mut self.bytes,
-        }
+        let film = if format.is_8bit() { &mut self.bytes } else { &mut self.floats };
+        assert_eq!(film.as_mut().format(), format, "the contestants write four channels");
+        film
     }
 }
 
@@ -430,10 +429,7 @@ impl Truth {
 }
 
 fn levels(film: &Film) -> Vec<[u8; 3]> {
-    match film {
-        Film::F32x4(film) => film.iter().map(|v| [v.x, v.y, v.z].map(|v| level(v.into()))).collect(),
-        Film::Rgba8(film) => film.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
-    }
+    (0..film.len()).map(|pixel| film.colour(pixel).levels()).collect()
 }
 
 impl Speedup {

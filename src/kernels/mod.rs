@@ -40,8 +40,8 @@ pub use isa::Isa;
 pub use known::{KNOWN, Known};
 #[cfg(rayo_asm)]
 pub use packet::{
-    Bodies, Depth, Emit, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgba8, Row, RowSetup, Shade, ShadeRows,
-    SpanKernels, TileKernels, packet_symbols, packets,
+    Bodies, Depth, Emit, F32x3, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgb8, Rgba8, Row, RowSetup, Shade,
+    ShadeRows, SpanKernels, TileKernels, packet_symbols, packets,
 };
 pub use spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit,

@@ -13,13 +13,17 @@ use super::tiles::{
     Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask,
     ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
 };
-use super::types::Vec4;
+use super::types::{Plain, Vec4};
 
 /// More elements than any packet has.
 const MOST_LANES: usize = 16;
 
 /// Pixels of four bytes: red, green, blue, and 255.
 pub type Rgba8 = [u8; 4];
+/// Pixels of three bytes: red, green, blue.
+pub type Rgb8 = [u8; 3];
+/// Pixels of three floats: linear red, green, blue.
+pub type F32x3 = [f32; 3];
 
 /// Shades a span: `S` is its record, `P` the pixels it makes.
 pub struct Shade<S, E, P> {
@@ -71,14 +75,22 @@ pub struct Fill {
 
 /// What one kind of object has in all forms and outputs.
 pub struct Bodies<S, E> {
-    /// To linear floats.
+    /// To linear floats, four a pixel.
     pub f32x4: Shade<S, E, Vec4>,
-    /// To linear floats with estimates (in f64: as `f32x4`).
+    /// The same with estimates (in f64: as `f32x4`).
     pub f32x4_fast: Shade<S, E, Vec4>,
-    /// To 8-bit levels (in f32: with estimates).
+    /// To linear floats, three a pixel.
+    pub f32x3: Shade<S, E, F32x3>,
+    /// The same with estimates (in f64: as `f32x3`).
+    pub f32x3_fast: Shade<S, E, F32x3>,
+    /// To 8-bit levels (in f32: with estimates), four a pixel.
     pub rgba8: Shade<S, E, Rgba8>,
     /// The same where all light together does not exceed white: not clamped.
     pub rgba8_dim: Shade<S, E, Rgba8>,
+    /// To 8-bit levels, three a pixel.
+    pub rgb8: Shade<S, E, Rgb8>,
+    /// The same where all light together does not exceed white: not clamped.
+    pub rgb8_dim: Shade<S, E, Rgb8>,
     /// To a row of buffers.
     pub planes: Planes<S, E>,
     /// To a row of buffers as `rgba8` (in f64: as `planes`).
@@ -91,12 +103,18 @@ pub struct Bodies<S, E> {
 
 /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
 pub struct LitBodies<E> {
-    /// To linear floats.
+    /// To linear floats, four a pixel.
     pub f32x4: ShadeRows<E, Vec4>,
-    /// To linear floats with estimates (in f64: as `f32x4`).
+    /// The same with estimates (in f64: as `f32x4`).
     pub f32x4_fast: ShadeRows<E, Vec4>,
-    /// To 8-bit levels (with estimates where there are good ones).
+    /// To linear floats, three a pixel.
+    pub f32x3: ShadeRows<E, F32x3>,
+    /// The same with estimates (in f64: as `f32x3`).
+    pub f32x3_fast: ShadeRows<E, F32x3>,
+    /// To 8-bit levels (with estimates where there are good ones), four a pixel.
     pub rgba8: ShadeRows<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8: ShadeRows<E, Rgb8>,
 }
 
 /// All packet kernels of an ISA for one element type.
@@ -121,10 +139,14 @@ pub struct SpanKernels<E: 'static> {
     pub inside: Bodies<InsideSpan<E>, E>,
     /// Triangles.
     pub triangle: Bodies<TriangleSpan<E>, E>,
-    /// A row of buffers to linear floats.
+    /// A row of buffers to linear floats, four a pixel.
     pub emit_f32x4: Emit<E, Vec4>,
-    /// A row of buffers to 8-bit levels.
+    /// The same, three a pixel.
+    pub emit_f32x3: Emit<E, F32x3>,
+    /// A row of buffers to 8-bit levels, four a pixel.
     pub emit_rgba8: Emit<E, Rgba8>,
+    /// The same, three a pixel.
+    pub emit_rgb8: Emit<E, Rgb8>,
     /// Many objects, tile by tile.
     pub tiles: TileKernels<E>,
 }
@@ -137,19 +159,29 @@ pub struct TileKernels<E> {
     pub nearest_triangles: NearestTriangles<E>,
     /// The nearest of spheres.
     pub nearest_spheres: NearestSpheres<E>,
-    /// To linear floats.
+    /// To linear floats, four a pixel.
     pub f32x4: ShadeTile<E, Vec4>,
-    /// To linear floats with estimates (in f64: as `f32x4`).
+    /// The same with estimates (in f64: as `f32x4`).
     pub f32x4_fast: ShadeTile<E, Vec4>,
-    /// To 8-bit levels (in f32: with estimates).
+    /// To linear floats, three a pixel.
+    pub f32x3: ShadeTile<E, F32x3>,
+    /// The same with estimates (in f64: as `f32x3`).
+    pub f32x3_fast: ShadeTile<E, F32x3>,
+    /// To 8-bit levels (in f32: with estimates), four a pixel.
     pub rgba8: ShadeTile<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8: ShadeTile<E, Rgb8>,
 }
 
 impl<E: Element> TileKernels<E> {
-    fn symbols(&self) -> [&'static str; 6] {
-        let TileKernels { set_up, nearest_triangles, nearest_spheres, f32x4, f32x4_fast, rgba8 } = self;
-        let nearest = [nearest_triangles.symbol(), nearest_spheres.symbol()];
-        [set_up.symbol(), nearest[0], nearest[1], f32x4.symbol(), f32x4_fast.symbol(), rgba8.symbol()]
+    fn symbols(&self) -> Vec<&'static str> {
+        #[rustfmt::skip]
+        let TileKernels {
+            set_up, nearest_triangles, nearest_spheres, f32x4, f32x4_fast, f32x3, f32x3_fast, rgba8, rgb8,
+        } = self;
+        let floats = [f32x4.symbol(), f32x4_fast.symbol(), f32x3.symbol(), f32x3_fast.symbol()];
+        let others = [set_up.symbol(), nearest_triangles.symbol(), nearest_spheres.symbol()];
+        [&floats[..], &others, &[rgba8.symbol(), rgb8.symbol()]].concat()
     }
 }
 
@@ -167,17 +199,22 @@ pub struct PacketKernels {
 
 impl<S, E> Bodies<S, E> {
     fn symbols(&self) -> Vec<&'static str> {
-        let Bodies { f32x4, f32x4_fast, rgba8, rgba8_dim, planes, planes_fast, depth, normals } = self;
-        let shades = [f32x4.symbol, f32x4_fast.symbol, rgba8.symbol, rgba8_dim.symbol];
+        #[rustfmt::skip]
+        let Bodies {
+            f32x4, f32x4_fast, f32x3, f32x3_fast, rgba8, rgba8_dim, rgb8, rgb8_dim, planes, planes_fast, depth, normals,
+        } = self;
+        let floats = [f32x4.symbol, f32x4_fast.symbol, f32x3.symbol, f32x3_fast.symbol];
+        let bytes = [rgba8.symbol, rgba8_dim.symbol, rgb8.symbol, rgb8_dim.symbol];
         let rows = [planes.symbol, planes_fast.symbol, depth.symbol];
-        shades.into_iter().chain(rows).chain(normals.as_ref().map(|normals| normals.symbol)).collect()
+        let normals = normals.as_ref().map(|normals| normals.symbol);
+        floats.into_iter().chain(bytes).chain(rows).chain(normals).collect()
     }
 }
 
 impl<E> LitBodies<E> {
     fn symbols(&self) -> Vec<&'static str> {
-        let LitBodies { f32x4, f32x4_fast, rgba8 } = self;
-        vec![f32x4.symbol, f32x4_fast.symbol, rgba8.symbol]
+        let LitBodies { f32x4, f32x4_fast, f32x3, f32x3_fast, rgba8, rgb8 } = self;
+        vec![f32x4.symbol, f32x4_fast.symbol, f32x3.symbol, f32x3_fast.symbol, rgba8.symbol, rgb8.symbol]
     }
 }
 
@@ -186,12 +223,12 @@ impl<E: Element> SpanKernels<E> {
         #[rustfmt::skip]
         let SpanKernels {
             lanes: _, lit_rows, lit, grey, lit_planes, lit_planes_fast, outside, near, inside, triangle, emit_f32x4,
-            emit_rgba8, tiles,
+            emit_f32x3, emit_rgba8, emit_rgb8, tiles,
         } = self;
         let spheres = [outside.symbols(), near.symbols(), inside.symbols()].concat();
         let rows = vec![lit_rows.symbol, lit_planes.symbol, lit_planes_fast.symbol];
-        let emits = vec![emit_f32x4.symbol, emit_rgba8.symbol];
-        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits, tiles.symbols().to_vec()].concat()
+        let emits = vec![emit_f32x4.symbol, emit_f32x3.symbol, emit_rgba8.symbol, emit_rgb8.symbol];
+        [lit.symbols(), grey.symbols(), spheres, triangle.symbols(), rows, emits, tiles.symbols()].concat()
     }
 }
 
@@ -283,8 +320,8 @@ impl<E: Element, P: Copy> ShadeRows<E, P> {
     /// output can.
     ///
     /// # Panics
-    /// Where `out` is not aligned to 4, has no whole number of rows or more than there are, or where one of the spans
-    /// does not lie in its row.
+    /// Where `out` is of numbers of 32 bits and not aligned to these, has no whole number of rows or more than there are,
+    /// or where one of the spans does not lie in its row.
     pub fn call(&self, sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) {
         if !out.is_empty() {
             let [sphere, rows, count, out, width, streaming] = Self::arguments(sphere, rows, out, width, streaming);
@@ -311,7 +348,8 @@ impl<E: Element, P: Copy> ShadeRows<E, P> {
     }
 
     fn arguments(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) -> [u64; 6] {
-        assert!(out.as_ptr().cast::<u32>().is_aligned(), "pixels must be aligned to 4 bytes");
+        let aligned = !size_of::<P>().is_multiple_of(4) || out.as_ptr().cast::<u32>().is_aligned();
+        assert!(aligned, "pixels must be aligned to 4 bytes");
         let count = out.len() / width;
         assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());
         for row in 0..count {
@@ -445,36 +483,45 @@ impl Fill {
 
     /// Black floats. `streaming`: past the cache.
     pub fn f32x4(&self, out: &mut [Vec4], streaming: bool) {
-        // SAFETY: as many 32-bit numbers as `out` has, aligned to more than 4; any bits are floats. The CPU as in Shade.
-        unsafe { (self.code)(out.as_mut_ptr().cast(), 4 * out.len() as u64, 0, streaming.into()) }
+        self.fill(out, Vec4::ZERO, 0, streaming);
+    }
+
+    /// Black floats. `streaming`: past the cache.
+    pub fn f32x3(&self, out: &mut [F32x3], streaming: bool) {
+        self.fill(out, F32x3::ZERO, 0, streaming);
     }
 
     /// Black levels.
     pub fn rgba8(&self, out: &mut [Rgba8]) {
-        if !out.as_ptr().cast::<u32>().is_aligned() {
-            // The kernel's middle is aligned to registers, where the pattern would begin in the middle of a pixel.
-            return out.fill([0, 0, 0, 255]);
-        }
-        // SAFETY: as many 32-bit numbers as `out` has, aligned to 4 as just checked.
-        unsafe { (self.code)(out.as_mut_ptr().cast(), out.len() as u64, u32::from_le_bytes([0, 0, 0, 255]), 0) }
+        let black = [0, 0, 0, 255];
+        self.fill(out, black, u32::from_le_bytes(black), false);
     }
 
-    /// As [`Fill::f32x4`], with a look at whether the kernel keeps the calling convention.
-    pub fn f32x4_checked(&self, out: &mut [Vec4], streaming: bool) -> Result<(), Vec<Fault>> {
-        let args = [out.as_mut_ptr() as u64, 4 * out.len() as u64, 0, streaming.into(), 0, 0];
-        // SAFETY: as in f32x4.
-        unsafe { checked::call(self.code as *const (), args) }
+    /// Black levels.
+    pub fn rgb8(&self, out: &mut [Rgb8]) {
+        self.fill(out.as_flattened_mut(), 0, 0, false);
     }
 
-    /// As [`Fill::rgba8`], with a look at whether the kernel keeps the calling convention.
-    ///
-    /// # Panics
-    /// Where `out` is not aligned to 4, and the kernel would not be called.
-    pub fn rgba8_checked(&self, out: &mut [Rgba8]) -> Result<(), Vec<Fault>> {
-        assert!(out.as_ptr().cast::<u32>().is_aligned());
-        let pattern = u32::from_le_bytes([0, 0, 0, 255]);
-        let args = [out.as_mut_ptr() as u64, out.len() as u64, pattern.into(), 0, 0, 0];
-        // SAFETY: as in rgba8.
+    /// Fills `out` with a value, of which `pattern` is made.
+    fn fill<T: Plain>(&self, out: &mut [T], value: T, pattern: u32, streaming: bool) {
+        // SAFETY: any bits are numbers of 32 bits, and any of these are a Plain type.
+        let (before, numbers, after) = unsafe { out.align_to_mut() };
+        // All of it, where no value begins at a number.
+        before.fill(value);
+        self.call(numbers, pattern, streaming);
+        after.fill(value);
+    }
+
+    /// Writes `pattern` to all of `out`. `streaming`: past the cache.
+    pub fn call(&self, out: &mut [u32], pattern: u32, streaming: bool) {
+        // SAFETY: the reference proves the address and the length. The CPU as in Shade::call.
+        unsafe { (self.code)(out.as_mut_ptr(), out.len() as u64, pattern, streaming.into()) }
+    }
+
+    /// As [`Fill::call`], with a look at whether the kernel keeps the calling convention.
+    pub fn call_checked(&self, out: &mut [u32], pattern: u32, streaming: bool) -> Result<(), Vec<Fault>> {
+        let args = [out.as_mut_ptr() as u64, out.len() as u64, pattern.into(), streaming.into(), 0, 0];
+        // SAFETY: as in call; these are the arguments of its signature.
         unsafe { checked::call(self.code as *const (), args) }
     }
 }
@@ -545,8 +592,12 @@ macro_rules! span_kernels {
                 Bodies {
                     f32x4: shade!($body, $span, "_f32x4", Vec4),
                     f32x4_fast: shade!($body, $span, concat!("_f32x4", $fast), Vec4),
+                    f32x3: shade!($body, $span, "_f32x3", F32x3),
+                    f32x3_fast: shade!($body, $span, concat!("_f32x3", $fast), F32x3),
                     rgba8: shade!($body, $span, "_rgba8", Rgba8),
                     rgba8_dim: shade!($body, $span, "_rgba8_dim", Rgba8),
+                    rgb8: shade!($body, $span, "_rgb8", Rgb8),
+                    rgb8_dim: shade!($body, $span, "_rgb8_dim", Rgb8),
                     planes: planes!($body, $span, "_planes"),
                     planes_fast: planes!($body, $span, concat!("_planes", $fast)),
                     depth: Depth { code: kernel, symbol: concat!($prefix, $body, "_depth") },
@@ -609,7 +660,10 @@ macro_rules! span_kernels {
                 LitBodies {
                     f32x4: lit!($body, "_f32x4", Vec4),
                     f32x4_fast: lit!($body, concat!("_f32x4", $fast), Vec4),
+                    f32x3: lit!($body, "_f32x3", F32x3),
+                    f32x3_fast: lit!($body, concat!("_f32x3", $fast), F32x3),
                     rgba8: lit!($body, "_rgba8", Rgba8),
+                    rgb8: lit!($body, "_rgb8", Rgb8),
                 }
             };
         }
@@ -633,7 +687,9 @@ macro_rules! span_kernels {
             inside: bodies!("inside", InsideSpan<$element>, Some(planes!("inside", InsideSpan<$element>, "_normals"))),
             triangle: bodies!("triangle", TriangleSpan<$element>, None),
             emit_f32x4: emit!("f32x4", Vec4),
+            emit_f32x3: emit!("f32x3", F32x3),
             emit_rgba8: emit!("rgba8", Rgba8),
+            emit_rgb8: emit!("rgb8", Rgb8),
             tiles: {
                 unsafe extern "sysv64" {
                     #[link_name = concat!($prefix, "set_up")]
@@ -652,7 +708,10 @@ macro_rules! span_kernels {
                     nearest_spheres: NearestSpheres { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
                     f32x4: shade_tile!("f32x4", Vec4),
                     f32x4_fast: shade_tile!(concat!("f32x4", $fast), Vec4),
+                    f32x3: shade_tile!("f32x3", F32x3),
+                    f32x3_fast: shade_tile!(concat!("f32x3", $fast), F32x3),
                     rgba8: shade_tile!("rgba8", Rgba8),
+                    rgb8: shade_tile!("rgb8", Rgb8),
                 }
             },
         }

@@ -42,7 +42,7 @@ pub enum Engine {
 pub struct Purpose {
     /// In what numbers; None: the engine's own.
     pub precision: Option<Precision>,
-    /// The one format that it will write; None: any.
+    /// The one format that it will write, or one that differs from it in the number of channels alone; None: any.
     pub format: Option<PixelFormat>,
     /// What is not to be left out.
     pub keep: Keep,
@@ -296,15 +296,19 @@ impl Engine {
         }
     }
 
-    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats.
+    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats, which has three channels.
     pub fn format_for(self, bytes: bool) -> PixelFormat {
-        let writes_bytes = match self {
+        let writes_all = match self {
             Engine::Reference => true,
             #[cfg(rayo_asm)]
             Engine::Packet(_) => true,
             _ => false,
         };
-        if bytes && writes_bytes { PixelFormat::Rgba8 } else { PixelFormat::F32x4 }
+        match (writes_all, bytes) {
+            (true, true) => PixelFormat::Rgb8,
+            (true, false) => PixelFormat::F32x3,
+            (false, _) => PixelFormat::F32x4,
+        }
     }
 
     /// What it would keep and leave out of `scene` as `camera` sees it. Where no format is given, bytes.
@@ -313,7 +317,7 @@ impl Engine {
     /// [`EngineError::NoPrecision`].
     pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
         let precision = self.precision_for(purpose)?;
-        let bytes = purpose.format != Some(PixelFormat::F32x4);
+        let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
         #[cfg(rayo_asm)]
         if let Some(kernels) = self.packets().filter(|_| plan::tiles_pay(scene, camera)) {
             let keep = purpose.keep;

@@ -1,6 +1,9 @@
-//! Pixels in memory: floats or bytes, and the step from one to the other.
+//! Pixels in memory: floats or bytes, four or three of them, and the step from one to the other.
 
 use std::collections::TryReserveError;
+use std::ops::Range;
+
+use glam::DVec3;
 
 use crate::kernels::Vec4;
 
@@ -9,16 +12,33 @@ use crate::kernels::Vec4;
 pub enum PixelFormat {
     /// Four floats: linear red, green, blue, and 0.
     F32x4,
+    /// Three floats: linear red, green, blue.
+    F32x3,
     /// Four bytes: red, green, blue from 0 to 255, and 255.
     Rgba8,
+    /// Three bytes: red, green, blue from 0 to 255.
+    Rgb8,
 }
 
 impl PixelFormat {
+    /// Every one.
+    pub const ALL: [PixelFormat; 4] = [PixelFormat::F32x4, PixelFormat::F32x3, PixelFormat::Rgba8, PixelFormat::Rgb8];
+
     /// Bytes of a pixel.
     pub fn bytes(self) -> usize {
         match self {
             PixelFormat::F32x4 => size_of::<Vec4>(),
+            PixelFormat::F32x3 => size_of::<[f32; 3]>(),
             PixelFormat::Rgba8 => size_of::<[u8; 4]>(),
+            PixelFormat::Rgb8 => size_of::<[u8; 3]>(),
+        }
+    }
+
+    /// Whether these are levels from 0 to 255, and not floats.
+    pub fn is_8bit(self) -> bool {
+        match self {
+            PixelFormat::F32x4 | PixelFormat::F32x3 => false,
+            PixelFormat::Rgba8 | PixelFormat::Rgb8 => true,
         }
     }
 
@@ -26,28 +46,146 @@ impl PixelFormat {
     pub fn name(self) -> &'static str {
         match self {
             PixelFormat::F32x4 => "f32x4",
+            PixelFormat::F32x3 => "f32x3",
             PixelFormat::Rgba8 => "rgba8",
+            PixelFormat::Rgb8 => "rgb8",
         }
+    }
+}
+
+/// What a pixel shows, whatever it is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Colour {
+    /// Linear red, green, blue.
+    Linear([f32; 3]),
+    /// Red, green, blue from 0 to 255.
+    Levels([u8; 3]),
+}
+
+impl Colour {
+    /// Its levels.
+    pub fn levels(self) -> [u8; 3] {
+        match self {
+            Colour::Linear(linear) => linear.map(|v| level(v.into())),
+            Colour::Levels(levels) => levels,
+        }
+    }
+}
+
+/// A pixel as Rust has it.
+pub trait Pixel: Copy + Send + 'static {
+    /// The pixel of a linear colour; of floats it is no brighter than these can be.
+    fn of_colour(colour: DVec3) -> Self;
+    /// The pixel that one of four floats becomes.
+    fn of_linear(linear: &Vec4) -> Self;
+    /// What it shows.
+    fn colour(self) -> Colour;
+    /// Many of them, to write to.
+    fn film(pixels: &mut [Self]) -> FilmMut<'_>;
+}
+
+impl Pixel for Vec4 {
+    fn of_colour(colour: DVec3) -> Self {
+        // The brightest lights together are beyond f32.
+        colour.min(DVec3::splat(f32::MAX.into())).as_vec3().into()
+    }
+    fn of_linear(linear: &Vec4) -> Self {
+        *linear
+    }
+    fn colour(self) -> Colour {
+        Colour::Linear([self.x, self.y, self.z])
+    }
+    fn film(pixels: &mut [Self]) -> FilmMut<'_> {
+        FilmMut::F32x4(pixels)
+    }
+}
+
+impl Pixel for [f32; 3] {
+    fn of_colour(colour: DVec3) -> Self {
+        Self::of_linear(&Pixel::of_colour(colour))
+    }
+    fn of_linear(linear: &Vec4) -> Self {
+        [linear.x, linear.y, linear.z]
+    }
+    fn colour(self) -> Colour {
+        Colour::Linear(self)
+    }
+    fn film(pixels: &mut [Self]) -> FilmMut<'_> {
+        FilmMut::F32x3(pixels)
+    }
+}
+
+impl Pixel for [u8; 4] {
+    fn of_colour(colour: DVec3) -> Self {
+        let [r, g, b] = Pixel::of_colour(colour);
+        [r, g, b, 255]
+    }
+    fn of_linear(linear: &Vec4) -> Self {
+        let [r, g, b] = Pixel::of_linear(linear);
+        [r, g, b, 255]
+    }
+    fn colour(self) -> Colour {
+        let [r, g, b, _] = self;
+        Colour::Levels([r, g, b])
+    }
+    fn film(pixels: &mut [Self]) -> FilmMut<'_> {
+        FilmMut::Rgba8(pixels)
+    }
+}
+
+impl Pixel for [u8; 3] {
+    fn of_colour(colour: DVec3) -> Self {
+        colour.to_array().map(level)
+    }
+    fn of_linear(linear: &Vec4) -> Self {
+        linear.colour().levels()
+    }
+    fn colour(self) -> Colour {
+        Colour::Levels(self)
+    }
+    fn film(pixels: &mut [Self]) -> FilmMut<'_> {
+        FilmMut::Rgb8(pixels)
     }
 }
 
 /// Whole rows of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Film {
-    /// Floats.
+    /// Four floats each.
     F32x4(Vec<Vec4>),
-    /// Bytes.
+    /// Three floats each.
+    F32x3(Vec<[f32; 3]>),
+    /// Four bytes each.
     Rgba8(Vec<[u8; 4]>),
+    /// Three bytes each.
+    Rgb8(Vec<[u8; 3]>),
 }
 
 /// A part of a [`Film`] to write to.
 #[derive(Debug)]
 pub enum FilmMut<'a> {
-    /// Floats.
+    /// Four floats each.
     F32x4(&'a mut [Vec4]),
-    /// Bytes.
+    /// Three floats each.
+    F32x3(&'a mut [[f32; 3]]),
+    /// Four bytes each.
     Rgba8(&'a mut [[u8; 4]]),
+    /// Three bytes each.
+    Rgb8(&'a mut [[u8; 3]]),
 }
+
+/// Does the same with the pixels of a film, which is a `$kind`, whatever they are.
+macro_rules! with_pixels {
+    ($kind:ident($pixels:ident) = $film:expr => $use:expr) => {
+        match $film {
+            $kind::F32x4($pixels) => $use,
+            $kind::F32x3($pixels) => $use,
+            $kind::Rgba8($pixels) => $use,
+            $kind::Rgb8($pixels) => $use,
+        }
+    };
+}
+pub(super) use with_pixels;
 
 impl Film {
     /// A film of `pixels` pixels, none of them black: each is touched, and shows where nobody has written.
@@ -60,34 +198,66 @@ impl Film {
         }
         Ok(match format {
             PixelFormat::F32x4 => Film::F32x4(filled(pixels, [f32::NAN; 4].into())?),
+            PixelFormat::F32x3 => Film::F32x3(filled(pixels, [f32::NAN; 3])?),
             PixelFormat::Rgba8 => Film::Rgba8(filled(pixels, [255, 0, 255, 0])?),
+            PixelFormat::Rgb8 => Film::Rgb8(filled(pixels, [255, 0, 255])?),
         })
     }
 
     /// All of it, to write to.
     pub fn as_mut(&mut self) -> FilmMut<'_> {
-        match self {
-            Film::F32x4(pixels) => FilmMut::F32x4(pixels),
-            Film::Rgba8(pixels) => FilmMut::Rgba8(pixels),
-        }
+        with_pixels!(Film(pixels) = self => Pixel::film(pixels))
+    }
+
+    /// What one of its pixels shows.
+    ///
+    /// # Panics
+    /// Where there are not so many.
+    pub fn colour(&self, pixel: usize) -> Colour {
+        with_pixels!(Film(pixels) = self => pixels[pixel].colour())
+    }
+
+    /// Pixels.
+    pub fn len(&self) -> usize {
+        with_pixels!(Film(pixels) = self => pixels.len())
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
     }
 }
 
 impl<'a> FilmMut<'a> {
-    /// Its first `pixels` pixels.
-    pub fn take(self, pixels: usize) -> FilmMut<'a> {
+    /// Some of its pixels.
+    pub fn part(self, pixels: Range<usize>) -> FilmMut<'a> {
+        with_pixels!(FilmMut(film) = self => Pixel::film(&mut film[pixels]))
+    }
+
+    /// Makes its pixels those of `linear`.
+    ///
+    /// # Panics
+    /// Where there are not as many.
+    pub fn set(self, linear: &[Vec4]) {
+        assert_eq!(self.len(), linear.len(), "as many pixels");
+        with_pixels!(FilmMut(film) = self => {
+            film.iter_mut().zip(linear).for_each(|(pixel, linear)| *pixel = Pixel::of_linear(linear));
+        });
+    }
+
+    /// What its pixels are made of.
+    pub fn format(&self) -> PixelFormat {
         match self {
-            FilmMut::F32x4(film) => FilmMut::F32x4(&mut film[..pixels]),
-            FilmMut::Rgba8(film) => FilmMut::Rgba8(&mut film[..pixels]),
+            FilmMut::F32x4(_) => PixelFormat::F32x4,
+            FilmMut::F32x3(_) => PixelFormat::F32x3,
+            FilmMut::Rgba8(_) => PixelFormat::Rgba8,
+            FilmMut::Rgb8(_) => PixelFormat::Rgb8,
         }
     }
 
     /// Pixels.
     pub fn len(&self) -> usize {
-        match self {
-            FilmMut::F32x4(pixels) => pixels.len(),
-            FilmMut::Rgba8(pixels) => pixels.len(),
-        }
+        with_pixels!(FilmMut(pixels) = self => pixels.len())
     }
 
     /// Whether there is none.
@@ -103,14 +273,9 @@ pub fn level(v: f64) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)) as u8
 }
 
-/// The pixels of 8 bits that linear ones become.
-pub fn levels(linear: &Vec4) -> [u8; 4] {
-    [level(linear.x.into()), level(linear.y.into()), level(linear.z.into()), 255]
-}
-
 #[cfg(test)]
 mod tests {
-    use super::level;
+    use super::*;
 
     #[test]
     fn levels_are_clamped_and_rounded_down() {
@@ -129,5 +294,29 @@ mod tests {
         ] {
             assert_eq!(level(v), expected, "{v}");
         }
+    }
+
+    #[test]
+    fn every_format_shows_the_same_colour() {
+        let linear = [Vec4::new(0.5, 2.0, 0.25), Vec4::new(0.0, 1.0, 0.75)];
+        for format in PixelFormat::ALL {
+            let mut film = Film::new(format, 3).unwrap();
+            assert_eq!((film.as_mut().format(), film.len(), film.is_empty()), (format, 3, false));
+            film.as_mut().part(1..3).set(&linear);
+            let expected = if format.is_8bit() {
+                [[127, 255, 63], [0, 255, 191]].map(Colour::Levels)
+            } else {
+                [[0.5, 2.0, 0.25], [0.0, 1.0, 0.75]].map(Colour::Linear)
+            };
+            assert_eq!([film.colour(1), film.colour(2)], expected, "{}", format.name());
+            assert_eq!(film.colour(1).levels(), [127, 255, 63]);
+            film.as_mut().part(0..1).set(&linear[1..]);
+            assert_eq!(film.colour(0), film.colour(2));
+        }
+        let colour = DVec3::new(1e300, 0.5, 0.0);
+        assert_eq!(Vec4::of_colour(colour), Vec4::new(f32::MAX, 0.5, 0.0));
+        assert_eq!(<[f32; 3]>::of_colour(colour), [f32::MAX, 0.5, 0.0]);
+        assert_eq!(<[u8; 4]>::of_colour(colour), [255, 127, 0, 255]);
+        assert_eq!(<[u8; 3]>::of_colour(colour), [255, 127, 0]);
     }
 }

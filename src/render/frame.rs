@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{Film, FilmMut, ImageError, ImageWriter, PixelFormat, Tracer, levels};
+use super::film::with_pixels;
+use super::{Film, FilmMut, ImageError, ImageWriter, Pixel, PixelFormat, Tracer};
 use crate::measure::Cycles;
 use crate::scene::Camera;
 
@@ -29,7 +30,7 @@ pub struct Stats {
     pub trace: Duration,
     /// Tracing alone, in cycles of the time-stamp counter, where there is one.
     pub trace_cycles: Option<u64>,
-    /// Making 8-bit levels of floats, where the engine does not, and encoding the file.
+    /// Making of four floats what the file has, where the engine does not, and encoding the file.
     pub encode: Duration,
     /// Handing bytes to the operating system.
     pub write: Duration,
@@ -88,10 +89,7 @@ impl<'a> Frame<'a> {
     /// # Panics
     /// As [`Tracer::rows`].
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
-        match film {
-            FilmMut::F32x4(film) => self.trace_tasks(rows, film, FilmMut::F32x4, done),
-            FilmMut::Rgba8(film) => self.trace_tasks(rows, film, FilmMut::Rgba8, done),
-        }
+        with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
     /// At how many pixels of the picture the engine finds something.
@@ -110,20 +108,14 @@ impl<'a> Frame<'a> {
         rows.next_multiple_of(self.tracer.rows_together() as usize)
     }
 
-    fn trace_tasks<'b, T: Send>(
-        &self,
-        rows: Range<u32>,
-        film: &'b mut [T],
-        wrap: impl Fn(&'b mut [T]) -> FilmMut<'b> + Sync,
-        done: &(dyn Fn(u32) + Sync),
-    ) {
+    fn trace_tasks<P: Pixel>(&self, rows: Range<u32>, film: &mut [P], done: &(dyn Fn(u32) + Sync)) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
-        let task = |(index, part): (usize, &'b mut [T])| {
+        let task = |(index, part): (usize, &mut [P])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
-            self.tracer.rows(start..start + count, wrap(part));
+            self.tracer.rows(start..start + count, P::film(part));
             done(count);
         };
         match &self.pool {
@@ -136,32 +128,31 @@ impl<'a> Frame<'a> {
 /// Renders the whole picture into an image file, band by band; `done` hears of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let camera = frame.camera;
-    let bytes = image.format().is_8bit();
-    let format = if bytes && frame.tracer.writes(PixelFormat::Rgba8) { PixelFormat::Rgba8 } else { PixelFormat::F32x4 };
+    let own = image.format().pixels();
+    let format = if frame.tracer.writes(own) { own } else { PixelFormat::F32x4 };
     let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).max(1);
     let band_rows =
         band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
     let mut film = frame.film(format, band_rows)?;
-    let mut bytes_of_floats = Vec::new();
+    let mut converted = if format == own { None } else { Some(frame.film(own, band_rows)?) };
     let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
     for start in (0..camera.height()).step_by(band_rows as usize) {
         let rows = start..camera.height().min(start + band_rows);
         let pixels = camera.width() as usize * rows.len();
 
         let clock = (Instant::now(), Cycles::start());
-        frame.trace(rows, film.as_mut().take(pixels), done);
+        frame.trace(rows, film.as_mut().part(0..pixels), done);
         stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
         stats.trace += clock.0.elapsed();
 
         let clock = (Instant::now(), image.writing());
-        match &film {
-            Film::F32x4(film) if bytes => {
-                bytes_of_floats.clear();
-                bytes_of_floats.extend(film[..pixels].iter().map(levels));
-                image.write_rgba8(&bytes_of_floats)?;
-            }
-            Film::F32x4(film) => image.write_f32x4(&film[..pixels])?,
-            Film::Rgba8(film) => image.write_rgba8(&film[..pixels])?,
+        if let (Some(converted), Film::F32x4(floats)) = (&mut converted, &film) {
+            converted.as_mut().part(0..pixels).set(&floats[..pixels]);
+        }
+        match converted.as_ref().unwrap_or(&film) {
+            Film::F32x3(film) => image.write_f32x3(&film[..pixels])?,
+            Film::Rgb8(film) => image.write_rgb8(&film[..pixels])?,
+            Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
         }
         let write = image.writing() - clock.1;
         stats.write += write;

@@ -4,6 +4,7 @@ mod encode;
 mod read;
 mod threaded;
 
+use super::PixelFormat;
 use super::output::{self, Destination, Existing, OutputError};
 use encode::Encode;
 pub use read::read;
@@ -11,8 +12,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use thiserror::Error;
-
-use crate::kernels::Vec4;
 
 /// A format that images are written in.
 ///
@@ -63,13 +62,18 @@ impl Format {
         known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
     }
 
-    /// Whether its pixels are 8-bit levels ([`ImageWriter::write_rgba8`]) and not floats
-    /// ([`ImageWriter::write_f32x4`]).
-    pub fn is_8bit(self) -> bool {
+    /// What it is written from: three levels ([`ImageWriter::write_rgb8`]) or three floats
+    /// ([`ImageWriter::write_f32x3`]) a pixel, since no format here has a fourth channel.
+    pub fn pixels(self) -> PixelFormat {
         match self {
-            Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => true,
-            Format::Pfm | Format::Exr | Format::Hdr => false,
+            Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => PixelFormat::Rgb8,
+            Format::Pfm | Format::Exr | Format::Hdr => PixelFormat::F32x3,
         }
+    }
+
+    /// Whether its pixels are levels, and not floats.
+    pub fn is_8bit(self) -> bool {
+        self.pixels().is_8bit()
     }
 }
 
@@ -198,7 +202,7 @@ impl ImageWriter {
         self.destination.writing()
     }
 
-    /// Appends whole rows of 8-bit R, G, B, A; alpha is dropped. Any number of rows per call, in order from the top.
+    /// Appends whole rows of 8-bit R, G, B. Any number of rows per call, in order from the top.
     ///
     /// After an error the image cannot be completed.
     ///
@@ -208,13 +212,12 @@ impl ImageWriter {
     /// # Panics
     /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than the image has:
     /// bugs of the caller.
-    pub fn write_rgba8(&mut self, rows: &[[u8; 4]]) -> Result<(), ImageError> {
+    pub fn write_rgb8(&mut self, rows: &[[u8; 3]]) -> Result<(), ImageError> {
         assert!(self.format.is_8bit(), "{:?} takes floats: quantising is not done here, nor undone", self.format);
-        self.append(rows.len(), |encoder| encoder.rgba8(rows))
+        self.append(rows.len(), |encoder| encoder.rgb8(rows))
     }
 
-    /// Appends whole rows of linear R, G, B and an ignored fourth value, unclamped. Any number of rows per call, in
-    /// order from the top.
+    /// Appends whole rows of linear R, G, B, unclamped. Any number of rows per call, in order from the top.
     ///
     /// After an error the image cannot be completed.
     ///
@@ -224,9 +227,9 @@ impl ImageWriter {
     /// # Panics
     /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the image has: bugs of
     /// the caller.
-    pub fn write_f32x4(&mut self, rows: &[Vec4]) -> Result<(), ImageError> {
+    pub fn write_f32x3(&mut self, rows: &[[f32; 3]]) -> Result<(), ImageError> {
         assert!(!self.format.is_8bit(), "{:?} takes 8 bits: quantising is not done here", self.format);
-        self.append(rows.len(), |encoder| encoder.f32x4(rows))
+        self.append(rows.len(), |encoder| encoder.f32x3(rows))
     }
 
     /// Checks the shape of `pixels` more pixels, and counts their rows once they are written.

@@ -17,7 +17,7 @@ mod tiles;
 mod truth;
 
 pub use engine::{Engine, EngineError, Precision, Purpose};
-pub use film::{Film, FilmMut, PixelFormat, level, levels};
+pub use film::{Colour, Film, FilmMut, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
 pub use hits::{Distance, Found};
 pub use image_file::{Format, ImageError, ImageWriter, read};
@@ -37,9 +37,9 @@ pub trait Tracer: Sync {
         1
     }
 
-    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth.
-    /// Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by estimates that
-    /// are too coarse for floats, with the same hits and at most one level away.
+    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth if
+    /// there is one. Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by
+    /// estimates that are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
     /// Where `out` is not as long as the rows, or of a format that it does not write.

@@ -5,11 +5,12 @@ mod hits;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-use super::{FilmMut, Found, PixelFormat, Tracer};
+use super::film::with_pixels;
+use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan, OutsideSpan,
-    PacketKernels, Planes, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
+    Bodies, Element, Emit, F32x3, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan,
+    OutsideSpan, PacketKernels, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::{Camera, Scene};
@@ -25,15 +26,16 @@ pub struct PacketTracer<E: 'static> {
     fast: bool,
     width: usize,
     streaming: bool,
-    /// The one format that it is ready for; None: any.
-    format: Option<PixelFormat>,
+    /// The one scale of light that it is ready for; None: any.
+    scale: Option<Scale>,
     plan: Spans<E>,
     /// For the rows that see an object whose numbers are beyond f32.
     wide: Option<Box<PacketTracer<f64>>>,
 }
 
 impl<E: Element> PacketTracer<E> {
-    /// Plans `scene` for the kernels; `spans` is theirs for one element type. It then writes `format`, or any if None.
+    /// Plans `scene` for the kernels; `spans` is theirs for one element type. It then writes `format` and what differs from
+    /// it in the number of channels alone, or any if None.
     fn planned(
         kernels: &'static PacketKernels,
         spans: &'static SpanKernels<E>,
@@ -43,17 +45,15 @@ impl<E: Element> PacketTracer<E> {
         format: Option<PixelFormat>,
         keep: Keep,
     ) -> Self {
-        let scale = format.map(|format| match format {
-            PixelFormat::F32x4 => Scale::Linear,
-            PixelFormat::Rgba8 => Scale::Levels,
-        });
+        let scale = format.map(scale_of);
+        let bytes = camera.pixels() * format.unwrap_or(PixelFormat::F32x4).bytes() as u64;
         PacketTracer {
             kernels,
             spans,
             fast,
             width: camera.width() as usize,
-            streaming: camera.pixels() * size_of::<Vec4>() as u64 > STREAMING_BYTES,
-            format,
+            streaming: bytes > STREAMING_BYTES,
+            scale,
             plan: Spans::new(scene, camera, scale, keep),
             wide: None,
         }
@@ -104,60 +104,80 @@ trait Output<E: 'static>: Copy {
     fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self>;
 }
 
-impl<E: Element> Output<E> for Vec4 {
-    const SCALE: Scale = Scale::Linear;
+/// An output of floats: estimates are asked for.
+macro_rules! floats {
+    ($pixel:ty, $field:ident, $fast:ident, $emit:ident) => {
+        impl<E: Element> Output<E> for $pixel {
+            const SCALE: Scale = Scale::Linear;
 
-    fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-        tracer.kernels.fill.f32x4(out, tracer.streaming);
-    }
+            fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
+                tracer.kernels.fill.$field(out, tracer.streaming);
+            }
 
-    fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
-        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
-    }
+            fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+                if tracer.fast { &bodies.$fast } else { &bodies.$field }
+            }
 
-    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, _: Shading) -> &'a Shade<S, E, Self> {
-        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
-    }
+            fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, _: Shading) -> &'a Shade<S, E, Self> {
+                if tracer.fast { &bodies.$fast } else { &bodies.$field }
+            }
 
-    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
-        if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
-    }
+            fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
+                if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
+            }
 
-    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
-        if tracer.fast { &tracer.spans.lit_planes_fast } else { &tracer.spans.lit_planes }
-    }
+            fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+                if tracer.fast { &tracer.spans.lit_planes_fast } else { &tracer.spans.lit_planes }
+            }
 
-    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
-        &tracer.spans.emit_f32x4
-    }
+            fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+                &tracer.spans.$emit
+            }
+        }
+    };
 }
 
-impl<E: Element> Output<E> for Rgba8 {
-    const SCALE: Scale = Scale::Levels;
+/// An output of bytes: there are estimates wherever they are good enough, and a clamp where it is needed.
+macro_rules! bytes {
+    ($pixel:ty, $field:ident, $dim:ident, $emit:ident) => {
+        impl<E: Element> Output<E> for $pixel {
+            const SCALE: Scale = Scale::Levels;
 
-    fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-        tracer.kernels.fill.rgba8(out);
-    }
+            fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
+                tracer.kernels.fill.$field(out);
+            }
 
-    fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
-        &bodies.rgba8
-    }
+            fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
+                &bodies.$field
+            }
 
-    fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self> {
-        if shading.dim { &bodies.rgba8_dim } else { &bodies.rgba8 }
-    }
+            fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self> {
+                if shading.dim { &bodies.$dim } else { &bodies.$field }
+            }
 
-    fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
-        &bodies.planes_fast
-    }
+            fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
+                &bodies.planes_fast
+            }
 
-    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
-        &tracer.spans.lit_planes_fast
-    }
+            fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+                &tracer.spans.lit_planes_fast
+            }
 
-    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
-        &tracer.spans.emit_rgba8
-    }
+            fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+                &tracer.spans.$emit
+            }
+        }
+    };
+}
+
+floats!(Vec4, f32x4, f32x4_fast, emit_f32x4);
+floats!(F32x3, f32x3, f32x3_fast, emit_f32x3);
+bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8);
+bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8);
+
+/// What full light is in a format.
+fn scale_of(format: PixelFormat) -> Scale {
+    if format.is_8bit() { Scale::Levels } else { Scale::Linear }
 }
 
 /// Shades a span that is alone in its pixels.
@@ -334,14 +354,10 @@ impl<E: Element> PacketTracer<E> {
 
     /// Rows whose objects have numbers that the elements hold.
     fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        match out {
-            FilmMut::F32x4(out) => {
-                self.trace(rows, out);
-                if self.streaming {
-                    sys::store_fence();
-                }
-            }
-            FilmMut::Rgba8(out) => self.trace(rows, out),
+        let streaming = self.streaming && !out.format().is_8bit();
+        with_pixels!(FilmMut(out) = out => self.trace(rows, out));
+        if streaming {
+            sys::store_fence();
         }
     }
 
@@ -418,30 +434,24 @@ fn columns(spans: &[RowSpan]) -> Range<usize> {
 
 impl<E: Element> Tracer for PacketTracer<E> {
     fn writes(&self, format: PixelFormat) -> bool {
-        self.format.is_none_or(|own| own == format)
+        self.scale.is_none_or(|own| own == scale_of(format))
     }
 
-    fn rows(&self, rows: Range<u32>, mut out: FilmMut<'_>) {
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
-        let format = match &out {
-            FilmMut::F32x4(_) => PixelFormat::F32x4,
-            FilmMut::Rgba8(_) => PixelFormat::Rgba8,
-        };
-        assert!(self.writes(format), "the plan is for {} alone", self.format.map_or("", PixelFormat::name));
+        assert!(self.writes(out.format()), "the plan is not for {}", out.format().name());
         let Some(wide) = &self.wide else { return self.narrow_rows(rows, out) };
         // Row by row, so that no row depends on those it is traced with.
-        for row in rows.clone() {
-            let range = (row - rows.start) as usize * self.width..(row + 1 - rows.start) as usize * self.width;
-            let out = match &mut out {
-                FilmMut::F32x4(out) => FilmMut::F32x4(&mut out[range]),
-                FilmMut::Rgba8(out) => FilmMut::Rgba8(&mut out[range]),
-            };
-            if self.plan.is_wide(row) {
-                wide.rows(row..row + 1, out);
-            } else {
-                self.narrow_rows(row..row + 1, out);
+        with_pixels!(FilmMut(out) = out => {
+            for (row, out) in rows.zip(out.chunks_exact_mut(self.width)) {
+                let out = Pixel::film(out);
+                if self.plan.is_wide(row) {
+                    wide.rows(row..row + 1, out);
+                } else {
+                    self.narrow_rows(row..row + 1, out);
+                }
             }
-        }
+        });
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Distance, FilmMut, Found, PixelFormat, Tracer, level};
+use super::film::with_pixels;
+use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Object, Scene};
 
@@ -119,15 +120,9 @@ impl Tracer for ReferenceTracer {
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour(row, col)));
-        match out {
-            FilmMut::F32x4(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
-                // The brightest lights together are beyond f32.
-                *out = v.min(DVec3::splat(f32::MAX.into())).as_vec3().into();
-            }),
-            FilmMut::Rgba8(out) => out.iter_mut().zip(pixels).for_each(|(out, v)| {
-                *out = [level(v.x), level(v.y), level(v.z), 255];
-            }),
-        }
+        with_pixels!(FilmMut(out) = out => {
+            out.iter_mut().zip(pixels).for_each(|(out, colour)| *out = Pixel::of_colour(colour));
+        });
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

@@ -7,10 +7,11 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Distance, FilmMut, Found, PixelFormat, Tracer, level};
+use super::film::with_pixels;
+use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
-    CHUNK, Element, Looks, PacketKernels, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers,
-    TileOut, TileShade, TileWindow, Triangles, Vec4,
+    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT, TILE_WIDTH,
+    TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
@@ -46,42 +47,50 @@ impl<'a, E: Element> TileTracer<'a, E> {
 }
 
 /// What differs between the outputs.
-trait Output<E: 'static>: Sized + 'static {
+trait Output<E: 'static>: Pixel {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E>;
     fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
-    fn of_colour(colour: DVec3) -> Self;
 }
 
-impl<E: Element> Output<E> for Vec4 {
-    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
-        plan.linear()
-    }
-    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-        tracer.packets.fill.f32x4(out, false);
-    }
-    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-        if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
-    }
-    fn of_colour(colour: DVec3) -> Self {
-        colour.as_vec3().into()
-    }
+/// An output of floats: estimates are asked for.
+macro_rules! floats {
+    ($pixel:ty, $field:ident, $fast:ident) => {
+        impl<E: Element> Output<E> for $pixel {
+            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+                plan.linear()
+            }
+            fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+                tracer.packets.fill.$field(out, false);
+            }
+            fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+                if tracer.fast { &tracer.kernels.tiles.$fast } else { &tracer.kernels.tiles.$field }
+            }
+        }
+    };
 }
 
-impl<E: Element> Output<E> for Rgba8 {
-    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
-        plan.levels()
-    }
-    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-        tracer.packets.fill.rgba8(out);
-    }
-    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-        &tracer.kernels.tiles.rgba8
-    }
-    fn of_colour(colour: DVec3) -> Self {
-        [level(colour.x), level(colour.y), level(colour.z), 255]
-    }
+/// An output of bytes.
+macro_rules! bytes {
+    ($pixel:ty, $field:ident) => {
+        impl<E: Element> Output<E> for $pixel {
+            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+                plan.levels()
+            }
+            fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+                tracer.packets.fill.$field(out);
+            }
+            fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+                &tracer.kernels.tiles.$field
+            }
+        }
+    };
 }
+
+floats!(Vec4, f32x4, f32x4_fast);
+floats!(F32x3, f32x3, f32x3_fast);
+bytes!(Rgba8, rgba8);
+bytes!(Rgb8, rgb8);
 
 /// What a thread needs beside the plan.
 #[derive(Default)]
@@ -377,9 +386,6 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        match out {
-            FilmMut::F32x4(out) => self.trace(rows, out),
-            FilmMut::Rgba8(out) => self.trace(rows, out),
-        }
+        with_pixels!(FilmMut(out) = out => self.trace(rows, out));
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::reference::exact::Split;
-use crate::render::{Distance, Found, Precision, TruePixel, level};
+use crate::render::{Colour, Distance, Found, Precision, TruePixel, level};
 use crate::scene::Object;
 
 /// The margin within which f32 may answer either way, in units of its u: 2e-6.
@@ -54,24 +54,6 @@ impl From<&TruePixel> for Expected {
             lever: hit.lever,
         });
         Expected { hit, margin: pixel.margin }
-    }
-}
-
-/// What an engine wrote.
-#[derive(Clone, Copy, Debug)]
-pub enum Written {
-    /// Linear red, green and blue.
-    Linear([f32; 3]),
-    /// 8-bit levels.
-    Levels([u8; 3]),
-}
-
-impl Written {
-    fn levels(self) -> [u8; 3] {
-        match self {
-            Written::Linear(linear) => linear.map(|v| level(v.into())),
-            Written::Levels(levels) => levels,
-        }
     }
 }
 
@@ -193,7 +175,7 @@ impl Tally {
     }
 
     /// Takes in a pixel: what is true, what the engine found, and what it wrote.
-    pub fn add(&mut self, expected: &Expected, found: Option<&Found>, written: Written) {
+    pub fn add(&mut self, expected: &Expected, found: Option<&Found>, written: Colour) {
         let errors = &mut self.errors;
         errors.rays += 1;
         errors.hits += usize::from(expected.hit.is_some());
@@ -241,8 +223,8 @@ impl Tally {
         }
     }
 
-    fn add_colour(&mut self, colour: DVec3, written: Written) {
-        if let Written::Linear(linear) = written {
+    fn add_colour(&mut self, colour: DVec3, written: Colour) {
+        if let Colour::Linear(linear) = written {
             for (v, truth) in linear.into_iter().zip(colour.to_array()) {
                 let error = (f64::from(v) - truth).abs() / truth.max(1.0);
                 // What is not a number is as wrong as can be.
@@ -314,10 +296,10 @@ mod tests {
         Found { object: Object::Sphere(3), distance: Distance::T(t), normal: Some(DVec3::NEG_Z) }
     }
 
-    const RIGHT: Written = Written::Linear([0.5; 3]);
-    const BLACK: Written = Written::Linear([0.0; 3]);
+    const RIGHT: Colour = Colour::Linear([0.5; 3]);
+    const BLACK: Colour = Colour::Linear([0.0; 3]);
 
-    fn one(margin: f64, hit: Option<Target>, found: Option<Found>, written: Written) -> Errors {
+    fn one(margin: f64, hit: Option<Target>, found: Option<Found>, written: Colour) -> Errors {
         let mut tally = Tally::new(Precision::Single, true);
         tally.add(&Expected { hit, margin }, found.as_ref(), written);
         tally.errors()
@@ -419,22 +401,22 @@ mod tests {
 
     #[test]
     fn colours_and_levels_are_compared_channel_by_channel() {
-        let errors = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Linear([0.5, 0.5 + 0.25, 0.5]));
+        let errors = one(FAR, Some(target(3.0)), Some(found(3.0)), Colour::Linear([0.5, 0.5 + 0.25, 0.5]));
         assert_eq!((errors.max_colour, errors.off_by_1, errors.off_by_2, errors.max_level), (Some(0.25), 1, 1, 64));
         assert!((errors.rms_colour.unwrap() - 0.25 / 3f64.sqrt()).abs() < 1e-15);
         let rms = 64.0 / 3f64.sqrt();
         assert!((errors.psnr.unwrap() - 20.0 * (255.0 / rms).log10()).abs() < 1e-12);
         // 0.5 is level 127.
-        let levels = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Levels([126, 127, 127]));
+        let levels = one(FAR, Some(target(3.0)), Some(found(3.0)), Colour::Levels([126, 127, 127]));
         assert_eq!((levels.max_colour, levels.off_by_1, levels.off_by_2), (None, 1, 0));
         // Bright light is judged by its share.
         let bright = Target { colour: Some(DVec3::splat(200.0)), ..target(3.0) };
-        let errors = one(FAR, Some(bright), Some(found(3.0)), Written::Linear([202.0, 200.0, 200.0]));
+        let errors = one(FAR, Some(bright), Some(found(3.0)), Colour::Linear([202.0, 200.0, 200.0]));
         assert_eq!((errors.max_colour, errors.off_by_1), (Some(0.01), 0));
         // A light on the surface makes any colour right, and a NaN is never right.
         let free = Target { colour: None, ..target(3.0) };
         assert_eq!(one(FAR, Some(free), Some(found(3.0)), BLACK).off_by_1, 0);
-        let nan = one(FAR, Some(target(3.0)), Some(found(3.0)), Written::Linear([f32::NAN; 3]));
+        let nan = one(FAR, Some(target(3.0)), Some(found(3.0)), Colour::Linear([f32::NAN; 3]));
         assert_eq!((nan.max_colour, nan.off_by_2), (Some(f64::INFINITY), 1));
     }
 }

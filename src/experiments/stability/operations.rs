@@ -42,11 +42,11 @@ mod with_assembly {
     use rayon::prelude::*;
 
     use super::OperationRow;
-    use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target, Written};
+    use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
     use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
     use crate::plan::{InUnits, sphere_hit, triangle_hit};
     use crate::reference::exact::{self, Meeting, Ray, Split};
-    use crate::render::{Distance, Found};
+    use crate::render::{Colour, Distance, Found};
     use crate::scene::families::{self, Family, Level};
     use crate::scene::{Object, Rng};
 
@@ -289,7 +289,7 @@ mod with_assembly {
                         let object = expected.hit.map_or(Object::Sphere(0), |target| target.object);
                         let hit = Found { object, distance: Distance::T(t), normal: None };
                         // Infinity is a miss, and what is no number is wrong.
-                        tally.add(expected, (t != f64::INFINITY).then_some(&hit), Written::Levels([0; 3]));
+                        tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
                     }
                 }
                 (tally.errors(), ns)

@@ -2,7 +2,6 @@
 
 use super::Format;
 use super::threaded;
-use crate::kernels::Vec4;
 use crate::render::output::Sink;
 use image::Rgb;
 use image::codecs::hdr::HdrEncoder;
@@ -10,13 +9,13 @@ use std::io::{self, Seek, SeekFrom, Write};
 
 /// Turns rows from the top, whole ones and never too many, into the bytes of a file.
 pub(super) trait Encode: Send {
-    /// Rows of R, G, B, A; called for 8-bit formats.
-    fn rgba8(&mut self, _rows: &[[u8; 4]]) -> io::Result<()> {
+    /// Rows of R, G, B; called for 8-bit formats.
+    fn rgb8(&mut self, _rows: &[[u8; 3]]) -> io::Result<()> {
         unreachable!("not an 8-bit format")
     }
 
-    /// Rows of R, G, B and one more; called for float formats.
-    fn f32x4(&mut self, _rows: &[Vec4]) -> io::Result<()> {
+    /// Rows of R, G, B; called for float formats.
+    fn f32x3(&mut self, _rows: &[[f32; 3]]) -> io::Result<()> {
         unreachable!("not a float format")
     }
 
@@ -61,15 +60,8 @@ pub(super) fn needs_seeking(format: Format) -> bool {
     }
 }
 
-/// Appends the R, G, B of `pixels` to `bytes`.
-fn push_rgb(bytes: &mut Vec<u8>, pixels: &[[u8; 4]]) {
-    bytes.extend(pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]));
-}
-
 struct Png {
     stream: png::StreamWriter<'static, Sink>,
-    width: usize,
-    row: Vec<u8>,
 }
 
 impl Png {
@@ -81,18 +73,13 @@ impl Png {
         // the default 68 ms and 187 kB. Neither gamma nor sRGB is declared: the values are linear and written as is.
         encoder.set_compression(png::Compression::Fast);
         let stream = encoder.write_header()?.into_stream_writer_with_size(1 << 16)?;
-        Ok(Png { stream, width: width as usize, row: Vec::new() })
+        Ok(Png { stream })
     }
 }
 
 impl Encode for Png {
-    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
-        for pixels in rows.chunks_exact(self.width) {
-            self.row.clear();
-            push_rgb(&mut self.row, pixels);
-            self.stream.write_all(&self.row)?;
-        }
-        Ok(())
+    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
+        self.stream.write_all(rows.as_flattened())
     }
 
     fn finish(self: Box<Self>) -> io::Result<()> {
@@ -102,25 +89,18 @@ impl Encode for Png {
 
 struct Ppm {
     sink: Sink,
-    width: usize,
-    row: Vec<u8>,
 }
 
 impl Ppm {
     fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
         write!(sink, "P6\n{width} {height}\n255\n")?;
-        Ok(Ppm { sink, width: width as usize, row: Vec::new() })
+        Ok(Ppm { sink })
     }
 }
 
 impl Encode for Ppm {
-    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
-        for pixels in rows.chunks_exact(self.width) {
-            self.row.clear();
-            push_rgb(&mut self.row, pixels);
-            self.sink.write_all(&self.row)?;
-        }
-        Ok(())
+    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
+        self.sink.write_all(rows.as_flattened())
     }
 }
 
@@ -149,10 +129,10 @@ impl PpmText {
 }
 
 impl Encode for PpmText {
-    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
+    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
         for pixels in rows.chunks_exact(self.width) {
             self.row.clear();
-            for &[r, g, b, _] in pixels {
+            for &[r, g, b] in pixels {
                 for (level, end) in [(r, b' '), (g, b' '), (b, b'\n')] {
                     Self::push_decimal(&mut self.row, level);
                     self.row.push(end);
@@ -188,13 +168,13 @@ impl Pfm {
 }
 
 impl Encode for Pfm {
-    fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
+    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
         let rows = rows.chunks_exact(self.width);
         self.end -= rows.len() as u64 * Self::bytes_per_row(self.width);
         self.sink.seek(SeekFrom::Start(self.end))?;
         for pixels in rows.rev() {
             self.row.clear();
-            self.row.extend(pixels.iter().flat_map(|v| [v.x, v.y, v.z]).flat_map(|value| value.to_le_bytes()));
+            self.row.extend(pixels.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
             self.sink.write_all(&self.row)?;
         }
         Ok(())
@@ -224,11 +204,11 @@ impl Hdr {
 }
 
 impl Encode for Hdr {
-    fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
+    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
         for pixels in rows.chunks_exact(self.width) {
             self.row.clear();
-            self.row.extend(pixels.iter().map(|v| {
-                let channels = [v.x, v.y, v.z].map(|value| value.clamp(0.0, Self::LARGEST));
+            self.row.extend(pixels.iter().map(|pixel| {
+                let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
                 let seen = channels.iter().any(|value| *value >= Self::SMALLEST);
                 Rgb(if seen { channels } else { [0.0; 3] })
             }));
@@ -258,11 +238,11 @@ impl Qoi {
 }
 
 impl Encode for Qoi {
-    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
+    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
         if self.pixels.is_empty() {
             self.pixels.try_reserve_exact(whole_bytes(self.size.0, self.size.1) as usize)?;
         }
-        push_rgb(&mut self.pixels, rows);
+        self.pixels.extend_from_slice(rows.as_flattened());
         Ok(())
     }
 

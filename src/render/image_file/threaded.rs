@@ -1,7 +1,6 @@
 //! Encoders of libraries that ask for their rows: each runs in a thread of its own, and is sent block after block.
 
 use super::encode::Encode;
-use crate::kernels::Vec4;
 use crate::render::output::Sink;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
@@ -25,7 +24,7 @@ pub(super) struct Threaded<T> {
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
-impl<T: Send + 'static> Threaded<T> {
+impl<T: Copy + Send + 'static> Threaded<T> {
     fn new(
         samples_per_block: usize,
         encode: impl FnOnce(Receiver<Vec<T>>) -> io::Result<()> + Send + 'static,
@@ -35,9 +34,11 @@ impl<T: Send + 'static> Threaded<T> {
         Ok(Threaded { block: Vec::new(), samples_per_block, blocks: Some(blocks), thread: Some(thread) })
     }
 
-    fn append(&mut self, samples: impl Iterator<Item = T>) -> io::Result<()> {
-        for sample in samples {
-            self.block.push(sample);
+    fn append(&mut self, mut samples: &[T]) -> io::Result<()> {
+        while !samples.is_empty() {
+            let (now, later) = samples.split_at(samples.len().min(self.samples_per_block - self.block.len()));
+            self.block.extend_from_slice(now);
+            samples = later;
             if self.block.len() == self.samples_per_block {
                 self.send()?;
             }
@@ -82,8 +83,8 @@ impl<T> Drop for Threaded<T> {
 }
 
 impl Encode for Threaded<u8> {
-    fn rgba8(&mut self, rows: &[[u8; 4]]) -> io::Result<()> {
-        self.append(rows.iter().flat_map(|&[r, g, b, _]| [r, g, b]))
+    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
+        self.append(rows.as_flattened())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
@@ -92,8 +93,8 @@ impl Encode for Threaded<u8> {
 }
 
 impl Encode for Threaded<f32> {
-    fn f32x4(&mut self, rows: &[Vec4]) -> io::Result<()> {
-        self.append(rows.iter().flat_map(|v| [v.x, v.y, v.z]))
+    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
+        self.append(rows.as_flattened())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
