@@ -17,7 +17,7 @@ use rayo::kernels::{
     Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow,
     Triangle, Triangles, Vec4, broken_read, broken_write, hits_of_c, hits_of_paper,
 };
-use rayo::plan::{TilePlace, Tiles};
+use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
@@ -698,7 +698,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, false);
+        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, Keep::NOTHING);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
         let order: Vec<_> = std::iter::repeat_n(0, 1 + count).chain(1..=count as u32).collect();
