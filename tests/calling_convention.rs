@@ -263,7 +263,8 @@ impl Pixel for F32x3 {
 }
 
 impl Pixel for Rgb8 {
-    const CANARY: Self = [1, 2, 3];
+    // Nothing is of that colour here.
+    const CANARY: Self = [251, 3, 117];
     fn bits(self) -> [u32; 4] {
         let [r, g, b] = self.map(u32::from);
         [r, g, b, 0]

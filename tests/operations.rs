@@ -671,7 +671,7 @@ fn lit_rows<E: Element, P: Copy>(
     let mut out = vec![canary; rows.len() * width];
     kernel.call(sphere, &lit_rows, &mut out, width, false);
     // Packets begin at multiples of the lanes' channels, or pixels of four: one in so many pixels does.
-    let (unit, inverse) = if size_of::<P>() % 3 == 0 { (size_of::<P>() / 3, 11) } else { (size_of::<P>(), 1) };
+    let (unit, inverse) = if size_of::<P>().is_multiple_of(3) { (size_of::<P>() / 3, 11) } else { (size_of::<P>(), 1) };
     let first = out.as_ptr() as usize / unit * inverse % lanes;
     (out, move |pixel| (first + pixel) / lanes)
 }

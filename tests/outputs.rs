@@ -30,7 +30,7 @@ fn sized(scene: Scene, width: u32, height: u32) -> Scene {
     Scene { camera: Camera::new(width, height, camera.focal(), camera.film()).unwrap(), ..scene }
 }
 
-/// Rows in three channels, from a pixel of a film on, that nobody has written to, as four of them.
+/// Films of three channels that nobody has written to; rows may begin at any of their pixels.
 struct Misaligned {
     floats: Vec<[f32; 3]>,
     bytes: Vec<[u8; 3]>,
@@ -144,7 +144,6 @@ fn an_engine_ready_for_one_number_of_channels_writes_the_other_and_no_other_scal
     }
 }
 
-/// A tracer of one pixel, to see that the comparison above can fail.
 #[test]
 fn four_floats_become_what_a_file_has() {
     let linear = [Vec4::new(0.5, 1.5, -0.25)];

@@ -554,7 +554,7 @@ fn the_plan_is_one_json_document_with_these_fields() {
         ("/scene", "\"all.in\""),
         ("/engine", "\"sse41\""),
         ("/precision", "\"single\""),
-        ("/output", "\"rgba8\""),
+        ("/output", "\"rgb8\""),
         ("/width", "80"),
         ("/height", "60"),
         ("/kept", r#"{"lights":3,"spheres":4,"triangles":2}"#),

@@ -279,7 +279,8 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
             let bytes: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
             truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
             let kernels = rayo::kernels::packets(rayo::kernels::Isa::Sse41).unwrap();
-            let plan = rayo::plan::Tiles::<f32>::new(&scene, &scene.camera, &kernels.bounds, false, 1);
+            let plan =
+                rayo::plan::Tiles::<f32>::new(&scene, &scene.camera, &kernels.bounds, rayo::plan::Keep::NOTHING, 1);
             short.push((radii, plan.spheres().iter().filter(|sphere| sphere.short > 0.0).count()));
         }
     }

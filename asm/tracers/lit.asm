@@ -23,8 +23,8 @@
 ;
 ;   sphere      *const LitSphere
 ;   rows        *const LitRows, of which the first `count` are read
-;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and nothing
-;               else
+;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and
+;               nothing else
 ;   streaming   u64: not 0 for stores that go past the cache; floats only
 ;   row, pixels, stride     as in spans.asm
 ;
@@ -134,8 +134,9 @@
     add     r10, LANES * %[%%format]_BYTES
 %endmacro
 
-; LIT_FILL - black from r10 up to an address where a packet may begin, or of bytes any pixel, and r10 there; nothing where
-;            r10 is there or beyond. Black bytes are the same from any pixel on, so that they take whole registers.
+; LIT_FILL - black from r10 up to an address where a packet may begin, or of bytes any pixel, and r10 there; nothing
+;            where r10 is there or beyond. Black bytes are the same from any pixel on, so that they take whole
+;            registers.
 %macro LIT_FILL 2
 %define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 %define %%to %2         ; [in]       general register

@@ -150,8 +150,8 @@
 ; SHADE - a function that shades the pixels of a span one packet after another.
 ;
 ;   Packets begin where the memory of `out` is aligned to a register of pixels, which one in every so many pixels is,
-;   whatever their bytes. So the first packet may begin before the span, and the last may end past it: of those, only the
-;   span's own pixels are stored.
+;   whatever their bytes. So the first packet may begin before the span, and the last may end past it: of those, only
+;   the span's own pixels are stored.
 ;
 ;   r10 first lane of the packet that is stored, r8 the lane past the last (beyond LANES where more packets follow)
 %macro SHADE 6
