@@ -60,7 +60,7 @@ fn page(document: &Document) -> String {
         machine.caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
     format!(
         "# What a picture costs as it grows\n\n\
-        Made by `make complexity`, which runs `rayo experiment --complexity`. One thread of {} (TSC {megahertz} MHz; {}); NASM \
+        Made by `make complexity`, which runs `rayo experiment --complexity`. One thread of {} (TSC {megahertz} MHz; {}); \
         {}, {}. TSC cycles by the pixel, medians of {runs} runs in which all contestants of a picture take turns, buffers \
         touched before.\n\n\
         ![Cycles by the pixel against pixels, objects and lights](complexity.svg)\n\n{}",

@@ -6,7 +6,9 @@ use super::{Row, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{Area, FONT, PlotError, draw, legend};
 
-const PANEL: (i32, i32) = (460, 420);
+const PANEL: (i32, i32) = (460, 460);
+/// How many times as high as its highest point a panel is: above, there is room for the list of its lines.
+const ROOM: f64 = 50.0;
 
 /// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 7] = [
@@ -24,7 +26,12 @@ pub fn figure(rows: &[Row]) -> Result<String, PlotError> {
     let axes = [Axis::Pixels, Axis::Objects, Axis::Lights];
     draw(PANEL.0 * axes.len() as i32, PANEL.1, |area| {
         for (cell, axis) in area.split_evenly((1, axes.len())).iter().zip(axes) {
-            let of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
+            let mut of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
+            if axis == Axis::Pixels {
+                // Each engine in each kind of pixel would be too many lines: the fastest, which is the last.
+                let fastest = rows.iter().rfind(|row| row.axis == axis && row.engine != ZEROS).map(|row| row.engine);
+                of_axis.retain(|line| line[0].engine == ZEROS || Some(line[0].engine) == fastest);
+            }
             if !of_axis.is_empty() {
                 panel(cell, axis.name(), &of_axis)?;
             }
@@ -46,8 +53,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         .margin(8)
         .x_label_area_size(36)
         .y_label_area_size(52)
-        // Above the lines there is room for their list.
-        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..8.0 * high).log_scale())
+        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..ROOM * high).log_scale())
         .map_err(PlotError::new)?;
     chart
         .configure_mesh()
@@ -60,7 +66,10 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         .axis_desc_style((FONT, 13))
         .draw()
         .map_err(PlotError::new)?;
-    for (line, colour) in lines.iter().zip(COLOURS.into_iter().cycle()) {
+    for (place, line) in lines.iter().enumerate() {
+        // What only fills the film has the colour of who traces the same kind of pixels.
+        let same = |other: &Vec<&Row>| line[0].axis == Axis::Pixels && other[0].output == line[0].output;
+        let colour = COLOURS[lines.iter().position(same).unwrap_or(place) % COLOURS.len()];
         let Row { scene, engine, output, keep_all, .. } = *line[0];
         let label = match line[0].axis {
             Axis::Objects => format!("{scene}{}", if keep_all { ", by brute force" } else { "" }),
