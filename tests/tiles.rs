@@ -34,6 +34,12 @@ fn picture(contender: &Contender, scene: &Scene, keep_all: bool, format: PixelFo
     bits(film(tiles(contender, scene, keep_all).as_ref(), scene.camera, 1, format))
 }
 
+/// Pixels that brute force makes otherwise.
+fn differing_by_force(contender: &Contender, scene: &Scene, format: PixelFormat) -> usize {
+    let [planned, brute] = [false, true].map(|keep_all| picture(contender, scene, keep_all, format));
+    planned.iter().zip(&brute).filter(|(a, b)| a != b).count()
+}
+
 fn camera(width: u32, height: u32) -> Camera {
     Camera::new(width, height, 1.0, 1.0).unwrap()
 }
@@ -69,9 +75,7 @@ fn what_is_left_out_changes_no_byte() {
         ] {
             for contender in packets() {
                 for format in FORMATS {
-                    let (planned, brute) =
-                        (picture(&contender, &scene, false, format), picture(&contender, &scene, true, format));
-                    let differing = planned.iter().zip(&brute).filter(|(a, b)| a != b).count();
+                    let differing = differing_by_force(&contender, &scene, format);
                     assert_eq!(differing, 0, "{contender}, {format:?}: {spheres}, {triangles}, seed {seed}");
                 }
             }
@@ -199,10 +203,7 @@ fn fine_meshes_are_seen_as_by_brute_force() {
     let scene = fine(9000, camera(97, 73));
     for contender in packets() {
         for format in FORMATS {
-            let (planned, brute) =
-                (picture(&contender, &scene, false, format), picture(&contender, &scene, true, format));
-            let differing = planned.iter().zip(&brute).filter(|(a, b)| a != b).count();
-            assert_eq!(differing, 0, "{contender}, {format:?}");
+            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
         }
     }
 }
