@@ -772,6 +772,38 @@ fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alon
         check_tiles(kernels, &kernels.single, seed);
         check_tiles(kernels, &kernels.double, seed);
         check_bounds(kernels, seed);
+        check_nearer_half(kernels, seed);
+    }
+}
+
+/// Cuts in two what lies between guard pages, checked and not, and holds the halves against their definition.
+fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
+    let kernel = &kernels.nearer_half;
+    let mut rng = Rng::new(seed);
+    for count in [1, 2, 3, 17, 64, 200] {
+        let mut near = || match rng.next_u64() % 8 {
+            0 => f32::MAX,
+            1 => 0.0,
+            _ => rng.between(0.5, 2.0),
+        };
+        let seen = |id| Seen { id, columns: !id, rows: u32::MAX, near: near() };
+        let seen: Vec<_> = (0..count as u32).map(seen).collect();
+        let ordinary = seen.iter().map(|seen| seen.near).filter(|near| *near < f32::MAX);
+        let least = seen.iter().fold(f32::MAX, |least, seen| least.min(seen.near));
+        let most = ordinary.fold(0.0, f32::max);
+        let middle = f32::from_bits((least.to_bits() + most.to_bits()) / 2);
+        let (nearer, farther): (Vec<_>, Vec<_>) = seen.iter().copied().partition(|seen: &Seen| seen.near >= middle);
+        let what = format!("{} of {count}", kernel.symbol());
+        for side in SIDES {
+            let seen = Guarded::new(&seen, side).unwrap();
+            let room = || Guarded::new(&vec![Seen::default(); count], side).unwrap();
+            let (mut first, mut second) = (room(), room());
+            let alive = survives(|| _ = kernel.call(&seen, &mut first, &mut second)).unwrap();
+            assert!(alive, "{what}: the guard page {side:?} is touched");
+            assert_eq!(kernel.call_checked(&seen, &mut first, &mut second), Ok(()), "{what}");
+            assert_eq!(kernel.call(&seen, &mut first, &mut second), nearer.len(), "{what}");
+            assert_eq!((&first[..nearer.len()], &second[..farther.len()]), (&*nearer, &*farther), "{what}");
+        }
     }
 }
 

@@ -49,8 +49,8 @@ pub use spans::{
 };
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounds, Extremes, Looks, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres, TileBuffers,
-    TileGrid, TileOut, TileWindow, Triangles,
+    Bounds, Extremes, Looks, NearerHalf, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres,
+    TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
 };
 pub use tiles::{
     BoundsView, CHUNK, Corners, Facet, Seen, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays,

@@ -10,8 +10,8 @@ use super::spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
 };
 use super::tiles::{
-    Bounds, BoundsTask, BoundsView, NearestSpheres, NearestTask, NearestTriangles, SetUp, SetupTask, ShadeTask,
-    ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
+    Bounds, BoundsTask, BoundsView, HalfTask, NearerHalf, NearestSpheres, NearestTask, NearestTriangles, SetUp,
+    SetupTask, ShadeTask, ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
 };
 use super::types::{Plain, Vec4};
 
@@ -195,6 +195,8 @@ pub struct PacketKernels {
     pub fill: Fill,
     /// Which pixels triangles can cover.
     pub bounds: Bounds,
+    /// Which triangles of a tile go first.
+    pub nearer_half: NearerHalf,
 }
 
 impl<S, E> Bodies<S, E> {
@@ -235,8 +237,8 @@ impl<E: Element> SpanKernels<E> {
 /// The symbols of all packet kernels in this build, whether this CPU runs them or not.
 pub fn packet_symbols() -> BTreeSet<&'static str> {
     let of = |kernels: &PacketKernels| {
-        let PacketKernels { single, double, fill, bounds } = kernels;
-        [single.symbols(), double.symbols(), vec![fill.symbol, bounds.symbol()]].concat()
+        let PacketKernels { single, double, fill, bounds, nearer_half } = kernels;
+        [single.symbols(), double.symbols(), vec![fill.symbol, bounds.symbol(), nearer_half.symbol()]].concat()
     };
     [&SSE41, &AVX2, &AVX512].into_iter().flat_map(of).collect()
 }
@@ -726,12 +728,15 @@ macro_rules! packet_kernels {
                 fn fill(out: *mut u32, count: u64, pattern: u32, streaming: u64);
                 #[link_name = concat!("rayo_", $isa, "_bounds")]
                 fn bounds(view: *const BoundsView<f32>, task: *const BoundsTask);
+                #[link_name = concat!("rayo_", $isa, "_nearer_half")]
+                fn nearer_half(task: *const HalfTask) -> u64;
             }
             PacketKernels {
                 single: span_kernels!(f32, $single, concat!("rayo_", $isa, "_single_"), "_fast", "_fast"),
                 double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
                 bounds: Bounds { code: bounds, symbol: concat!("rayo_", $isa, "_bounds") },
+                nearer_half: NearerHalf { code: nearer_half, symbol: concat!("rayo_", $isa, "_nearer_half") },
             }
         };
     };

@@ -482,6 +482,58 @@ mod calls {
         }
     }
 
+    /// As the kernel that cuts in halves reads it.
+    #[repr(C)]
+    pub(in crate::kernels) struct HalfTask {
+        pub(in crate::kernels) seen: *const Seen,
+        pub(in crate::kernels) count: u64,
+        pub(in crate::kernels) nearer: *mut Seen,
+        pub(in crate::kernels) farther: *mut Seen,
+    }
+
+    /// Cuts the triangles of a tile in two halves.
+    pub struct NearerHalf {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const HalfTask) -> u64,
+        pub(in crate::kernels) symbol: &'static str,
+    }
+
+    impl NearerHalf {
+        /// The symbol of its code.
+        pub fn symbol(&self) -> &'static str {
+            self.symbol
+        }
+
+        /// Copies those of `seen` that are nearer than half way from the nearest to the farthest to the front of
+        /// `nearer`, and the others to that of `farther`, in order; and gives how many are nearer. What is behind them there
+        /// is spoiled. There must be room for all in both.
+        pub fn call(&self, seen: &[Seen], nearer: &mut [Seen], farther: &mut [Seen]) -> usize {
+            if seen.is_empty() {
+                return 0;
+            }
+            let task = Self::task(seen, nearer, farther);
+            // SAFETY: task() proves that there is room; the references the rest. The CPU as in Bounds.
+            unsafe { (self.code)(&task) as usize }
+        }
+
+        /// As [`NearerHalf::call`], with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(&self, seen: &[Seen], nearer: &mut [Seen], farther: &mut [Seen]) -> Result<(), Vec<Fault>> {
+            assert!(!seen.is_empty());
+            let task = Self::task(seen, nearer, farther);
+            // SAFETY: as in call; this is the argument of its signature.
+            unsafe { checked::call(self.code as *const (), [std::ptr::from_ref(&task) as u64, 0, 0, 0, 0, 0]) }
+        }
+
+        fn task(seen: &[Seen], nearer: &mut [Seen], farther: &mut [Seen]) -> HalfTask {
+            assert!(nearer.len() >= seen.len() && farther.len() >= seen.len(), "either may get all");
+            HalfTask {
+                seen: seen.as_ptr(),
+                count: seen.len() as u64,
+                nearer: nearer.as_mut_ptr(),
+                farther: farther.as_mut_ptr(),
+            }
+        }
+    }
+
     /// Triangles, the lights, and which of them a chunk is.
     #[derive(Clone, Copy)]
     pub struct Triangles<'a> {
@@ -509,7 +561,7 @@ mod calls {
         }
 
         /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
-        /// of the tile as there are lights, grow by those of the chunk.
+        /// of the tile as there are lights, get those of the chunk, and grow where they must.
         pub fn call(
             &self,
             view: &TileView<f64>,
@@ -545,7 +597,10 @@ mod calls {
             // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
             // The last packet writes as many as it has lanes.
             let before = first_id * lights.len();
-            shades.resize(before + (seen.len() + MOST_SET_UP) * lights.len(), TileShade::ZERO);
+            let past = before + (seen.len() + MOST_SET_UP) * lights.len();
+            if shades.len() < past {
+                shades.resize(past, TileShade::ZERO);
+            }
             buffers.count = seen.len();
             buffers.most = buffers.most.max(first_id + seen.len() - 1);
             SetupTask {

@@ -331,14 +331,21 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// The spheres and the triangles that a tile may see, in the scene's order.
-    pub fn seen_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>, triangles: &mut Vec<Seen>) {
+    /// The spheres and the triangles that a tile may see, in the scene's order. The latter are copied to `room` if they are
+    /// not in one list.
+    pub fn seen_in<'s>(&'s self, tile: TilePlace, spheres: &mut Vec<Seen>, room: &'s mut Vec<Seen>) -> &'s [Seen] {
         spheres.clear();
-        triangles.clear();
         self.sphere_bins.seen_in(tile, self.camera.width(), spheres);
-        for bins in &self.triangle_bins {
-            bins.seen_in(tile, self.camera.width(), triangles);
+        if let [bins] = &*self.triangle_bins
+            && bins.large.is_empty()
+        {
+            return bins.of_tile(tile, self.camera.width());
         }
+        room.clear();
+        for bins in &self.triangle_bins {
+            bins.seen_in(tile, self.camera.width(), room);
+        }
+        room
     }
 
     /// A tile's rays, for set-up and for shading.
@@ -672,11 +679,16 @@ impl Bins {
         Bins { starts, seen: placed, large, everywhere: false }
     }
 
-    /// Adds what a tile may see, in order.
-    fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
+    /// What a tile may see of what is in few tiles.
+    fn of_tile(&self, tile: TilePlace, width: u32) -> &[Seen] {
         let across = width.div_ceil(TILE_WIDTH as u32);
         let index = (tile.down * across + tile.across) as usize;
-        let own = &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize];
+        &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize]
+    }
+
+    /// Adds what a tile may see, in order.
+    fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
+        let own = self.of_tile(tile, width);
         if self.large.is_empty() {
             seen.extend_from_slice(own);
             return;

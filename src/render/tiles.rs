@@ -99,7 +99,8 @@ struct Scratch<E: Element> {
     seen_spheres: Vec<Seen>,
     /// Their numbers in the scene.
     spheres: Vec<u32>,
-    triangles: Vec<Seen>,
+    /// Triangles that are not in one list of the plan's.
+    room: Vec<Seen>,
     /// Those of them that are nearer and farther away, and what the last tiles left there.
     before: Vec<Seen>,
     behind: Vec<Seen>,
@@ -226,8 +227,8 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut Scratch<E>,
         mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
-        let Scratch { buffers, seen_spheres, spheres, triangles, before, behind, order, shades, occluded } = scratch;
-        self.plan.seen_in(tile, seen_spheres, triangles);
+        let Scratch { buffers, seen_spheres, spheres, room, before, behind, order, shades, occluded } = scratch;
+        let triangles = self.plan.seen_in(tile, seen_spheres, room);
         spheres.clear();
         spheres.extend(seen_spheres.iter().map(|seen| seen.id));
         *occluded = 0;
@@ -239,8 +240,11 @@ impl<E: Element> TileTracer<'_, E> {
         buffers.clear();
         self.nearest_spheres(spheres, buffers, window);
         // Nobody's shades, and none for spheres, whose light is their own.
-        shades.clear();
-        shades.resize((1 + spheres.len()) * weighted.lights.len(), TileShade::default());
+        let dark = (1 + spheres.len()) * weighted.lights.len();
+        if shades.len() < dark {
+            shades.resize(dark, TileShade::default());
+        }
+        shades[..dark].fill(TileShade::default());
         order.clear();
         order.resize(1 + spheres.len(), 0);
         let mut nearest = |seen: &[Seen], buffers: &mut TileBuffers<E>| {
@@ -260,24 +264,12 @@ impl<E: Element> TileTracer<'_, E> {
             nearest(triangles, buffers);
         } else {
             // The nearer half of what is there first; what is behind all that this leaves around it need not be set up.
-            let least = |a: f32, b: f32| if a < b { a } else { b };
-            let most = |a: f32, b: f32| if a > b { a } else { b };
-            let (low, high) = triangles.iter().fold((f32::MAX, 0.0), |(low, high), seen| {
-                let high_here = if seen.near < f32::MAX { seen.near } else { 0.0 };
-                (least(low, seen.near), most(high, high_here))
-            });
-            let middle = 0.5 * low + 0.5 * high;
             if behind.len() < triangles.len() {
                 before.resize(triangles.len(), Seen::default());
                 behind.resize(triangles.len(), Seen::default());
             }
-            // Without branches, which could not be foreseen.
-            let (mut near, mut far) = (0, 0);
-            for seen in triangles.iter() {
-                (before[near], behind[far]) = (*seen, *seen);
-                let is_far = usize::from(seen.near < middle);
-                (near, far) = (near + 1 - is_far, far + is_far);
-            }
+            let near = self.packets.nearer_half.call(triangles, before, behind);
+            let far = triangles.len() - near;
             nearest(&before[..near], buffers);
             let farthest = buffers.farthest(self.kernels.lanes);
             let mut left = 0;
