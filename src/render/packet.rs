@@ -180,6 +180,19 @@ fn scale_of(format: PixelFormat) -> Scale {
     if format.is_8bit() { Scale::Levels } else { Scale::Linear }
 }
 
+/// What `call` does, for each kind of record with the kernels of its kind.
+macro_rules! each_by_its_bodies {
+    () => {
+        each_by_its_bodies! { outside(OutsideSpan), near(NearSpan), inside(InsideSpan), triangle(TriangleSpan) }
+    };
+    ($($kind:ident($record:ident)),*) => {
+        $(fn $kind(self, record: &$record<E>) {
+            let bodies = &self.tracer.spans.$kind;
+            self.call(bodies, record);
+        })*
+    };
+}
+
 /// Shades a span that is alone in its pixels.
 struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
@@ -188,6 +201,13 @@ struct Alone<'a, E: 'static, P> {
     /// Where the row of a short form is put.
     lit_rows: &'a mut LitRows<E>,
     out: &'a mut [P],
+}
+
+impl<E: Element, P: Output<E>> Alone<'_, E, P> {
+    fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
+        let kernel = P::shade(self.tracer, bodies, self.shading);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
 }
 
 impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
@@ -199,22 +219,7 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
         let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
         kernel.call(&sphere, self.lit_rows, self.out, width, self.tracer.streaming);
     }
-    fn outside(self, record: &OutsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.outside, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn near(self, record: &NearSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.near, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn inside(self, record: &InsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.inside, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.triangle, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
+    each_by_its_bodies!();
 }
 
 /// What is in cache while spans that overlap are traced.
@@ -253,22 +258,7 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
         let sphere = form.sphere(P::SCALE).round();
         P::lit_planes(self.tracer).call(&sphere, self.lit_rows, self.row, self.x);
     }
-    fn outside(self, record: &OutsideSpan<E>) {
-        let bodies = &self.tracer.spans.outside;
-        self.call(bodies, record);
-    }
-    fn near(self, record: &NearSpan<E>) {
-        let bodies = &self.tracer.spans.near;
-        self.call(bodies, record);
-    }
-    fn inside(self, record: &InsideSpan<E>) {
-        let bodies = &self.tracer.spans.inside;
-        self.call(bodies, record);
-    }
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let bodies = &self.tracer.spans.triangle;
-        self.call(bodies, record);
-    }
+    each_by_its_bodies!();
 }
 
 impl<E: Element> PacketTracer<E> {

@@ -224,9 +224,10 @@ impl Mesh {
             if map == DAffine3::IDENTITY { *vertex } else { map.transform_point3(vertex.as_dvec3()).as_vec3() }
         };
         let vertices: Vec<Vec3> = self.vertices.iter().map(place).collect();
-        let triangles = self.triangles.iter().map(|triangle| {
-            let vertices = triangle.map(|index| vertices[index as usize]);
-            vertices.iter().all(|vertex| vertex.is_finite()).then_some(Triangle { colour, vertices })
+        let triangles = self.triangles.iter().map(|&triangle| {
+            let placed = triangle.map(|index| vertices[index as usize]);
+            let were = self.corners(triangle).map(|corner| corner.as_dvec3());
+            placed.iter().all(|vertex| vertex.is_finite()).then(|| Triangle::of_moved(colour, were, placed))
         });
         triangles.collect()
     }

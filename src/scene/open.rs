@@ -126,7 +126,8 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, name, *camera));
     let scene = scene.ok_or_else(|| {
         let message = "the mesh is too large or too far away to be seen whole".to_owned();
-        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected: None })
+        let expected = Some("ordinary coordinates, and no extreme film or focal distance".to_owned());
+        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected })
     })?;
     let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
     let up = if format == MeshFormat::Stl { "z" } else { "y" };

@@ -178,6 +178,11 @@ impl Elements<'_> {
         if error.kind() == std::io::ErrorKind::UnexpectedEof {
             return self.cut_off(name, number, element);
         }
+        let number_of = |word: &str| word.parse::<f64>().ok();
+        let mut numbers = self.text.split_ascii_whitespace().filter_map(number_of);
+        if self.encoding == Encoding::Ascii && name == "vertex" && numbers.any(|number| !number.is_finite()) {
+            return self.at(not_finite(&format!("vertex {number}")));
+        }
         let properties: Vec<_> = element.properties.keys().map(String::as_str).collect();
         let expected = format!("its properties as the header lists them: {}", properties.join(" "));
         self.at(Fault::new(format!("{name} {number} cannot be understood")).expected(expected))
