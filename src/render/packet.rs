@@ -4,6 +4,7 @@ mod hits;
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
@@ -12,11 +13,22 @@ use crate::kernels::{
     Bodies, Element, Emit, F32x3, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan,
     OutsideSpan, PacketKernels, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
+use crate::measure::caches;
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::{Camera, Scene};
 
-/// Float pictures larger than this do not stay in any cache, and are stored past it.
-const STREAMING_BYTES: u64 = 16 << 20;
+/// The largest float picture that is stored into the caches; a larger one goes past them.
+///
+/// An eighth of the third level, since other cores have their share of it, and other machines on the same chip; and at most
+/// this much, which is taken too where there is no such level or nobody tells. docs/performance.md has what was measured.
+fn most_in_cache() -> u64 {
+    const MOST: u64 = 16 << 20;
+    static BYTES: OnceLock<u64> = OnceLock::new();
+    *BYTES.get_or_init(|| {
+        let third = caches().into_iter().find(|cache| cache.level == 3);
+        third.map_or(MOST, |cache| MOST.min(cache.bytes as u64 / 8))
+    })
+}
 
 /// A scene planned for packets, and the kernels that trace it.
 pub struct PacketTracer<E: 'static> {
@@ -46,13 +58,14 @@ impl<E: Element> PacketTracer<E> {
         keep: Keep,
     ) -> Self {
         let scale = format.map(scale_of);
-        let bytes = camera.pixels() * format.unwrap_or(PixelFormat::F32x4).bytes() as u64;
+        let written = format.unwrap_or(PixelFormat::F32x4);
+        let bytes = camera.pixels() * written.bytes() as u64;
         PacketTracer {
             kernels,
             spans,
             fast,
             width: camera.width() as usize,
-            streaming: bytes > STREAMING_BYTES,
+            streaming: !written.is_8bit() && bytes > most_in_cache(),
             scale,
             plan: Spans::new(scene, camera, scale, keep),
             wide: None,
