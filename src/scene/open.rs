@@ -12,7 +12,7 @@ use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, Tri
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
-/// The longest scene in TOML, in bytes: its text takes some fifty times as much memory while it is read.
+/// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is read.
 pub const MAX_TOML: u64 = 32 << 20;
 /// The most that is read of what has no length of its own: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
@@ -165,7 +165,7 @@ pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
         1 => "1 face of more than three corners was".to_owned(),
         many => format!("{many} faces of more than three corners were"),
     };
-    Some(format!("{}: {faces} cut into triangles, each from its first corner", path.display()))
+    Some(format!("{}: {faces} cut into triangles", path.display()))
 }
 
 /// A file's bytes, so many at most as make sense.
