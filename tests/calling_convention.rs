@@ -222,13 +222,15 @@ fn a_guard_page_faults_on_either_side_and_only_beyond_the_values() {
 }
 
 /// What the packet kernels write.
-trait Pixel: Plain + Debug {
+trait Pixel: Plain + Debug + PartialEq {
     /// What none of them writes.
     const CANARY: Self;
     /// What is shown of one in a comparison: every bit.
     fn bits(self) -> [u32; 4];
-    /// Whether its last part is what every kernel writes there.
-    fn whole(self) -> bool;
+    /// Whether its last part is what every kernel writes there; where it is like the others, whether it was written at all.
+    fn whole(self) -> bool {
+        self != Self::CANARY
+    }
 }
 
 impl Pixel for Vec4 {
@@ -257,9 +259,6 @@ impl Pixel for F32x3 {
         let [r, g, b] = self.map(f32::to_bits);
         [r, g, b, 0]
     }
-    fn whole(self) -> bool {
-        self != Self::CANARY
-    }
 }
 
 impl Pixel for Rgb8 {
@@ -269,9 +268,6 @@ impl Pixel for Rgb8 {
         let [r, g, b] = self.map(u32::from);
         [r, g, b, 0]
     }
-    fn whole(self) -> bool {
-        self != Self::CANARY
-    }
 }
 
 /// A number that is filled in.
@@ -279,9 +275,6 @@ impl Pixel for u32 {
     const CANARY: Self = 7;
     fn bits(self) -> [u32; 4] {
         [self, 0, 0, 0]
-    }
-    fn whole(self) -> bool {
-        self != Self::CANARY
     }
 }
 

@@ -43,7 +43,7 @@ impl Place {
 
     fn command(&self) -> assert_cmd::Command {
         let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("rayo"));
-        for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE"] {
+        for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "RAYO_ENGINE"] {
             command.env_remove(variable);
         }
         command.envs(self.variables.iter().copied()).env("COLUMNS", "120").current_dir(&self.directory);
@@ -240,6 +240,23 @@ fn an_unknown_engine_or_precision_is_refused_with_a_list() {
     let list = "error: there is no precision `half`; there are: single, ";
     assert!(half.stderr.starts_with(list) && half.stderr.contains("double"), "{}", half.stderr);
     assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[test]
+fn the_environment_names_an_engine_and_an_option_overrides_it() {
+    let mut place = Place::new();
+    place.variables.push(("RAYO_ENGINE", "reference"));
+    assert!(place.run("render scene.in").stderr.contains(" by reference, "));
+    assert!(place.run("render scene.in --force --engine rust").stderr.contains(" by rust, "));
+    assert!(place.run("plan scene.in").stdout.contains(" by reference in double, "));
+    // Where a name comes from is told, since it is not in sight.
+    place.variables = vec![("RAYO_ENGINE", "nope")];
+    let message = format!("there is no engine `nope`; this build has: {}", engines());
+    for command in ["render", "plan"] {
+        place.refuses(&format!("{command} scene.in"), 2, &format!("error: RAYO_ENGINE: {message}"));
+    }
+    assert_eq!(place.run("plan scene.in --engine rust").status, 0);
+    place.refuses("plan scene.in --engine nix", 2, &format!("error: {}", message.replace("nope", "nix")));
 }
 
 #[cfg(rayo_asm)]
@@ -444,7 +461,8 @@ fn run_into(stdout: impl Into<std::process::Stdio>, place: &Place, arguments: &s
 fn a_result_that_cannot_be_printed_is_told() {
     let place = Place::new();
     assert_eq!(place.run("render scene.in --quiet").status, 0);
-    for arguments in ["info", "info --json", "render scene.in --force --stats", "render scene.in --force --json"] {
+    let render = ["render scene.in --force --stats", "render scene.in --force --json"];
+    for arguments in ["--help", "render --help", "--version", "info", "info --json"].into_iter().chain(render) {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let message = "error: cannot write to standard output: No space left on device (os error 28)\n";
         assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
@@ -471,6 +489,14 @@ fn a_picture_can_go_to_standard_output() {
     fs::write(place.path("piped.png"), output.stdout).unwrap();
     assert_eq!(place.run("render scene.in --quiet").status, 0);
     assert_eq!(place.picture("piped.png"), place.picture("picture.png"));
+    // And nothing else beside it.
+    let message = "error: the picture goes to standard output, where --stats and --json would print into it: leave \
+                   them out, or name a file with -o";
+    for report in ["--stats", "--json"] {
+        place.refuses(&format!("render scene.in -o /dev/stdout {report}"), 2, message);
+    }
+    let message = "error: the verdict goes to standard output: name a file for the picture of the differences";
+    place.refuses("diff picture.png picture.png -o /dev/stdout", 2, message);
 }
 
 // What is rendered
@@ -718,13 +744,39 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     let run = place.run("convert film.toml film.in");
     let warning = "warning: film.in: the format has no place for a film of 35: render it with --film 35";
     assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
-    place.refuses("convert film.toml out.stl", 2, "error: out.stl: the scene has no triangles to write");
+    // Whatever a file is called, an error begins like one.
+    let message = "error.stl: the scene has no triangles, and STL holds nothing else: write it as .in or .toml";
+    place.refuses("convert film.toml error.stl", 2, &format!("error: {message}"));
     let names = "error: scene.out: the name of a scene or a mesh must end in .in, .toml, .obj, .ply or .stl";
     place.refuses("convert scene.in scene.out", 2, names);
     place.refuses("make torus --triangles 9 -o scene.out", 2, names);
     let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
     place.refuses("convert scene.in none/out.toml", 1, directory);
     assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "scene.in"]);
+}
+
+#[test]
+fn triangles_of_no_area_are_told_wherever_a_scene_is_read() {
+    let place = Place::new();
+    place.write("flat.in", "picture.png 16 12 1  0 0 1\n1 1 1  0 0 5  1 0 5  3 0 5\n");
+    let warning = "warning: flat.in:2: triangle 1 has no area, and no ray hits it: its corners are on one line\n";
+    for command in ["render flat.in --quiet", "plan flat.in", "convert flat.in flat.toml"] {
+        assert_eq!(place.run(command).stderr, warning, "{command}");
+    }
+}
+
+#[test]
+fn more_triangles_than_toml_is_read_again_with_are_not_written_to_it() {
+    let place = Place::new();
+    let message = "error: hills.toml: 299538 triangles and 0 spheres are more than the 32 MiB of TOML that can be read \
+                   again: write them as .in, or triangles as a mesh that a scene names";
+    place.refuses("make terrain --triangles 300000 -o hills.toml", 2, message);
+    assert_eq!(place.run("make terrain --triangles 300000 -o hills.ply --quiet").status, 0);
+    assert_eq!(place.run("convert hills.ply hills.in --quiet").status, 0);
+    place.refuses("convert hills.in hills.toml", 2, message);
+    // As a mesh that the scene names it takes a few lines.
+    assert_eq!(place.run("convert hills.ply hills.toml").status, 0);
+    assert!(fs::metadata(place.path("hills.toml")).unwrap().len() < 1000);
 }
 
 #[test]
@@ -782,7 +834,7 @@ fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_
     let output = limited("a.qoi", "8000x8000");
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let whole = place.run("render scene.in --size 20000x20000 -o a.qoi");
-    assert!(whole.status == 1 && whole.stderr.contains("takes 1144 MiB of memory in this format"), "{}", whole.stderr);
+    assert!(whole.status == 2 && whole.stderr.contains("takes 1144 MiB of memory in this format"), "{}", whole.stderr);
     assert_eq!(place.files(), ["scene.in"]);
 }
 

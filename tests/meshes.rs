@@ -8,10 +8,10 @@ use std::fs;
 use std::path::Path;
 
 use counting::peak_of;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use proptest::prelude::*;
 use rayo::scene::mesh::shapes::{icosphere, terrain, torus};
-use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, open};
+use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, open};
 
 const FORMATS: [MeshFormat; 3] = [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Stl];
 
@@ -228,7 +228,8 @@ fn a_bad_ply_file_is_refused_at_its_line_and_element() {
         ("4 0 1 2 3 1.5", "4 0 1 2", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
         ("4 0 1 2 3 1.5", "99999 0 1 2 3", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
         ("4 0 1 2 3 1.5\n", "", "test: the file ends in face 1: expected 1 of them, as its header says".into()),
-        ("200 1 0 0", "200 1 nan 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
+        ("200 1 0 0", "200 1 nan 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
+        ("200 1 0 0", "200 1 none 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
         ("200 1 0 0", "200 1 1e39 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
         ("200 1 0 0", "200 1 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
         ("ply", "plx", "test:1: this is no PLY file: expected the word ply in the first line".into()),
@@ -549,6 +550,80 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
     // One point is no reason to fail.
     let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], polygons: 0 };
     assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());
+}
+
+/// The outline as an OBJ file with one face, in a plane of any direction, and what its triangles cover in that plane.
+fn cut(outline: &[(f32, f32)]) -> Result<Vec<[DVec2; 3]>, MeshError> {
+    let (along, across) = (Vec3::new(2.0, 1.0, 2.0), Vec3::new(-2.0, 2.0, 1.0));
+    let vertices: String = outline
+        .iter()
+        .map(|&(u, v)| (u * along + v * across).to_array())
+        .map(|[x, y, z]| format!("v {x} {y} {z}\n"))
+        .collect();
+    let corners: String = (1..=outline.len()).map(|number| format!(" {number}")).collect();
+    let mesh = Mesh::from_bytes(format!("{vertices}f{corners}\n").into_bytes(), MeshFormat::Obj, "test")?;
+    let in_plane = |corner: Vec3| DVec2::new(corner.dot(along).into(), corner.dot(across).into()) / 9.0;
+    Ok(soup(&mesh).into_iter().map(|corners| corners.map(|corner| in_plane(corner.into()))).collect())
+}
+
+/// Twice the area to the left of a way round.
+fn doubled_area(outline: &[DVec2]) -> f64 {
+    (1..outline.len() - 1).map(|i| (outline[i] - outline[0]).perp_dot(outline[i + 1] - outline[0])).sum()
+}
+
+#[test]
+fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
+    let comb = |teeth: i32| {
+        let tooth =
+            |i: i32| [(2 * i, 0), (2 * i + 1, 0), (2 * i + 1, 9), (2 * i + 2, 9)].map(|(u, v)| (u as f32, v as f32));
+        (0..teeth).flat_map(tooth).chain([(2.0 * teeth as f32, 10.0), (0.0, 10.0)]).collect::<Vec<_>>()
+    };
+    let mut rng = Rng::new(1);
+    let star = (0..40).map(|i| {
+        let (angle, radius) = (i as f32 * 0.157, rng.between(0.2, 5.0));
+        (radius * angle.cos(), radius * angle.sin())
+    });
+    for outline in [
+        vec![(0.0, 0.0), (4.0, -2.0), (1.0, 0.0), (4.0, 2.0)], // an arrowhead, whose fan is right from one corner only
+        vec![(4.0, -2.0), (1.0, 0.0), (4.0, 2.0), (0.0, 0.0)],
+        vec![(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)],
+        // A hole, which is reached by a cut that is gone both ways.
+        vec![
+            (0.0, 0.0),
+            (9.0, 0.0),
+            (9.0, 9.0),
+            (0.0, 9.0),
+            (0.0, 0.0),
+            (3.0, 3.0),
+            (3.0, 6.0),
+            (6.0, 6.0),
+            (6.0, 3.0),
+            (3.0, 3.0),
+        ],
+        star.collect(),
+        comb(200),
+    ] {
+        for turned in [false, true] {
+            let mut outline = outline.clone();
+            if turned {
+                outline.reverse();
+            }
+            let points: Vec<_> = outline.iter().map(|&(u, v)| DVec2::new(u.into(), v.into())).collect();
+            let triangles = cut(&outline).unwrap();
+            assert_eq!(triangles.len(), outline.len() - 2);
+            // Each is turned as the face is: they overlap nowhere if together they are as large.
+            let (whole, tiny) = (doubled_area(&points), 1e-4);
+            let areas: Vec<_> = triangles.iter().map(|triangle| doubled_area(triangle) * whole.signum()).collect();
+            assert!(areas.iter().all(|area| *area > -tiny), "{outline:?}: {areas:?}");
+            assert!((areas.iter().sum::<f64>() - whole.abs()).abs() < 1e-4 * whole.abs(), "{outline:?}: {areas:?}");
+        }
+    }
+    // What would take for ever is refused, with what to do.
+    let error = cut(&comb(20_000)).unwrap_err().to_string();
+    assert_eq!(error, "test: face 1 has 80002 corners and is not convex: expected triangles in its place");
+    // An outline that crosses itself, and one on a line, have no inside; they are cut all the same.
+    assert_eq!(cut(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]).unwrap().len(), 2);
+    assert_eq!(cut(&[(0.0, 0.0), (3.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.5, 0.0)]).unwrap().len(), 3);
 }
 
 /// Whatever the file, an error is one line, and a mesh is sound.

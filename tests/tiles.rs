@@ -83,6 +83,13 @@ fn what_is_left_out_changes_no_byte() {
     }
 }
 
+/// Red, green and blue of each pixel, made in bytes by tiles.
+fn bytes(contender: &Contender, scene: &Scene) -> Vec<[u8; 3]> {
+    let picture = film(tiles(contender, scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8);
+    let Film::Rgba8(picture) = picture else { unreachable!() };
+    picture.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+}
+
 #[test]
 fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
     for (spheres, triangles, seed) in [(1, 0, 1), (0, 1, 2), (40, 40, 3), (3, 900, 4), (300, 3, 5)] {
@@ -92,13 +99,7 @@ fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
         ] {
             let truth = Truth::new(&scene);
             for contender in packets() {
-                let Film::Rgba8(film) =
-                    film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8)
-                else {
-                    unreachable!()
-                };
-                let bytes: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
-                if let Err(error) = truth.compare(&contender, &bytes) {
+                if let Err(error) = truth.compare(&contender, &bytes(&contender, &scene)) {
                     panic!("{spheres}, {triangles}, seed {seed}: {error}");
                 }
             }
@@ -272,12 +273,7 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
         let scene = far_spheres(radii);
         let truth = Truth::new(&scene);
         for contender in packets() {
-            let Film::Rgba8(film) =
-                film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8)
-            else {
-                unreachable!()
-            };
-            let bytes: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+            let bytes = bytes(&contender, &scene);
             truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
             let kernels = rayo::kernels::packets(rayo::kernels::Isa::Sse41).unwrap();
             let plan =

@@ -3,15 +3,14 @@
 mod markdown;
 mod table;
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{bar, say, stop_on_ctrl_c, write_file};
-use super::{Failure, print, print_json};
+use super::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
+use super::{Failure, print, print_json, say};
 #[cfg(rayo_asm)]
 use crate::experiments::accuracy::plain;
 use crate::experiments::accuracy::{self, AccuracyError, Document, SCHEMA, plot, subjects, summary};
@@ -55,8 +54,7 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     if subjects.is_empty() {
         return Err(Failure::input("none of these scenes has a picture: the numbers of family N1 are not numbers"));
     }
-    fs::create_dir_all(&args.out)
-        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    create_directory(&args.out)?;
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
     let (mut tsc, mut wall) = (TscClock::new(), WallClock::new());

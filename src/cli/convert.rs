@@ -7,9 +7,10 @@ use std::process::ExitCode;
 use clap::Args;
 use glam::Vec3;
 
+use super::view::{open, tell};
 use super::{Failure, colour_on_stderr, remove_part_files_on_signals, say};
 use crate::render::{Existing, OutputError, OutputFile};
-use crate::scene::{Camera, MAX_TOML, Mesh, MeshFormat, Opened, Scene, SceneError, SceneFormat, Setting, open};
+use crate::scene::{Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting};
 
 /// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
 ///
@@ -38,10 +39,10 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let to = format(output)?;
     remove_part_files_on_signals()?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
-    let unread = |error: SceneError| Failure::input(error.render(colour_on_stderr()));
+    let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
     match (from, to) {
         (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) => {
-            let mesh = Mesh::read(input).map_err(|error| unread(SceneError::Mesh(error)))?;
+            let mesh = Mesh::read(input).map_err(unread)?;
             if mesh.polygons > 0 && !quiet {
                 say(&format!("{}: faces of more than three corners were cut into triangles", input.display()));
             }
@@ -52,7 +53,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         }
         (SceneFormat::Mesh(format), SceneFormat::Toml) => {
             let camera = Camera::default();
-            let mesh = Mesh::read(input).map_err(|error| unread(SceneError::Mesh(error)))?;
+            let mesh = Mesh::read(input).map_err(unread)?;
             let setting = Setting::of(&mesh, format, &camera);
             let setting = setting.ok_or_else(|| Failure::input("the mesh is too large to be seen whole"))?;
             let picture = picture_name(output);
@@ -60,10 +61,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             write(output, |out| out.write_all(text.as_bytes()))?;
         }
         (_, to) => {
-            let Opened { scene, notes, .. } = open(input, &Camera::default()).map_err(unread)?;
-            for note in notes.iter().filter(|_| !quiet) {
-                say(note);
-            }
+            let scene = tell(open(input, &Camera::default())?, *quiet);
             write_scene(&scene, output, to)?;
         }
     }
@@ -83,18 +81,18 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
     let warn = |what: &str| say(&format!("warning: {}: {what}", path.display()));
     match format {
         SceneFormat::Toml => {
-            let triangles = scene.triangles.len();
-            if triangles > MANY_TABLES {
-                let better = "a mesh file that the scene names does better";
-                warn(&format!("{triangles} triangles, a table each, are slow to read again: {better}"));
-            }
+            let (spheres, triangles) = (scene.spheres.len(), scene.triangles.len());
             let text = scene.to_toml();
             if text.len() as u64 > MAX_TOML {
                 let (path, limit) = (path.display(), MAX_TOML >> 20);
                 return Err(Failure::input(format!(
-                    "{path}: {triangles} triangles are more than the {limit} MiB of TOML that can be read again: write \
-                     them as .in, or as a mesh that a scene names"
+                    "{path}: {triangles} triangles and {spheres} spheres are more than the {limit} MiB of TOML that can \
+                     be read again: write them as .in, or triangles as a mesh that a scene names"
                 )));
+            }
+            if triangles > MANY_TABLES {
+                let better = "a mesh file that the scene names does better";
+                warn(&format!("{triangles} triangles, a table each, are slow to read again: {better}"));
             }
             write(path, |out| out.write_all(text.as_bytes()))
         }
@@ -107,7 +105,10 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
         }
         SceneFormat::Mesh(format) => {
             if scene.triangles.is_empty() {
-                return Err(Failure::input(format!("{}: the scene has no triangles to write", path.display())));
+                let path = path.display();
+                return Err(Failure::input(format!(
+                    "{path}: the scene has no triangles, and {format} holds nothing else: write it as .in or .toml"
+                )));
             }
             let count = |count: usize, one: &str, many: &str| match count {
                 0 => None,

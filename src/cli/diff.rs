@@ -3,7 +3,7 @@
 use super::Failure;
 use crate::measure::compare::{self, AMPLIFICATION, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
-use crate::render::{Format, ImageError, ImageWriter, read};
+use crate::render::{Format, ImageError, ImageWriter, is_standard_output, read};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -51,6 +51,9 @@ enum DiffError {
     /// `-o` has no known extension.
     #[error(transparent)]
     Output(ImageError),
+    /// `-o` names where the verdict goes.
+    #[error("the verdict goes to standard output: name a file for the picture of the differences")]
+    StandardOutput,
     /// The picture of the differences could not be written.
     #[error(transparent)]
     Write(ImageError),
@@ -123,6 +126,9 @@ fn tolerance(text: &str) -> Result<f64, String> {
 }
 
 fn output_format(path: &Path) -> Result<Format, DiffError> {
+    if is_standard_output(path) {
+        return Err(DiffError::StandardOutput);
+    }
     let format = Format::from_path(path).map_err(DiffError::Output)?;
     if format.is_8bit() { Ok(format) } else { Err(DiffError::FloatOutput(path.into())) }
 }

@@ -1,6 +1,7 @@
 //! What the commands that measure share: files that appear whole, a progress bar, and an end when the user asks for it.
 
-use std::io::{self, Write};
+use std::fs;
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,8 +36,10 @@ pub fn bar(length: u64) -> ProgressBar {
     bar
 }
 
-/// Tells the user, on standard error.
-pub fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
+/// Where the files go.
+pub fn create_directory(path: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(path).map_err(|error| {
+        let path = path.display();
+        Failure::output(format!("cannot create the directory {path}: {error}; name another one with --out"))
+    })
 }

@@ -3,6 +3,7 @@
 mod accuracy;
 mod convert;
 mod diff;
+mod engine;
 mod experiment;
 mod info;
 mod make;
@@ -62,11 +63,26 @@ impl Failure {
     fn output(error: impl ToString) -> Self {
         Failure { message: error.to_string(), status: 1 }
     }
+
+    fn tell(&self) -> ExitCode {
+        // Nothing is left to tell if standard error is closed.
+        let _ = writeln!(io::stderr(), "{}", with_prefix(&self.message));
+        ExitCode::from(self.status)
+    }
+}
+
+/// Standard output is closed or full.
+fn unprinted(error: &io::Error) -> Failure {
+    Failure::output(format!("cannot write to standard output: {error}"))
 }
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    let arguments = match Cli::try_parse() {
+        Ok(arguments) => arguments,
+        Err(other) => return help_or_usage(&other),
+    };
+    let result = match arguments.command {
         Command::Render(args) => render::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Convert(args) => convert::run(&args),
@@ -78,16 +94,21 @@ pub fn main() -> ExitCode {
         Command::Ops(args) => ops::run(&args),
         Command::Stability(args) => stability::run(&args),
     };
-    result.unwrap_or_else(|failure| {
-        // Nothing is left to tell if standard error is closed.
-        let _ = writeln!(io::stderr(), "{}", with_prefix(&failure.message));
-        ExitCode::from(failure.status)
-    })
+    result.unwrap_or_else(|failure| failure.tell())
+}
+
+/// Help and versions are results; everything else that is no command is bad usage.
+fn help_or_usage(message: &clap::Error) -> ExitCode {
+    let printed = message.print();
+    match u8::try_from(message.exit_code()) {
+        Ok(0) => printed.map_or_else(|error| unprinted(&error).tell(), |()| ExitCode::SUCCESS),
+        status => ExitCode::from(status.unwrap_or(2)),
+    }
 }
 
 /// Diagnostics with a look of their own begin with "error" already.
 fn with_prefix(message: &str) -> String {
-    if message.starts_with("error") || message.starts_with('\u{1b}') {
+    if message.starts_with("error: ") || message.starts_with('\u{1b}') {
         message.into()
     } else {
         format!("error: {message}")
@@ -124,13 +145,11 @@ fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
     serde_json::to_writer_pretty(&mut out, document)
         .map_err(io::Error::from)
         .and_then(|()| writeln!(out))
-        .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
+        .map_err(|error| unprinted(&error))
 }
 
 /// Prints text to standard output.
 fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())
-        .and_then(|()| out.flush())
-        .map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| unprinted(&error))
 }

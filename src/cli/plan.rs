@@ -2,20 +2,20 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::str::FromStr;
 
 use clap::Args;
 use serde::Serialize;
 
+use super::engine::EngineArgs;
 use super::measuring::bar;
-use super::view::ViewArgs;
-use super::{Failure, colour_on_stderr, print, print_json, say};
+use super::view::{ViewArgs, tell};
+use super::{Failure, print, print_json, say};
 use crate::experiments::ablation::{self, Ablation, Timed};
 use crate::kernels::sys;
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Precision, Purpose};
-use crate::scene::{Camera, Opened, open};
+use crate::scene::Camera;
 
 /// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
 const PATIENCE: f64 = 10.0;
@@ -26,12 +26,8 @@ const PATIENCE_TICKS: u64 = 20_000_000_000;
 pub struct PlanArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     scene: PathBuf,
-    /// Whose plan: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
-    #[arg(long, value_name = "ENGINE", env = "RAYO_ENGINE", default_value = "auto")]
-    engine: String,
-    /// In what numbers: single, fast or double. Default: the engine's own
-    #[arg(long)]
-    precision: Option<String>,
+    #[command(flatten)]
+    engine: EngineArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// The picture that it is for, by its extension: 8 bits or floats. Default: the name in the scene
@@ -123,15 +119,8 @@ fn note(timed: Timed) -> Option<&'static str> {
 
 /// Prints the plan.
 pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
-    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
-    if !engine.usable() {
-        return Err(Failure::input(crate::render::EngineError::Unusable(engine)));
-    }
-    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
-    let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
-    let Opened { scene, notes, warnings } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
-    notes.iter().for_each(|note| say(note));
-    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    let (engine, precision) = args.engine.chosen()?;
+    let scene = tell(args.view.open(&args.scene)?, false);
     let camera = args.view.camera(&scene.camera)?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::str::FromStr;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -10,11 +9,15 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use super::view::ViewArgs;
-use super::{Failure, colour_on_stderr, print, print_json, remove_part_files_on_signals, say};
+use super::engine::EngineArgs;
+use super::view::{ViewArgs, tell};
+use super::{Failure, print, print_json, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
-use crate::render::{Engine, Format, Frame, ImageWriter, Precision, Purpose, RenderError, Settings, Stats, render};
-use crate::scene::{Camera, Opened, Scene, open};
+use crate::render::{
+    Engine, Format, Frame, ImageError, ImageWriter, Precision, Purpose, RenderError, Settings, Stats,
+    is_standard_output, render,
+};
+use crate::scene::{Camera, Scene};
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -30,12 +33,8 @@ pub struct RenderArgs {
     /// with linear floats. Replaces what is there. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
-    #[arg(long, value_name = "ENGINE", env = "RAYO_ENGINE", default_value = "auto")]
-    engine: String,
-    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
-    #[arg(long)]
-    precision: Option<String>,
+    #[command(flatten)]
+    engine: EngineArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Threads that trace. Default: one for each core
@@ -88,22 +87,24 @@ struct Report {
 /// Renders the scene.
 pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     // Before any work: what no scene can make right.
-    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
-    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+    let (engine, precision) = args.engine.chosen()?;
+    if (args.stats || args.json) && args.output.as_deref().is_some_and(is_standard_output) {
+        return Err(Failure::input(
+            "the picture goes to standard output, where --stats and --json would print into it: leave them out, or name \
+             a file with -o",
+        ));
+    }
 
     let clock = Instant::now();
-    let opened = open(&args.scene, &args.view.camera(&Camera::default())?);
-    let Opened { scene, notes, warnings } = opened.map_err(|error| Failure::input(error.render(colour_on_stderr())))?;
+    let opened = args.view.open(&args.scene)?;
     let parse = clock.elapsed();
-    for note in notes.iter().filter(|_| !args.quiet) {
-        say(note);
-    }
-    for warning in &warnings {
-        say(&format!("warning: {warning}"));
-    }
-
+    let scene = tell(opened, args.quiet);
     let camera = args.view.camera(&scene.camera)?;
     let (path, format) = output(args, &scene)?;
+    // Before the plan: who cannot have a file need not wait for it.
+    remove_part_files_on_signals()?;
+    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
+    let mut image = create(&path, format, camera.width(), camera.height()).map_err(unwritten)?;
     let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
@@ -121,9 +122,6 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
     let setup = clock.elapsed();
 
-    remove_part_files_on_signals()?;
-    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
-    let mut image = create(&path, format, camera.width(), camera.height()).map_err(Failure::output)?;
     let progress = Progress::new(camera.height(), args.quiet);
     let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;
     let clock = Instant::now();
@@ -211,6 +209,14 @@ impl Report {
             ("write", time(self.write_ns)),
         ];
         lines.map(|(name, value)| format!("{name:<8} {value}\n")).concat()
+    }
+}
+
+/// Too large a picture for its format is bad usage; what else keeps a file from being begun is not.
+fn unwritten(error: ImageError) -> Failure {
+    match error {
+        ImageError::Whole { .. } => Failure::input(error),
+        _ => Failure::output(error),
     }
 }
 

@@ -3,15 +3,14 @@
 mod markdown;
 mod table;
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{bar, say, stop_on_ctrl_c, write_file};
-use super::{Failure, print, print_json};
+use super::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
+use super::{Failure, print, print_json, say};
 use crate::experiments::accuracy::{self, AccuracyError, Contender};
 use crate::experiments::stability::{self, Document, Settings, limits, plot, search};
 use crate::kernels::sys;
@@ -59,8 +58,7 @@ pub struct StabilityArgs {
 /// Sweeps, prints and writes.
 pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
-    fs::create_dir_all(&args.out)
-        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    create_directory(&args.out)?;
     if let (Some(steps), Some(case)) = (args.search, args.case) {
         return search(args, &settings, case, steps);
     }

@@ -1,11 +1,12 @@
-//! The options that replace parts of a scene's camera, the same wherever a scene is read.
+//! How a scene is read, and the options that replace parts of its camera: the same wherever there is one.
 
+use std::path::Path;
 use std::str::FromStr;
 
 use clap::Args;
 
-use super::Failure;
-use crate::scene::Camera;
+use super::{Failure, colour_on_stderr, say};
+use crate::scene::{self, Camera, Opened, Scene};
 
 /// What takes the place of the scene's own camera.
 #[derive(Debug, Args)]
@@ -46,4 +47,21 @@ impl ViewArgs {
         let film = self.film.unwrap_or(camera.film());
         Camera::new(size.width, size.height, focal, film).map_err(Failure::input)
     }
+
+    /// The scene of a file; a mesh alone is seen by a camera with these options.
+    pub(super) fn open(&self, path: &Path) -> Result<Opened, Failure> {
+        open(path, &self.camera(&Camera::default())?)
+    }
+}
+
+/// The scene of a file; a mesh alone is seen by `camera`.
+pub(super) fn open(path: &Path, camera: &Camera) -> Result<Opened, Failure> {
+    scene::open(path, camera).map_err(|error| Failure::input(error.render(colour_on_stderr())))
+}
+
+/// The scene, when all has been told of how it came to be, unless `quiet`, and of what is hardly meant in it.
+pub(super) fn tell(Opened { scene, notes, warnings }: Opened, quiet: bool) -> Scene {
+    notes.iter().filter(|_| !quiet).for_each(|note| say(note));
+    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    scene
 }

@@ -60,7 +60,7 @@ impl Machine {
 }
 
 /// The caches of the first core that hold data, as Linux tells.
-fn caches() -> Vec<Cache> {
+pub fn caches() -> Vec<Cache> {
     let read = |index: u32, name: &str| {
         let path = format!("/sys/devices/system/cpu/cpu0/cache/index{index}/{name}");
         Some(std::fs::read_to_string(path).ok()?.trim().to_owned())

@@ -15,4 +15,4 @@ pub mod statistics;
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
 pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, interleave};
-pub use machine::{Cache, Machine, cpu_name, tsc_invariant};
+pub use machine::{Cache, Machine, caches, cpu_name, tsc_invariant};

@@ -12,8 +12,9 @@ use super::{Film, FilmMut, ImageError, ImageWriter, Pixel, PixelFormat, Tracer};
 use crate::measure::Cycles;
 use crate::scene::Camera;
 
-/// A band is as many whole rows as fit in this, and at least one.
-const BAND_BYTES: usize = 64 << 20;
+/// A band is as many whole rows as fit in this, and at least one: little enough that who encodes or writes it still finds
+/// it in a cache, and enough that waking the threads for each does not count.
+const BAND_BYTES: usize = 8 << 20;
 /// A thread takes as many whole rows at a time as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
 

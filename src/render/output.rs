@@ -166,10 +166,16 @@ pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(De
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
+/// Whether a name is that of the program's own standard output.
+pub fn is_standard_output(path: &Path) -> bool {
+    let names = ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+    cfg!(unix) && names.iter().any(|name| path == Path::new(name))
+}
+
 /// The open target, if it is something to write to directly: no regular file, or one reached through a descriptor.
 fn direct(path: &Path) -> io::Result<Option<File>> {
     #[cfg(unix)]
-    if ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"].iter().any(|stdout| path == Path::new(stdout)) {
+    if is_standard_output(path) {
         // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
         use std::os::fd::AsFd;
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));

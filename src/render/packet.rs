@@ -4,6 +4,7 @@ mod hits;
 
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
@@ -12,11 +13,22 @@ use crate::kernels::{
     Bodies, Element, Emit, F32x3, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan,
     OutsideSpan, PacketKernels, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
 };
+use crate::measure::caches;
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::{Camera, Scene};
 
-/// Float pictures larger than this do not stay in any cache, and are stored past it.
-const STREAMING_BYTES: u64 = 16 << 20;
+/// The largest float picture that is stored into the caches; a larger one goes past them.
+///
+/// An eighth of the third level, since other cores have their share of it, and other machines on the same chip; and at most
+/// this much, which is taken too where there is no such level or nobody tells. docs/performance.md has what was measured.
+fn most_in_cache() -> u64 {
+    const MOST: u64 = 16 << 20;
+    static BYTES: OnceLock<u64> = OnceLock::new();
+    *BYTES.get_or_init(|| {
+        let third = caches().into_iter().find(|cache| cache.level == 3);
+        third.map_or(MOST, |cache| MOST.min(cache.bytes as u64 / 8))
+    })
+}
 
 /// A scene planned for packets, and the kernels that trace it.
 pub struct PacketTracer<E: 'static> {
@@ -46,13 +58,14 @@ impl<E: Element> PacketTracer<E> {
         keep: Keep,
     ) -> Self {
         let scale = format.map(scale_of);
-        let bytes = camera.pixels() * format.unwrap_or(PixelFormat::F32x4).bytes() as u64;
+        let written = format.unwrap_or(PixelFormat::F32x4);
+        let bytes = camera.pixels() * written.bytes() as u64;
         PacketTracer {
             kernels,
             spans,
             fast,
             width: camera.width() as usize,
-            streaming: bytes > STREAMING_BYTES,
+            streaming: !written.is_8bit() && bytes > most_in_cache(),
             scale,
             plan: Spans::new(scene, camera, scale, keep),
             wide: None,
@@ -180,6 +193,19 @@ fn scale_of(format: PixelFormat) -> Scale {
     if format.is_8bit() { Scale::Levels } else { Scale::Linear }
 }
 
+/// What `call` does, for each kind of record with the kernels of its kind.
+macro_rules! each_by_its_bodies {
+    () => {
+        each_by_its_bodies! { outside(OutsideSpan), near(NearSpan), inside(InsideSpan), triangle(TriangleSpan) }
+    };
+    ($($kind:ident($record:ident)),*) => {
+        $(fn $kind(self, record: &$record<E>) {
+            let bodies = &self.tracer.spans.$kind;
+            self.call(bodies, record);
+        })*
+    };
+}
+
 /// Shades a span that is alone in its pixels.
 struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
@@ -188,6 +214,13 @@ struct Alone<'a, E: 'static, P> {
     /// Where the row of a short form is put.
     lit_rows: &'a mut LitRows<E>,
     out: &'a mut [P],
+}
+
+impl<E: Element, P: Output<E>> Alone<'_, E, P> {
+    fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
+        let kernel = P::shade(self.tracer, bodies, self.shading);
+        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+    }
 }
 
 impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
@@ -199,22 +232,7 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
         let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
         kernel.call(&sphere, self.lit_rows, self.out, width, self.tracer.streaming);
     }
-    fn outside(self, record: &OutsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.outside, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn near(self, record: &NearSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.near, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn inside(self, record: &InsideSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.inside, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let kernel = P::shade(self.tracer, &self.tracer.spans.triangle, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
-    }
+    each_by_its_bodies!();
 }
 
 /// What is in cache while spans that overlap are traced.
@@ -253,22 +271,7 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
         let sphere = form.sphere(P::SCALE).round();
         P::lit_planes(self.tracer).call(&sphere, self.lit_rows, self.row, self.x);
     }
-    fn outside(self, record: &OutsideSpan<E>) {
-        let bodies = &self.tracer.spans.outside;
-        self.call(bodies, record);
-    }
-    fn near(self, record: &NearSpan<E>) {
-        let bodies = &self.tracer.spans.near;
-        self.call(bodies, record);
-    }
-    fn inside(self, record: &InsideSpan<E>) {
-        let bodies = &self.tracer.spans.inside;
-        self.call(bodies, record);
-    }
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let bodies = &self.tracer.spans.triangle;
-        self.call(bodies, record);
-    }
+    each_by_its_bodies!();
 }
 
 impl<E: Element> PacketTracer<E> {

@@ -2,6 +2,7 @@
 
 mod obj;
 mod ply;
+mod polygon;
 pub mod shapes;
 mod stl;
 mod write;
@@ -12,6 +13,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use polygon::Fan;
 
 use super::diagnostic::printable;
 use super::{Scene, Triangle};
@@ -23,8 +25,7 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// Three indices into `vertices` for each triangle; methods panic where there is no such vertex.
     pub triangles: Vec<[u32; 3]>,
-    /// How many faces of the file had more than three corners: each has become a fan of triangles around its first one,
-    /// which is the same face where that is flat and convex.
+    /// How many faces of the file had more than three corners, and have become triangles: the same face where it is flat.
     pub polygons: usize,
 }
 
@@ -224,9 +225,10 @@ impl Mesh {
             if map == DAffine3::IDENTITY { *vertex } else { map.transform_point3(vertex.as_dvec3()).as_vec3() }
         };
         let vertices: Vec<Vec3> = self.vertices.iter().map(place).collect();
-        let triangles = self.triangles.iter().map(|triangle| {
-            let vertices = triangle.map(|index| vertices[index as usize]);
-            vertices.iter().all(|vertex| vertex.is_finite()).then_some(Triangle { colour, vertices })
+        let triangles = self.triangles.iter().map(|&triangle| {
+            let placed = triangle.map(|index| vertices[index as usize]);
+            let were = self.corners(triangle).map(|corner| corner.as_dvec3());
+            placed.iter().all(|vertex| vertex.is_finite()).then(|| Triangle::of_moved(colour, were, placed))
         });
         triangles.collect()
     }
@@ -250,12 +252,19 @@ impl Mesh {
         mesh
     }
 
-    /// Adds a face of any number of corners as a fan around its first.
-    fn push_face(&mut self, corners: &[u32]) {
-        if let [first, rest @ ..] = corners {
-            self.polygons += usize::from(corners.len() > 3);
-            self.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    /// Adds the face of this number, of three corners or more, as a fan around its first.
+    fn push_face(&mut self, number: usize, corners: &[u32], fans: &mut Vec<Fan>) {
+        if corners.len() > 3 {
+            fans.push(Fan { number, first: self.triangles.len(), corners: corners.len() });
         }
+        self.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
+    }
+
+    /// Cuts the fans that are no such thing anew, when all vertices are known.
+    fn cut(mut self, fans: &[Fan]) -> Result<Mesh, Fault> {
+        self.polygons = fans.len();
+        polygon::cut(fans, &self.vertices, &mut self.triangles)?;
+        Ok(self)
     }
 }
 

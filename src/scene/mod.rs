@@ -68,6 +68,15 @@ impl Triangle {
     pub fn has_no_area(&self) -> bool {
         geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
     }
+
+    /// Of corners that have been `moved` from where they `were`, and rounded: where rounding has drawn apart what was on
+    /// one line, the third is put on the first, so that a triangle of no area stays one.
+    fn of_moved(colour: Vec3, were: [DVec3; 3], moved: [Vec3; 3]) -> Self {
+        let [a, b, _] = moved;
+        let triangle = Triangle { colour, vertices: moved };
+        let drawn_apart = geometry::has_no_area(were) && !triangle.has_no_area();
+        if drawn_apart { Triangle { colour, vertices: [a, b, a] } } else { triangle }
+    }
 }
 
 /// An object of a scene by its place in its list.

@@ -12,7 +12,7 @@ use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, Tri
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
-/// The longest scene in TOML, in bytes: its text takes some fifty times as much memory while it is read.
+/// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is read.
 pub const MAX_TOML: u64 = 32 << 20;
 /// The most that is read of what has no length of its own: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
@@ -126,7 +126,8 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, name, *camera));
     let scene = scene.ok_or_else(|| {
         let message = "the mesh is too large or too far away to be seen whole".to_owned();
-        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected: None })
+        let expected = Some("ordinary coordinates, and no extreme film or focal distance".to_owned());
+        SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected })
     })?;
     let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
     let up = if format == MeshFormat::Stl { "z" } else { "y" };
@@ -164,7 +165,7 @@ pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
         1 => "1 face of more than three corners was".to_owned(),
         many => format!("{many} faces of more than three corners were"),
     };
-    Some(format!("{}: {faces} cut into triangles, each from its first corner", path.display()))
+    Some(format!("{}: {faces} cut into triangles", path.display()))
 }
 
 /// A file's bytes, so many at most as make sense.

@@ -164,8 +164,12 @@ impl Reader<'_> {
         for fields in self.list(&root, "triangle", &["vertices", "colour"]) {
             let colour = self.colour(&fields);
             let vertices = self.vertices(&fields);
-            let vertices = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
-            let triangle = Triangle { colour, vertices };
+            let moved = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
+            let triangle = if to_camera == DAffine3::IDENTITY {
+                Triangle { colour, vertices: moved }
+            } else {
+                Triangle::of_moved(colour, vertices.map(double), moved)
+            };
             if triangle.has_no_area() {
                 self.no_area.push((self.start + fields.span.start, fields.owner.clone()));
             }

@@ -6,9 +6,9 @@ use std::sync::atomic::Ordering;
 
 use super::ExperimentArgs;
 use super::run::{Prepared, failure, prepare, settings};
-use crate::cli::measuring::{bar, say, write_file};
+use crate::cli::measuring::{bar, write_file};
 use crate::cli::table::Table;
-use crate::cli::{Failure, print, print_json};
+use crate::cli::{Failure, print, print_json, say};
 use crate::experiments::claims::Axis;
 use crate::experiments::complexity::{self, Document, Row, SCHEMA, Settings, ZEROS, lines, plot, slopes};
 

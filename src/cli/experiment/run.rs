@@ -1,6 +1,5 @@
 //! Runs the experiment part by part, shows how far it is, and writes its files.
 
-use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -9,8 +8,8 @@ use std::time::Instant;
 
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::measuring::{bar, say, stop_on_ctrl_c, write_file};
-use crate::cli::{Failure, print, print_json};
+use crate::cli::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
+use crate::cli::{Failure, print, print_json, say};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Document};
 use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
@@ -51,8 +50,7 @@ pub(super) struct Prepared {
 
 pub(super) fn prepare(args: &ExperimentArgs) -> Result<Prepared, Failure> {
     let clock = TscClock::new().ok_or_else(no_clock)?;
-    fs::create_dir_all(&args.out)
-        .map_err(|error| Failure::output(format!("cannot create the directory {}: {error}", args.out.display())))?;
+    create_directory(&args.out)?;
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
     let cores = cores()?;

@@ -1,19 +1,19 @@
 //! Every operation in Rust as a function that is kept whole, with the signature of those in NASM: out, a, b.
 
+macro_rules! kept {
+    ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
+        $(#[inline(never)]
+        pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
+            *out = $value;
+        })*
+    };
+}
+
 /// The scalar twin of the paper's macros: four floats, one after the other, as far as the compiler leaves them so.
 pub mod rust {
     use crate::reference::aos::{self, Form, Lanes, Light, Sphere, Surface, Triangle};
 
     type V = Lanes<f32>;
-
-    macro_rules! kept {
-        ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
-            $(#[inline(never)]
-            pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
-                *out = $value;
-            })*
-        };
-    }
 
     kept! {
         add(a: V, b: V) -> V { aos::add(*a, *b) }
@@ -50,15 +50,6 @@ pub mod glam {
     pub struct Light {
         pub position: Vec3A,
         pub radiance: Vec3A,
-    }
-
-    macro_rules! kept {
-        ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
-            $(#[inline(never)]
-            pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
-                *out = $value;
-            })*
-        };
     }
 
     kept! {

@@ -17,7 +17,7 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     let loaded = tobj::load_obj_buf(&mut lines, &options, |_| Ok(Default::default()));
     let models = loaded.map_err(|error| fault(error, &lines, source))?.0;
 
-    let mut mesh = Mesh::default();
+    let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
     for tobj::Model { mesh: model, .. } in models {
         let base = mesh.vertices.len() as u32;
         let positions = model.positions.as_chunks().0.iter().map(|&position| Vec3::from_array(position));
@@ -36,11 +36,11 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
             if face.len() < 3 {
                 return Err(small_face(source, number, face.len()));
             }
-            mesh.push_face(face);
+            mesh.push_face(number, face, &mut fans);
             rest = after;
         }
     }
-    Ok(mesh)
+    mesh.cut(&fans)
 }
 
 /// The lines of vertices and faces, with the others left empty: so there is one model in one file, no normal or texture

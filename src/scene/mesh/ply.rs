@@ -28,7 +28,7 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     check(&header, &source[..source.len() - payload.len()], payload.len())?;
 
     let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
-    let mut mesh = Mesh::default();
+    let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
     for element in header.elements.values() {
         match element.name.as_str() {
             "vertex" => {
@@ -63,7 +63,7 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
                         let message = format!("face {number} has {}", counted(corners.len(), "corner", "corners"));
                         return Err(elements.at(Fault::new(message).expected("at least three")));
                     }
-                    mesh.push_face(&corners);
+                    mesh.push_face(number, &corners, &mut fans);
                 }
             }
             name => {
@@ -73,7 +73,7 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
             }
         }
     }
-    Ok(mesh)
+    mesh.cut(&fans)
 }
 
 /// Holds the header to what is a mesh and to what the file can hold: `length` bytes follow it.
@@ -177,6 +177,11 @@ impl Elements<'_> {
     fn misread(&self, name: &str, number: usize, element: &ElementDef, error: &ParseError) -> Fault {
         if error.kind() == std::io::ErrorKind::UnexpectedEof {
             return self.cut_off(name, number, element);
+        }
+        let number_of = |word: &str| word.parse::<f64>().ok();
+        let mut numbers = self.text.split_ascii_whitespace().filter_map(number_of);
+        if self.encoding == Encoding::Ascii && name == "vertex" && numbers.any(|number| !number.is_finite()) {
+            return self.at(not_finite(&format!("vertex {number}")));
         }
         let properties: Vec<_> = element.properties.keys().map(String::as_str).collect();
         let expected = format!("its properties as the header lists them: {}", properties.join(" "));

@@ -1,0 +1,38 @@
+//! The options that choose who traces, the same wherever one engine does.
+
+use std::env;
+use std::str::FromStr;
+
+use clap::Args;
+
+use super::Failure;
+use crate::render::{Engine, EngineError, Precision};
+
+/// What `--engine` is where it is not given.
+const VARIABLE: &str = "RAYO_ENGINE";
+
+/// Who traces, in what numbers.
+#[derive(Debug, Args)]
+pub struct EngineArgs {
+    /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
+    engine: String,
+    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
+    #[arg(long)]
+    precision: Option<String>,
+}
+
+impl EngineArgs {
+    /// The engine, which this CPU runs, and the precision that it is asked for.
+    pub(super) fn chosen(&self) -> Result<(Engine, Option<Precision>), Failure> {
+        let EngineArgs { engine, precision } = self;
+        let usable = |engine: Engine| engine.usable().then_some(engine).ok_or(EngineError::Unusable(engine));
+        let chosen = Engine::from_str(engine).and_then(usable).map_err(|error| {
+            // A variable that was set long ago is not the first thing that one thinks of.
+            let from_variable = env::var_os(VARIABLE).is_some_and(|value| value == **engine);
+            Failure::input(if from_variable { format!("{VARIABLE}: {error}") } else { error.to_string() })
+        })?;
+        let precision = precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+        Ok((chosen, precision))
+    }
+}

@@ -1,0 +1,104 @@
+//! Faces of more than three corners: fans where they are convex, and cut ear by ear where they are not.
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::{Fault, counted};
+
+/// How many corners one of a face is held against at most, on average: enough for some two thousand corners.
+const PATIENCE: usize = 1000;
+
+/// A face that was read as a fan around its first corner, before all vertices were known.
+pub(super) struct Fan {
+    /// Its number in the file, from 1.
+    pub number: usize,
+    /// The first of its triangles.
+    pub first: usize,
+    /// How many corners it has: two more than triangles.
+    pub corners: usize,
+}
+
+/// Cuts the faces that are not convex anew, in place.
+pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), Fault> {
+    for &Fan { number, first, corners } in fans {
+        let fan = &mut triangles[first..first + corners - 2];
+        let outline: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|triangle| triangle[2])).collect();
+        let flat = flat(outline.iter().map(|&index| vertices[index as usize].as_dvec3()).collect());
+        if is_convex(&flat) {
+            continue;
+        }
+        let ears = ears(&flat).ok_or_else(|| {
+            let corners = counted(corners, "corner", "corners");
+            Fault::new(format!("face {number} has {corners} and is not convex")).expected("triangles in its place")
+        })?;
+        for (triangle, ear) in fan.iter_mut().zip(ears) {
+            *triangle = ear.map(|corner| outline[corner]);
+        }
+    }
+    Ok(())
+}
+
+/// A face seen along its normal (Newell's: the sum over all its edges), counter-clockwise.
+fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
+    let from_first = |corner: &DVec3| *corner - corners[0];
+    let edges = corners.iter().zip(&corners[1..]);
+    let normal: DVec3 = edges.map(|(a, b)| from_first(a).cross(from_first(b))).sum();
+    let [x, y, z] = normal.abs().to_array();
+    let (drop, along) = if x >= y && x >= z {
+        (0, normal.x)
+    } else if y >= z {
+        (1, normal.y)
+    } else {
+        (2, normal.z)
+    };
+    let seen = |corner: &DVec3| {
+        let (u, v) = (corner[(drop + 1) % 3], corner[(drop + 2) % 3]);
+        if along < 0.0 { DVec2::new(v, u) } else { DVec2::new(u, v) }
+    };
+    corners.iter().map(seen).collect()
+}
+
+/// Whether there is no turn to the right but by the rounding of corners to f32.
+fn is_convex(flat: &[DVec2]) -> bool {
+    let rounding = flat.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * f64::from(f32::EPSILON);
+    let count = flat.len();
+    (0..count).all(|at| {
+        let [a, b, c] = [at, at + 1, at + 2].map(|at| flat[at % count]);
+        turn(a, b, c) >= -2.0 * rounding * ((b - a).length() + (c - b).length())
+    })
+}
+
+/// Greater than 0 for a turn to the left at `b` on the way from `a` to `c`.
+fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+    (b - a).perp_dot(c - b)
+}
+
+/// Triangles of three corners in a row with no other corner in them, cut off one after the other; where there is none, as
+/// in an outline that crosses itself, of any three. Nothing where that takes too long.
+fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+    let mut rest: Vec<usize> = (0..flat.len()).collect();
+    let mut ears = Vec::with_capacity(flat.len() - 2);
+    let (mut at, mut refused, mut left) = (0, 0, PATIENCE * flat.len());
+    while rest.len() > 3 {
+        let count = rest.len();
+        let ear = [at + count - 1, at, at + 1].map(|at| rest[at % count]);
+        let [a, b, c] = ear.map(|corner| flat[corner]);
+        let within = |&corner: &usize| {
+            let p = flat[corner];
+            p != a && p != b && p != c && turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0
+        };
+        let first_within = if turn(a, b, c) > 0.0 { rest.iter().position(within) } else { Some(0) };
+        left = left.checked_sub(first_within.unwrap_or(count) + 1)?;
+        if refused == count || first_within.is_none() {
+            ears.push(ear);
+            rest.remove(at % count);
+            refused = 0;
+            // The next corner has come into this place; the one after it keeps the triangles from being a fan of slivers.
+            at = (at + 1) % (count - 1);
+        } else {
+            refused += 1;
+            at = (at + 1) % count;
+        }
+    }
+    ears.push([rest[0], rest[1], rest[2]]);
+    Some(ears)
+}
