@@ -3,6 +3,7 @@
 mod markdown;
 mod table;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -12,7 +13,8 @@ use clap::Args;
 use super::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
 use super::{Failure, print, print_json, say};
 use crate::experiments::accuracy::{self, AccuracyError, Contender};
-use crate::experiments::stability::{self, Document, Settings, limits, plot, search};
+use crate::experiments::stability::limits::{self, Limits};
+use crate::experiments::stability::{self, Document, Settings, plot, search};
 use crate::kernels::sys;
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
@@ -41,6 +43,10 @@ pub struct StabilityArgs {
     /// Only this case of the family
     #[arg(long, value_name = "K", requires = "family")]
     case: Option<usize>,
+    /// Hold the engines to the limits of this file in place of the program's own; limits.csv among the results is such a
+    /// file
+    #[arg(long, value_name = "FILE")]
+    limits: Option<PathBuf>,
     /// Small pictures: a minute or so
     #[arg(long)]
     quick: bool,
@@ -94,9 +100,11 @@ fn verdict(document: &Document) -> ExitCode {
         say("warning: stopped early: only what was finished is in the results");
     }
     for row in document.rows.iter().filter(|row| !row.holds) {
-        let why = row.broken.join("; ");
-        say(&format!("error: {} by {} in {}: {why}", row.family, row.engine, row.precision));
-        say(&format!("    {}", row.replay(document.seed, document.quick)));
+        let why: Vec<_> = row.broken.iter().map(|broken| broken.why.as_str()).collect();
+        say(&format!("error: {} by {} in {}: {}", row.family, row.engine, row.precision, why.join("; ")));
+        for case in row.broken.iter().map(|broken| broken.case).collect::<BTreeSet<_>>() {
+            say(&format!("    {}", row.replay(case, document.seed, document.quick)));
+        }
     }
     if document.rows.iter().all(|row| row.holds) { ExitCode::SUCCESS } else { ExitCode::from(1) }
 }
@@ -123,7 +131,14 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
             return Err(Failure::input(format!("this CPU does not run the engine `{engine}`")));
         }
     }
-    Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick })
+    let limits = match &args.limits {
+        None => Limits::checked_in(),
+        Some(path) => fs::read_to_string(path)
+            .map_err(|error| error.to_string())
+            .and_then(|text| Limits::parse(&text))
+            .map_err(|error| Failure::input(format!("{}: {error}", path.display())))?,
+    };
+    Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick, limits })
 }
 
 fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) -> Result<ExitCode, Failure> {

@@ -1,5 +1,6 @@
 //! Stiff and extreme scenes: every family over its whole range, engine by engine, against the truth and against limits.
 
+pub mod cost;
 pub mod limits;
 pub mod operations;
 pub mod plot;
@@ -15,7 +16,7 @@ use crate::measure::Machine;
 use crate::render::{EngineError, Film, PixelFormat, Precision};
 use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
-use limits::Limits;
+use limits::{Broken, Figures, Limits};
 
 /// The number of the schema, in the document's field `schema`.
 pub const SCHEMA: u32 = 1;
@@ -39,6 +40,8 @@ pub struct Settings {
     pub case: Option<usize>,
     /// Whether the pictures are small.
     pub quick: bool,
+    /// What every engine is held to.
+    pub limits: Limits,
 }
 
 /// One engine at one level of a family, all variants together. The field names are those of the JSON document.
@@ -78,6 +81,9 @@ pub struct Cell {
     pub slowdown: Option<f64>,
     /// The case with the most wrong hits or, where there are none, with the largest share of the bound.
     pub worst_case: usize,
+    /// The worst case by each of [`Figures`], and its figure there.
+    #[serde(skip)]
+    worst_by: [(f64, usize); limits::MEASURES.len()],
 }
 
 impl Cell {
@@ -85,10 +91,24 @@ impl Cell {
         (self.engine, self.precision)
     }
 
+    /// What has a limit.
+    fn figures(&self) -> Figures {
+        let share = |count: usize| count as f64 / self.rays.max(1) as f64;
+        let counts = [self.wrong_hits, self.holes, self.off_by_1, self.off_by_2].map(share);
+        figures([self.max_ulp, self.bound_share, self.max_angle], counts)
+    }
+
     /// Whether it breaks the documented bound or hits what is not there.
     pub fn breaks(&self) -> bool {
         self.wrong_hits > 0 || self.bound_share.is_some_and(|share| share > 1.0)
     }
+}
+
+/// In the order of [`limits::MEASURES`]: errors of t and of normals, where there are any, and shares of the rays.
+fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
+    let [ulp, bound, angle] = errors.map(|error| error.unwrap_or(0.0));
+    let [wrong, holes, off_by_1, off_by_2] = shares;
+    [ulp, bound, angle, wrong, holes, off_by_1, off_by_2]
 }
 
 /// One engine over a whole family.
@@ -104,28 +124,29 @@ pub struct Row {
     pub worst: Option<f64>,
     /// The same as a share of the documented bound.
     pub bound: Option<f64>,
+    /// The largest angle between a normal and the true one, in radians.
+    pub angle: Option<f64>,
     /// Outside of the margin: wrong hits and wrong objects.
     pub wrong_hits: usize,
-    /// The worst level's wrong hits as a share of its rays.
-    pub wrong_share: f64,
     /// Rays that hit nothing in pictures that objects cover.
     pub holes: usize,
     /// Pixels off by a level or more.
     pub off_by_1: usize,
     /// Pixels off by two levels or more.
     pub off_by_2: usize,
-    /// The worst level's pixels off by two levels as a share of its rays.
-    pub off_by_2_share: f64,
     /// The first value of the parameter, from the ordinary one outwards, at which it breaks its bound or hits wrongly.
     pub breaks_at: Option<String>,
     /// The largest ratio of a level's time to that of the ordinary one.
     pub slowdown: Option<f64>,
     /// Whether it keeps its limits.
     pub holds: bool,
-    /// The limits that it does not keep, in words.
-    pub broken: Vec<String>,
+    /// The limits that it does not keep.
+    pub broken: Vec<Broken>,
     /// The case to look at.
     pub worst_case: usize,
+    /// The worst level's figures that have a limit, counts as shares of its rays, and the worst case by each.
+    #[serde(skip)]
+    worst_by: [(f64, usize); limits::MEASURES.len()],
 }
 
 /// Everything that was found.
@@ -145,6 +166,8 @@ pub struct Document {
     pub rows: Vec<Row>,
     /// The same level by level.
     pub cells: Vec<Cell>,
+    /// What a far sphere and a small scene take by what ordinary ones do.
+    pub costs: Vec<cost::Cost>,
     /// The operations by themselves, at ranges that scenes do not have too.
     pub operations: Vec<operations::OperationRow>,
     /// Limits that could be tightened.
@@ -170,6 +193,7 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<D
         complete: true,
         rows: Vec::new(),
         cells: Vec::new(),
+        costs: Vec::new(),
         operations: Vec::new(),
         tighter: Vec::new(),
     };
@@ -188,10 +212,12 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<D
         document.rows.extend(rows(family, &cells));
         document.cells.extend(cells);
     }
-    let limits = Limits::checked_in();
     for row in &mut document.rows {
-        row.broken = limits.broken(row);
+        row.broken = settings.limits.broken(row);
         row.holds = row.broken.is_empty();
+    }
+    if document.complete && settings.case.is_none() {
+        document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
     }
     #[cfg(rayo_asm)]
     if document.complete && settings.case.is_none() {
@@ -199,7 +225,7 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<D
     }
     // Of small pictures, or of some of the cases, the worst is not to be expected.
     if document.complete && !settings.quick && settings.case.is_none() {
-        document.tighter = document.rows.iter().filter_map(|row| limits.tighter(row)).collect();
+        document.tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row)).collect();
     }
     Ok(document)
 }
@@ -223,6 +249,7 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
                 cell.rays += 1;
                 cell.wrong_hits += usize::from(!refused);
                 cell.worst_case = case.index;
+                cell.worst_by = [(0.0, case.index); limits::MEASURES.len()];
                 let picture = ordinary(case);
                 let usual = time(*contender, &picture)? * picture.camera.pixels() as f64;
                 cell.slowdown = Some(cell.slowdown.unwrap_or(0.0).max(ns / usual));
@@ -273,6 +300,7 @@ fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
         ns_per_ray: None,
         slowdown: None,
         worst_case: 0,
+        worst_by: [(-1.0, 0); limits::MEASURES.len()],
     }
 }
 
@@ -289,18 +317,24 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     };
     let seen: Vec<_> = judged.iter().filter(|judged| !coarse(judged)).collect();
     let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
-    let off_by_2 = most(|judged| judged.errors.off_by_2);
+    let (off_by_1, off_by_2) = (most(|judged| judged.errors.off_by_1), most(|judged| judged.errors.off_by_2));
+    let holes = if case.covered { first.wrong_hits + first.wrong_hits_inside } else { 0 };
     cell.rays += first.rays;
     cell.in_margin += first.in_margin;
     cell.wrong_hits += wrong;
-    if case.covered {
-        cell.holes += first.wrong_hits + first.wrong_hits_inside;
-    }
+    cell.holes += holes;
     cell.max_ulp = largest(cell.max_ulp, first.max_ulp);
     cell.bound_share = largest(cell.bound_share, first.bound_share);
     cell.max_angle = largest(cell.max_angle, first.max_angle);
-    cell.off_by_1 += most(|judged| judged.errors.off_by_1);
+    cell.off_by_1 += off_by_1;
     cell.off_by_2 += off_by_2;
+    let shares = [wrong, holes, off_by_1, off_by_2].map(|count| count as f64 / first.rays as f64);
+    let found = figures([first.max_ulp, first.bound_share, first.max_angle], shares);
+    for (worst, figure) in cell.worst_by.iter_mut().zip(found) {
+        if figure > worst.0 {
+            *worst = (figure, case.index);
+        }
+    }
     (wrong + off_by_2, first.bound_share.unwrap_or(0.0))
 }
 
@@ -366,39 +400,40 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
         let own: Vec<_> = cells.iter().filter(|cell| cell.contender() == (engine, precision)).collect();
         let largest = |of: fn(&Cell) -> Option<f64>| own.iter().filter_map(|cell| of(cell)).reduce(f64::max);
         let sum = |of: fn(&Cell) -> usize| own.iter().map(|cell| of(cell)).sum();
-        let share = |of: fn(&Cell) -> usize| {
-            own.iter().map(|cell| of(cell) as f64 / cell.rays.max(1) as f64).fold(0.0, f64::max)
-        };
         let badness = |cell: &&&Cell| (cell.wrong_hits + cell.off_by_2, cell.bound_share.unwrap_or(0.0));
         let worst = own.iter().max_by(|a, b| badness(a).partial_cmp(&badness(b)).expect("shares are numbers"));
         let outwards = own.iter().filter(|cell| cell.breaks()).min_by_key(|cell| cell.level.abs_diff(family.ordinary));
+        let worst_by = std::array::from_fn(|i| {
+            let cells = own.iter().map(|cell| (cell.figures()[i], cell.worst_by[i].1));
+            cells.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
+        });
         Row {
             family: family.id,
             engine,
             precision,
             worst: largest(|cell| cell.max_ulp),
             bound: largest(|cell| cell.bound_share),
+            angle: largest(|cell| cell.max_angle),
             wrong_hits: sum(|cell| cell.wrong_hits),
-            wrong_share: share(|cell| cell.wrong_hits),
             holes: sum(|cell| cell.holes),
             off_by_1: sum(|cell| cell.off_by_1),
             off_by_2: sum(|cell| cell.off_by_2),
-            off_by_2_share: share(|cell| cell.off_by_2),
             breaks_at: outwards.map(|cell| cell.value.clone()),
             slowdown: largest(|cell| cell.slowdown),
             holds: true,
             broken: Vec::new(),
             worst_case: worst.map_or(0, |cell| cell.worst_case),
+            worst_by,
         }
     };
     contenders.map(row).collect()
 }
 
 impl Row {
-    /// The command that repeats its worst case alone.
-    pub fn replay(&self, seed: u64, quick: bool) -> String {
+    /// The command that repeats one case alone.
+    pub fn replay(&self, case: usize, seed: u64, quick: bool) -> String {
         let quick = if quick { " --quick" } else { "" };
-        let Row { family, engine, worst_case, .. } = self;
-        format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {worst_case}{quick}")
+        let Row { family, engine, .. } = self;
+        format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")
     }
 }

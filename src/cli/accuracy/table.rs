@@ -138,19 +138,24 @@ pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
 
 /// The sentences why those stay that are on no front, one after those that it is of.
 pub(super) fn reasons(reasons: &[Reason]) -> String {
-    let who = |reason: &Reason| {
-        let Reason { engine, precision, option, output, .. } = reason;
+    // Of each sentence, who; of each of them, in which precisions and outputs.
+    let mut of: Vec<(&str, Vec<(String, Vec<String>)>)> = Vec::new();
+    for Reason { engine, precision, option, output, reason } in reasons {
         let option = option.map_or(String::new(), |option| format!(" with `{option}`"));
-        format!("`{engine}` in {precision}{option}, {output}")
-    };
-    let mut of: Vec<(&str, Vec<String>)> = Vec::new();
-    for reason in reasons {
-        match of.iter_mut().find(|(sentence, _)| *sentence == reason.reason) {
-            Some((_, all)) => all.push(who(reason)),
-            None => of.push((reason.reason, vec![who(reason)])),
+        let (who, what) = (format!("`{engine}`{option}"), format!("{precision} {output}"));
+        let i = of.iter().position(|(other, _)| other == reason).unwrap_or_else(|| {
+            of.push((*reason, Vec::new()));
+            of.len() - 1
+        });
+        match of[i].1.iter_mut().find(|(other, _)| *other == who) {
+            Some((_, all)) => all.push(what),
+            None => of[i].1.push((who, vec![what])),
         }
     }
-    of.iter().map(|(sentence, all)| format!("- {}: {sentence}\n", all.join("; "))).collect()
+    let who = |(who, what): &(String, Vec<String>)| format!("{who} ({})", what.join(", "));
+    of.iter()
+        .map(|(sentence, all)| format!("- {}: {sentence}\n", all.iter().map(who).collect::<Vec<_>>().join("; ")))
+        .collect()
 }
 
 /// What is printed: each scene if there are few, and all of them together.

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::cli::table::Table;
+use crate::experiments::stability::cost::Cost;
 use crate::experiments::stability::operations::OperationRow;
 use crate::experiments::stability::{Document, Row};
 use crate::scene::families::family;
@@ -10,9 +11,10 @@ use crate::scene::families::family;
 /// The columns after engine and precision: their heads and what is below.
 type Column = (&'static str, fn(&Row) -> String);
 
-pub(super) const COLUMNS: [Column; 8] = [
+pub(super) const COLUMNS: [Column; 9] = [
     ("t, ulp", |row| number(row.worst)),
     ("of bound", |row| number(row.bound)),
+    ("normal", |row| number(row.angle)),
     ("wrong hits", |row| row.wrong_hits.to_string()),
     ("holes", |row| row.holes.to_string()),
     ("off by 1", |row| row.off_by_1.to_string()),
@@ -43,6 +45,11 @@ pub fn text(document: &Document) -> String {
         }
         text += "\n";
     }
+    if !document.costs.is_empty() {
+        text += "The time of a stiff picture by that of the same picture of an ordinary scene\n\n";
+        text += &costs(&document.costs);
+        text += "\n";
+    }
     if !document.operations.is_empty() {
         text += "The operations by themselves\n\n";
         text += &operations(&document.operations);
@@ -54,11 +61,48 @@ pub fn text(document: &Document) -> String {
     text
 }
 
+/// What stiffness costs: a column for each kind of it.
+pub(super) fn costs(costs: &[Cost]) -> String {
+    let mut kinds: Vec<&str> = Vec::new();
+    let mut rows: Vec<(String, Vec<&Cost>)> = Vec::new();
+    for cost in costs {
+        if !kinds.contains(&cost.stiff) {
+            kinds.push(cost.stiff);
+        }
+        let who = format!("`{}` {} {}", cost.engine, cost.precision, cost.output);
+        match rows.iter_mut().find(|(other, _)| *other == who) {
+            Some((_, of)) => of.push(cost),
+            None => rows.push((who, vec![cost])),
+        }
+    }
+    let mut table = Table::new(1, ["engine"].into_iter().chain(kinds.iter().copied()));
+    for (who, of) in rows {
+        let ratio = |kind: &&str| {
+            let cost = of.iter().find(|cost| cost.stiff == *kind);
+            cost.map_or("-".into(), |cost| format!("{:.2}", cost.ratio.value))
+        };
+        table.row([who].into_iter().chain(kinds.iter().map(ratio)).collect());
+    }
+    table.text()
+}
+
 /// The operations by themselves.
 pub(super) fn operations(rows: &[OperationRow]) -> String {
     let mut table = Table::new(
         4,
-        ["family", "operation", "engine", "range", "rays", "t, ulp", "of bound", "wrong hits", "breaks at", "slowdown"],
+        [
+            "family",
+            "operation",
+            "engine",
+            "range",
+            "rays",
+            "t, ulp",
+            "of bound",
+            "wrong hits",
+            "holes",
+            "breaks at",
+            "slowdown",
+        ],
     );
     for row in rows {
         table.row(vec![
@@ -70,6 +114,7 @@ pub(super) fn operations(rows: &[OperationRow]) -> String {
             number(row.worst),
             number(row.bound),
             row.wrong_hits.to_string(),
+            row.holes.map_or("-".into(), |holes| holes.to_string()),
             row.breaks_at.clone().unwrap_or_else(|| "-".into()),
             number(Some(row.slowdown)),
         ]);

@@ -2,37 +2,94 @@
 
 use std::fmt::Write;
 
+use serde::Serialize;
+
 use super::Row;
 
 /// `limits.csv`: what every engine may do on every family. `c` and `paper` are in it too: their limits say where the
 /// paper's formulas stop.
 const CHECKED_IN: &str = include_str!("limits.csv");
-/// The columns of `limits.csv`.
-pub const HEADER: &str = "family,engine,precision,max_ulp,max_bound_share,max_wrong_share,max_off_by_2_share";
+
+/// What has a limit.
+#[derive(Clone, Copy, Debug)]
+pub struct Measure {
+    /// Its column in `limits.csv`.
+    column: &'static str,
+    /// What it is.
+    words: &'static str,
+    /// No limit below this is worth a tighter one.
+    small: f64,
+    /// What is not 0 gets at least this as its limit: one pixel of a small picture, or the rounding of f64.
+    least: f64,
+    /// What no limit is above where what was found is not.
+    promised: f64,
+}
+
+/// The measures, in the order of [`Figures`] and of the columns: of the worst level, and shares of its rays.
+pub const MEASURES: [Measure; 7] = [
+    Measure { column: "max_ulp", words: "the error of t in ulp", small: 0.1, least: 0.0, promised: f64::INFINITY },
+    Measure {
+        column: "max_bound_share",
+        words: "the error of t over its bound",
+        small: 0.1,
+        least: 0.0,
+        promised: 1.0,
+    },
+    Measure { column: "max_angle", words: "the angle of a normal", small: 1e-6, least: 1e-15, promised: f64::INFINITY },
+    Measure { column: "max_wrong_share", words: "the share of wrong hits", small: FEW, least: FEW, promised: 1.0 },
+    Measure { column: "max_hole_share", words: "the share of holes", small: FEW, least: FEW, promised: 1.0 },
+    Measure {
+        column: "max_off_by_1_share",
+        words: "the share of pixels off by a level",
+        small: MANY,
+        least: MANY,
+        promised: 1.0,
+    },
+    Measure {
+        column: "max_off_by_2_share",
+        words: "the share of pixels off by two levels",
+        small: FEW,
+        least: FEW,
+        promised: 1.0,
+    },
+];
+const FEW: f64 = 1e-3;
+/// A level is what f32 and estimates of its roots may be off by; how often depends on the CPU.
+const MANY: f64 = 0.1;
+/// A number for each of [`MEASURES`].
+pub type Figures = [f64; MEASURES.len()];
+
 /// A limit is so many times what was measured, since another seed may be a little worse.
 const ROOM: f64 = 1.5;
 /// A limit so many times what was measured could be tightened.
 const LOOSE: f64 = 4.0;
-/// No ulp or share of a bound below this is worth a tighter limit.
-const SMALL: f64 = 0.1;
 
 /// What one engine may do on one family.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Limit {
+struct Limit {
     family: String,
     engine: String,
     precision: String,
-    /// Of t; infinite where no bound can be given.
-    max_ulp: f64,
-    max_bound_share: f64,
-    /// Of the worst level's rays.
-    max_wrong_share: f64,
-    max_off_by_2_share: f64,
+    most: Figures,
 }
 
 /// All limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limits(Vec<Limit>);
+
+/// A limit that is not kept.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Broken {
+    /// What was found, and the limit.
+    pub why: String,
+    /// The worst case by this measure.
+    pub case: usize,
+}
+
+/// The first line of a file of limits.
+pub fn header() -> String {
+    ["family", "engine", "precision"].into_iter().chain(MEASURES.iter().map(|m| m.column)).collect::<Vec<_>>().join(",")
+}
 
 impl Limits {
     /// Those that are checked in.
@@ -43,29 +100,24 @@ impl Limits {
         Self::parse(CHECKED_IN).unwrap_or_else(|error| panic!("limits.csv: {error}"))
     }
 
-    /// Reads a table with the columns of [`HEADER`].
+    /// Reads a table with the columns of [`header`].
     ///
     /// # Errors
     /// Says which line is wrong.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let mut lines = text.lines();
-        if lines.next() != Some(HEADER) {
-            return Err(format!("the first line must be {HEADER}"));
+        let (header, mut lines) = (header(), text.lines());
+        if lines.next() != Some(&header) {
+            return Err(format!("the first line must be {header}"));
         }
         let limits = lines.enumerate().map(|(i, line)| {
-            let wrong = || format!("line {}: `{line}` has not the columns {HEADER}", i + 2);
+            let wrong = || format!("line {}: `{line}` has not the columns {header}", i + 2);
             let [family, engine, precision, numbers @ ..] = &line.split(',').collect::<Vec<_>>()[..] else {
                 return Err(wrong());
             };
             let numbers = numbers.iter().map(|number| number.parse::<f64>()).collect::<Result<Vec<_>, _>>();
-            let numbers = numbers.map_err(|_| wrong())?;
-            let [max_ulp, max_bound_share, max_wrong_share, max_off_by_2_share] = numbers[..] else {
-                return Err(wrong());
-            };
+            let most = numbers.ok().and_then(|numbers| Figures::try_from(numbers).ok()).ok_or_else(wrong)?;
             let [family, engine, precision] = [family, engine, precision].map(|name| (*name).to_owned());
-            let limit =
-                Limit { family, engine, precision, max_ulp, max_bound_share, max_wrong_share, max_off_by_2_share };
-            Ok(limit)
+            Ok(Limit { family, engine, precision, most })
         });
         limits.collect::<Result<Vec<_>, _>>().map(Limits)
     }
@@ -76,33 +128,28 @@ impl Limits {
             .find(|limit| limit.family == row.family && limit.engine == row.engine && limit.precision == row.precision)
     }
 
-    /// The limits that a row does not keep, in words.
-    pub fn broken(&self, row: &Row) -> Vec<String> {
-        let Some(limit) = self.of(row) else { return vec!["there is no limit in limits.csv".into()] };
-        let checks = [
-            ("the error of t in ulp", row.worst.unwrap_or(0.0), limit.max_ulp),
-            ("the error of t over its bound", row.bound.unwrap_or(0.0), limit.max_bound_share),
-            ("the share of wrong hits", row.wrong_share, limit.max_wrong_share),
-            ("the share of pixels off by two levels", row.off_by_2_share, limit.max_off_by_2_share),
-        ];
-        let above = checks.into_iter().filter(|(_, found, limit)| found > limit || found.is_nan());
-        above.map(|(what, found, limit)| format!("{what} is {found:.3}, above {limit}")).collect()
+    /// The limits that a row does not keep.
+    pub fn broken(&self, row: &Row) -> Vec<Broken> {
+        let Some(limit) = self.of(row) else {
+            return vec![Broken { why: "there is no limit for it".into(), case: row.worst_case }];
+        };
+        let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
+        let above = checks.filter(|((_, (found, _)), most)| found > most || found.is_nan());
+        let why = |((measure, (found, case)), most): ((&Measure, (f64, usize)), f64)| {
+            let why = format!("{} is {}, above {most}", measure.words, two_digits(found));
+            Broken { why, case }
+        };
+        above.map(why).collect()
     }
 
     /// The limits of a row that could be tightened, in words.
     pub fn tighter(&self, row: &Row) -> Option<String> {
         let limit = self.of(row)?;
-        let checks = [
-            ("max_ulp", row.worst.unwrap_or(0.0), limit.max_ulp),
-            ("max_bound_share", row.bound.unwrap_or(0.0), limit.max_bound_share),
-            ("max_wrong_share", row.wrong_share, limit.max_wrong_share),
-            ("max_off_by_2_share", row.off_by_2_share, limit.max_off_by_2_share),
-        ];
-        let loose = |(name, found, limit): &(&str, f64, f64)| {
-            *limit > LOOSE * found && (*limit > SMALL || name.ends_with("_share") && *found == 0.0 && *limit > 1e-4)
-        };
-        let loose = checks.iter().filter(|check| loose(check));
-        let loose: Vec<_> = loose.map(|(name, found, limit)| format!("{name} {limit} ({found:.3} found)")).collect();
+        let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
+        let loose = checks.filter(|((measure, (found, _)), most)| *most > measure.small && *most > LOOSE * found);
+        let loose: Vec<_> = loose
+            .map(|((measure, (found, _)), most)| format!("{} {most} ({} found)", measure.column, two_digits(found)))
+            .collect();
         let Row { family, engine, precision, .. } = row;
         (!loose.is_empty()).then(|| format!("{family} {engine} {precision}: {}", loose.join(", ")))
     }
@@ -110,11 +157,15 @@ impl Limits {
 
 /// The table of limits that these rows would just keep, with some room.
 pub fn table(rows: &[Row]) -> String {
-    let mut text = format!("{HEADER}\n");
+    let mut text = header() + "\n";
     for row in rows {
         let Row { family, engine, precision, .. } = row;
-        let numbers = [row.worst.unwrap_or(0.0), row.bound.unwrap_or(0.0), row.wrong_share, row.off_by_2_share];
-        let numbers = numbers.map(|number| two_digits(ROOM * number));
+        let limit = |(measure, (found, _)): (&Measure, (f64, usize))| {
+            let Measure { least, promised, .. } = *measure;
+            let room = if found > 0.0 { (ROOM * found).max(least) } else { 0.0 };
+            two_digits(if found <= promised { room.min(promised) } else { room })
+        };
+        let numbers: Vec<_> = MEASURES.iter().zip(row.worst_by).map(limit).collect();
         writeln!(text, "{family},{engine},{precision},{}", numbers.join(",")).expect("a string takes any text");
     }
     text
@@ -126,9 +177,10 @@ fn two_digits(x: f64) -> String {
         return x.to_string();
     }
     let unit = 10f64.powi(x.log10().floor() as i32 - 1);
-    let rounded: f64 = format!("{:e}", (x / unit).ceil() * unit).parse().unwrap_or(x);
-    // What binary digits left behind.
-    format!("{rounded:.1e}").parse::<f64>().map_or_else(|_| rounded.to_string(), |rounded| rounded.to_string())
+    // What binary digits left behind goes with the third digit.
+    let [up, near] = [(x / unit).ceil() * unit, x].map(|x| format!("{x:.1e}").parse::<f64>().unwrap_or(x));
+    let rounded = if near >= x { near } else { up };
+    if (1e-4..1e7).contains(&rounded) { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 #[cfg(test)]
@@ -136,64 +188,86 @@ mod tests {
     use super::*;
     use crate::scene::families::FAMILIES;
 
+    /// Where [`MEASURES`] has wrong hits.
+    const WRONG: usize = 3;
+
+    /// A row whose error of t is `worst` in case 7, and its share of wrong hits `wrong_share` in case 5.
     fn row(worst: f64, wrong_share: f64) -> Row {
+        let mut worst_by = [(0.0, 3); MEASURES.len()];
+        worst_by[..2].copy_from_slice(&[(worst, 7), (0.5, 7)]);
+        worst_by[WRONG] = (wrong_share, 5);
         Row {
             family: "S1",
             engine: "avx2",
             precision: "single",
             worst: Some(worst),
             bound: Some(0.5),
+            angle: None,
             wrong_hits: 0,
-            wrong_share,
             holes: 0,
             off_by_1: 0,
             off_by_2: 0,
-            off_by_2_share: 0.0,
             breaks_at: None,
             slowdown: None,
             holds: true,
             broken: Vec::new(),
             worst_case: 7,
+            worst_by,
         }
     }
 
     fn limits() -> Limits {
-        Limits::parse(&format!("{HEADER}\nS1,avx2,single,8,1,0,0\n")).unwrap()
+        Limits::parse(&format!("{}\nS1,avx2,single,8,1,0,0,0,0,0\n", header())).unwrap()
     }
 
     #[test]
-    fn a_row_within_its_limits_holds_and_one_beyond_says_which_it_breaks() {
+    fn a_row_within_its_limits_holds_and_one_beyond_says_which_it_breaks_and_in_which_case() {
         assert!(limits().broken(&row(8.0, 0.0)).is_empty());
-        assert_eq!(limits().broken(&row(8.5, 0.25)).len(), 2);
-        assert!(limits().broken(&row(9.0, 0.0))[0].contains("9.000, above 8"));
+        let broken = limits().broken(&row(8.5, 0.25));
+        assert_eq!(broken.iter().map(|broken| broken.case).collect::<Vec<_>>(), [7, 5]);
+        assert_eq!(broken[0].why, "the error of t in ulp is 8.5, above 8");
+        assert_eq!(broken[1].why, "the share of wrong hits is 0.25, above 0");
         assert_eq!(limits().broken(&row(f64::NAN, 0.0)).len(), 1, "what is no number keeps no limit");
         assert_eq!(limits().broken(&Row { engine: "sse41", ..row(1.0, 0.0) }).len(), 1);
+        let replay = row(8.5, 0.25).replay(5, 3, true);
+        assert_eq!(replay, "rayo stability --family S1 --engine avx2 --seed 3 --case 5 --quick");
     }
 
     #[test]
     fn a_limit_far_from_what_is_found_could_be_tightened() {
         assert_eq!(limits().tighter(&row(7.0, 0.0)), None);
-        assert!(limits().tighter(&row(1.0, 0.0)).unwrap().contains("max_ulp 8 (1.000 found)"));
+        assert!(limits().tighter(&row(1.0, 0.0)).unwrap().contains("max_ulp 8 (1 found)"));
+        let loose = Limits::parse(&format!("{}\nS1,avx2,single,8,1,1e-7,0.5,0,0,0.0005\n", header())).unwrap();
+        assert_eq!(loose.tighter(&row(7.0, 0.1)).unwrap(), "S1 avx2 single: max_wrong_share 0.5 (0.1 found)");
     }
 
     #[test]
-    fn the_table_of_some_rows_is_kept_by_them() {
+    fn the_table_of_some_rows_is_kept_by_them_and_has_no_room_beyond_what_is_promised() {
         for worst in [0.0, 1.0, 3.3, 1234.5, 1e-7] {
-            let row = Row { off_by_2_share: 0.0123, ..row(worst, worst / 2000.0) };
+            let row = row(worst, worst / 2000.0);
             let limits = Limits::parse(&table(std::slice::from_ref(&row))).unwrap();
             assert!(limits.broken(&row).is_empty(), "{limits:?}");
         }
-        assert_eq!(two_digits(1.2301), "1.3");
+        for (found, limit) in [(0.5, 0.75), (0.9, 1.0), (2.0, 3.0)] {
+            let mut row = row(1.0, 1e-6);
+            row.worst_by[1].0 = found;
+            let limits = Limits::parse(&table(&[row])).unwrap();
+            assert_eq!((limits.0[0].most[1], limits.0[0].most[WRONG]), (limit, FEW));
+        }
+        let digits = [1.2301, 0.77, 8.5, 1.0, 2.4e-8, 6.5e14, 0.0].map(two_digits);
+        assert_eq!(digits, ["1.3", "0.77", "8.5", "1", "2.4e-8", "6.5e14", "0"]);
     }
 
     #[test]
     fn a_wrong_line_is_named() {
         assert!(Limits::parse("no").is_err());
-        assert!(Limits::parse(&format!("{HEADER}\nS1,avx2,single,8,1,0")).unwrap_err().contains("line 2"));
+        for numbers in ["8,1,0", "8,1,0,0,0,0,x", "8,1,0,0,0,0,0,0"] {
+            assert!(Limits::parse(&format!("{}\nS1,avx2,single,{numbers}", header())).unwrap_err().contains("line 2"));
+        }
     }
 
     #[test]
-    fn every_engine_has_limits_on_every_family_and_the_packets_no_room_for_wrong_hits() {
+    fn every_engine_has_limits_on_every_family_and_those_that_are_robust_no_room_for_what_is_wrong() {
         let limits = Limits::checked_in();
         for family in FAMILIES {
             let packets = ["sse41", "avx2", "avx512"].into_iter();
@@ -202,9 +276,15 @@ mod tests {
             for (engine, precision) in packets.chain(scalar) {
                 let row = Row { family: family.id, engine, precision, ..row(0.0, 0.0) };
                 let limit = limits.of(&row).unwrap_or_else(|| panic!("{} {engine} {precision}", family.id));
-                if !["rust", "c", "paper"].contains(&engine) {
-                    assert_eq!((limit.max_wrong_share, limit.max_off_by_2_share), (0.0, 0.0), "{limit:?}");
+                let [_, bound, angle, wrong, holes, off_by_1, off_by_2] = limit.most;
+                if ["rust", "c", "paper"].contains(&engine) {
+                    continue;
                 }
+                assert_eq!((wrong, holes, off_by_2), (0.0, 0.0, 0.0), "{limit:?}");
+                assert!(bound <= 1.0, "{limit:?}");
+                assert!(family.id != "S1" || angle <= 1e-5, "{limit:?}");
+                // The reference writes floats alone, and rounding them can be a level.
+                assert!(precision != "double" || engine == "reference" || off_by_1 == 0.0, "{limit:?}");
             }
         }
     }

@@ -17,7 +17,7 @@ pub struct OperationRow {
     pub from: String,
     /// The last.
     pub to: String,
-    /// Rays of a value.
+    /// Rays of a value at least, each against one object.
     pub rays: usize,
     /// The largest error of t in units of its last place; null where nothing is to be hit.
     pub worst: Option<f64>,
@@ -25,6 +25,8 @@ pub struct OperationRow {
     pub bound: Option<f64>,
     /// Outside of the margin.
     pub wrong_hits: usize,
+    /// Rays that meet no triangle of a mesh that covers the picture; null where there is no mesh.
+    pub holes: Option<usize>,
     /// The first value, from the ordinary one outwards, at which it breaks its bound or hits wrongly.
     pub breaks_at: Option<String>,
     /// The largest ratio of a value's time to that of the ordinary one.
@@ -43,12 +45,14 @@ mod with_assembly {
 
     use super::OperationRow;
     use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
+    use crate::experiments::stability::side;
     use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
+    use crate::measure::statistics::median;
     use crate::plan::{InUnits, sphere_hit, triangle_hit};
     use crate::reference::exact::{self, Meeting, Ray, Split};
     use crate::render::{Colour, Distance, Found};
     use crate::scene::families::{self, Family, Level};
-    use crate::scene::{Object, Rng};
+    use crate::scene::{self, Camera, Object, Rng, Scene};
 
     /// Rays of a value at least, of a quick sweep and of any other.
     const RAYS: [usize; 2] = [3_000, 100_000];
@@ -197,25 +201,28 @@ mod with_assembly {
     impl<E: PacketElement> Held<E> {
         fn new(sweep: &Sweep, value: f64, rays: usize, rng: &mut Rng) -> Self {
             let (shape, at) = (sweep.make)(value, rng);
-            let rays = aimed::<E>(&at, rays, rng);
+            Held::of(shape, aimed::<E>(&at, rays, rng))
+        }
+
+        fn of(shape: Shape, rays: Vec<[E; 3]>) -> Self {
             let exact: Vec<_> = rays.iter().map(|ray| ray.map(|x| x.to_f64())).collect();
             let reach = reach_of(&rays);
             let (record, unit) = shape.record(reach);
             Held { record, unit, rays, expected: shape.expected(&exact, reach) }
         }
 
-        /// t of each ray, and nanoseconds of one.
-        fn call(&self, op: &PacketOp<E>) -> (Vec<f64>, f64) {
+        /// t of each ray, and nanoseconds of all, the fastest of so many runs.
+        fn call(&self, op: &PacketOp<E>, runs: usize) -> (Vec<f64>, f64) {
             let packets = packed(&self.rays, op.lanes);
             let mut out = vec![E::default(); packets.len() / 3];
             let mut fastest = f64::INFINITY;
-            for _ in 0..RUNS {
+            for _ in 0..runs {
                 let start = Instant::now();
                 op.call(&mut out, &packets, &self.record);
                 fastest = fastest.min(start.elapsed().as_secs_f64());
             }
             let t = out.iter().take(self.rays.len()).map(|t| self.unit * t.to_f64()).collect();
-            (t, 1e9 * fastest / self.rays.len() as f64)
+            (t, 1e9 * fastest)
         }
     }
 
@@ -237,54 +244,128 @@ mod with_assembly {
         packet_ops::<E>(isa)?.iter().find(|op| op.name == name)
     }
 
-    /// Sweeps the operations over those of `families` that are of single objects: S1, S3, T5 and N1.
+    /// Families whose scenes are a few objects, each of which the rays of the scene's own picture are held against.
+    const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T4", "T7"];
+    /// A case of more objects than these is a mesh, and left to T6.
+    const FEW: usize = 20;
+
+    /// Sweeps the operations over those of `families` that are of single objects, and for cracks over T6.
     pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
+        families.iter().flat_map(|family| of_family(family, seed, quick)).collect()
+    }
+
+    fn of_family(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
         let rays = RAYS[usize::from(!quick)];
-        let has = |id: &str| families.iter().any(|family| family.id == id);
         let mut rows = Vec::new();
-        for sweep in SWEEPS.iter().filter(|sweep| has(sweep.id)) {
-            let family = families::family(sweep.id).expect("it is one of the families");
+        if let Some(sweep) = SWEEPS.iter().find(|sweep| sweep.id == family.id) {
             let values = family.levels.iter().map(|level| level.value);
-            rows.extend(of_element::<f32>(sweep, &values.clone().collect::<Vec<_>>(), seed, rays, "single"));
+            rows.extend(of_element::<f32>(family, sweep, &values.clone().collect::<Vec<_>>(), seed, rays, "single"));
             let mut wide: Vec<f64> = values.chain(sweep.beyond.iter().copied()).collect();
             wide.sort_unstable_by(f64::total_cmp);
-            rows.extend(of_element::<f64>(sweep, &wide, seed, rays, "double"));
+            rows.extend(of_element::<f64>(family, sweep, &wide, seed, rays, "double"));
         }
-        if has("N1") {
-            rows.extend(not_numbers::<f32>(seed, rays, "single"));
-            rows.extend(not_numbers::<f64>(seed, rays, "double"));
+        if PICTURES.contains(&family.id) {
+            rows.extend(of_pictures::<f32>(family, seed, quick, "single"));
+            rows.extend(of_pictures::<f64>(family, seed, quick, "double"));
+        }
+        match family.id {
+            "T6" => {
+                rows.extend(of_meshes::<f32>(family, seed, quick, "single"));
+                rows.extend(of_meshes::<f64>(family, seed, quick, "double"));
+            }
+            "N1" => {
+                rows.extend(not_numbers::<f32>(seed, rays, "single"));
+                rows.extend(not_numbers::<f64>(seed, rays, "double"));
+            }
+            _ => {}
         }
         rows
     }
 
-    /// A value as the levels of families are written.
-    fn named(value: f64) -> String {
-        Level { value, label: "" }.to_string()
+    /// One operation over one parameter.
+    struct Over<'a> {
+        id: &'static str,
+        operation: &'static str,
+        precision: &'static str,
+        /// The values as they are written, and which of them is ordinary.
+        values: &'a [String],
+        ordinary: usize,
     }
 
     fn of_element<E: PacketElement>(
+        family: &Family,
         sweep: &Sweep,
         values: &[f64],
         seed: u64,
         rays: usize,
         precision: &'static str,
     ) -> Vec<OperationRow> {
-        let family = families::family(sweep.id).expect("it is one of the families");
-        let ordinary = family.levels[family.ordinary].value;
-        let middle = values.iter().position(|value| *value == ordinary).expect("the ordinary value is one of them");
-        let isas: Vec<_> = Isa::ALL.into_iter().filter(|isa| isa.usable()).collect();
-        // Of each value, each instruction set's errors and time.
-        let mut found: Vec<Vec<(Errors, f64)>> = Vec::new();
-        for (i, value) in values.iter().enumerate() {
+        let usual = family.levels[family.ordinary].value;
+        let ordinary = values.iter().position(|value| *value == usual).expect("the ordinary value is one of them");
+        let written: Vec<_> = values.iter().map(|value| Level { value: *value, label: "" }.to_string()).collect();
+        let over = Over { id: family.id, operation: sweep.operation, precision, values: &written, ordinary };
+        rows_of::<E>(&over, |i| {
             let mut rng = Rng::new(seed ^ ((i as u64) << 32));
-            let held: Vec<Held<E>> =
-                (0..OBJECTS).map(|_| Held::new(sweep, *value, rays.div_ceil(OBJECTS), &mut rng)).collect();
+            (0..OBJECTS).map(|_| Held::new(sweep, values[i], rays.div_ceil(OBJECTS), &mut rng)).collect()
+        })
+    }
+
+    /// The rays of a picture, rounded to E.
+    fn rays_of<E: PacketElement>(camera: &Camera) -> Vec<[E; 3]> {
+        let grid = camera.grid::<f64>();
+        let row = |row| (0..camera.width()).map(move |col| grid.ray(row, col).map(E::from_f64));
+        (0..camera.height()).flat_map(row).collect()
+    }
+
+    fn of_pictures<E: PacketElement>(
+        family: &Family,
+        seed: u64,
+        quick: bool,
+        precision: &'static str,
+    ) -> Vec<OperationRow> {
+        let variants = family.variants.len();
+        let shapes = |scene: &Scene, operation: &str| -> Vec<Shape> {
+            let sphere = |s: &scene::Sphere| Shape::Sphere { centre: s.centre.into(), radius: s.radius.into() };
+            let triangle = |t: &scene::Triangle| Shape::Triangle(t.vertices.map(Into::into));
+            match operation {
+                "sphere" => scene.spheres.iter().map(sphere).collect(),
+                _ => scene.triangles.iter().map(triangle).collect(),
+            }
+        };
+        let held = |level: usize, operation: &str| -> Vec<Held<E>> {
+            let cases = (0..variants).map(|i| family.case(level * variants + i, seed, side(family, quick)).scene);
+            cases
+                .flat_map(|scene| {
+                    let shapes = shapes(&scene, operation);
+                    let rays = if shapes.len() > FEW { Vec::new() } else { rays_of::<E>(&scene.camera) };
+                    shapes
+                        .into_iter()
+                        .take(FEW)
+                        .filter(|_| !rays.is_empty())
+                        .map(|shape| Held::of(shape, rays.clone()))
+                        .collect::<Vec<_>>()
+                })
+                .collect()
+        };
+        let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
+        let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
+        let over = Over { id: family.id, operation, precision, values: &values, ordinary: family.ordinary };
+        rows_of(&over, |level| held(level, operation))
+    }
+
+    /// A row for each instruction set; `held` makes what is held against the truth at a value.
+    fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
+        let isas: Vec<_> = Isa::ALL.into_iter().filter(|isa| isa.usable()).collect();
+        // Of each value, each instruction set's errors, and nanoseconds of an object.
+        let mut found: Vec<Vec<(Errors, f64)>> = Vec::new();
+        for value in 0..over.values.len() {
+            let held = held(value);
             let of = |isa: &Isa| {
-                let op = op_of::<E>(*isa, sweep.operation).expect("every instruction set has it");
+                let op = op_of::<E>(*isa, over.operation).expect("every instruction set has it");
                 let (mut tally, mut ns) = (Tally::of_exact_rays(size_of::<E>() == 8), 0.0);
                 for held in &held {
-                    let (hits, time) = held.call(op);
-                    ns += time;
+                    let (hits, time) = held.call(op, RUNS);
+                    ns += time / held.rays.len() as f64;
                     for (expected, t) in held.expected.iter().zip(hits) {
                         let object = expected.hit.map_or(Object::Sphere(0), |target| target.object);
                         let hit = Found { object, distance: Distance::T(t), normal: None };
@@ -292,32 +373,82 @@ mod with_assembly {
                         tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
                     }
                 }
-                (tally.errors(), ns)
+                (tally.errors(), ns / held.len() as f64)
             };
             found.push(isas.iter().map(of).collect());
         }
+        let Over { id, operation, precision, values, ordinary } = *over;
         let row = |(i, isa): (usize, &Isa)| {
             let own = || found.iter().map(|of| &of[i]);
             let largest = |of: fn(&Errors) -> Option<f64>| own().filter_map(|(errors, _)| of(errors)).reduce(f64::max);
             let breaks = |errors: &Errors| errors.wrong_hits > 0 || errors.bound_share.is_some_and(|share| share > 1.0);
             let broken = own().enumerate().filter(|(_, (errors, _))| breaks(errors)).map(|(level, _)| level);
-            let ordinary = found[middle][i].1;
+            let usual = found[ordinary][i].1;
             OperationRow {
-                family: sweep.id,
-                operation: sweep.operation,
+                family: id,
+                operation,
                 engine: isa.name(),
                 precision,
-                from: named(values[0]),
-                to: named(values[values.len() - 1]),
-                rays: found[0][i].0.rays,
+                from: values[0].clone(),
+                to: values[values.len() - 1].clone(),
+                rays: own().map(|(errors, _)| errors.rays).min().unwrap_or(0),
                 worst: largest(|errors| errors.max_ulp),
                 bound: largest(|errors| errors.bound_share),
                 wrong_hits: own().map(|(errors, _)| errors.wrong_hits).sum(),
-                breaks_at: broken.min_by_key(|level| level.abs_diff(middle)).map(|level| named(values[level])),
-                slowdown: own().map(|(_, ns)| ns / ordinary).fold(0.0, f64::max),
+                holes: None,
+                breaks_at: broken.min_by_key(|level| level.abs_diff(ordinary)).map(|level| values[level].clone()),
+                slowdown: own().map(|(_, ns)| ns / usual).fold(0.0, f64::max),
             }
         };
         isas.iter().enumerate().map(row).collect()
+    }
+
+    /// The meshes that cover their picture, triangle by triangle: how many rays meet none of them, though each meets some.
+    fn of_meshes<E: PacketElement>(
+        family: &Family,
+        seed: u64,
+        quick: bool,
+        precision: &'static str,
+    ) -> Vec<OperationRow> {
+        let side = if quick { side(family, true) } else { families::SIDE };
+        let case = |level: usize| family.case(level * family.variants.len(), seed, side);
+        let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
+        let rays: Vec<_> = cases.iter().map(|case| rays_of::<E>(&case.scene.camera)).collect();
+        let of = |isa: Isa| {
+            let op = op_of::<E>(isa, "triangle").expect("every instruction set has it");
+            let (mut holes, mut ns) = (0, Vec::new());
+            for (case, rays) in cases.iter().zip(&rays) {
+                let packets = packed(rays, op.lanes);
+                let (mut out, mut hit) = (vec![E::default(); packets.len() / 3], vec![false; rays.len()]);
+                let reach = reach_of(rays);
+                let mut taken = Vec::new();
+                for triangle in &case.scene.triangles {
+                    let (record, _) = Shape::Triangle(triangle.vertices.map(Into::into)).record(reach);
+                    let start = Instant::now();
+                    op.call(&mut out, &packets, &record);
+                    taken.push(start.elapsed().as_secs_f64());
+                    hit.iter_mut().zip(&out).for_each(|(hit, t)| *hit |= t.to_f64() != f64::INFINITY);
+                }
+                holes += hit.iter().filter(|hit| !**hit).count();
+                ns.push(median(&taken) / rays.len() as f64);
+            }
+            OperationRow {
+                family: family.id,
+                operation: "triangle",
+                engine: isa.name(),
+                precision,
+                from: cases[0].level.to_string(),
+                to: cases[cases.len() - 1].level.to_string(),
+                rays: rays.iter().map(Vec::len).min().unwrap_or(0),
+                worst: None,
+                bound: None,
+                wrong_hits: 0,
+                holes: Some(holes),
+                breaks_at: None,
+                slowdown: ns.iter().map(|of| of / ns[0]).fold(0.0, f64::max),
+            }
+        };
+        Isa::ALL.into_iter().filter(|isa| isa.usable()).map(of).collect()
     }
 
     /// An ordinary sphere and triangle with each number in turn made NaN or infinite, and rays that are: nothing is hit.
@@ -359,10 +490,10 @@ mod with_assembly {
             }));
             for isa in Isa::ALL.into_iter().filter(|isa| isa.usable()) {
                 let op = op_of::<E>(isa, sweep.operation).expect("every instruction set has it");
-                let (_, usual) = ordinary.call(op);
+                let (_, usual) = ordinary.call(op, RUNS);
                 let (mut wrong_hits, mut slowdown) = (0, 0.0_f64);
                 for case in &cases {
-                    let (hits, ns) = case.call(op);
+                    let (hits, ns) = case.call(op, RUNS);
                     wrong_hits += hits.into_iter().filter(|t| *t != f64::INFINITY).count();
                     slowdown = slowdown.max(ns / usual);
                 }
@@ -377,6 +508,7 @@ mod with_assembly {
                     worst: None,
                     bound: None,
                     wrong_hits,
+                    holes: None,
                     breaks_at: (wrong_hits > 0).then(|| "NaN".into()),
                     slowdown,
                 });

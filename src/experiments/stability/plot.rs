@@ -4,6 +4,7 @@ use plotters::prelude::*;
 
 use super::{Cell, Document};
 use crate::experiments::svg::{Area, FONT, PlotError, draw};
+use crate::scene::families::{Family, family as family_of};
 
 /// Pixels of a cell, of the names at the left, and of what stands above.
 const CELL: (i32, i32) = (9, 20);
@@ -79,6 +80,14 @@ pub fn figure(document: &Document) -> Result<String, PlotError> {
                     let at = (left + CELL.0 * column as i32, TOP + CELL.1 * i as i32);
                     rectangle(area, at, (CELL.0 - 1, CELL.1 - 2), SHADES[worst].1)?;
                 }
+            }
+            // From where to where, as far as it is a matter of numbers.
+            if let Some(Family { levels: [first, .., last], .. }) = family_of(family)
+                && first.label.parse::<f64>().is_ok() | first.label.is_empty()
+            {
+                let below = TOP + CELL.1 * names.len() as i32 + 2;
+                text(&first.to_string(), (left, below), 10)?;
+                text(&format!("to {last}"), (left, below + 12), 10)?;
             }
             left += CELL.0 * columns as i32 + GAP;
         }

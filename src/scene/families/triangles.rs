@@ -247,12 +247,28 @@ pub const DEGENERATE: Family = Family {
         "the plane through the camera",
         "behind the camera",
         "all but one vertex behind the camera",
+        "on a line, but for an ulp",
+        "a vertex an ulp from the camera",
+        "an edge an ulp from the camera",
+        "the plane an ulp from the camera",
+        "crossing z = 0 by an ulp",
     ]),
     ordinary: 0,
     same_work: false,
     variants: &["one light", "two lights"],
     make: degenerate,
 };
+
+/// `v` with each number of its f32 so many units of its last place further from 0; 0 itself, so many units of 1.
+fn ulps(v: DVec3, count: [i32; 3]) -> DVec3 {
+    let further = |x: f32, count: i32| match count {
+        0 => x,
+        _ if x == 0.0 => count as f32 * f32::EPSILON,
+        _ => f32::from_bits(x.to_bits().wrapping_add_signed(count)),
+    };
+    let [x, y, z] = v.as_vec3().to_array();
+    DVec3::from([(x, count[0]), (y, count[1]), (z, count[2])].map(|(x, count)| f64::from(further(x, count))))
+}
 
 fn degenerate(maker: &mut Maker) -> Made {
     let camera = maker.square(0.8);
@@ -282,7 +298,22 @@ fn degenerate(maker: &mut Maker) -> Made {
             [dvec3(-3.0, -3.0, -4.0), dvec3(3.0, -3.0, -4.0), dvec3(0.0, 4.0, -3.0)],
             [dvec3(-3.0, -3.0, -1e6), dvec3(3e6, -3.0, -4.0), dvec3(0.0, 4.0, 0.0)],
         ],
-        _ => vec![[dvec3(0.1, 0.2, 3.0), dvec3(-3.0, -1.0, -4.0), dvec3(3.0, -2.0, -2.0)]],
+        10 => vec![[dvec3(0.1, 0.2, 3.0), dvec3(-3.0, -1.0, -4.0), dvec3(3.0, -2.0, -2.0)]],
+        // The next numbers to those of kinds 3 and 6 to 8, which are degenerate in f32: these have an area and a side.
+        11 => vec![[p, p + along, ulps(p + 3.0 * along, [0, 1, 0])], [p - along, ulps(p, [-1, 0, 0]), p + 2.0 * along]],
+        12 => vec![
+            [ulps(DVec3::ZERO, [1, 0, 1]), p, p + along],
+            [p, ulps(DVec3::ZERO, [0, -1, 1]), dvec3(-1.0, 2.0, 3.0)],
+        ],
+        13 => vec![
+            [p, ulps(-2.0 * p, [0, 1, 0]), dvec3(-1.0, 2.0, 3.0)],
+            [dvec3(0.0, 1.0, 5.0), 0.5 * p, ulps(-p, [1, 0, 0])],
+        ],
+        14 => vec![[p, along, ulps(p + along, [0, 0, 1])], [p, ulps(2.0 * p + along, [0, -1, 0]), 3.0 * p - along]],
+        _ => vec![
+            [dvec3(-2.0, -1.0, 6.0), dvec3(2.0, -1.5, 5.0), ulps(dvec3(0.3, 0.2, 0.0), [0, 0, -1])],
+            [dvec3(-1.0, 3.0, 9.0), dvec3(1.0, 1.0, 0.0), ulps(dvec3(3.0, 0.5, 0.0), [0, 0, 1])],
+        ],
     };
     scene.triangles = vertices.into_iter().map(|vertices| triangle(RED, vertices)).collect();
     scene.into()

@@ -1,0 +1,159 @@
+//! What stiffness costs: the picture of a far sphere, and of a small scene, against the same picture of an ordinary one.
+
+use std::cell::RefCell;
+
+use serde::Serialize;
+
+use crate::experiments::accuracy::{AccuracyError, Contender, subjects};
+use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
+use crate::measure::{WallClock, Work, interleave};
+use crate::render::{Film, PixelFormat};
+use crate::scene::families::Family;
+use crate::scene::{Camera, Rng, Scene};
+
+/// How far the far sphere is, in radii.
+const KAPPA: f32 = 1e4;
+/// The size of the small scenes: their bytes are those of the ordinary ones.
+const SMALL: i32 = -70;
+/// Sides of the pictures and rounds of a quick run, and of any other.
+const SIZES: [((u32, u32), usize); 2] = [((160, 120), 5), ((640, 480), 15)];
+/// Where the bootstrap's draws begin.
+const SEED: u64 = 0x0070_1a17;
+
+/// One engine, precision and output. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cost {
+    /// What is stiff about the scene.
+    pub stiff: &'static str,
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel is written as.
+    pub output: &'static str,
+    /// Nanoseconds of a ray of the ordinary picture, the median run.
+    pub ordinary_ns_per_ray: f64,
+    /// Of the stiff one.
+    pub stiff_ns_per_ray: f64,
+    /// The stiff picture's time by the ordinary one's, pair by pair.
+    pub ratio: Estimate,
+}
+
+/// Two scenes that show the same picture.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// The family that is stiff in this way.
+    family: &'static str,
+    /// What is stiff about the second.
+    stiff: &'static str,
+    ordinary: Scene,
+    extreme: Scene,
+}
+
+/// The pairs, with pictures of so many pixels.
+fn pairs((width, height): (u32, u32)) -> [Pair; 3] {
+    let shipped = |name: &str| {
+        let scene = subjects::shipped(name);
+        let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film());
+        Scene { camera: camera.expect("a smaller picture is within the limits"), ..scene }
+    };
+    let [sphere, tetrahedron] = ["sphere", "tetrahedron"].map(shipped);
+    let pair = |family, stiff, ordinary: &Scene, extreme| Pair { family, stiff, ordinary: ordinary.clone(), extreme };
+    let small = 2f32.powi(SMALL);
+    [
+        pair("S1", "sphere, κ = 10⁴", &sphere, far(&sphere)),
+        pair("S3", "sphere, size 2⁻⁷⁰", &sphere, scaled(&sphere, small)),
+        pair("T5", "tetrahedron, size 2⁻⁷⁰", &tetrahedron, scaled(&tetrahedron, small)),
+    ]
+}
+
+/// The scene with all lengths times `factor`.
+fn scaled(scene: &Scene, factor: f32) -> Scene {
+    let mut scene = scene.clone();
+    scene.lights.iter_mut().for_each(|light| light.position *= factor);
+    scene.spheres.iter_mut().for_each(|sphere| {
+        sphere.centre *= factor;
+        sphere.radius *= factor;
+    });
+    scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| *vertex *= factor);
+    scene
+}
+
+/// The scene with its sphere and lights [`KAPPA`] radii away, through so small a film that the sphere fills as much of it.
+fn far(scene: &Scene) -> Scene {
+    let sphere = scene.spheres[0];
+    let kappa = sphere.centre.length() / sphere.radius;
+    let tangent = |kappa: f32| 1.0 / (kappa * kappa - 1.0).sqrt();
+    let mut far = scaled(scene, KAPPA / kappa);
+    far.spheres[0].radius = sphere.radius;
+    let film = scene.camera.film() * tangent(KAPPA) / tangent(kappa);
+    let camera = Camera::new(scene.camera.width(), scene.camera.height(), scene.camera.focal(), film);
+    Scene { camera: camera.expect("a film of any size above 0 is within the limits"), ..far }
+}
+
+/// Times every contender on the pairs of some families, the two scenes in turn; one thread.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, AccuracyError> {
+    let (size, rounds) = SIZES[usize::from(!quick)];
+    let mut costs = Vec::new();
+    for Pair { stiff, ordinary, extreme, .. } in
+        pairs(size).iter().filter(|pair| families.iter().any(|family| family.id == pair.family))
+    {
+        let (height, pixels) = (ordinary.camera.height(), ordinary.camera.pixels() as usize);
+        for contender in contenders {
+            let tracers = [contender.prepare(ordinary)?, contender.prepare(extreme)?];
+            for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+                if !tracers.iter().all(|tracer| tracer.writes(output)) {
+                    continue;
+                }
+                let film = RefCell::new(Film::new(output, pixels)?);
+                let (film, trace) = (&film, |tracer: &dyn crate::render::Tracer, film: &RefCell<Film>| {
+                    tracer.rows(0..height, film.borrow_mut().as_mut());
+                });
+                let mut work: Vec<Work<'_>> = Vec::new();
+                for tracer in &tracers {
+                    work.push(Box::new(move || trace(tracer.as_ref(), film)));
+                }
+                work.iter_mut().for_each(|work| work());
+                let runs = interleave(&mut WallClock::new(), &mut work, 0..rounds, &mut || true);
+                let Some([usual, stiff_runs]) = runs.as_deref() else { continue };
+                let ns = |ticks: &[f64]| median(ticks) / pixels as f64;
+                let ratios = pairwise_ratios(&stiff_runs.ticks, &usual.ticks);
+                let mut rng = Rng::new(SEED);
+                costs.push(Cost {
+                    stiff,
+                    engine: contender.engine.name(),
+                    precision: contender.precision.name(),
+                    output: output.name(),
+                    ordinary_ns_per_ray: ns(&usual.ticks),
+                    stiff_ns_per_ray: ns(&stiff_runs.ticks),
+                    ratio: median_with_interval(ratios.chunks(1), &mut || rng.next_u64()),
+                });
+            }
+        }
+    }
+    Ok(costs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Engine;
+
+    #[test]
+    fn both_scenes_of_a_pair_show_the_same_picture() {
+        for Pair { stiff, ordinary, extreme, .. } in pairs((80, 60)) {
+            let hits = |scene: &Scene| {
+                let tracer = Engine::Reference.prepare(None, scene, &scene.camera).unwrap();
+                tracer.hits(0..60).iter().map(Option::is_some).collect::<Vec<_>>()
+            };
+            let [ordinary, extreme] = [ordinary, extreme].map(|scene| hits(&scene));
+            let differ = ordinary.iter().zip(&extreme).filter(|(a, b)| a != b).count();
+            let hit = ordinary.iter().filter(|hit| **hit).count();
+            // The outline of a sphere that is nearer is not where that of a far one is, by a part of a pixel.
+            assert!(hit > 500 && differ <= hit / 100, "{stiff}: {differ} of {hit}");
+        }
+    }
+}
