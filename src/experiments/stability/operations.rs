@@ -51,7 +51,7 @@ mod with_assembly {
     use crate::plan::{InUnits, sphere_hit, triangle_hit};
     use crate::reference::exact::{self, Meeting, Ray, Split};
     use crate::render::{Colour, Distance, Found};
-    use crate::scene::families::{self, Family, Level};
+    use crate::scene::families::{Family, Level};
     use crate::scene::{self, Camera, Object, Rng, Scene};
 
     /// Rays of a value at least, of a quick sweep and of any other.
@@ -244,10 +244,8 @@ mod with_assembly {
         packet_ops::<E>(isa)?.iter().find(|op| op.name == name)
     }
 
-    /// Families whose scenes are a few objects, each of which the rays of the scene's own picture are held against.
+    /// Families whose objects are held against rays of their scene's own picture.
     const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T4", "T7"];
-    /// A case of more objects than these is a mesh, and left to T6.
-    const FEW: usize = 20;
 
     /// Sweeps the operations over those of `families` that are of single objects, and for cracks over T6.
     pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
@@ -332,20 +330,15 @@ mod with_assembly {
                 _ => scene.triangles.iter().map(triangle).collect(),
             }
         };
+        // The objects of a scene share the rays of its picture.
         let held = |level: usize, operation: &str| -> Vec<Held<E>> {
             let cases = (0..variants).map(|i| family.case(level * variants + i, seed, side(family, quick)).scene);
-            cases
-                .flat_map(|scene| {
-                    let shapes = shapes(&scene, operation);
-                    let rays = if shapes.len() > FEW { Vec::new() } else { rays_of::<E>(&scene.camera) };
-                    shapes
-                        .into_iter()
-                        .take(FEW)
-                        .filter(|_| !rays.is_empty())
-                        .map(|shape| Held::of(shape, rays.clone()))
-                        .collect::<Vec<_>>()
-                })
-                .collect()
+            let of_case = |scene: Scene| {
+                let (shapes, rays) = (shapes(&scene, operation), rays_of::<E>(&scene.camera));
+                let share = |i: usize| rays.iter().skip(i).step_by(shapes.len()).copied().collect();
+                shapes.iter().enumerate().map(|(i, shape)| Held::of(*shape, share(i))).collect::<Vec<_>>()
+            };
+            cases.flat_map(of_case).collect()
         };
         let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
         let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
@@ -410,8 +403,7 @@ mod with_assembly {
         quick: bool,
         precision: &'static str,
     ) -> Vec<OperationRow> {
-        let side = if quick { side(family, true) } else { families::SIDE };
-        let case = |level: usize| family.case(level * family.variants.len(), seed, side);
+        let case = |level: usize| family.case(level * family.variants.len(), seed, side(family, quick));
         let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
         let rays: Vec<_> = cases.iter().map(|case| rays_of::<E>(&case.scene.camera)).collect();
         let of = |isa: Isa| {
