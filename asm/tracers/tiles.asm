@@ -854,6 +854,12 @@ align 16
     test    eax, eax
     jz      .next_block
 %endif
+%if HAS_MASKS
+    VOP     cmp, k2 {MASK}, v10, v11, 0
+    VOP     cmp, k3 {MASK}, v9, SURE_%[%%kind], 17
+    kortestw k2, k3
+    jnz     .rare
+%else
     WHERE   r9d, v10, v11, 0, v13
     test    r9d, r9d
     jnz     .tie
@@ -861,6 +867,7 @@ align 16
     WHERE   r9d, v9, SURE_%[%%kind], 1, v13
     test    r9d, r9d
     jnz     .doubt
+%endif
 .nearest:
     MASK_STORE [r13], v10, v11
     VSPREAD v10, [rdi + ELEM * %%planes %+ .id]
@@ -884,6 +891,19 @@ align 16
     ja      .packet
     LEAVE
     ret
+
+%if HAS_MASKS
+    ; Some lanes have another object that is as near, or are in doubt.
+.rare:
+    kmovw   r9d, k2
+    test    r9d, r9d
+    jnz     .tie
+.first:
+    WHERE   r9d, v9, SURE_%[%%kind], 1, v13
+    test    r9d, r9d
+    jnz     .doubt
+    jmp     .nearest
+%endif
 
     ; The lanes of r9d have another object that is as near: the first in the scene stays. Nobody comes first of all.
 .tie:

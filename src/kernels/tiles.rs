@@ -388,6 +388,11 @@ mod calls {
             &self.planes
         }
 
+        /// The spheres that were set up last.
+        pub fn sphere_planes(&self) -> &SpherePlanes<E> {
+            &self.sphere_planes
+        }
+
         /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
         fn index(lanes: usize, column: usize, row: usize) -> usize {
             let width = lanes.min(4);

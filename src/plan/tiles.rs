@@ -92,8 +92,8 @@ pub struct Weighted {
     pub lights: Vec<TileLight<f64>>,
     /// For spheres.
     pub spheres: SphereView<f64>,
-    /// Whether spheres may have the short form.
-    pub short: bool,
+    /// Whether it is bytes: spheres may have the short form.
+    pub bytes: bool,
 }
 
 /// One tile of the picture.
@@ -133,10 +133,10 @@ impl<'a, E: Element> Tiles<'a, E> {
             blue: radiance.z,
         };
         let picture = Picture { width: camera.width(), height: camera.height() };
-        let weighted = |white: f64, short: bool| Weighted {
+        let weighted = |white: f64, bytes: bool| Weighted {
             lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
             spheres: sphere_view(&grid, scale, picture, far, white),
-            short,
+            bytes,
         };
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
         // No object is in so few tiles where each is to be in all.
@@ -168,7 +168,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             points,
             sphere_lights: lights.iter().map(|of| light(of.position.as_dvec3(), of.radiance())).collect(),
             linear: weighted(1.0, false),
-            levels: weighted(255.0, !keep.has(Omission::Loop)),
+            levels: weighted(255.0, true),
             sphere_bins,
             triangle_bins,
             extremes: of_spheres.into_iter().chain(of_triangles).reduce(Extremes::and),

@@ -3,6 +3,7 @@
 mod normals;
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,7 +21,11 @@ use crate::scene::Object;
 /// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
 
-/// In a tile of fewer spheres it costs more to find out which of them have a pixel than to set all of them up for shading.
+/// A scene of as many spheres has their records for shading made once, before its first tile. Those of a scene of more are
+/// made by each tile, of the spheres that have a pixel there.
+const MOST_RECORDS: usize = 4096;
+
+/// In a tile of fewer spheres it costs more to find out which of them have a pixel than to make all their records.
 const FEWEST_OWNERS: usize = 128;
 
 /// A scene planned for tiles, and the kernels that trace it.
@@ -30,6 +35,8 @@ pub struct TileTracer<'a, E: 'static> {
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     plan: Tiles<'a, E>,
+    /// The records of all spheres, if they are few, in linear floats and in levels.
+    records: [OnceLock<SphereRecords<E>>; 2],
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
@@ -40,7 +47,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
         fast: bool,
         plan: Tiles<'a, E>,
     ) -> Self {
-        TileTracer { packets, kernels, fast, plan }
+        TileTracer { packets, kernels, fast, plan, records: Default::default() }
     }
 
     /// See [`Tiles::is_plain`].
@@ -128,6 +135,7 @@ struct SphereLooks<E> {
     owning: Vec<Seen>,
     /// Where everyone's records are; of who has no pixel, anywhere.
     places: Vec<u32>,
+    /// The tile's own, unless the tracer has those of all.
     records: SphereRecords<E>,
 }
 
@@ -166,16 +174,13 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// How many spheres in the picture have the short form in bytes.
     pub fn count_short(&self) -> u64 {
-        let Weighted { spheres: view, short, .. } = self.plan.levels();
-        let mut records = SphereRecords::default();
         let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.near < Seen::ANY).collect();
-        let chunks = seen.chunks(CHUNK).map(|seen| {
-            let spheres = Spheres { balls: self.plan.balls(), seen };
-            let lights = self.plan.sphere_lights();
-            self.kernels.tiles.sphere_looks.call(view, spheres, lights, *short, 0, &mut records);
+        let mut records = SphereRecords::default();
+        let count = |seen: &[Seen]| {
+            self.make_records(self.plan.levels(), seen, &mut records);
             records.spheres[..seen.len()].iter().filter(|sphere| sphere.short != E::ZERO).count() as u64
-        });
-        chunks.sum()
+        };
+        seen.chunks(CHUNK).map(count).sum()
     }
 
     /// What is left out of `rows`.
@@ -228,7 +233,8 @@ impl<E: Element> TileTracer<'_, E> {
         let (_, rays) = self.plan.view(tile);
         let TileOut { pixels, first, width } = out;
         let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &SphereLooks<E>| {
-            let SphereRecords { spheres: records, lits, shorts } = &spheres.records;
+            let SphereRecords { spheres: records, lits, shorts } =
+                self.records_of_all(weighted).unwrap_or(&spheres.records);
             let looks = Looks {
                 shades,
                 lights: self.plan.points(),
@@ -382,12 +388,42 @@ impl<E: Element> TileTracer<'_, E> {
         })
     }
 
-    /// Sets up for shading the spheres that have a pixel; `all` of them if that is asked for.
-    fn look_at_spheres(&self, weighted: &Weighted, buffers: &TileBuffers<E>, looks: &mut SphereLooks<E>, all: bool) {
+    /// The records of all spheres, if they are few.
+    fn records_of_all(&self, weighted: &Weighted) -> Option<&SphereRecords<E>> {
+        let count = self.plan.balls().len();
+        let make = || {
+            let mut records = SphereRecords::default();
+            let all: Vec<_> = (0..count as u32).map(|id| Seen { id, ..Seen::default() }).collect();
+            self.make_records(weighted, &all, &mut records);
+            records
+        };
+        (count <= MOST_RECORDS).then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
+    }
+
+    /// Makes the records of the spheres that are `seen`, in this order.
+    fn make_records(&self, weighted: &Weighted, seen: &[Seen], records: &mut SphereRecords<E>) {
+        let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
+        for first in (0..seen.len()).step_by(CHUNK) {
+            let spheres = Spheres { balls: self.plan.balls(), seen: &seen[first..] };
+            let lights = self.plan.sphere_lights();
+            self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, short, first, records);
+        }
+    }
+
+    /// Has the records at hand of the spheres that have a pixel, or, `by_force`, of all that the tile may see.
+    fn look_at_spheres(
+        &self,
+        weighted: &Weighted,
+        buffers: &TileBuffers<E>,
+        looks: &mut SphereLooks<E>,
+        by_force: bool,
+    ) {
         let SphereLooks { seen, owners, owning, places, records } = looks;
-        let own = if all || seen.len() < FEWEST_OWNERS {
+        if self.records_of_all(weighted).is_some() {
+            places.extend(seen.iter().map(|seen| seen.id));
+        } else if by_force || seen.len() < FEWEST_OWNERS {
             places.extend(0..seen.len() as u32);
-            &*seen
+            self.make_records(weighted, seen, records);
         } else {
             owners.clear();
             owners.resize(1 + seen.len(), false);
@@ -400,13 +436,7 @@ impl<E: Element> TileTracer<'_, E> {
                 places.push(count as u32);
                 count += usize::from(*owns);
             }
-            owning.truncate(count);
-            &*owning
-        };
-        let lights = self.plan.sphere_lights();
-        for first in (0..own.len()).step_by(CHUNK) {
-            let spheres = Spheres { balls: self.plan.balls(), seen: &own[first..] };
-            self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, weighted.short, first, records);
+            self.make_records(weighted, &owning[..count], records);
         }
     }
 

@@ -71,11 +71,7 @@ impl<E: Element> SphereSetUp<E> {
         let task = spheres.task(&mut buffers.balls);
         buffers.sphere_count = task.count as usize;
         buffers.most = buffers.most.max(first_id + buffers.sphere_count - 1);
-        SetupTask {
-            planes: std::ptr::from_mut(&mut *buffers.sphere_planes).cast(),
-            first_id: first_id as u64,
-            ..task
-        }
+        SetupTask { planes: std::ptr::from_mut(&mut *buffers.sphere_planes).cast(), first_id: first_id as u64, ..task }
     }
 }
 
