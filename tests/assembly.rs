@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 160] = [
+const PACKET_SNIPPETS: [Snippet; 165] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -598,8 +598,13 @@ const PACKET_SNIPPETS: [Snippet; 160] = [
     ("TRIANGLE_VOLUME", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TRIANGLE_EDGE", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TURN4", "", "0, 1, 2, 3, 4, 5, 6, 0"),
-    ("TURN_QUARTER", "", "rdi, red, green, blue, ax, rax, rbx, rcx, rdx, 0, 0, 1, 2, 3, 4"),
+    ("TURN_QUARTER", "", "rdi, Corners, red, green, blue, ax, rax, rbx, rcx, rdx, 0, 0, 1, 2, 3, 4"),
     ("TURN_FACETS", "", "rdi, rax, rbx, rcx, rdx"),
+    ("TURN_BALLS", "", "rdi, rax, rbx, rcx, rdx"),
+    ("OBJECT_AT", "", "1, rax, Ball_size, rdx, r15"),
+    ("STORE_SEEN", "", "rdi, 2, 3, 4, 5, 6, 7, 8, eax, r12"),
+    ("SILHOUETTE", "", "v0, v1, v2, v3, v4, v5, v6"),
+    ("SPHERE_BOX", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("GATHER4", "", "0, 1, 2, 3, 4, 5, 6, rdi, rsi, ax"),
 ];
 

@@ -14,9 +14,9 @@ use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
     BROKEN, Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InsideSpan,
     LIT_ROWS, Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain,
-    Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, Spheres, Surface,
-    TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, broken_read, broken_write, hits_of_c,
-    hits_of_paper,
+    Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords,
+    SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, broken_read,
+    broken_write, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -693,23 +693,53 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, &camera, &packets.bounds, Keep::NOTHING, 1);
+        let plan = Tiles::<E>::new(&scene, &camera, packets, Keep::NOTHING, 1);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
         let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];
         let view_of_all = bounds_view(64, 32);
         packets.bounds.call(&view_of_all, plan.facets(), 0, true, &mut seen).unwrap();
-        let order: Vec<_> = std::iter::repeat_n(0, 1 + count).chain(1..=count as u32).collect();
+        let view_of_spheres = &plan.levels().spheres;
+        // Everyone as seen anywhere but for what is found of the spheres by their own kernel.
+        let mut seen_spheres = vec![Seen::default(); count.next_multiple_of(CHUNK)];
+        packets.sphere_bounds.call(view_of_spheres, plan.balls(), 0, true, &mut seen_spheres).unwrap();
+        let order: Vec<_> = (0..=2 * count as u32).collect();
         let grid = plan.grid();
         for side in SIDES {
             // What is read lies between guard pages; the plan's copies are the scene's own.
             let facets = Guarded::new(plan.facets(), side).unwrap();
+            let balls = Guarded::new(plan.balls(), side).unwrap();
             let ids = Guarded::new(&ids, side).unwrap();
             let seen = Guarded::new(&seen[..count], side).unwrap();
+            let seen_spheres = Guarded::new(&seen_spheres[..count], side).unwrap();
+            let lights_of_spheres = Guarded::new(plan.sphere_lights(), side).unwrap();
             let lights = Guarded::new(&plan.levels().lights, side).unwrap();
             let order = Guarded::new(&order, side).unwrap();
             let triangles = Triangles { facets: &facets, lights: &lights, seen: &seen, first_id: 1 + count };
-            let spheres = Spheres { spheres: plan.spheres(), bounds: plan.sphere_bounds(), ids: &ids, first_id: 1 };
+            let spheres = Spheres { balls: &balls, seen: &seen_spheres };
+            let records = |short: bool| {
+                let (mut checked, mut unchecked) = (SphereRecords::<E>::default(), SphereRecords::<E>::default());
+                let looks = &kernels.sphere_looks;
+                let kept = looks.call_checked(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut checked);
+                assert_eq!(kept, Ok(()), "{}, {count} spheres", looks.symbol());
+                let alive = survives(|| {
+                    let mut records = SphereRecords::<E>::default();
+                    looks.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut records);
+                });
+                assert!(alive.unwrap(), "{}, {count} spheres: the guard page {side:?} is touched", looks.symbol());
+                looks.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut unchecked);
+                // What is past the last is nobody's.
+                for records in [&mut checked, &mut unchecked] {
+                    records.spheres.truncate(count);
+                    records.lits.truncate(count * lights_of_spheres.len());
+                    records.shorts.truncate(count * lights_of_spheres.len());
+                }
+                assert!(checked == unchecked, "{}, {count} spheres", looks.symbol());
+                checked
+            };
+            let long = records(false);
+            assert!(long.spheres.iter().all(|sphere| sphere.short == E::ZERO));
+            let records = records(true);
             for window in [(64, 0..32), (1, 0..1), (37, 3..5), (64, 31..32), (63, 1..30)] {
                 let window = TileWindow { column: 0, row: 0, columns: window.0, rows: window.1 };
                 let (mut checked, mut unchecked) = (TileBuffers::default(), TileBuffers::default());
@@ -717,22 +747,23 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 let (mut of_checked, mut of_unchecked) = (shades(), shades());
                 let alive = survives(|| {
                     let (mut buffers, mut shades) = (TileBuffers::default(), shades());
-                    kernels.nearest_spheres.call(spheres, &mut buffers, &window, &grid);
+                    kernels.sphere_set_up.call(view_of_spheres, spheres, 1, &mut buffers);
+                    kernels.nearest_spheres.call(&mut buffers, &order, &window, &grid);
                     kernels.set_up.call(&view, triangles, &mut buffers, &mut shades);
                     kernels.nearest_triangles.call(&mut buffers, &order, &window, &grid);
                 });
                 let what = format!("{}, {count} of a kind, {window:?}", kernels.set_up.symbol());
                 assert!(alive.unwrap(), "{what}: the guard page {side:?} is touched");
-                assert_eq!(
-                    kernels.nearest_spheres.call_checked(spheres, &mut checked, &window, &grid),
-                    Ok(()),
-                    "{what}"
-                );
+                let kept = kernels.sphere_set_up.call_checked(view_of_spheres, spheres, 1, &mut checked);
+                assert_eq!(kept, Ok(()), "{what}");
+                let kept = kernels.nearest_spheres.call_checked(&mut checked, &order, &window, &grid);
+                assert_eq!(kept, Ok(()), "{what}");
                 let kept = kernels.set_up.call_checked(&view, triangles, &mut checked, &mut of_checked);
                 assert_eq!(kept, Ok(()), "{what}");
                 let kept = kernels.nearest_triangles.call_checked(&mut checked, &order, &window, &grid);
                 assert_eq!(kept, Ok(()), "{what}");
-                kernels.nearest_spheres.call(spheres, &mut unchecked, &window, &grid);
+                kernels.sphere_set_up.call(view_of_spheres, spheres, 1, &mut unchecked);
+                kernels.nearest_spheres.call(&mut unchecked, &order, &window, &grid);
                 kernels.set_up.call(&view, triangles, &mut unchecked, &mut of_unchecked);
                 kernels.nearest_triangles.call(&mut unchecked, &order, &window, &grid);
                 assert!(of_checked == of_unchecked, "{what}");
@@ -743,9 +774,9 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                     shades: &of_checked,
                     lights: plan.points(),
                     sphere_ids: &ids,
-                    spheres: plan.spheres(),
-                    lits: &plan.levels().lits,
-                    shorts: plan.shorts(),
+                    spheres: &records.spheres,
+                    lits: &records.lits,
+                    shorts: &records.shorts,
                 };
                 check_shade_tile(&kernels.f32x4, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.f32x4_fast, &plan, &checked, looks, &window);
@@ -765,6 +796,7 @@ fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alon
         check_tiles(kernels, &kernels.single, seed);
         check_tiles(kernels, &kernels.double, seed);
         check_bounds(kernels, seed);
+        check_sphere_bounds(kernels, seed);
         check_nearer_half(kernels, seed);
     }
 }
@@ -796,6 +828,46 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
             assert_eq!(kernel.call_checked(&seen, &mut first, &mut second), Ok(()), "{what}");
             assert_eq!(kernel.call(&seen, &mut first, &mut second), nearer.len(), "{what}");
             assert_eq!((&first[..nearer.len()], &second[..farther.len()]), (&*nearer, &*farther), "{what}");
+        }
+    }
+}
+
+fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
+    let (width, height) = (64.0, 32.0);
+    let view = SphereView {
+        step: 1.0 / 64.0,
+        half_width: 0.5,
+        half_height: 0.25,
+        focal: 1.0,
+        scale: 1.0,
+        width,
+        height,
+        near: 1.0,
+        far: 1e10,
+        white: 1.0,
+    };
+    for count in [1, 2, 3, 5, 63, 64, 65, 200] {
+        let mut scene = scene::many(count, 0, seed);
+        scene.spheres.iter_mut().skip(3).step_by(5).for_each(|sphere| sphere.centre.z = -sphere.centre.z);
+        scene.spheres.iter_mut().skip(4).step_by(7).for_each(|sphere| sphere.centre.z = 0.1);
+        for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
+            let balls = Guarded::new(&scene.spheres, side).unwrap();
+            let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
+            let (mut checked, mut unchecked) = (seen(), seen());
+            let kernel = &kernels.sphere_bounds;
+            let what = format!("{} of {count}", kernel.symbol());
+            let mut room = Guarded::new(&seen(), side).unwrap();
+            let alive = survives(|| _ = kernel.call(&view, &balls, 5, keep_all, &mut room)).unwrap();
+            assert!(alive, "{what}: the guard page {side:?} is touched");
+            assert_eq!(kernel.call_checked(&view, &balls, 5, keep_all, &mut checked), Ok(()), "{what}");
+            let (found, extremes) = kernel.call(&view, &balls, 5, keep_all, &mut unchecked).unwrap();
+            assert_eq!(checked[..found], unchecked[..found], "{what}");
+            let radii = || balls.iter().map(|sphere| sphere.radius);
+            let most = balls.iter().map(|sphere| sphere.centre.abs().max_element()).chain(radii()).fold(0.0, f32::max);
+            let brightest = balls.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
+            let least = radii().fold(f32::MAX, f32::min);
+            assert_eq!(extremes, Extremes { most, least, brightest }, "{what}");
+            assert!(keep_all == (found == count) || count < 4, "{what}: {found}");
         }
     }
 }

@@ -5,7 +5,8 @@
 mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};
-use rayo::render::{Film, FilmMut, PixelFormat, Tracer};
+use rayo::plan::Omission;
+use rayo::render::{Film, FilmMut, PixelFormat, Purpose, Tracer};
 use rayo::scene::{self, Camera, Rng, Scene, Sphere, Triangle, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
@@ -68,7 +69,7 @@ fn scattered(spheres: usize, triangles: usize, seed: u64, camera: Camera) -> Sce
 
 #[test]
 fn what_is_left_out_changes_no_byte() {
-    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (30, 200, 3), (5, 900, 4), (200, 20, 5)] {
+    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (30, 200, 3), (5, 900, 4), (200, 20, 5), (5000, 9, 6)] {
         for scene in [
             scattered(spheres, triangles, seed, camera(203, 97)),
             Scene { camera: camera(203, 97), ..many(spheres, triangles, seed) },
@@ -172,8 +173,10 @@ fn threads_and_splits_give_the_same_bytes() {
 
 #[test]
 fn planning_on_several_threads_gives_the_same_bytes() {
-    let mut scene = Scene { camera: camera(301, 131), ..many(10, 50_000, 9) };
-    scene.triangles.extend(scattered(0, 20_000, 9, scene.camera).triangles);
+    let mut scene = Scene { camera: camera(301, 131), ..many(20_000, 50_000, 9) };
+    let others = scattered(20_000, 20_000, 9, scene.camera);
+    scene.spheres.extend(others.spheres.into_iter().filter(|sphere| sphere.radius < 0.1));
+    scene.triangles.extend(others.triangles);
     for contender in packets() {
         let picture = |threads: usize| {
             let tracer =
@@ -275,10 +278,10 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
         for contender in packets() {
             let bytes = bytes(&contender, &scene);
             truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
-            let kernels = rayo::kernels::packets(rayo::kernels::Isa::Sse41).unwrap();
-            let plan =
-                rayo::plan::Tiles::<f32>::new(&scene, &scene.camera, &kernels.bounds, rayo::plan::Keep::NOTHING, 1);
-            short.push((radii, plan.spheres().iter().filter(|sphere| sphere.short > 0.0).count()));
+            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+            let report = contender.engine.report(purpose, &scene, &scene.camera).unwrap();
+            let counts = report.left_out.iter().filter(|line| line.omission == Omission::Loop);
+            short.push((radii, counts.map(|line| line.count).sum::<u64>()));
         }
     }
     // The limit lies among them.

@@ -52,15 +52,6 @@
     VMAX    %%high, %%high, %%t
 %endmacro
 
-; FACET_AT - r = the address of the facet number i from rdx on, or of the last one where there are not so many.
-%macro FACET_AT 2
-%define %%i %1          ; [in]       0 to 3
-%define %%r %2          ; [out]      general register
-    lea     %%r, [rdx + Facet_size * %%i]
-    cmp     %%r, r15
-    cmova   %%r, r15
-%endmacro
-
 ; SIZE - makes w5 the greater of itself and the bits of |v<i>|. Clobbers v<i>.
 %macro SIZE 1
 %define %%i %1          ; [in]       number of a register
@@ -102,36 +93,13 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
-; SEEN - stores the records in v6, v7, v2, v8 whose bits are in eax, from bit 4 on. Clobbers eax, r12.
-%macro SEEN 0
-%assign %%l 0
-%rep LANES
-%assign %%c %%l / 4
-%if %%l % 4 == 0
-%assign %%i 6
-%elif %%l % 4 == 1
-%assign %%i 7
-%elif %%l % 4 == 2
-%assign %%i 2
-%else
-%assign %%i 8
-%endif
-    STORE128 [r10], v, %%i, %%c
-    mov     r12d, eax
-    and     r12d, Seen_size
-    add     r10, r12
-    shr     eax, 1
-%assign %%l %%l + 1
-%endrep
-%endmacro
-
 FUNC ISA %+ _bounds
     push    rbx
     push    r12
     push    r13
     push    r14
     push    r15
-    mov     rdx, [rsi + BoundsTask.facets]
+    mov     rdx, [rsi + BoundsTask.objects]
     mov     r9, [rsi + BoundsTask.first_id]
     mov     r10, [rsi + BoundsTask.seen]
     mov     rcx, [rsi + BoundsTask.count]
@@ -142,19 +110,19 @@ FUNC ISA %+ _bounds
     VMOV    v13, [PACKET(magnitude)]
     VZERO   v14
 .chunk:
-    mov     r8, [rsi + BoundsTask.corners]
+    mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
 .turn:
-    FACET_AT 0, r14
-    FACET_AT 1, rbx
-    FACET_AT 2, r12
-    FACET_AT 3, r13
+    OBJECT_AT 0, r14, Facet_size, rdx, r15
+    OBJECT_AT 1, rbx, Facet_size, rdx, r15
+    OBJECT_AT 2, r12, Facet_size, rdx, r15
+    OBJECT_AT 3, r13, Facet_size, rdx, r15
     TURN_FACETS r8, r14, rbx, r12, r13
     add     rdx, 4 * Facet_size
     add     r8, 16
     dec     r11d
     jnz     .turn
-    mov     r8, [rsi + BoundsTask.corners]
+    mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / LANES
 .packet:
     VLOAD   v0, [r8 + Corners.az]
@@ -294,9 +262,7 @@ FUNC ISA %+ _bounds
     VADD    v2, v2, [PACKET(natural)]
     LEVELS  2
     VMOV    v5, [r8 + Corners.near]
-    TURN4   2, 3, 4, 5, 6, 7, 8, 1
-    shl     eax, 4                      ; Seen_size is 16
-    SEEN
+    STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
     add     r9, LANES
     dec     r11d
@@ -318,11 +284,9 @@ FUNC ISA %+ _bounds
     pop     rbx
 ENDFUNC
 
-%unmacro FACET_AT 2
 %unmacro SIZE 1
 %unmacro EDGES_HERE 0
 %unmacro CROSS2 5
 %unmacro LENGTH 2
-%unmacro SEEN 0
 %unmacro FIRST_AND_PAST 3
 %unmacro PROJECT 4

@@ -13,39 +13,75 @@
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets
 
-; FACET_OF - r = the address of the facet number i of those seen from r8 on, of which rcx are left, or else of the first
-;            of them; its bounds go to the corners at r9. Clobbers r14.
-%macro FACET_OF 3
+; SEEN_OBJECT - r = the address of the object number i of those seen from r8 on, of which rcx are left, or else of the
+;               first of them, in the list at rdx; its bounds go to what is turned round at r9. Clobbers r14.
+%macro SEEN_OBJECT 5
 %define %%i %1          ; [in]       0 to 3
 %define %%r %2          ; [out]      general register
 %define %%e %3          ; [clobbered] its 32 bits
+%define %%bytes %4      ; [in]       of an object
+%define %%turned %5     ; [in]       Corners or Balls
     xor     r14d, r14d
     cmp     rcx, %%i + 1
     adc     r14d, r14d                  ; 1 where there is none
     dec     r14d
     and     r14d, Seen_size * %%i
     mov     %%e, [r8 + r14 + Seen.columns]
-    mov     [r9 + Corners.columns + 4 * %%i], %%e
+    mov     [r9 + %%turned %+ .columns + 4 * %%i], %%e
     mov     %%e, [r8 + r14 + Seen.rows]
-    mov     [r9 + Corners.rows + 4 * %%i], %%e
+    mov     [r9 + %%turned %+ .rows + 4 * %%i], %%e
     mov     %%e, [r8 + r14 + Seen.near]
-    mov     [r9 + Corners.near + 4 * %%i], %%e
+    mov     [r9 + %%turned %+ .near + 4 * %%i], %%e
     mov     r14d, [r8 + r14 + Seen.id]
-    lea     r14, [r14 + 2 * r14]
-    shl     r14, 4                      ; Facet_size is 48
+    imul    r14, r14, %%bytes
     lea     %%r, [rdx + r14]
 %endmacro
 
-; ROUNDED_STORE - stores a register as elements of `out` bytes.
+; TURN_SEEN - turns the objects of the task round, and asks for those of the chunk that comes next.
+;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
+%macro TURN_SEEN 3
+%define %%bytes %1      ; [in]       of an object
+%define %%turned %2     ; [in]       Corners or Balls
+%define %%turn %3       ; [in]       what turns four of them round
+    mov     rdx, [rsi + SetupTask.objects]
+    mov     r8, [rsi + SetupTask.seen]
+    imul    r9, [rsi + SetupTask.count], Seen_size
+    add     r9, r8
+    mov     rcx, [rsi + SetupTask.ahead]
+    jmp     %%ahead
+%%next_ahead:
+    mov     eax, [r9 + Seen.id]
+    imul    rax, rax, %%bytes
+    prefetcht0 [rdx + rax]
+    prefetcht0 [rdx + rax + %%bytes - 1]
+    add     r9, Seen_size
+%%ahead:
+    dec     rcx
+    jns     %%next_ahead
+    mov     r9, [rsi + SetupTask.turned]
+    mov     rcx, [rsi + SetupTask.count]
+%%four:
+    SEEN_OBJECT 0, rax, eax, %%bytes, %%turned
+    SEEN_OBJECT 1, rbx, ebx, %%bytes, %%turned
+    SEEN_OBJECT 2, r12, r12d, %%bytes, %%turned
+    SEEN_OBJECT 3, r13, r13d, %%bytes, %%turned
+    %%turn  r9, rax, rbx, r12, r13
+    add     r8, 4 * Seen_size
+    add     r9, 16
+    sub     rcx, 4
+    ja      %%four
+%endmacro
+
+; ROUNDED_STORE - stores a register as elements of `out` bytes, in a field at r9.
 %macro ROUNDED_STORE 3
 %define %%out %1        ; [in]       4 or 8
-%define %%field %2      ; [in]       of TrianglePlanes
+%define %%field %2      ; [in]       of TrianglePlanes or SpherePlanes, with its name in front
 %define %%i %3          ; [clobbered] number of a register
 %if %%out == 8
-    VSTORE  [r9 + 8 * TrianglePlanes. %+ %%field], v%[%%i]
+    VSTORE  [r9 + 8 * %%field], v%[%%i]
 %else
     NARROW  %%i
-    STORE_NARROW r9 + 4 * TrianglePlanes. %+ %%field, %%i
+    STORE_NARROW r9 + 4 * %%field, %%i
 %endif
 %endmacro
 
@@ -77,9 +113,9 @@
 %macro STORE_EDGE 2
 %define %%out %1        ; [in]       4 or 8
 %define %%n %2          ; [in]       1, 2 or 3
-    ROUNDED_STORE %%out, e%[%%n]0, 11
-    ROUNDED_STORE %%out, e%[%%n]x, 12
-    ROUNDED_STORE %%out, e%[%%n]y, 13
+    ROUNDED_STORE %%out, TrianglePlanes.e%[%%n]0, 11
+    ROUNDED_STORE %%out, TrianglePlanes.e%[%%n]x, 12
+    ROUNDED_STORE %%out, TrianglePlanes.e%[%%n]y, 13
 %endmacro
 
 ; WEIGHT - v<i> = the colour times what the light at r11 radiates, finite in f32 too. Clobbers v15.
@@ -92,9 +128,9 @@
     VMIN    v%[%%i], v%[%%i], [PACKET(largest)]
 %endmacro
 
-; STORE_SHADES - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
+; STORE_RECORDS - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
 ;                Clobbers v8 to v14, r13.
-%macro STORE_SHADES 1
+%macro STORE_RECORDS 1
 %define %%out %1        ; [in]       4 or 8
     mov     r13, r12
 %if %%out == 4
@@ -139,39 +175,8 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     push    r13
     push    r14
     push    r15
-    mov     rdx, [rsi + SetupTask.facets]
-    mov     r8, [rsi + SetupTask.seen]
-
-    ; The triangles of the chunk that comes next are asked for now.
-    imul    r9, [rsi + SetupTask.count], Seen_size
-    add     r9, r8
-    mov     rcx, [rsi + SetupTask.ahead]
-    jmp     .ahead
-.next_ahead:
-    mov     eax, [r9 + Seen.id]
-    lea     rax, [rax + 2 * rax]
-    shl     rax, 4                      ; Facet_size is 48
-    prefetcht0 [rdx + rax]
-    prefetcht0 [rdx + rax + Facet_size - 1]
-    add     r9, Seen_size
-.ahead:
-    dec     rcx
-    jns     .next_ahead
-
-    mov     r9, [rsi + SetupTask.corners]
-    mov     rcx, [rsi + SetupTask.count]
-.turn:
-    FACET_OF 0, rax, eax
-    FACET_OF 1, rbx, ebx
-    FACET_OF 2, r12, r12d
-    FACET_OF 3, r13, r13d
-    TURN_FACETS r9, rax, rbx, r12, r13
-    add     r8, 4 * Seen_size
-    add     r9, 16
-    sub     rcx, 4
-    ja      .turn
-
-    mov     r8, [rsi + SetupTask.corners]
+    TURN_SEEN Facet_size, Corners, TURN_FACETS
+    mov     r8, [rsi + SetupTask.turned]
     mov     r9, [rsi + SetupTask.planes]
     mov     r10, [rsi + SetupTask.shades]
     mov     rcx, [rsi + SetupTask.count]
@@ -201,16 +206,16 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     VFMA    v12, v11, K(TileView.dz), v14
     VMUL    v9, v9, K(TileView.step)
     VMUL    v10, v10, K(TileView.down)
-    ROUNDED_STORE %%out, t0, 12
-    ROUNDED_STORE %%out, tx, 9
-    ROUNDED_STORE %%out, ty, 10
+    ROUNDED_STORE %%out, TrianglePlanes.t0, 12
+    ROUNDED_STORE %%out, TrianglePlanes.tx, 9
+    ROUNDED_STORE %%out, TrianglePlanes.ty, 10
     VSPREAD_INTEGER 8, rdx
     VADD    v8, v8, [PACKET(natural)]
-    ROUNDED_STORE %%out, id, 8
+    ROUNDED_STORE %%out, TrianglePlanes.id, 8
     VMOV    v8, v7
-    ROUNDED_STORE %%out, side, 8
+    ROUNDED_STORE %%out, TrianglePlanes.side, 8
     WIDEN   v8, [r8 + Corners.near]
-    ROUNDED_STORE %%out, most, 8
+    ROUNDED_STORE %%out, TrianglePlanes.most, 8
 
     ; What each light does to it: |n . (l - v)| / |n|, and the weights.
     DOT3    v8, v3, v4, v5, v3, v4, v5, v14
@@ -235,7 +240,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     WEIGHT  12, red
     WEIGHT  13, green
     WEIGHT  14, blue
-    STORE_SHADES %%out
+    STORE_RECORDS %%out
     add     r12, 4 * %%out
     add     r11, 8 * TileLight_size
     dec     rax
@@ -272,11 +277,8 @@ ENDFUNC
     SET_UP  single, 4
     SET_UP  double, 8
 
-%unmacro FACET_OF 3
-%unmacro ROUNDED_STORE 3
-%unmacro STORE_NARROW 2
 %unmacro LOAD_CORNER 4
 %unmacro STORE_EDGE 2
 %unmacro WEIGHT 2
-%unmacro STORE_SHADES 1
 %unmacro SET_UP 2
+; The others are for sphere_set_up.asm, which ends them.

@@ -11,7 +11,7 @@
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
 ;   rayo_<p>_nearest_triangles  unsafe extern "sysv64" fn(planes: *const TrianglePlanes, task: *const NearestTask)
-;   rayo_<p>_nearest_spheres    unsafe extern "sysv64" fn(spheres: *const TileSphere, task: *const NearestTask)
+;   rayo_<p>_nearest_spheres    unsafe extern "sysv64" fn(planes: *const SpherePlanes, task: *const NearestTask)
 ;   rayo_<p>_tile_<output>      unsafe extern "sysv64" fn(rays: *const TileRays, task: *const ShadeTask)
 ;
 ;   <output>    f32x4, rgba8; f32x4_fast with estimates in place of roots and divisions
@@ -136,18 +136,62 @@
 %endif
 %endmacro
 
+; BEFORE_DOUBT_TRIANGLE - xmm7 = the sign of the volume of the triangle at r, for all rays that are in doubt.
+%macro BEFORE_DOUBT_TRIANGLE 1
+%define %%r %1          ; [in]       address in its planes' first field
+    ELEMENT_F64 xmm7, [%%r + ELEM * TrianglePlanes.side]
+%endmacro
+
+; DECIDE_TRIANGLE - jumps to `outside` if the ray in xmm0, xmm1, xmm2 misses the triangle at rdx.
+%macro DECIDE_TRIANGLE 1
+%define %%outside %1    ; [in]       label
+    ONE_EDGE a, b, %%outside
+    ONE_EDGE b, c, %%outside
+    ONE_EDGE c, a, %%outside
+%endmacro
+
 ; SPHERE_CROSS - xmm3 = the square of one component of d x c: xmm<i> c<a> - xmm<j> c<b>.
 %macro SPHERE_CROSS 4
 %define %%i %1          ; [in]       0, 1 or 2
 %define %%a %2          ; [in]       x, y or z
 %define %%j %3          ; [in]       0, 1 or 2
 %define %%b %4          ; [in]       x, y or z
-    ELEMENT_F64 xmm3, [rdi + ELEM * TileSphere.c%[%%a]]
-    ELEMENT_F64 xmm4, [rdi + ELEM * TileSphere.c%[%%b]]
+    CORNER  xmm3, [rdx + Balls.%[%%a]]
+    CORNER  xmm4, [rdx + Balls.%[%%b]]
     SD      mulsd, xmm3, xmm%[%%i]
     SD      mulsd, xmm4, xmm%[%%j]
     SD      subsd, xmm3, xmm4
     SD      mulsd, xmm3, xmm3
+%endmacro
+
+; BEFORE_DOUBT_SPHERE - nothing is the same for all rays that are in doubt.
+%macro BEFORE_DOUBT_SPHERE 1
+%endmacro
+
+; DECIDE_SPHERE - jumps to `outside` if the ray in xmm0, xmm1, xmm2 misses the sphere at rdx: r^2 d.d < |c x d|^2.
+%macro DECIDE_SPHERE 1
+%define %%outside %1    ; [in]       label
+    SPHERE_CROSS 1, z, 2, y
+    SD      xorps, xmm6, xmm6
+    SD      addsd, xmm6, xmm3
+    SPHERE_CROSS 2, x, 0, z
+    SD      addsd, xmm6, xmm3
+    SPHERE_CROSS 0, y, 1, x
+    SD      addsd, xmm6, xmm3
+    SD      mulsd, xmm0, xmm0
+    SD      mulsd, xmm1, xmm1
+    SD      mulsd, xmm2, xmm2
+    SD      addsd, xmm0, xmm1
+    SD      addsd, xmm0, xmm2
+    CORNER  xmm3, [rdx + Balls.radius]
+    SD      mulsd, xmm0, xmm3
+    SD      mulsd, xmm0, xmm3
+%if HAS_VEX
+    vucomisd xmm0, xmm6
+%else
+    ucomisd xmm0, xmm6
+%endif
+    jb      %%outside
 %endmacro
 
 ; SPILL - v0 to v14 to the stack; UNSPILL brings them back.
@@ -311,18 +355,9 @@
     add     r13, r8
 %endmacro
 
-; ROW_PLANE - v<i> = name0 + namey y for y in v8: what a plane is along a row of blocks.
-%macro ROW_PLANE 2
-%define %%d %1          ; [out]      vreg
-%define %%name %2       ; [in]       of TrianglePlanes
-    VSPREAD %%d, [rdi + ELEM * TrianglePlanes. %+ %%name %+ 0]
-    VSPREAD v9, [rdi + ELEM * TrianglePlanes. %+ %%name %+ y]
-    VFMA    %%d, v9, v8, v13
-%endmacro
-
-; Triangles, a packet of them at a time. Those whose bounds hold few pixels are asked together, a triangle in each lane
-; and a pixel of its own after another; what they hit is put in a list, and then made theirs where they are nearest. The
-; others are asked one by one, a block of pixels at a time.
+; Triangles or spheres, a packet of them at a time. Those whose bounds hold few pixels are asked together, an object in
+; each lane and a pixel of its own after another; what they hit is put in a list, and then made theirs where they are
+; nearest. The others are asked one by one, a block of pixels at a time.
 ;
 ; The stack of it, from rsp on, after what SPILL and MASK_OF_BITS use.
 %assign MOST_STEPS (SMALL_SIDE * SMALL_SIDE)
@@ -332,13 +367,15 @@
 %assign HIGH_X (LOW_X + VBYTES)
 %assign LOW_Y (HIGH_X + VBYTES)
 %assign HIGH_Y (LOW_Y + VBYTES)
-%assign FIRST_X (HIGH_Y + VBYTES)       ; of each lane's triangle: its first column, the one past its last,
+%assign FIRST_X (HIGH_Y + VBYTES)       ; of each lane's object: its first column, the one past its last,
 %assign PAST_X (FIRST_X + VBYTES)
 %assign ROW_PAST_X (PAST_X + VBYTES)    ; the same in its row
 %assign NOW_Y (ROW_PAST_X + VBYTES)     ; its row
 %assign PAST_Y (NOW_Y + VBYTES)
 %assign ROW_PLACE (PAST_Y + VBYTES)     ; where that row is in the tile
-%assign INVERSES (ROW_PLACE + VBYTES)   ; what was found of a pixel of each lane: 1/t, and where it is in the tile
+%assign OFFSET_X (ROW_PLACE + VBYTES)   ; spheres: from the tile's middle to their own origins
+%assign OFFSET_Y (OFFSET_X + VBYTES)
+%assign INVERSES (OFFSET_Y + VBYTES)    ; what was found of a pixel of each lane: 1/t, and where it is in the tile
 %assign PLACES (INVERSES + MOST_STEPS * VBYTES)
 %assign FOUND (PLACES + MOST_STEPS * VBYTES)    ; the numbers of those that are hit, a byte each
 %assign SMALL_FRAME (FOUND + 256 + 64 - ORIGIN_X)
@@ -406,8 +443,45 @@
     VFMA    %%d, %%factor, v8, v13
 %endmacro
 
-; PLANES_AT - v9 = the least of the three edges, v10 = 1/t, no more than at the nearest corner, for x in v8.
-%macro PLANES_AT 0
+; Of each kind: FACTORS, what rows share; ROW, what is along a row; AT, what is asked at a pixel; INSIDE and SURE, from
+; where on v9 is a hit but for the rounding, and for sure. An object of its own in each lane is loaded (VLOAD), one in all
+; lanes is spread (VSPREAD).
+
+; FACTORS_TRIANGLE - v0, v1, v2, v3 = the x factors of the edges and of 1/t, v14 = what 1/t cannot exceed.
+%macro FACTORS_TRIANGLE 1
+%define %%load %1       ; [in]       VLOAD or VSPREAD
+    %%load  v0, [rdi + ELEM * TrianglePlanes.e1x]
+    %%load  v1, [rdi + ELEM * TrianglePlanes.e2x]
+    %%load  v2, [rdi + ELEM * TrianglePlanes.e3x]
+    %%load  v3, [rdi + ELEM * TrianglePlanes.tx]
+    %%load  v14, [rdi + ELEM * TrianglePlanes.most]
+%endmacro
+
+; ROW_PLANE - v<i> = name0 + namey y for y in v8. Clobbers v9 where it is spread.
+%macro ROW_PLANE 3
+%define %%load %1       ; [in]       VLOAD or VSPREAD
+%define %%d %2          ; [out]      vreg
+%define %%name %3       ; [in]       of TrianglePlanes
+    %%load  %%d, [rdi + ELEM * TrianglePlanes. %+ %%name %+ 0]
+%ifidn %%load, VLOAD
+    VFMA    %%d, v8, [rdi + ELEM * TrianglePlanes. %+ %%name %+ y], v13
+%else
+    %%load  v9, [rdi + ELEM * TrianglePlanes. %+ %%name %+ y]
+    VFMA    %%d, v9, v8, v13
+%endif
+%endmacro
+
+; ROW_TRIANGLE - v4, v5, v6, v7 = the edges and 1/t along the row y in v8. Clobbers v9.
+%macro ROW_TRIANGLE 1
+%define %%load %1       ; [in]       VLOAD or VSPREAD
+    ROW_PLANE %%load, v4, e1
+    ROW_PLANE %%load, v5, e2
+    ROW_PLANE %%load, v6, e3
+    ROW_PLANE %%load, v7, t
+%endmacro
+
+; AT_TRIANGLE - v9 = the least of the three edges, v10 = 1/t, no more than at the nearest corner, for x in v8.
+%macro AT_TRIANGLE 0
     PLANE_AT v9, v4, v0
     PLANE_AT v10, v5, v1
     VMIN    v9, v9, v10
@@ -416,14 +490,73 @@
     PLANE_AT v10, v7, v3
     VMIN    v10, v10, v14
 %endmacro
+%define INSIDE_TRIANGLE [PACKET(minus_ones)]
+%define SURE_TRIANGLE [PACKET(ones)]
 
-; LANES_PLANE - v<i> = name0 + namey y for y in v8, for a triangle in each lane.
-%macro LANES_PLANE 2
-%define %%d %1          ; [out]      vreg
-%define %%name %2       ; [in]       of TrianglePlanes
-    VLOAD   %%d, [rdi + ELEM * TrianglePlanes. %+ %%name %+ 0]
-    VFMA    %%d, v8, [rdi + ELEM * TrianglePlanes. %+ %%name %+ y], v13
+; FACTORS_SPHERE - v0 = dxx, v1 = hx, v2 and v3 = minus and plus the rounding bound, v14 = what 1/t cannot exceed, and how
+;                  far its own origin is from the tile's middle. Clobbers v4, v5.
+%macro FACTORS_SPHERE 1
+%define %%load %1       ; [in]       VLOAD or VSPREAD
+    %%load  v0, [rdi + ELEM * SpherePlanes.dxx]
+    %%load  v1, [rdi + ELEM * SpherePlanes.hx]
+    %%load  v3, [rdi + ELEM * SpherePlanes.bound]
+    VXOR    v2, v3, [PACKET(sign)]
+    %%load  v14, [rdi + ELEM * SpherePlanes.most]
+    %%load  v5, [rdi + ELEM * SpherePlanes.column]
+    VMOV    v4, [rsp + ORIGIN_X]
+    VSUB    v4, v4, v5
+    VMOV_TO [rsp + OFFSET_X], v4
+    %%load  v5, [rdi + ELEM * SpherePlanes.row]
+    VMOV    v4, [rsp + ORIGIN_Y]
+    VSUB    v4, v4, v5
+    VMOV_TO [rsp + OFFSET_Y], v4
 %endmacro
+
+; ROW_SPHERE - along the row y in v8: v4 and v5 = D at x = 0 and its linear part, v6 = h. Clobbers v9, v10, v11.
+%macro ROW_SPHERE 1
+%define %%load %1       ; [in]       VLOAD or VSPREAD
+    VADD    v11, v8, [rsp + OFFSET_Y]
+    %%load  v4, [rdi + ELEM * SpherePlanes.d0]
+    %%load  v9, [rdi + ELEM * SpherePlanes.dy]
+    %%load  v10, [rdi + ELEM * SpherePlanes.dyy]
+    VFMA    v9, v10, v11, v13
+    VFMA    v4, v9, v11, v13
+    %%load  v5, [rdi + ELEM * SpherePlanes.dx]
+    %%load  v9, [rdi + ELEM * SpherePlanes.dxy]
+    VFMA    v5, v9, v11, v13
+    %%load  v6, [rdi + ELEM * SpherePlanes.h]
+    %%load  v9, [rdi + ELEM * SpherePlanes.hy]
+    VFMA    v6, v9, v11, v13
+%endmacro
+
+; D_AT - v9 = D at x.
+%macro D_AT 1
+%define %%x %1          ; [in]       vreg, from the sphere's origin
+    VMOV    v7, v5
+    VFMA    v7, v0, %%x, v13
+    VMOV    v9, v4
+    VFMA    v9, v7, %%x, v13
+%endmacro
+
+; INVERSE_AT - v10 = 1/t = h + sqrt D at x for D in v9, no more than at the nearest point. Clobbers v7.
+%macro INVERSE_AT 1
+%define %%x %1          ; [in]       vreg, from the sphere's origin
+    VMAX    v7, v9, [PACKET(zeros)]
+    VSQRT   v7, v7
+    VMOV    v10, v6
+    VFMA    v10, v1, %%x, v13
+    VADD    v10, v10, v7
+    VMIN    v10, v10, v14
+%endmacro
+
+; AT_SPHERE - v9 = D, v10 = 1/t for x from the tile's middle in v8. Clobbers v7, v11.
+%macro AT_SPHERE 0
+    VADD    v11, v8, [rsp + OFFSET_X]
+    D_AT    v11
+    INVERSE_AT v11
+%endmacro
+%define INSIDE_SPHERE v2
+%define SURE_SPHERE v3
 
 ; The names of registers of an element's size, for the list of hits.
 %if ELEM == 4
@@ -436,15 +569,22 @@
 %define E_14 r14
 %endif
 
-;   registers   rdi planes, rdx corners, both of one triangle or one packet; rsi task; r8 tile
+; NEAREST - a function that finds the nearest of triangles or spheres.
+;
+;   registers   rdi planes, rdx what is turned round, both of one object or one packet; rsi task; r8 tile
 ;               of a packet: r10 hits, r11 pixels asked, r14 the same in every byte, r13 LANES in every byte, r15
-;               numbers of lanes by masks; v0 v1 v2 v3 x factors of the edges and of 1/t, v4 v5 v6 v7 the same along the
-;               row, v8 x, v14 what 1/t cannot exceed
+;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make them,
+;               v8 x
 ;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
 ;               rows; r13 block; v0 to v8 and v14 the same, v12 first x
-FUNC NAME(nearest, triangles)
+%macro NEAREST 4
+%define %%name %1       ; [in]       triangles or spheres
+%define %%kind %2       ; [in]       TRIANGLE or SPHERE
+%define %%planes %3     ; [in]       TrianglePlanes or SpherePlanes
+%define %%turned %4     ; [in]       Corners or Balls
+FUNC NAME(nearest, %%name)
     ENTER_NEAREST SMALL_FRAME
-    mov     rdx, [rsi + NearestTask.corners]
+    mov     rdx, [rsi + NearestTask.turned]
     mov     rcx, [rsi + NearestTask.count]
     mov     r8, [rsi + NearestTask.tile]
     mov     eax, [rsi + NearestTask.column]
@@ -467,12 +607,12 @@ FUNC NAME(nearest, triangles)
     mov     [rbp - 80], rcx
     mov     [rbp - 88], rdi
     mov     [rbp - 96], rdx
-    HALVES  0, 1, rdx + Corners.columns
+    HALVES  0, 1, rdx + %%turned %+ .columns
     VSUB    v0, v0, [rsp + ORIGIN_X]
     VSUB    v1, v1, [rsp + ORIGIN_X]
     VMAX    v0, v0, [rsp + LOW_X]
     VMIN    v1, v1, [rsp + HIGH_X]
-    HALVES  2, 3, rdx + Corners.rows
+    HALVES  2, 3, rdx + %%turned %+ .rows
     VSUB    v2, v2, [rsp + ORIGIN_Y]
     VSUB    v3, v3, [rsp + ORIGIN_Y]
     VMAX    v2, v2, [rsp + LOW_Y]
@@ -507,11 +647,7 @@ FUNC NAME(nearest, triangles)
     VMOV_TO [rsp + PAST_X], v4
     VMOV_TO [rsp + NOW_Y], v2
     VMOV_TO [rsp + PAST_Y], v3
-    VLOAD   v0, [rdi + ELEM * TrianglePlanes.e1x]
-    VLOAD   v1, [rdi + ELEM * TrianglePlanes.e2x]
-    VLOAD   v2, [rdi + ELEM * TrianglePlanes.e3x]
-    VLOAD   v3, [rdi + ELEM * TrianglePlanes.tx]
-    VLOAD   v14, [rdi + ELEM * TrianglePlanes.most]
+    FACTORS_%[%%kind] VLOAD
     mov     r13, 0x0101010101010101 * LANES
     xor     r10d, r10d
     xor     r11d, r11d
@@ -527,10 +663,7 @@ FUNC NAME(nearest, triangles)
     VMOV    v10, [rsp + PAST_X]
     VSELECT v9, v10
     VMOV_TO [rsp + ROW_PAST_X], v9
-    LANES_PLANE v4, e1
-    LANES_PLANE v5, e2
-    LANES_PLANE v6, e3
-    LANES_PLANE v7, t
+    ROW_%[%%kind] VLOAD
     VMOV    v9, v8
     LEVELS  9
 %if BLOCK_HEIGHT > 1
@@ -552,10 +685,10 @@ FUNC NAME(nearest, triangles)
     MASK_BITS eax
     test    eax, eax
     jz      .lanes_row
-    PLANES_AT
-    MASK_AND_NOT_LESS v9, [PACKET(minus_ones)], v13
+    AT_%[%%kind]
+    MASK_AND_NOT_LESS v9, INSIDE_%[%%kind], v13
     MASK_BITS eax
-    WHERE   r9d, v9, [PACKET(ones)], 1, v13
+    WHERE   r9d, v9, SURE_%[%%kind], 1, v13
     test    r9d, r9d
     jnz     .lanes_doubt
 .lanes_hit:
@@ -612,7 +745,7 @@ align 16
     cmp     E_cx, E_12
     je      .found_tie
     cmovg   E_12, E_cx
-    cmovg   E_14, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    cmovg   E_14, [rdi + ELEM * (r9 + %%planes %+ .id)]
     mov     [r8 + ELEM * (rax + MIDDLE)], E_12
     mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
 .next_found:
@@ -627,10 +760,10 @@ align 16
     mov     r13, [rsi + NearestTask.order]
     WHOSE   r12d, [r8 + WHO + ELEM * (rax + MIDDLE)]
     mov     r12d, [r13 + 4 * r12]
-    WHOSE   ecx, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    WHOSE   ecx, [rdi + ELEM * (r9 + %%planes %+ .id)]
     cmp     r12d, [r13 + 4 * rcx]
     jbe     .next_found
-    mov     E_14, [rdi + ELEM * (r9 + TrianglePlanes.id)]
+    mov     E_14, [rdi + ELEM * (r9 + %%planes %+ .id)]
     mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
     jmp     .next_found
 
@@ -647,12 +780,10 @@ align 16
     WHOSE   r14d, [rsp + NOW_Y + ELEM * r9]
     add     r14d, [rsi + NearestTask.row]
     add     r14d, TILE_HEIGHT / 2 - 1   ; it is the next row already
-    ELEMENT_F64 xmm7, [rdi + ELEM * (r9 + TrianglePlanes.side)]
+    BEFORE_DOUBT_%[%%kind] rdi + ELEM * r9
     lea     rdx, [rdx + 4 * r9]
     ONE_RAY
-    ONE_EDGE a, b, .lane_outside
-    ONE_EDGE b, c, .lane_outside
-    ONE_EDGE c, a, .lane_outside
+    DECIDE_%[%%kind] .lane_outside
     jmp     .lane_decided
 .lane_outside:
     btr     eax, r9d
@@ -681,51 +812,65 @@ align 16
     mov     rdx, [rbp - 96]
     lea     rdi, [rdi + ELEM * r9]
     lea     rdx, [rdx + 4 * r9]
-    mov     eax, [rdx + Corners.columns]
-    mov     ebx, [rdx + Corners.rows]
+    mov     eax, [rdx + %%turned %+ .columns]
+    mov     ebx, [rdx + %%turned %+ .rows]
     CLIP    .large
     mov     r11d, r9d
     sub     eax, r9d
     mov     r14d, eax                   ; blocks in a row
-    VSPREAD v0, [rdi + ELEM * TrianglePlanes.e1x]
-    VSPREAD v1, [rdi + ELEM * TrianglePlanes.e2x]
-    VSPREAD v2, [rdi + ELEM * TrianglePlanes.e3x]
-    VSPREAD v3, [rdi + ELEM * TrianglePlanes.tx]
-    VSPREAD v14, [rdi + ELEM * TrianglePlanes.most]
+    FACTORS_%[%%kind] VSPREAD
     shl     r9d, WIDTH_SHIFT
     sub     r9d, TILE_WIDTH / 2
     VSPREAD_INTEGER 12, r9d
     VADD    v12, v12, [PACKET(block_x)]
+%ifidn %%kind, SPHERE
+    VADD    v12, v12, [rsp + OFFSET_X]
+%endif
 .row:
     lea     r9d, [rbx - TILE_HEIGHT / 2]
     VSPREAD_INTEGER 8, r9d
     VADD    v8, v8, [PACKET(block_y)]
-    ROW_PLANE v4, e1
-    ROW_PLANE v5, e2
-    ROW_PLANE v6, e3
-    ROW_PLANE v7, t
+    ROW_%[%%kind] VSPREAD
     VMOV    v8, v12
     BLOCK_ROW
     mov     r10d, r14d
 align 16
 .block:
-    PLANES_AT
+%ifidn %%kind, SPHERE
+    D_AT    v8
+    MASK_NOT_LESS v9, INSIDE_SPHERE
+    MASK_BITS eax
+    test    eax, eax
+    jz      .next_block
+    INVERSE_AT v8
     VLOAD   v11, [r13]
-    MASK_NOT_LESS v9, [PACKET(minus_ones)]
+    MASK_AND_NOT_LESS v10, v11, v13     ; of no lane, often: a branch would not be foreseen
+%else
+    AT_TRIANGLE
+    VLOAD   v11, [r13]
+    MASK_NOT_LESS v9, INSIDE_TRIANGLE
     MASK_AND_NOT_LESS v10, v11, v13
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
+%endif
+%if HAS_MASKS
+    VOP     cmp, k2 {MASK}, v10, v11, 0
+    VOP     cmp, k3 {MASK}, v9, SURE_%[%%kind], 17
+    kortestw k2, k3
+    jnz     .rare
+%else
     WHERE   r9d, v10, v11, 0, v13
     test    r9d, r9d
     jnz     .tie
 .first:
-    WHERE   r9d, v9, [PACKET(ones)], 1, v13
+    WHERE   r9d, v9, SURE_%[%%kind], 1, v13
     test    r9d, r9d
     jnz     .doubt
+%endif
 .nearest:
     MASK_STORE [r13], v10, v11
-    VSPREAD v10, [rdi + ELEM * TrianglePlanes.id]
+    VSPREAD v10, [rdi + ELEM * %%planes %+ .id]
     MASK_STORE [r13 + WHO], v10, v11
 .next_block:
     VADD    v8, v8, [PACKET(block_step)]
@@ -747,12 +892,26 @@ align 16
     LEAVE
     ret
 
-    ; The lanes of r9d have another triangle that is as near: the first in the scene stays. Nobody comes first of all.
+%if HAS_MASKS
+    ; Some lanes have another object that is as near, or are in doubt.
+.rare:
+    kmovw   r9d, k2
+    test    r9d, r9d
+    jnz     .tie
+.first:
+    WHERE   r9d, v9, SURE_%[%%kind], 1, v13
+    test    r9d, r9d
+    jnz     .doubt
+    jmp     .nearest
+%endif
+
+    ; The lanes of r9d have another object that is as near: the first in the scene stays. Nobody comes first of all.
 .tie:
+    MASK_BITS eax
     mov     [rbp - 48], r14
     mov     [rbp - 56], r10
     mov     r14, [rsi + NearestTask.order]
-    WHOSE   r10d, [rdi + ELEM * TrianglePlanes.id]
+    WHOSE   r10d, [rdi + ELEM * %%planes %+ .id]
     mov     r10d, [r14 + 4 * r10]
     mov     [rbp - 72], r10d
     mov     r10d, r9d
@@ -776,18 +935,17 @@ align 16
 
     ; The lanes of r9d are within the rounding of an edge: each is decided in f64, as the reference does.
 .doubt:
+    MASK_BITS eax
     SPILL
     mov     [rbp - 48], r14
     mov     [rbp - 56], r10
     mov     r10d, r9d
-    ELEMENT_F64 xmm7, [rdi + ELEM * TrianglePlanes.side]
+    BEFORE_DOUBT_%[%%kind] rdi
 .lane:
     bsf     r9d, r10d
     BLOCK_PIXEL
     ONE_RAY
-    ONE_EDGE a, b, .outside
-    ONE_EDGE b, c, .outside
-    ONE_EDGE c, a, .outside
+    DECIDE_%[%%kind] .outside
     jmp     .decided
 .outside:
     bsf     r9d, r10d
@@ -804,6 +962,10 @@ align 16
     jnz     .nearest
     jmp     .next_block
     END
+%endmacro
+
+    NEAREST triangles, TRIANGLE, TrianglePlanes, Corners
+    NEAREST spheres, SPHERE, SpherePlanes, Balls
 
 ; SPHERE_FIELD - d = a field of the sphere at a general register, in every lane.
 %macro SPHERE_FIELD 3
@@ -812,151 +974,6 @@ align 16
 %define %%field %3      ; [in]       of TileSphere
     VSPREAD %%d, [%%sphere + ELEM * TileSphere. %+ %%field]
 %endmacro
-
-; Spheres in front of the camera, seen from outside.
-;
-;   registers   rdi a sphere; rsi task; rcx spheres to go; r8 tile; rdx the next of ids; r11, r14, r15, ebx, r13, r10 as
-;               for triangles
-;               v0 dxx, v1 hx, v2 v3 minus and plus the bound, v4 v5 v6 along the row: D at x = 0, its linear part, h;
-;               v7 who, v8 x, v12 first x
-FUNC NAME(nearest, spheres)
-    ENTER_NEAREST 0
-    mov     rdx, [rsi + NearestTask.ids]
-    mov     rcx, [rsi + NearestTask.count]
-    mov     r8, [rsi + NearestTask.tile]
-    mov     [rbp - 48], rdi
-    mov     rax, [rsi + NearestTask.first_id]
-    mov     [rbp - 64], rax
-align 16
-.sphere:
-    mov     r12d, [rdx]
-    imul    rdi, r12, ELEM * TileSphere_size
-    add     rdi, [rbp - 48]
-    mov     r9, [rsi + NearestTask.columns]
-    mov     eax, [r9 + 4 * r12]
-    mov     r9, [rsi + NearestTask.rows]
-    mov     ebx, [r9 + 4 * r12]
-    CLIP    .next_sphere
-    mov     r11d, r9d
-    sub     eax, r9d
-    mov     r14d, eax
-    SPHERE_FIELD v0, rdi, dxx
-    SPHERE_FIELD v1, rdi, hx
-    SPHERE_FIELD v3, rdi, bound
-    VXOR    v2, v3, [PACKET(sign)]
-    shl     r9d, WIDTH_SHIFT
-    add     r9d, [rsi + NearestTask.column]
-    VSPREAD_INTEGER 12, r9d
-    SPHERE_FIELD v8, rdi, column
-    VSUB    v12, v12, v8
-    VADD    v12, v12, [PACKET(block_x)]
-.row:
-    mov     r9d, ebx
-    add     r9d, [rsi + NearestTask.row]
-    VSPREAD_INTEGER 7, r9d
-    SPHERE_FIELD v8, rdi, row
-    VSUB    v7, v7, v8
-    VADD    v7, v7, [PACKET(block_y)]
-    SPHERE_FIELD v4, rdi, d0
-    SPHERE_FIELD v9, rdi, dy
-    SPHERE_FIELD v10, rdi, dyy
-    VFMA    v9, v10, v7, v13
-    VFMA    v4, v9, v7, v13
-    SPHERE_FIELD v5, rdi, dx
-    SPHERE_FIELD v9, rdi, dxy
-    VFMA    v5, v9, v7, v13
-    SPHERE_FIELD v6, rdi, h
-    SPHERE_FIELD v9, rdi, hy
-    VFMA    v6, v9, v7, v13
-    mov     r9d, [rbp - 64]
-    VSPREAD_INTEGER 7, r9d
-    VMOV    v8, v12
-    BLOCK_ROW
-    mov     r10d, r14d
-align 16
-.block:
-    VMOV    v9, v5
-    VFMA    v9, v0, v8, v13
-    VMOV    v10, v4
-    VFMA    v10, v9, v8, v13            ; D
-    MASK_NOT_LESS v10, v2
-    MASK_BITS eax
-    test    eax, eax
-    jz      .next_block
-    VMAX    v9, v10, [PACKET(zeros)]
-    VSQRT   v9, v9
-    VMOV    v14, v6
-    VFMA    v14, v1, v8, v13            ; h
-    VADD    v9, v9, v14                 ; 1/t
-    VLOAD   v11, [r13]
-    MASK_AND_GREATER v9, v11, v13       ; the first of equals stays
-    WHERE   r9d, v10, v3, 1, v13
-    test    r9d, r9d
-    jnz     .doubt
-.nearest:                               ; of no lane, often: a branch would not be foreseen
-    MASK_STORE [r13], v9, v11
-    VMOV    v9, v7
-    MASK_STORE [r13 + WHO], v9, v11
-.next_block:
-    VADD    v8, v8, [PACKET(block_step)]
-    add     r13, VBYTES
-    dec     r10d
-    jnz     .block
-    add     ebx, BLOCK_HEIGHT
-    cmp     ebx, r15d
-    jl      .row
-.next_sphere:
-    add     rdx, 4
-    inc     dword [rbp - 64]
-    dec     rcx
-    jnz     .sphere
-    LEAVE
-    ret
-
-    ; The lanes of r9d are within the rounding of the silhouette: r^2 d.d >= |c x d|^2 in f64.
-.doubt:
-    MASK_BITS eax
-    SPILL
-    mov     [rbp - 56], r10
-    mov     [rbp - 72], r14
-    mov     r10d, r9d
-.lane:
-    bsf     r9d, r10d
-    BLOCK_PIXEL
-    ONE_RAY
-    SPHERE_CROSS 1, z, 2, y
-    SD      xorps, xmm6, xmm6
-    SD      addsd, xmm6, xmm3
-    SPHERE_CROSS 2, x, 0, z
-    SD      addsd, xmm6, xmm3
-    SPHERE_CROSS 0, y, 1, x
-    SD      addsd, xmm6, xmm3
-    SD      mulsd, xmm0, xmm0
-    SD      mulsd, xmm1, xmm1
-    SD      mulsd, xmm2, xmm2
-    SD      addsd, xmm0, xmm1
-    SD      addsd, xmm0, xmm2
-    ELEMENT_F64 xmm3, [rdi + ELEM * TileSphere.radius]
-    SD      mulsd, xmm0, xmm3
-    SD      mulsd, xmm0, xmm3
-%if HAS_VEX
-    vucomisd xmm0, xmm6
-%else
-    ucomisd xmm0, xmm6
-%endif
-    jae     .decided
-    bsf     r9d, r10d
-    btr     eax, r9d
-.decided:
-    lea     r9d, [r10 - 1]
-    and     r10d, r9d
-    jnz     .lane
-    MASK_OF_BITS
-    UNSPILL
-    mov     r10, [rbp - 56]
-    mov     r14, [rbp - 72]
-    jmp     .nearest
-    END
 
 ; The stack of the shading functions, from rsp on.
 %assign PIXELS_AT 0                     ; a block of pixels
@@ -1419,14 +1436,29 @@ align 16
 %unmacro LEAVE 0
 %unmacro CLIP 1
 %unmacro BLOCK_ROW 0
-%unmacro ROW_PLANE 2
 %unmacro IAND 3
 %unmacro HALVES 3
 %unmacro ELEMENTS 1
 %unmacro KEEP_INTEGER 1
 %unmacro PLANE_AT 3
-%unmacro PLANES_AT 0
-%unmacro LANES_PLANE 2
+%unmacro BEFORE_DOUBT_TRIANGLE 1
+%unmacro DECIDE_TRIANGLE 1
+%unmacro BEFORE_DOUBT_SPHERE 1
+%unmacro DECIDE_SPHERE 1
+%unmacro FACTORS_TRIANGLE 1
+%unmacro ROW_PLANE 3
+%unmacro ROW_TRIANGLE 1
+%unmacro AT_TRIANGLE 0
+%undef INSIDE_TRIANGLE
+%undef SURE_TRIANGLE
+%unmacro FACTORS_SPHERE 1
+%unmacro ROW_SPHERE 1
+%unmacro D_AT 1
+%unmacro INVERSE_AT 1
+%unmacro AT_SPHERE 0
+%undef INSIDE_SPHERE
+%undef SURE_SPHERE
+%unmacro NEAREST 4
 %unmacro SPHERE_FIELD 3
 %unmacro STORE_INTEGERS 2
 %unmacro COSINE 3

@@ -47,14 +47,14 @@ pub use spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit,
     TriangleHit, TriangleSpan,
 };
+pub use tiles::{
+    Ball, Balls, BoundsView, CHUNK, Corners, Facet, Seen, ShortLit, SpherePlanes, SphereView, TILE_HEIGHT, TILE_WIDTH,
+    TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+};
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounds, Extremes, Looks, NearerHalf, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile, Spheres,
-    TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
-};
-pub use tiles::{
-    BoundsView, CHUNK, Corners, Facet, Seen, ShortLit, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays,
-    TileShade, TileSphere, TileView, TrianglePlanes,
+    Bounded, Bounds, Extremes, Looks, NearerHalf, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile,
+    SphereLooks, SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

@@ -10,8 +10,9 @@ use super::spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
 };
 use super::tiles::{
-    Bounds, BoundsTask, BoundsView, HalfTask, NearerHalf, NearestSpheres, NearestTask, NearestTriangles, SetUp,
-    SetupTask, ShadeTask, ShadeTile, TileRays, TileSphere, TileView, TrianglePlanes,
+    Ball, Bounds, BoundsTask, BoundsView, Facet, HalfTask, NearerHalf, NearestSpheres, NearestTask, NearestTriangles,
+    SetUp, SetupTask, ShadeTask, ShadeTile, SphereLooks, SpherePlanes, SphereSetUp, SphereView, TileRays, TileView,
+    TrianglePlanes,
 };
 use super::types::{Plain, Vec4};
 
@@ -157,8 +158,12 @@ pub struct TileKernels<E> {
     pub set_up: SetUp<E>,
     /// The nearest of triangles.
     pub nearest_triangles: NearestTriangles<E>,
+    /// Spheres to planes.
+    pub sphere_set_up: SphereSetUp<E>,
     /// The nearest of spheres.
     pub nearest_spheres: NearestSpheres<E>,
+    /// Spheres to what shades them.
+    pub sphere_looks: SphereLooks<E>,
     /// To linear floats, four a pixel.
     pub f32x4: ShadeTile<E, Vec4>,
     /// The same with estimates (in f64: as `f32x4`).
@@ -177,11 +182,13 @@ impl<E: Element> TileKernels<E> {
     fn symbols(&self) -> Vec<&'static str> {
         #[rustfmt::skip]
         let TileKernels {
-            set_up, nearest_triangles, nearest_spheres, f32x4, f32x4_fast, f32x3, f32x3_fast, rgba8, rgb8,
+            set_up, nearest_triangles, sphere_set_up, nearest_spheres, sphere_looks, f32x4, f32x4_fast, f32x3, f32x3_fast,
+            rgba8, rgb8,
         } = self;
         let floats = [f32x4.symbol(), f32x4_fast.symbol(), f32x3.symbol(), f32x3_fast.symbol()];
-        let others = [set_up.symbol(), nearest_triangles.symbol(), nearest_spheres.symbol()];
-        [&floats[..], &others, &[rgba8.symbol(), rgb8.symbol()]].concat()
+        let triangles = [set_up.symbol(), nearest_triangles.symbol()];
+        let spheres = [sphere_set_up.symbol(), nearest_spheres.symbol(), sphere_looks.symbol()];
+        [&floats[..], &triangles, &spheres, &[rgba8.symbol(), rgb8.symbol()]].concat()
     }
 }
 
@@ -194,8 +201,10 @@ pub struct PacketKernels {
     /// What no ray hits.
     pub fill: Fill,
     /// Which pixels triangles can cover.
-    pub bounds: Bounds,
-    /// Which triangles of a tile go first.
+    pub bounds: Bounds<Facet>,
+    /// Which pixels spheres can cover.
+    pub sphere_bounds: Bounds<Ball>,
+    /// Which objects of a tile go first.
     pub nearer_half: NearerHalf,
 }
 
@@ -237,8 +246,9 @@ impl<E: Element> SpanKernels<E> {
 /// The symbols of all packet kernels in this build, whether this CPU runs them or not.
 pub fn packet_symbols() -> BTreeSet<&'static str> {
     let of = |kernels: &PacketKernels| {
-        let PacketKernels { single, double, fill, bounds, nearer_half } = kernels;
-        [single.symbols(), double.symbols(), vec![fill.symbol, bounds.symbol(), nearer_half.symbol()]].concat()
+        let PacketKernels { single, double, fill, bounds, sphere_bounds, nearer_half } = kernels;
+        let others = vec![fill.symbol, bounds.symbol(), sphere_bounds.symbol(), nearer_half.symbol()];
+        [single.symbols(), double.symbols(), others].concat()
     };
     [&SSE41, &AVX2, &AVX512].into_iter().flat_map(of).collect()
 }
@@ -699,7 +709,11 @@ macro_rules! span_kernels {
                     #[link_name = concat!($prefix, "nearest_triangles")]
                     fn triangles(planes: *const TrianglePlanes<$element>, task: *const NearestTask);
                     #[link_name = concat!($prefix, "nearest_spheres")]
-                    fn spheres(spheres: *const TileSphere<$element>, task: *const NearestTask);
+                    fn spheres(planes: *const SpherePlanes<$element>, task: *const NearestTask);
+                    #[link_name = concat!($prefix, "sphere_set_up")]
+                    fn sphere_set_up(view: *const SphereView<f64>, task: *const SetupTask);
+                    #[link_name = concat!($prefix, "sphere_looks")]
+                    fn sphere_looks(view: *const SphereView<f64>, task: *const SetupTask);
                 }
                 TileKernels {
                     set_up: SetUp { code: set_up, symbol: concat!($prefix, "set_up"), writes: PhantomData },
@@ -707,7 +721,17 @@ macro_rules! span_kernels {
                         code: triangles,
                         symbol: concat!($prefix, "nearest_triangles"),
                     },
+                    sphere_set_up: SphereSetUp {
+                        code: sphere_set_up,
+                        symbol: concat!($prefix, "sphere_set_up"),
+                        writes: PhantomData,
+                    },
                     nearest_spheres: NearestSpheres { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
+                    sphere_looks: SphereLooks {
+                        code: sphere_looks,
+                        symbol: concat!($prefix, "sphere_looks"),
+                        writes: PhantomData,
+                    },
                     f32x4: shade_tile!("f32x4", Vec4),
                     f32x4_fast: shade_tile!(concat!("f32x4", $fast), Vec4),
                     f32x3: shade_tile!("f32x3", F32x3),
@@ -728,6 +752,8 @@ macro_rules! packet_kernels {
                 fn fill(out: *mut u32, count: u64, pattern: u32, streaming: u64);
                 #[link_name = concat!("rayo_", $isa, "_bounds")]
                 fn bounds(view: *const BoundsView<f32>, task: *const BoundsTask);
+                #[link_name = concat!("rayo_", $isa, "_sphere_bounds")]
+                fn sphere_bounds(view: *const SphereView<f64>, task: *const BoundsTask);
                 #[link_name = concat!("rayo_", $isa, "_nearer_half")]
                 fn nearer_half(task: *const HalfTask) -> u64;
             }
@@ -736,6 +762,7 @@ macro_rules! packet_kernels {
                 double: span_kernels!(f64, $double, concat!("rayo_", $isa, "_double_"), "", $lit_fast),
                 fill: Fill { code: fill, symbol: concat!("rayo_", $isa, "_fill") },
                 bounds: Bounds { code: bounds, symbol: concat!("rayo_", $isa, "_bounds") },
+                sphere_bounds: Bounds { code: sphere_bounds, symbol: concat!("rayo_", $isa, "_sphere_bounds") },
                 nearer_half: NearerHalf { code: nearer_half, symbol: concat!("rayo_", $isa, "_nearer_half") },
             }
         };

@@ -10,6 +10,8 @@ pub trait Element: Plain + Default + PartialOrd + Send + Sync {
     fn from_f64(x: f64) -> Self;
     /// Exact.
     fn to_f64(self) -> f64;
+    /// Of an integer from 0 to 2^24.
+    fn to_index(self) -> usize;
 }
 
 impl Element for f32 {
@@ -20,6 +22,9 @@ impl Element for f32 {
     fn to_f64(self) -> f64 {
         self.into()
     }
+    fn to_index(self) -> usize {
+        self as i32 as usize
+    }
 }
 
 impl Element for f64 {
@@ -29,6 +34,9 @@ impl Element for f64 {
     }
     fn to_f64(self) -> f64 {
         self
+    }
+    fn to_index(self) -> usize {
+        self as i32 as usize
     }
 }
 

@@ -18,7 +18,7 @@ use super::types::Plain;
 pub const TILE_WIDTH: usize = 64;
 /// Pixels of a tile, down.
 pub const TILE_HEIGHT: usize = 32;
-/// Triangles that are set up at a time.
+/// Objects that are set up at a time.
 pub const CHUNK: usize = 64;
 
 /// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
@@ -36,7 +36,25 @@ unsafe impl Plain for Facet {
     const ZERO: Self = Facet { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
 }
 
-/// A triangle that a tile may see.
+/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds it, where set-up reads it in
+/// place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Ball {
+    /// Greater than 0.
+    pub radius: f32,
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The centre, in the camera's frame.
+    pub centre: Vec3,
+}
+
+// SAFETY: seven floats that fill it, as the offsets asserted in types.rs show.
+unsafe impl Plain for Ball {
+    const ZERO: Self = Ball { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
+}
+
+/// An object that a tile may see.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Seen {
@@ -46,8 +64,14 @@ pub struct Seen {
     pub columns: u32,
     /// The rows.
     pub rows: u32,
-    /// What its 1/t cannot exceed.
+    /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any.
     pub near: f32,
+}
+
+impl Seen {
+    /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which no
+    /// kernel traces.
+    pub const ANY: f32 = f32::MAX;
 }
 
 // SAFETY: four numbers that fill it, as the offsets asserted in types.rs show.
@@ -62,10 +86,11 @@ records! {
     TileView { dx, dy, dz, step, down, scale, bound_x, bound_y, bound_z, bound_0 }
     /// A light as set-up sees it.
     TileLight { x, y, z, red, green, blue }
-    /// A sphere in front of the camera, seen from outside.
+    /// The rays as set-up of spheres sees them.
+    SphereView { step, half_width, half_height, focal, scale, width, height, near, far, white }
+    /// What shading needs to know of a sphere in front of the camera, seen from outside.
     TileSphere {
-        column, row, d0, dx, dy, dxx, dxy, dyy, bound, h, hx, hy, mx, mxx, mxy, my, myx, myy, mz, mzx, mzy,
-        ux, uy, uz, cx, cy, cz, radius, short,
+        column, row, d0, dx, dy, dxx, dxy, dyy, mx, mxx, mxy, my, myx, myy, mz, mzx, mzy, ux, uy, uz, short, pad1, pad2, pad3,
     }
     /// What one light does to a sphere, in the short form.
     ShortLit { q0, qx, qy, kn, ke, red, green, blue }
@@ -106,6 +131,22 @@ turned_round! {
 }
 
 turned_round! {
+    /// A chunk of spheres, turned round.
+    Balls {
+        f32: x y z radius red green blue;
+        u32: columns rows;
+        f32: near;
+    }
+}
+
+turned_round! {
+    /// A chunk of spheres as functions of the pixels from their own origins.
+    SpherePlanes<E> {
+        E: column row d0 dx dy dxx dxy dyy bound h hx hy most id;
+    }
+}
+
+turned_round! {
     /// A chunk of triangles as functions of a tile's pixels.
     TrianglePlanes<E> {
         E: e1x e1y e10 e2x e2y e20 e3x e3y e30 tx ty t0 most side id;
@@ -134,7 +175,12 @@ const MOST_SET_UP: usize = 8;
 const MOST_LANES: usize = 16;
 
 #[cfg(rayo_asm)]
+mod spheres;
+
+#[cfg(rayo_asm)]
 pub use calls::*;
+#[cfg(rayo_asm)]
+pub use spheres::*;
 
 #[cfg(rayo_asm)]
 mod calls {
@@ -143,11 +189,11 @@ mod calls {
     /// As bounds reads it.
     #[repr(C)]
     pub(in crate::kernels) struct BoundsTask {
-        pub(in crate::kernels) facets: *const Facet,
+        pub(in crate::kernels) objects: *const (),
         pub(in crate::kernels) count: u64,
         pub(in crate::kernels) first_id: u64,
         pub(in crate::kernels) keep_all: u64,
-        pub(in crate::kernels) corners: *mut Corners,
+        pub(in crate::kernels) turned: *mut (),
         pub(in crate::kernels) seen: *mut Seen,
         pub(in crate::kernels) found: *mut BoundsFound,
     }
@@ -161,12 +207,12 @@ mod calls {
         pub(in crate::kernels) count: u64,
     }
 
-    /// The extremes of a scene's triangles. What is not a number, and a negative colour, is among them for sure.
+    /// The extremes of a scene's objects. What is not a number, and a negative colour or radius, is among them for sure.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Extremes {
-        /// The greatest size, which is that of the triangle's greatest coordinate.
+        /// The greatest size, which is that of an object's greatest coordinate or radius.
         pub most: f32,
-        /// The least.
+        /// The least: a triangle's by its greatest coordinate, a sphere's by its radius.
         pub least: f32,
         /// The greatest number in a colour, or a negative one.
         pub brightest: f32,
@@ -187,13 +233,14 @@ mod calls {
     /// As set-up reads it: addresses of elements have no type, so that one layout serves both.
     #[repr(C)]
     pub(in crate::kernels) struct SetupTask {
-        pub(in crate::kernels) facets: *const Facet,
+        pub(in crate::kernels) objects: *const (),
         pub(in crate::kernels) seen: *const Seen,
         pub(in crate::kernels) count: u64,
         pub(in crate::kernels) ahead: u64,
-        pub(in crate::kernels) corners: *mut Corners,
+        pub(in crate::kernels) turned: *mut (),
         pub(in crate::kernels) planes: *mut (),
         pub(in crate::kernels) shades: *mut (),
+        pub(in crate::kernels) shorts: *mut (),
         pub(in crate::kernels) lights: *const TileLight<f64>,
         pub(in crate::kernels) light_count: u64,
         pub(in crate::kernels) first_id: u64,
@@ -203,13 +250,9 @@ mod calls {
     #[repr(C)]
     pub(in crate::kernels) struct NearestTask {
         pub(in crate::kernels) tile: *mut (),
-        pub(in crate::kernels) corners: *const Corners,
+        pub(in crate::kernels) turned: *const (),
         pub(in crate::kernels) order: *const u32,
-        pub(in crate::kernels) ids: *const u32,
-        pub(in crate::kernels) columns: *const u32,
-        pub(in crate::kernels) rows: *const u32,
         pub(in crate::kernels) count: u64,
-        pub(in crate::kernels) first_id: u64,
         pub(in crate::kernels) column: u64,
         pub(in crate::kernels) row: u64,
         pub(in crate::kernels) end_column: u64,
@@ -283,15 +326,19 @@ mod calls {
         }
     }
 
-    /// A tile's nearest objects, and the chunk of triangles that is set up for it: half of a core's cache.
+    /// A tile's nearest objects, and the chunks of triangles and of spheres that are set up for it: half of a core's cache.
     pub struct TileBuffers<E> {
-        tile: Box<Tile<E>>,
+        pub(super) tile: Box<Tile<E>>,
         corners: Box<Corners>,
         planes: Box<TrianglePlanes<E>>,
-        /// Triangles in the chunk.
+        pub(super) balls: Box<Balls>,
+        pub(super) sphere_planes: Box<SpherePlanes<E>>,
+        /// Triangles in their chunk.
         count: usize,
+        /// Spheres in theirs.
+        pub(super) sphere_count: usize,
         /// The greatest number of an object of the tile.
-        most: usize,
+        pub(super) most: usize,
     }
 
     impl<E: Element> Default for TileBuffers<E> {
@@ -300,7 +347,10 @@ mod calls {
                 tile: Box::new(Tile { near: [E::ZERO; TILE_PIXELS], who: [E::ZERO; TILE_PIXELS] }),
                 corners: Box::new(Corners::ZERO),
                 planes: Box::new(TrianglePlanes::ZERO),
+                balls: Box::new(Balls::ZERO),
+                sphere_planes: Box::new(SpherePlanes::ZERO),
                 count: 0,
+                sphere_count: 0,
                 most: 0,
             }
         }
@@ -311,7 +361,7 @@ mod calls {
         pub fn clear(&mut self) {
             self.tile.near.fill(E::ZERO);
             self.tile.who.fill(E::ZERO);
-            (self.count, self.most) = (0, 0);
+            (self.count, self.sphere_count, self.most) = (0, 0, 0);
         }
 
         /// The 1/t of the farthest pixel of each part of the tile, 0 where a pixel is nobody's, for kernels of so many
@@ -338,6 +388,11 @@ mod calls {
             &self.planes
         }
 
+        /// The spheres that were set up last.
+        pub fn sphere_planes(&self) -> &SpherePlanes<E> {
+            &self.sphere_planes
+        }
+
         /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
         fn index(lanes: usize, column: usize, row: usize) -> usize {
             let width = lanes.min(4);
@@ -360,6 +415,12 @@ mod calls {
                 self.tile.who[i] = E::from_f64(who as f64);
                 self.most = self.most.max(who);
             }
+        }
+
+        /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
+        pub fn mark_owners(&self, owners: &mut [bool]) {
+            assert!(self.most < owners.len());
+            self.tile.who.iter().for_each(|who| owners[who.to_index()] = true);
         }
     }
 
@@ -397,36 +458,58 @@ mod calls {
         }
     }
 
-    /// Finds the bounds of triangles.
-    pub struct Bounds {
-        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const BoundsView<f32>, *const BoundsTask),
+    /// An object whose bounds a kernel finds.
+    pub trait Bounded: Plain {
+        /// How it sees the picture.
+        type View;
+        /// A chunk of them, turned round.
+        type Turned;
+        /// One that is not filled yet.
+        const TURNED: Self::Turned;
+    }
+
+    impl Bounded for Facet {
+        type View = BoundsView<f32>;
+        type Turned = Corners;
+        const TURNED: Corners = Corners::ZERO;
+    }
+
+    impl Bounded for Ball {
+        type View = SphereView<f64>;
+        type Turned = Balls;
+        const TURNED: Balls = Balls::ZERO;
+    }
+
+    /// Finds the bounds of triangles, or of spheres.
+    pub struct Bounds<T: Bounded> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const T::View, *const BoundsTask),
         pub(in crate::kernels) symbol: &'static str,
     }
 
-    impl Bounds {
+    impl<T: Bounded> Bounds<T> {
         /// The symbol of its code.
         pub fn symbol(&self) -> &'static str {
             self.symbol
         }
 
-        /// Writes those of the facets that may be seen to the front of `seen`, in order, the first facet being number
+        /// Writes those of the objects that may be seen to the front of `seen`, in order, the first object being number
         /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
-        /// be. There must be room for all facets, up to a multiple of [`CHUNK`]. None where there is no facet.
+        /// be. There must be room for all objects, up to a multiple of [`CHUNK`]. None where there is no object.
         pub fn call(
             &self,
-            view: &BoundsView<f32>,
-            facets: &[Facet],
+            view: &T::View,
+            objects: &[T],
             first_id: u32,
             keep_all: bool,
             seen: &mut [Seen],
         ) -> Option<(usize, Extremes)> {
-            let (mut corners, mut found) = (Corners::ZERO, BoundsFound::NONE);
-            let task = Self::task(facets, first_id, keep_all, seen, &mut corners, &mut found)?;
-            // SAFETY: task() proves that there is a facet and room for the results; the references the rest. The table it
+            let (mut turned, mut found) = (T::TURNED, BoundsFound::NONE);
+            let task = Self::task(objects, first_id, keep_all, seen, &mut turned, &mut found)?;
+            // SAFETY: task() proves that there is an object and room for the results; the references the rest. The table it
             // came from was handed out by packets(), which had checked the CPU.
             unsafe { (self.code)(view, &task) }
             // What fills the last chunk comes last.
-            let past = first_id + facets.len() as u32;
+            let past = first_id + objects.len() as u32;
             let count = seen[..found.count as usize].iter().rposition(|seen| seen.id < past).map_or(0, |last| last + 1);
             Some((count, found.extremes()))
         }
@@ -434,14 +517,14 @@ mod calls {
         /// As [`Bounds::call`], with a look at whether the kernel keeps the calling convention.
         pub fn call_checked(
             &self,
-            view: &BoundsView<f32>,
-            facets: &[Facet],
+            view: &T::View,
+            objects: &[T],
             first_id: u32,
             keep_all: bool,
             seen: &mut [Seen],
         ) -> Result<(), Vec<Fault>> {
-            let (mut corners, mut found) = (Corners::ZERO, BoundsFound::NONE);
-            let task = Self::task(facets, first_id, keep_all, seen, &mut corners, &mut found);
+            let (mut turned, mut found) = (T::TURNED, BoundsFound::NONE);
+            let task = Self::task(objects, first_id, keep_all, seen, &mut turned, &mut found);
             let Some(task) = task else { return Ok(()) };
             let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
@@ -449,21 +532,21 @@ mod calls {
         }
 
         fn task(
-            facets: &[Facet],
+            objects: &[T],
             first_id: u32,
             keep_all: bool,
             seen: &mut [Seen],
-            corners: &mut Corners,
+            turned: &mut T::Turned,
             found: &mut BoundsFound,
         ) -> Option<BoundsTask> {
-            assert!(seen.len() >= facets.len().next_multiple_of(CHUNK), "whole chunks are written");
-            assert!(first_id as usize + facets.len() <= 1 << 24, "f32 has every number up to here");
-            (!facets.is_empty()).then_some(BoundsTask {
-                facets: facets.as_ptr(),
-                count: facets.len() as u64,
+            assert!(seen.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
+            assert!(first_id as usize + objects.len() <= 1 << 24, "f32 has every number up to here");
+            (!objects.is_empty()).then_some(BoundsTask {
+                objects: objects.as_ptr().cast(),
+                count: objects.len() as u64,
                 first_id: first_id.into(),
                 keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
-                corners,
+                turned: std::ptr::from_mut(turned).cast(),
                 seen: seen.as_mut_ptr(),
                 found,
             })
@@ -591,10 +674,7 @@ mod calls {
 
         fn task(triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) -> SetupTask {
             let Triangles { facets, lights, seen, first_id } = triangles;
-            let (seen, ahead) = seen.split_at(seen.len().min(CHUNK));
-            assert!(!seen.is_empty());
-            assert!(seen.iter().all(|seen| (seen.id as usize) < facets.len()), "ids of facets");
-            // (What is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
+            let (seen, ahead) = chunk_of(seen, facets.len());
             // The last packet writes as many as it has lanes.
             let before = first_id * lights.len();
             let past = before + (seen.len() + MOST_SET_UP) * lights.len();
@@ -604,18 +684,28 @@ mod calls {
             buffers.count = seen.len();
             buffers.most = buffers.most.max(first_id + seen.len() - 1);
             SetupTask {
-                facets: facets.as_ptr(),
+                objects: facets.as_ptr().cast(),
                 seen: seen.as_ptr(),
                 count: seen.len() as u64,
-                ahead: ahead.len().min(CHUNK) as u64,
-                corners: &mut *buffers.corners,
+                ahead,
+                turned: std::ptr::from_mut(&mut *buffers.corners).cast(),
                 planes: std::ptr::from_mut(&mut *buffers.planes).cast(),
                 shades: shades[before..].as_mut_ptr().cast(),
+                shorts: std::ptr::null_mut(),
                 lights: lights.as_ptr(),
                 light_count: lights.len() as u64,
                 first_id: first_id as u64,
             }
         }
+    }
+
+    /// The first of what is seen, which is a chunk of so many objects, and how many of the next ones are fetched ahead. (What
+    /// is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
+    pub(super) fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], u64) {
+        let (seen, ahead) = seen.split_at(seen.len().min(CHUNK));
+        assert!(!seen.is_empty());
+        assert!(seen.iter().all(|seen| (seen.id as usize) < objects), "ids of objects");
+        (seen, ahead.len().min(CHUNK) as u64)
     }
 
     /// Finds the nearest of triangles.
@@ -624,37 +714,14 @@ mod calls {
         pub(in crate::kernels) symbol: &'static str,
     }
 
-    /// Finds the nearest of spheres.
-    pub struct NearestSpheres<E> {
-        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TileSphere<E>, *const NearestTask),
-        pub(in crate::kernels) symbol: &'static str,
-    }
-
-    /// Spheres with their bounds, and which of them are to be seen.
-    #[derive(Clone, Copy)]
-    pub struct Spheres<'a, E> {
-        /// All spheres.
-        pub spheres: &'a [TileSphere<E>],
-        /// Their bounds.
-        pub bounds: &'a PixelBounds,
-        /// Some of them.
-        pub ids: &'a [u32],
-        /// The number in the tile of the first of these.
-        pub first_id: usize,
-    }
-
     /// What both kinds share.
-    fn nearest_task<E>(tile: &mut Tile<E>, window: &TileWindow, grid: &TileGrid) -> NearestTask {
+    pub(super) fn nearest_task<E>(tile: &mut Tile<E>, window: &TileWindow, grid: &TileGrid) -> NearestTask {
         window.check();
         NearestTask {
             tile: std::ptr::from_mut(tile).cast(),
-            corners: std::ptr::null(),
+            turned: std::ptr::null(),
             order: std::ptr::null(),
-            ids: std::ptr::null(),
-            columns: std::ptr::null(),
-            rows: std::ptr::null(),
             count: 0,
-            first_id: 0,
             column: window.column.into(),
             row: window.row.into(),
             end_column: window.columns.into(),
@@ -674,8 +741,8 @@ mod calls {
         }
 
         /// Makes the pixels of the window those of the triangles that were set up last, where nothing is nearer, and
-        /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, and 0
-        /// for nobody and for spheres.
+        /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, from 1
+        /// on, and 0 for nobody.
         pub fn call(&self, buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
             if buffers.count > 0 {
                 let task = Self::task(buffers, order, window, grid);
@@ -707,65 +774,8 @@ mod calls {
             buffers.corners.columns[past].fill(0);
             NearestTask {
                 order: order.as_ptr(),
-                corners: &*buffers.corners,
+                turned: std::ptr::from_ref(&*buffers.corners).cast(),
                 count: buffers.count as u64,
-                ..nearest_task(&mut buffers.tile, window, grid)
-            }
-        }
-    }
-
-    impl<E: Element> NearestSpheres<E> {
-        /// The symbol of its code.
-        pub fn symbol(&self) -> &'static str {
-            self.symbol
-        }
-
-        /// Makes the pixels of the window those of the spheres, where nothing is as near.
-        pub fn call(
-            &self,
-            spheres: Spheres<'_, E>,
-            buffers: &mut TileBuffers<E>,
-            window: &TileWindow,
-            grid: &TileGrid,
-        ) {
-            if !spheres.ids.is_empty() {
-                let task = Self::task(spheres, buffers, window, grid);
-                // SAFETY: task() proves that the ids are those of spheres with bounds; the rest as for triangles.
-                unsafe { (self.code)(spheres.spheres.as_ptr(), &task) }
-            }
-        }
-
-        /// As [`NearestSpheres::call`], with a look at whether the kernel keeps the calling convention.
-        pub fn call_checked(
-            &self,
-            spheres: Spheres<'_, E>,
-            buffers: &mut TileBuffers<E>,
-            window: &TileWindow,
-            grid: &TileGrid,
-        ) -> Result<(), Vec<Fault>> {
-            assert!(!spheres.ids.is_empty());
-            let task = Self::task(spheres, buffers, window, grid);
-            let args = [spheres.spheres.as_ptr() as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-            // SAFETY: as in call; these are the arguments of its signature.
-            unsafe { checked::call(self.code as *const (), args) }
-        }
-
-        fn task(
-            spheres: Spheres<'_, E>,
-            buffers: &mut TileBuffers<E>,
-            window: &TileWindow,
-            grid: &TileGrid,
-        ) -> NearestTask {
-            let Spheres { spheres, bounds, ids, first_id } = spheres;
-            assert!(ids.iter().all(|id| (*id as usize) < spheres.len()), "ids of spheres");
-            assert!(bounds.columns.len() >= spheres.len() && bounds.rows.len() >= spheres.len());
-            buffers.most = buffers.most.max(first_id + ids.len() - 1);
-            NearestTask {
-                ids: ids.as_ptr(),
-                columns: bounds.columns.as_ptr(),
-                rows: bounds.rows.as_ptr(),
-                count: ids.len() as u64,
-                first_id: first_id as u64,
                 ..nearest_task(&mut buffers.tile, window, grid)
             }
         }
@@ -778,9 +788,9 @@ mod calls {
         pub shades: &'a [TileShade<E>],
         /// Where the lights stand.
         pub lights: &'a [TilePoint<E>],
-        /// The spheres of the tile, which come before its triangles.
+        /// Where the records are of the spheres of the tile, which come before its triangles.
         pub sphere_ids: &'a [u32],
-        /// All spheres.
+        /// The records of those that have a pixel.
         pub spheres: &'a [TileSphere<E>],
         /// As many for each of them as there are lights.
         pub lits: &'a [Lit<E>],
@@ -848,7 +858,7 @@ mod calls {
             assert!(shades.len() >= objects * count);
             assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
             assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
-            assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "ids of spheres");
+            assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
             let rows = window.rows.len();
             assert!(window.columns as usize <= out.width);
             assert!(out.first + (rows - 1) * out.width + window.columns as usize <= out.pixels.len());

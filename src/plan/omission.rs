@@ -23,7 +23,7 @@ pub enum Omission {
     EmptyTiles,
     /// Objects in tiles that they cannot be in.
     OtherTiles,
-    /// The set-up of triangles behind all that the nearer half of their tile leaves.
+    /// The set-up of objects behind all that the nearer half of their tile leaves.
     Occluded,
     /// Rays that an object cannot be hit by.
     Misses,
@@ -105,7 +105,7 @@ impl Omission {
             Omission::TriangleCode => "code for triangles",
             Omission::EmptyTiles => "tiles with nothing in them",
             Omission::OtherTiles => "objects in other tiles",
-            Omission::Occluded => "set-up of hidden triangles",
+            Omission::Occluded => "set-up of hidden objects",
             Omission::Misses => "tests of rays that miss",
             Omission::Search => "searches for the nearest",
             Omission::Depths => "depths of single pixels",
@@ -172,7 +172,7 @@ impl Omission {
             Omission::SphereCode | Omission::TriangleCode => "kinds",
             Omission::EmptyTiles => "tiles",
             Omission::OtherTiles | Omission::Unseen => "objects of tiles",
-            Omission::Occluded => "triangles of tiles",
+            Omission::Occluded => "objects of tiles",
             Omission::Misses => "rays against objects",
             Omission::Search | Omission::Depths | Omission::FloatImage => "pixels",
             Omission::Hidden => "hits",

@@ -18,10 +18,12 @@ pub struct TileSurvey {
     pub empty: u64,
     /// Objects of tiles, each in as many as its bounds meet.
     pub placed: u64,
-    /// Triangles of tiles that need no set-up, since what is nearer hides all of them.
+    /// Objects of tiles that need no set-up, since what is nearer hides all of them.
     pub occluded: u64,
     /// Objects of tiles that are tested and nearest nowhere.
     pub unseen: u64,
+    /// Spheres in the picture that have the short form in bytes.
+    pub short: u64,
 }
 
 impl TileSurvey {
@@ -32,6 +34,7 @@ impl TileSurvey {
             placed: self.placed + other.placed,
             occluded: self.occluded + other.occluded,
             unseen: self.unseen + other.unseen,
+            short: self.short + other.short,
         }
     }
 }
@@ -138,7 +141,7 @@ impl Report {
     pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
         let (scene, frustum) = (tiles.scene(), tiles.frustum());
         let spheres =
-            Counts::of(&scene.spheres, tiles.sphere_bounds(), |sphere| frustum.unseen_sphere(sphere), |_| None);
+            Counts::of(&scene.spheres, &tiles.sphere_bounds(), |sphere| frustum.unseen_sphere(sphere), |_| None);
         let triangles = Counts::of(
             &scene.triangles,
             &tiles.triangle_bounds(),
@@ -163,7 +166,7 @@ impl Report {
             Omission::Misses => both.kept * pixels - both.covered,
             Omission::Unseen => survey.unseen,
             Omission::Constants => both.kept,
-            Omission::Loop if bytes => tiles.in_short_form() as u64,
+            Omission::Loop if bytes => survey.short,
             Omission::FloatImage if bytes => pixels,
             _ => 0,
         };

@@ -195,8 +195,8 @@ impl Engine {
         if let (Engine::Packet(isa), true) = (self, plan::objects_are_many(scene, camera)) {
             let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
             let precision = self.precision_for(purpose)?;
-            scene.check_but_triangles()?;
-            // Set-up reads every triangle, and so sees for nothing whether they have numbers that tiles can take.
+            scene.check_lights()?;
+            // Set-up reads every object, and so sees for nothing whether they have numbers that tiles can take.
             let planning = (purpose.keep, purpose.threads);
             let (tracer, plain) = with_tiles(kernels, precision, scene, camera, planning, AnyTracer);
             if plain {
@@ -293,14 +293,13 @@ fn with_tiles<'a, U: UseTiles<'a>>(
     (keep, threads): (Keep, usize),
     user: U,
 ) -> U::Result {
-    let bounds = &kernels.bounds;
     match precision {
         Precision::Double => {
-            let plan = Tiles::new(scene, camera, bounds, keep, threads);
+            let plan = Tiles::new(scene, camera, kernels, keep, threads);
             user.of(TileTracer::new(kernels, &kernels.double, false, plan))
         }
         _ => {
-            let plan = Tiles::new(scene, camera, bounds, keep, threads);
+            let plan = Tiles::new(scene, camera, kernels, keep, threads);
             user.of(TileTracer::new(kernels, &kernels.single, precision == Precision::Fast, plan))
         }
     }

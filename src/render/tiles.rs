@@ -3,6 +3,7 @@
 mod normals;
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -10,15 +11,22 @@ use rayon::prelude::*;
 use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
-    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, Seen, ShadeTile, SpanKernels, Spheres, TILE_HEIGHT,
-    TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
+    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
+    TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
 use crate::scene::Object;
 
-/// In a tile of fewer triangles it costs more to find out which of them others hide than to try them.
+/// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
+
+/// A scene of as many spheres has their records for shading made once, before its first tile. Those of a scene of more are
+/// made by each tile, of the spheres that have a pixel there.
+const MOST_RECORDS: usize = 4096;
+
+/// In a tile of fewer spheres it costs more to find out which of them have a pixel than to make all their records.
+const FEWEST_OWNERS: usize = 128;
 
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: 'static> {
@@ -27,6 +35,8 @@ pub struct TileTracer<'a, E: 'static> {
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     plan: Tiles<'a, E>,
+    /// The records of all spheres, if they are few, in linear floats and in levels.
+    records: [OnceLock<SphereRecords<E>>; 2],
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
@@ -37,7 +47,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
         fast: bool,
         plan: Tiles<'a, E>,
     ) -> Self {
-        TileTracer { packets, kernels, fast, plan }
+        TileTracer { packets, kernels, fast, plan, records: Default::default() }
     }
 
     /// See [`Tiles::is_plain`].
@@ -48,7 +58,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
 
 /// What differs between the outputs.
 trait Output<E: 'static>: Pixel {
-    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E>;
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
 }
@@ -57,7 +67,7 @@ trait Output<E: 'static>: Pixel {
 macro_rules! floats {
     ($pixel:ty, $field:ident, $fast:ident) => {
         impl<E: Element> Output<E> for $pixel {
-            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
                 plan.linear()
             }
             fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
@@ -74,7 +84,7 @@ macro_rules! floats {
 macro_rules! bytes {
     ($pixel:ty, $field:ident) => {
         impl<E: Element> Output<E> for $pixel {
-            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted<E> {
+            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
                 plan.levels()
             }
             fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
@@ -96,23 +106,42 @@ bytes!(Rgb8, rgb8);
 #[derive(Default)]
 struct Scratch<E: Element> {
     buffers: TileBuffers<E>,
-    seen_spheres: Vec<Seen>,
-    /// Their numbers in the scene.
-    spheres: Vec<u32>,
+    /// What the tile may see.
+    spheres: Vec<Seen>,
     /// Triangles that are not in one list of the plan's.
     room: Vec<Seen>,
-    /// Those of them that are nearer and farther away, and what the last tiles left there.
-    before: Vec<Seen>,
-    behind: Vec<Seen>,
-    /// Everyone's place in the scene, by their numbers in the tile.
+    halves: Halves,
+    /// Everyone's place in the scene by their numbers in the tile: 0 is nobody's, spheres come before triangles.
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
-    /// Triangles of the tile that were not set up.
+    looks: SphereLooks<E>,
+    /// Objects of the tile that were not set up.
     occluded: usize,
 }
 
+/// Those of a tile's objects that are nearer and farther away, and what the last tiles left there.
+#[derive(Default)]
+struct Halves {
+    before: Vec<Seen>,
+    behind: Vec<Seen>,
+}
+
+/// The spheres of a tile that were set up, in the order of their numbers from 1 on.
+#[derive(Default)]
+struct SphereLooks<E> {
+    seen: Vec<Seen>,
+    /// Whether they have a pixel, from nobody on.
+    owners: Vec<bool>,
+    /// Those that do.
+    owning: Vec<Seen>,
+    /// Where everyone's records are; of who has no pixel, anywhere.
+    places: Vec<u32>,
+    /// The tile's own, unless the tracer has those of all.
+    records: SphereRecords<E>,
+}
+
 /// Is told who is nearest so far.
-type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &[u32]);
+type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
 impl<E: Element> TileTracer<'_, E> {
     fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
@@ -140,7 +169,19 @@ impl<E: Element> TileTracer<'_, E> {
         let height = self.plan.camera().height();
         let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
         let surveys = starts.map(|start| self.survey(start..height.min(start + TILE_HEIGHT as u32)));
-        Report::of_tiles(&self.plan, surveys.reduce(TileSurvey::default, TileSurvey::and), bytes)
+        let survey = surveys.reduce(TileSurvey::default, TileSurvey::and);
+        Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
+    }
+
+    /// How many spheres in the picture have the short form in bytes.
+    pub fn count_short(&self) -> u64 {
+        let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.near < Seen::ANY).collect();
+        let mut records = SphereRecords::default();
+        let count = |seen: &[Seen]| {
+            self.make_records(self.plan.levels(), seen, &mut records);
+            records.spheres[..seen.len()].iter().filter(|sphere| sphere.short != E::ZERO).count() as u64
+        };
+        seen.chunks(CHUNK).map(count).sum()
     }
 
     /// What is left out of `rows`.
@@ -192,14 +233,16 @@ impl<E: Element> TileTracer<'_, E> {
         let weighted = P::weighted(&self.plan);
         let (_, rays) = self.plan.view(tile);
         let TileOut { pixels, first, width } = out;
-        let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &[u32]| {
+        let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &SphereLooks<E>| {
+            let SphereRecords { spheres: records, lits, shorts } =
+                self.records_of_all(weighted).unwrap_or(&spheres.records);
             let looks = Looks {
                 shades,
                 lights: self.plan.points(),
-                sphere_ids: spheres,
-                spheres: self.plan.spheres(),
-                lits: &weighted.lits,
-                shorts: self.plan.shorts(),
+                sphere_ids: &spheres.places,
+                spheres: records,
+                lits,
+                shorts,
             };
             P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
         };
@@ -210,10 +253,10 @@ impl<E: Element> TileTracer<'_, E> {
             }
             return;
         }
-        let Scratch { buffers, spheres, shades, .. } = scratch;
-        shade(buffers, shades, spheres);
-        if spheres.iter().any(|sphere| self.plan.is_odd(*sphere)) {
-            self.shade_odd(spheres, buffers, window, TileOut { pixels, first, width });
+        let Scratch { buffers, looks, shades, .. } = scratch;
+        shade(buffers, shades, looks);
+        if looks.seen.iter().any(|sphere| sphere.near == Seen::ANY) {
+            self.shade_odd(&looks.seen, buffers, window, TileOut { pixels, first, width });
         }
     }
 
@@ -223,87 +266,175 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         tile: TilePlace,
         window: &TileWindow,
-        weighted: &Weighted<E>,
+        weighted: &Weighted,
         scratch: &mut Scratch<E>,
         mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
-        let Scratch { buffers, seen_spheres, spheres, room, before, behind, order, shades, occluded } = scratch;
-        let triangles = self.plan.seen_in(tile, seen_spheres, room);
-        spheres.clear();
-        spheres.extend(seen_spheres.iter().map(|seen| seen.id));
+        let Scratch { buffers, spheres, room, halves, order, shades, looks, occluded } = scratch;
+        let triangles = self.plan.seen_in(tile, spheres, room);
         *occluded = 0;
+        looks.seen.clear();
+        looks.places.clear();
         if spheres.is_empty() && triangles.is_empty() && !self.plan.keep().has(Omission::EmptyTiles) {
             return false;
         }
         let (view, _) = self.plan.view(tile);
-        let grid = self.plan.grid();
+        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         buffers.clear();
-        self.nearest_spheres(spheres, buffers, window);
+        order.clear();
+        order.push(0);
+        if !spheres.is_empty() {
+            *occluded += self.nearest_spheres(spheres, weighted, buffers, halves, order, looks, window);
+            let by_force = so_far.is_some();
+            self.look_at_spheres(weighted, buffers, looks, by_force);
+        }
         // Nobody's shades, and none for spheres, whose light is their own.
-        let dark = (1 + spheres.len()) * weighted.lights.len();
+        let dark = order.len() * weighted.lights.len();
         if shades.len() < dark {
             shades.resize(dark, TileShade::default());
         }
         shades[..dark].fill(TileShade::default());
-        order.clear();
-        order.resize(1 + spheres.len(), 0);
-        let mut nearest = |seen: &[Seen], buffers: &mut TileBuffers<E>| {
+        let before_triangles = 1 + self.plan.balls().len() as u32;
+        *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
             for start in (0..seen.len()).step_by(CHUNK) {
                 let first_id = order.len();
                 let seen = &seen[start..];
                 let triangles = Triangles { facets: self.plan.facets(), lights: &weighted.lights, seen, first_id };
-                order.extend(seen.iter().take(CHUNK).map(|seen| seen.id + 1));
-                self.kernels.tiles.set_up.call(&view, triangles, buffers, shades);
-                self.kernels.tiles.nearest_triangles.call(buffers, order, window, &grid);
+                order.extend(seen.iter().take(CHUNK).map(|seen| before_triangles + seen.id));
+                kernels.set_up.call(&view, triangles, buffers, shades);
+                kernels.nearest_triangles.call(buffers, order, window, &grid);
                 if let Some(so_far) = &mut so_far {
-                    so_far(buffers, shades, spheres);
+                    so_far(buffers, shades, looks);
                 }
             }
-        };
-        if triangles.len() < FEWEST_HIDDEN || self.plan.keep().has(Omission::Occluded) {
-            nearest(triangles, buffers);
-        } else {
-            // The nearer half of what is there first; what is behind all that this leaves around it need not be set up.
-            if behind.len() < triangles.len() {
-                before.resize(triangles.len(), Seen::default());
-                behind.resize(triangles.len(), Seen::default());
-            }
-            let near = self.packets.nearer_half.call(triangles, before, behind);
-            let far = triangles.len() - near;
-            nearest(&before[..near], buffers);
-            let farthest = buffers.farthest(self.kernels.lanes);
-            let mut left = 0;
-            for i in 0..far {
-                behind[left] = behind[i];
-                left += usize::from(!farthest.hides(&behind[i], window));
-            }
-            *occluded = far - left;
-            nearest(&behind[..left], buffers);
-        }
+        });
         true
     }
 
-    /// The spheres of a tile in their order: runs of those that the kernel takes, and between them the odd ones.
-    fn nearest_spheres(&self, ids: &[u32], buffers: &mut TileBuffers<E>, window: &TileWindow) {
-        let grid = self.plan.grid();
-        let mut first_id = 1;
-        for run in ids.chunk_by(|a, b| self.plan.is_odd(*a) == self.plan.is_odd(*b)) {
-            if self.plan.is_odd(run[0]) {
-                for (id, sphere) in (first_id..).zip(run) {
-                    self.nearest_odd(*sphere, id, buffers, window);
+    /// Has `nearest` called for the nearer half of what is `seen`, and then for what is not hidden by all that this leaves
+    /// around it. How many are.
+    fn near_first(
+        &self,
+        seen: &[Seen],
+        Halves { before, behind }: &mut Halves,
+        buffers: &mut TileBuffers<E>,
+        window: &TileWindow,
+        mut nearest: impl FnMut(&[Seen], &mut TileBuffers<E>),
+    ) -> usize {
+        if seen.len() < FEWEST_HIDDEN || self.plan.keep().has(Omission::Occluded) {
+            nearest(seen, buffers);
+            return 0;
+        }
+        if behind.len() < seen.len() {
+            before.resize(seen.len(), Seen::default());
+            behind.resize(seen.len(), Seen::default());
+        }
+        let near = self.packets.nearer_half.call(seen, before, behind);
+        let far = seen.len() - near;
+        nearest(&before[..near], buffers);
+        let farthest = buffers.farthest(self.kernels.lanes);
+        let mut left = 0;
+        for i in 0..far {
+            behind[left] = behind[i];
+            left += usize::from(!farthest.hides(&behind[i], window));
+        }
+        nearest(&behind[..left], buffers);
+        far - left
+    }
+
+    /// The spheres of a tile: first those that no kernel takes. How many are hidden.
+    #[expect(clippy::too_many_arguments, reason = "parts of one Scratch")]
+    fn nearest_spheres(
+        &self,
+        spheres: &mut Vec<Seen>,
+        weighted: &Weighted,
+        buffers: &mut TileBuffers<E>,
+        halves: &mut Halves,
+        order: &mut Vec<u32>,
+        looks: &mut SphereLooks<E>,
+        window: &TileWindow,
+    ) -> usize {
+        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
+        if spheres.iter().any(|seen| seen.near == Seen::ANY) {
+            spheres.retain(|seen| {
+                let is_odd = seen.near == Seen::ANY;
+                if is_odd {
+                    self.nearest_odd(seen.id, order.len(), buffers, window);
+                    order.push(1 + seen.id);
+                    looks.seen.push(*seen);
                 }
-            } else {
-                let (spheres, bounds) = (self.plan.spheres(), self.plan.sphere_bounds());
-                let spheres = Spheres { spheres, bounds, ids: run, first_id };
-                self.kernels.tiles.nearest_spheres.call(spheres, buffers, window, &grid);
+                !is_odd
+            });
+        }
+        self.near_first(spheres, halves, buffers, window, |seen, buffers| {
+            for start in (0..seen.len()).step_by(CHUNK) {
+                let first_id = order.len();
+                let seen = &seen[start..];
+                let chunk = &seen[..seen.len().min(CHUNK)];
+                order.extend(chunk.iter().map(|seen| 1 + seen.id));
+                looks.seen.extend_from_slice(chunk);
+                let spheres = Spheres { balls: self.plan.balls(), seen };
+                kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
+                kernels.nearest_spheres.call(buffers, order, window, &grid);
             }
-            first_id += run.len();
+        })
+    }
+
+    /// The records of all spheres, if they are few.
+    fn records_of_all(&self, weighted: &Weighted) -> Option<&SphereRecords<E>> {
+        let count = self.plan.balls().len();
+        let make = || {
+            let mut records = SphereRecords::default();
+            let all: Vec<_> = (0..count as u32).map(|id| Seen { id, ..Seen::default() }).collect();
+            self.make_records(weighted, &all, &mut records);
+            records
+        };
+        (count <= MOST_RECORDS).then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
+    }
+
+    /// Makes the records of the spheres that are `seen`, in this order.
+    fn make_records(&self, weighted: &Weighted, seen: &[Seen], records: &mut SphereRecords<E>) {
+        let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
+        for first in (0..seen.len()).step_by(CHUNK) {
+            let spheres = Spheres { balls: self.plan.balls(), seen: &seen[first..] };
+            let lights = self.plan.sphere_lights();
+            self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, short, first, records);
+        }
+    }
+
+    /// Has the records at hand of the spheres that have a pixel, or, `by_force`, of all that the tile may see.
+    fn look_at_spheres(
+        &self,
+        weighted: &Weighted,
+        buffers: &TileBuffers<E>,
+        looks: &mut SphereLooks<E>,
+        by_force: bool,
+    ) {
+        let SphereLooks { seen, owners, owning, places, records } = looks;
+        if self.records_of_all(weighted).is_some() {
+            places.extend(seen.iter().map(|seen| seen.id));
+        } else if by_force || seen.len() < FEWEST_OWNERS {
+            places.extend(0..seen.len() as u32);
+            self.make_records(weighted, seen, records);
+        } else {
+            owners.clear();
+            owners.resize(1 + seen.len(), false);
+            buffers.mark_owners(owners);
+            // Without branches, which could not be foreseen.
+            owning.resize(seen.len(), Seen::default());
+            let mut count = 0;
+            for (seen, owns) in seen.iter().zip(&owners[1..]) {
+                owning[count] = *seen;
+                places.push(count as u32);
+                count += usize::from(*owns);
+            }
+            self.make_records(weighted, &owning[..count], records);
         }
     }
 
     /// A sphere around the camera, or one that reaches behind its plane: in f64, ray by ray.
     fn nearest_odd(&self, sphere: u32, id: usize, buffers: &mut TileBuffers<E>, window: &TileWindow) {
-        let sphere = &self.plan.scene().spheres[sphere as usize];
+        let sphere = &self.plan.balls()[sphere as usize];
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         for row in window.rows.clone() {
             for column in 0..window.columns {
@@ -317,15 +448,24 @@ impl<E: Element> TileTracer<'_, E> {
     }
 
     /// Shades what no kernel does.
-    fn shade_odd<P: Output<E>>(&self, ids: &[u32], buffers: &TileBuffers<E>, window: &TileWindow, out: TileOut<'_, P>) {
+    fn shade_odd<P: Output<E>>(
+        &self,
+        spheres: &[Seen],
+        buffers: &TileBuffers<E>,
+        window: &TileWindow,
+        out: TileOut<'_, P>,
+    ) {
         for row in window.rows.clone() {
             for column in 0..window.columns {
                 let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
-                let Some(&id) = who.checked_sub(1).and_then(|i| ids.get(i)) else { continue };
+                let Some(Seen { id, near, .. }) = who.checked_sub(1).and_then(|i| spheres.get(i)) else { continue };
+                if *near != Seen::ANY {
+                    continue;
+                }
                 let d = self.ray(window, column, row);
-                let sphere = &self.plan.scene().spheres[id as usize];
+                let sphere = &self.plan.balls()[*id as usize];
                 let centre = sphere.centre.as_dvec3();
-                if let (true, Some(t)) = (self.plan.is_odd(id), geometry::sphere(d, centre, sphere.radius.into())) {
+                if let Some(t) = geometry::sphere(d, centre, sphere.radius.into()) {
                     let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
                     let light = |light: &crate::scene::Light| {
                         geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
@@ -357,13 +497,15 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let width = self.plan.camera().width() as usize;
         let mut found = vec![None; rows.len() * width];
-        self.each_nearest(rows.clone(), |window, Scratch { buffers, spheres, order, .. }| {
+        let spheres = self.plan.balls().len();
+        self.each_nearest(rows.clone(), |window, Scratch { buffers, order, .. }| {
             for (row, column) in pixels_of(window) {
                 let (near, who) = buffers.pixel(self.kernels.lanes, column, row);
                 if who > 0 {
-                    let object = match order[who] {
-                        0 => Object::Sphere(spheres[who - 1] as usize),
-                        triangle => Object::Triangle(triangle as usize - 1),
+                    let place = order[who] as usize - 1;
+                    let object = match place.checked_sub(spheres) {
+                        None => Object::Sphere(place),
+                        Some(triangle) => Object::Triangle(triangle),
                     };
                     let distance = Distance::Inverse(near.to_f64() / self.plan.scale());
                     let place = (window.row as usize + row - rows.start as usize) * width;

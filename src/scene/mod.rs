@@ -27,6 +27,8 @@ use glam::{DVec3, Vec3};
 
 use crate::reference::geometry;
 
+/// A sphere.
+pub use crate::kernels::Ball as Sphere;
 /// A flat triangle, seen from both sides.
 pub use crate::kernels::Facet as Triangle;
 
@@ -50,17 +52,6 @@ impl Light {
     pub fn radiance(&self) -> DVec3 {
         (f64::from(self.intensity) * self.colour.as_dvec3()).min(DVec3::splat(Self::BRIGHTEST.into()))
     }
-}
-
-/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sphere {
-    /// Greater than 0.
-    pub radius: f32,
-    /// Red, green, blue, each at least 0.
-    pub colour: Vec3,
-    /// The centre, in the camera's frame.
-    pub centre: Vec3,
 }
 
 impl Triangle {

@@ -26,7 +26,16 @@ impl Scene {
     /// # Errors
     /// Names the first that is not.
     pub fn check(&self) -> Result<(), InvalidScene> {
-        self.check_but_triangles()?;
+        self.check_lights()?;
+        for (i, sphere) in self.spheres.iter().enumerate() {
+            if !(sphere.radius.is_finite() && sphere.radius > 0.0) {
+                return invalid("sphere", i, "radius", POSITIVE, sphere.radius.to_string());
+            } else if !bright(sphere.colour) {
+                return invalid("sphere", i, "colour", NOT_NEGATIVE, sphere.colour.to_string());
+            } else if !sphere.centre.is_finite() {
+                return invalid("sphere", i, "centre", FINITE, sphere.centre.to_string());
+            }
+        }
         for (i, triangle) in self.triangles.iter().enumerate() {
             if !bright(triangle.colour) {
                 return invalid("triangle", i, "colour", NOT_NEGATIVE, triangle.colour.to_string());
@@ -37,8 +46,8 @@ impl Scene {
         Ok(())
     }
 
-    /// The same for lights and spheres alone: a million triangles take a while.
-    pub(crate) fn check_but_triangles(&self) -> Result<(), InvalidScene> {
+    /// The same for lights alone: a million objects take a while.
+    pub(crate) fn check_lights(&self) -> Result<(), InvalidScene> {
         for (i, light) in self.lights.iter().enumerate() {
             if !(light.intensity.is_finite() && light.intensity >= 0.0) {
                 return invalid("light", i, "intensity", NOT_NEGATIVE, light.intensity.to_string());
@@ -46,15 +55,6 @@ impl Scene {
                 return invalid("light", i, "colour", NOT_NEGATIVE, light.colour.to_string());
             } else if !light.position.is_finite() {
                 return invalid("light", i, "position", FINITE, light.position.to_string());
-            }
-        }
-        for (i, sphere) in self.spheres.iter().enumerate() {
-            if !(sphere.radius.is_finite() && sphere.radius > 0.0) {
-                return invalid("sphere", i, "radius", POSITIVE, sphere.radius.to_string());
-            } else if !bright(sphere.colour) {
-                return invalid("sphere", i, "colour", NOT_NEGATIVE, sphere.colour.to_string());
-            } else if !sphere.centre.is_finite() {
-                return invalid("sphere", i, "centre", FINITE, sphere.centre.to_string());
             }
         }
         Ok(())

@@ -1,0 +1,159 @@
+; sphere_bounds.asm - which pixels each of many spheres can cover at all, LANES spheres in lockstep, in f64.
+;
+; unsafe extern "sysv64" fn(view: *const SphereView<f64>, task: *const BoundsTask)
+;
+;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of its
+;   silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one, which no kernel traces, gets the whole picture
+;   and the largest f32 as what its 1/t cannot exceed.
+;
+;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres to go, r8 spheres turned
+;               round, r9 the next id, r10 seen, r11 packets to go, r15 the last sphere
+;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
+;   writes      as bounds.asm does, a sphere's size being its radius or, if that is more, its greatest coordinate
+;   requires    the CPUID features of the ISA; spheres, count >= 1 of them
+
+; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and the one past the last between two coordinates.
+%macro PIXELS_BETWEEN 3
+%define %%f %1          ; [in/out]   vreg
+%define %%p %2          ; [in/out]   vreg
+%define %%side %3       ; [in]       field: how many pixels there are
+    VSUB    %%f, %%f, [PACKET(outline)]
+    VADD    %%p, %%p, [PACKET(outline)]
+    VROUND  %%f, %%f, UP
+    VROUND  %%p, %%p, DOWN
+    VADD    %%p, %%p, [PACKET(ones)]
+    VMAX    %%f, %%f, [PACKET(zeros)]
+    VMAX    %%p, %%p, [PACKET(zeros)]
+    VMIN    %%f, %%f, K(SphereView. %+ %%side)
+    VMIN    %%p, %%p, K(SphereView. %+ %%side)
+%endmacro
+
+FUNC ISA %+ _sphere_bounds
+    push    rbx
+    push    r12
+    push    r13
+    push    r14
+    push    r15
+    mov     rdx, [rsi + BoundsTask.objects]
+    mov     r9, [rsi + BoundsTask.first_id]
+    mov     r10, [rsi + BoundsTask.seen]
+    mov     rcx, [rsi + BoundsTask.count]
+    imul    r15, rcx, Ball_size
+    lea     r15, [rdx + r15 - Ball_size]
+    CONSTANTS 8
+    VZERO   v12
+    VMOV    v13, [single_magnitude]
+    VZERO   v14
+.chunk:
+    mov     r8, [rsi + BoundsTask.turned]
+    mov     r11d, CHUNK / 4
+.turn:
+    OBJECT_AT 0, r14, Ball_size, rdx, r15
+    OBJECT_AT 1, rbx, Ball_size, rdx, r15
+    OBJECT_AT 2, r12, Ball_size, rdx, r15
+    OBJECT_AT 3, r13, Ball_size, rdx, r15
+    TURN_BALLS r8, r14, rbx, r12, r13
+    add     rdx, 4 * Ball_size
+    add     r8, 16
+    dec     r11d
+    jnz     .turn
+
+    ; As many f32 as a register has.
+    mov     r8, [rsi + BoundsTask.turned]
+    mov     r11d, 4 * CHUNK / VBYTES
+.sizes:
+    VMOV    v0, [r8 + Balls.radius]
+    IOP     pminud, v13, v13, v0
+    IOP     pmaxud, v12, v12, v0
+    VMOV    v0, [r8 + Balls.x]
+    VAND    v0, v0, [single_magnitude]
+    IOP     pmaxud, v12, v12, v0
+    VMOV    v0, [r8 + Balls.y]
+    VAND    v0, v0, [single_magnitude]
+    IOP     pmaxud, v12, v12, v0
+    VMOV    v0, [r8 + Balls.z]
+    VAND    v0, v0, [single_magnitude]
+    IOP     pmaxud, v12, v12, v0
+    IOP     pmaxud, v14, v14, [r8 + Balls.red]
+    IOP     pmaxud, v14, v14, [r8 + Balls.green]
+    IOP     pmaxud, v14, v14, [r8 + Balls.blue]
+    add     r8, VBYTES
+    dec     r11d
+    jnz     .sizes
+
+    mov     r8, [rsi + BoundsTask.turned]
+    mov     r11d, CHUNK / LANES
+.packet:
+    WIDEN   v3, [r8 + Balls.radius]
+    WIDEN   v0, [r8 + Balls.x]
+    WIDEN   v1, [r8 + Balls.y]
+    WIDEN   v2, [r8 + Balls.z]
+    VSUB    v4, v2, v3
+    KLOAD   v10, SphereView.near
+    VDIV    v10, v10, v4
+    VDIV    v0, v0, v3
+    VDIV    v1, v1, v3
+    VDIV    v2, v2, v3
+    VMUL    v4, v0, v0
+    VMUL    v9, v1, v1
+    VADD    v4, v4, v9
+    VMUL    v9, v2, v2
+    VADD    v4, v4, v9
+    SPHERE_BOX v5, v6, v7, v8, v0, v1, v2, v9, v11, v3
+    PIXELS_BETWEEN v5, v6, width
+    PIXELS_BETWEEN v7, v8, height
+    MASK_NOT_LESS v2, [PACKET(front)]
+    MASK_AND_LESS v4, [PACKET(infinite)], v9
+    MASK_KEEP v5
+    MASK_KEEP v7
+    KLOAD   v9, SphereView.width
+    VSELECT v9, v6
+    KLOAD   v11, SphereView.height
+    VSELECT v11, v8
+    VMOV    v3, [PACKET(largest)]
+    VSELECT v3, v10
+    MASK_GREATER v2, [PACKET(minus_ones)]
+    MASK_KEEP v3
+    MASK_KEEP v9
+    MASK_KEEP v11
+    VSUB    v0, v9, v5
+    VSUB    v1, v11, v7
+    VMIN    v0, v0, v1
+    MASK_GREATER v0, [PACKET(zeros)]
+    MASK_BITS eax
+    or      eax, [rsi + BoundsTask.keep_all]
+    LEVELS  5
+    LEVELS  9
+    IOP     pslld, w9, w9, 16
+    IOR     w5, w5, w9
+    LEVELS  7
+    LEVELS  11
+    IOP     pslld, w11, w11, 16
+    IOR     w7, w7, w11
+    NARROW  3
+    VSPREAD_INTEGER 2, r9
+    VADD    v2, v2, [PACKET(natural)]
+    LEVELS  2
+    STORE_SEEN r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
+    add     r8, 4 * LANES
+    add     r9, LANES
+    dec     r11d
+    jnz     .packet
+    sub     rcx, CHUNK
+    ja      .chunk
+    mov     r8, [rsi + BoundsTask.found]
+    VSTORE  [r8 + BoundsFound.most], v12
+    VSTORE  [r8 + BoundsFound.least], v13
+    VSTORE  [r8 + BoundsFound.brightest], v14
+    sub     r10, [rsi + BoundsTask.seen]
+    shr     r10, 4
+    mov     [r8 + BoundsFound.count], r10
+    UNCONSTANTS
+    pop     r15
+    pop     r14
+    pop     r13
+    pop     r12
+    pop     rbx
+ENDFUNC
+
+%unmacro PIXELS_BETWEEN 3

@@ -1,0 +1,138 @@
+//! The bounds of all objects in the picture, found on several threads.
+
+use std::panic::resume_unwind;
+use std::thread;
+
+use super::bins::{Bins, roomy};
+use super::covered;
+use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
+use crate::plan::omission::{Keep, Omission};
+use crate::plan::tile_report::Frustum;
+use crate::scene::Grid;
+
+/// A thread that plans fewer objects costs more than it brings.
+const FEWEST_PER_THREAD: usize = 1 << 14;
+
+/// The size of the picture.
+#[derive(Clone, Copy)]
+pub(super) struct Picture {
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl Picture {
+    /// The bounds of an object that may be anywhere.
+    pub(super) fn whole(self) -> [u32; 2] {
+        [self.width << 16, self.height << 16]
+    }
+}
+
+/// How the kernel finds bounds of triangles in a picture.
+pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> BoundsView<f32> {
+    let [all_columns, all_rows] = picture.whole();
+    let (width, height) = (f64::from(picture.width), f64::from(picture.height));
+    // Several roundings of numbers up to the picture's size, each of 2^-24 of it.
+    let margin = (width + height) / f64::from(1 << 20);
+    let view = BoundsView {
+        to_pixels: grid.focal / grid.step,
+        column: 0.5 * width - 0.5,
+        row: 0.5 * height - 0.5,
+        low: 1.0 - margin,
+        high: 1.0 + margin,
+        width,
+        height,
+        // Some roundings more than the kernels' own.
+        near: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
+        all_columns: 0.0,
+        all_rows: 0.0,
+        // Within these bounds are two columns and two rows at most. An edge there is a sum of two products whose factors
+        // are below 3, each off by the margin.
+        reach: 2.0 - 4.0 * margin,
+        outside: -13.0 * margin,
+    };
+    BoundsView { all_columns: f32::from_bits(all_columns), all_rows: f32::from_bits(all_rows), ..view.round::<f32>() }
+}
+
+/// What sets spheres up, for a white of so much, and finds their bounds in a picture. Lights may be so `far`, in radii.
+pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f64, white: f64) -> SphereView<f64> {
+    let Grid { step, half_width, half_height, focal } = *grid;
+    SphereView {
+        step,
+        half_width,
+        half_height,
+        focal,
+        scale,
+        width: picture.width.into(),
+        height: picture.height.into(),
+        // D cancels where it matters least, at the outline; near a sphere's nearest point it loses some roundings.
+        near: scale * focal * (1.0 + 1.0 / 1024.0),
+        far,
+        white,
+    }
+}
+
+/// What finds the objects of a kind, and puts them into tiles.
+pub(super) struct Planning<'a, T: Bounded> {
+    pub(super) kernel: &'a Bounds<T>,
+    pub(super) view: T::View,
+    pub(super) picture: Picture,
+    pub(super) widening: &'a Widening,
+    /// Why no ray passes within the bounds of one.
+    pub(super) unseen: fn(&Frustum, &T) -> Omission,
+    /// One in more tiles than this is large; None: all are, and in all tiles.
+    pub(super) most_tiles: Option<usize>,
+}
+
+impl<T: Bounded + Sync> Planning<'_, T>
+where
+    T::View: Sync,
+{
+    /// Which tiles all `objects` may be in, and their extremes. Each thread takes as many, which lie side by side; what they
+    /// find is one after another, so that nobody sees how many there were.
+    pub(super) fn plan(&self, objects: &[T], threads: usize) -> (Vec<Bins>, Option<Extremes>) {
+        let threads = threads.clamp(1, objects.len().div_ceil(FEWEST_PER_THREAD).max(1));
+        let part = objects.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
+        let parts = (0..).step_by(part).zip(objects.chunks(part));
+        let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects));
+        let own = parts.next();
+        let planned: Vec<_> = thread::scope(|scope| {
+            let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
+            let own = own.map(|part| part());
+            let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            own.into_iter().chain(others).collect()
+        });
+        let (bins, extremes): (Vec<_>, Vec<_>) = planned.into_iter().unzip();
+        (bins, extremes.into_iter().flatten().reduce(Extremes::and))
+    }
+
+    fn plan_part(&self, first_id: u32, objects: &[T]) -> (Bins, Option<Extremes>) {
+        let mut seen = roomy(objects.len().next_multiple_of(CHUNK));
+        let all = self.widening.keep != Keep::NOTHING;
+        let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, &mut seen).unzip();
+        seen.truncate(count.unwrap_or(0));
+        if all {
+            for Seen { id, columns, rows, .. } in &mut seen {
+                let object = &objects[(*id - first_id) as usize];
+                self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, object));
+            }
+        }
+        (Bins::new(&seen, self.picture, self.most_tiles), extremes)
+    }
+}
+
+/// Gives those objects the whole picture that are not to be left out.
+pub(super) struct Widening {
+    pub(super) keep: Keep,
+    pub(super) frustum: Frustum,
+    pub(super) whole: [u32; 2],
+}
+
+impl Widening {
+    /// Of an object with these bounds; it may be `unseen` for a reason that is to be kept.
+    fn widen(&self, columns: &mut u32, rows: &mut u32, unseen: impl Fn() -> Omission) {
+        let keep = self.keep;
+        if keep.has(Omission::Misses) || keep != Keep::NOTHING && covered(*columns, *rows) == 0 && keep.has(unseen()) {
+            [*columns, *rows] = self.whole;
+        }
+    }
+}
