@@ -197,8 +197,9 @@ use super::spans::{
 };
 #[cfg(rayo_asm)]
 use super::tiles::{
-    Ball, Balls, BoundsFound, BoundsTask, BoundsView, Corners, Facet, HalfTask, NearestTask, Seen, SetupTask, ShadeTask,
-    ShortLit, SpherePlanes, SphereView, Tile, TileLight, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+    Ball, Balls, BoundsFound, BoundsTask, BoundsView, Corners, Facet, HalfTask, NearestTask, Seen, SetupTask,
+    ShadeTask, ShortLit, SpherePlanes, SphereView, Tile, TileLight, TileRays, TileShade, TileSphere, TileView,
+    TrianglePlanes,
 };
 #[cfg(rayo_asm)]
 include!(concat!(env!("OUT_DIR"), "/layout.rs"));

@@ -136,13 +136,11 @@ pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
     table.text()
 }
 
-/// An engine with its option, and its precisions and outputs.
-type Whose = (String, Vec<String>);
-
 /// The sentences why those stay that are on no front, one after those that it is of.
 pub(super) fn reasons(reasons: &[Reason]) -> String {
-    // Of each sentence, who; of each of them, in which precisions and outputs.
-    let mut of: Vec<(&str, Vec<Whose>)> = Vec::new();
+    // An engine with its option, and in which precisions and outputs.
+    type Who = (String, Vec<String>);
+    let mut of: Vec<(&str, Vec<Who>)> = Vec::new();
     for Reason { engine, precision, option, output, reason } in reasons {
         let option = option.map_or(String::new(), |option| format!(" with `{option}`"));
         let (who, what) = (format!("`{engine}`{option}"), format!("{precision} {output}"));
@@ -155,7 +153,7 @@ pub(super) fn reasons(reasons: &[Reason]) -> String {
             None => of[i].1.push((who, vec![what])),
         }
     }
-    let who = |(who, what): &Whose| format!("{who} ({})", what.join(", "));
+    let who = |(who, what): &Who| format!("{who} ({})", what.join(", "));
     of.iter()
         .map(|(sentence, all)| format!("- {}: {sentence}\n", all.iter().map(who).collect::<Vec<_>>().join("; ")))
         .collect()
