@@ -2,9 +2,9 @@
 ;
 ; unsafe extern "sysv64" fn(view: *const SphereView<f64>, task: *const BoundsTask)
 ;
-;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of its
-;   silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one, which no kernel traces, gets the whole picture
-;   and the largest f32 as what its 1/t cannot exceed.
+;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of
+;   its silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one,
+;   which no kernel traces, gets the whole picture and the largest f32 as what its 1/t cannot exceed.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres to go, r8 spheres turned
 ;               round, r9 the next id, r10 seen, r11 packets to go, r15 the last sphere

@@ -1,4 +1,4 @@
-; sphere_set_up.asm - spheres of a tile from centre and radius to functions of the pixels, LANES spheres in lockstep, in f64.
+; sphere_set_up.asm - spheres of a tile from centre and radius to functions of the pixels, LANES in lockstep, in f64.
 ;
 ; unsafe extern "sysv64" fn(view: *const SphereView<f64>, task: *const SetupTask)
 ;
@@ -9,27 +9,58 @@
 ;
 ;   The macros before the functions share set_up.asm's. Nothing is fused, so that the numbers are the same on every ISA.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; r8 spheres turned round, r15 work W; rcx spheres to
-;               go, r11 a light
+;   registers   rdi view, whose fields are the constants K; rsi task; r8 spheres turned round, r15 work W; rcx spheres
+;               to go, r11 a light
 ;               set_up: r9 planes, rdx the next id
 ;               looks: r9 records, r10 Lits, r14 ShortLits or 0, rbx from one sphere's to the next one's
 ;   writes      planes or records of count spheres, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of spheres. What comes of a sphere that is not
-;               wholly in front, or that the camera is inside of, is not to be used
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of spheres. What comes of a sphere that is
+;               not wholly in front, or that the camera is inside of, is not to be used
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
 ; scale / radius, sx and sy are step cx and step cy, i and j how far the outline is from the origin.
 %assign W_places 0
-%macro WORK 1-*
-%rep %0
-%assign W_%1 W_places
+
+; WORK - gives a register of the work its place, for W.
+%macro WORK 1
+%define %%name %1       ; [in]       of the register
+%assign W_%[%%name] W_places
 %assign W_places W_places + 1
-%rotate 1
-%endrep
 %endmacro
-    WORK    column, row, d0, dx, dy, dxx, dxy, dyy, mx, mxx, mxy, my, myx, myy, mz, mzx, mzy, ux, uy, uz, short
-    WORK    cc, k, over, per, rayx, rayy, sx, sy, h, i, j, length
-%unmacro WORK 1-*
+    WORK    column
+    WORK    row
+    WORK    d0
+    WORK    dx
+    WORK    dy
+    WORK    dxx
+    WORK    dxy
+    WORK    dyy
+    WORK    mx
+    WORK    mxx
+    WORK    mxy
+    WORK    my
+    WORK    myx
+    WORK    myy
+    WORK    mz
+    WORK    mzx
+    WORK    mzy
+    WORK    ux
+    WORK    uy
+    WORK    uz
+    WORK    short
+    WORK    cc
+    WORK    k
+    WORK    over
+    WORK    per
+    WORK    rayx
+    WORK    rayy
+    WORK    sx
+    WORK    sy
+    WORK    h
+    WORK    i
+    WORK    j
+    WORK    length
+%unmacro WORK 1
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
 ; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0.
@@ -64,7 +95,8 @@
 ; SPHERE_D - of the spheres at r8 what both functions need: W but for m, u and the lights, and D in v2 (d0), v6 (dx), v8
 ;            (dy), v12 (dxx), v4 (dxy), v9 (dyy). Clobbers all registers.
 ;
-;   D = d.d - |c x d|^2, over k and the radius: quadratic in the pixel, and no difference of large numbers for a far sphere.
+;   D = d.d - |c x d|^2, over k and the radius: quadratic in the pixel, and no difference of large numbers for a far
+;   sphere.
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + Balls.radius]
     WIDEN   v0, [r8 + Balls.x]
@@ -279,8 +311,8 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     STORE_RECORDS %%out
 %endmacro
 
-; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, a column and a row more,
-;          and t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
+; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, a column and a row
+;          more, and t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
 %macro NORMAL 4
 %define %%axis %1       ; [in]       x, y or z
 %define %%ray %2        ; [in]       aligned memory or K: d at the origin, the others being ...

@@ -166,6 +166,7 @@
 
 ; BEFORE_DOUBT_SPHERE - nothing is the same for all rays that are in doubt.
 %macro BEFORE_DOUBT_SPHERE 1
+%define %%r %1          ; [in]       address in its planes' first field
 %endmacro
 
 ; DECIDE_SPHERE - jumps to `outside` if the ray in xmm0, xmm1, xmm2 misses the sphere at rdx: r^2 d.d < |c x d|^2.
@@ -444,8 +445,8 @@
 %endmacro
 
 ; Of each kind: FACTORS, what rows share; ROW, what is along a row; AT, what is asked at a pixel; INSIDE and SURE, from
-; where on v9 is a hit but for the rounding, and for sure. An object of its own in each lane is loaded (VLOAD), one in all
-; lanes is spread (VSPREAD).
+; where on v9 is a hit but for the rounding, and for sure. An object of its own in each lane is loaded (VLOAD), one in
+; all lanes is spread (VSPREAD).
 
 ; FACTORS_TRIANGLE - v0, v1, v2, v3 = the x factors of the edges and of 1/t, v14 = what 1/t cannot exceed.
 %macro FACTORS_TRIANGLE 1
@@ -493,8 +494,8 @@
 %define INSIDE_TRIANGLE [PACKET(minus_ones)]
 %define SURE_TRIANGLE [PACKET(ones)]
 
-; FACTORS_SPHERE - v0 = dxx, v1 = hx, v2 and v3 = minus and plus the rounding bound, v14 = what 1/t cannot exceed, and how
-;                  far its own origin is from the tile's middle. Clobbers v4, v5.
+; FACTORS_SPHERE - v0 = dxx, v1 = hx, v2 and v3 = minus and plus the rounding bound, v14 = what 1/t cannot exceed, and
+;                  how far its own origin is from the tile's middle. Clobbers v4, v5.
 %macro FACTORS_SPHERE 1
 %define %%load %1       ; [in]       VLOAD or VSPREAD
     %%load  v0, [rdi + ELEM * SpherePlanes.dxx]
@@ -573,8 +574,8 @@
 ;
 ;   registers   rdi planes, rdx what is turned round, both of one object or one packet; rsi task; r8 tile
 ;               of a packet: r10 hits, r11 pixels asked, r14 the same in every byte, r13 LANES in every byte, r15
-;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make them,
-;               v8 x
+;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
+;               them, v8 x
 ;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
 ;               rows; r13 block; v0 to v8 and v14 the same, v12 first x
 %macro NEAREST 4
