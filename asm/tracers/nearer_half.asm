@@ -1,11 +1,12 @@
-; nearer_half.asm - the triangles of a tile in two halves: the nearer ones, which may hide the others, and the rest.
+; nearer_half.asm - the objects of a tile in two halves: the nearer ones, which may hide the others, and the rest.
 ;
 ; unsafe extern "sysv64" fn(task: *const HalfTask) -> u64
 ;
-;   Returns how many are nearer: those whose 1/t of the nearest corner is not below the middle, which has as many f32
-;   between it and the least of all as between it and the greatest; the largest number, that of a triangle that may be
+;   Returns how many are nearer: those whose 1/t of the nearest point is not below the middle, which has as many f32
+;   between it and the least of all as between it and the greatest; the largest number, that of an object that may be
 ;   anywhere, is not taken for the greatest. Numbers not below 0 are ordered as their bits are. Both halves keep their
-;   order. A branch on who is nearer would not be foreseen: each record is stored to both halves, and one of them goes on.
+;   order. A branch on who is nearer would not be foreseen: each record is stored to both halves, and one of them
+;   goes on.
 ;
 ;   registers   rdi task; r8 the next, rcx those to go; r9 the nearer half, r10 the other; edx the middle, as bits
 ;               x2, x3 the least and the greatest of each number of the records

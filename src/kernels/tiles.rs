@@ -574,7 +574,7 @@ mod calls {
         pub(in crate::kernels) farther: *mut Seen,
     }
 
-    /// Cuts the triangles of a tile in two halves.
+    /// Cuts the objects of a tile in two halves.
     pub struct NearerHalf {
         pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const HalfTask) -> u64,
         pub(in crate::kernels) symbol: &'static str,
