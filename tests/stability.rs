@@ -1,6 +1,5 @@
 //! Stiff and extreme scenes: the packets against the truth, against themselves turned and scaled, and `rayo stability`.
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -116,6 +115,7 @@ fn a_scene_with_a_number_that_is_none_is_an_error_for_every_engine() {
 #[test]
 fn operations_by_themselves_keep_their_bounds_over_the_range_of_their_numbers() {
     use rayo::experiments::stability::operations::{self, OperationRow};
+    use std::collections::BTreeSet;
     let families: Vec<_> = FAMILIES.iter().collect();
     let rows = operations::sweep(&families, SEED, true);
     for row in &rows {
