@@ -93,6 +93,29 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
+; END_BOUNDS - goes on to the next packet and the next chunk; ends the function when all are through.
+%macro END_BOUNDS 0
+    add     r9, LANES
+    dec     r11d
+    jnz     .packet
+    sub     rcx, CHUNK
+    ja      .chunk
+    mov     r8, [rsi + BoundsTask.found]
+    VSTORE  [r8 + BoundsFound.most], v12
+    VSTORE  [r8 + BoundsFound.least], v13
+    VSTORE  [r8 + BoundsFound.brightest], v14
+    sub     r10, [rsi + BoundsTask.seen]
+    shr     r10, 4                      ; Seen_size is 16
+    mov     [r8 + BoundsFound.count], r10
+    UNCONSTANTS
+    pop     r15
+    pop     r14
+    pop     r13
+    pop     r12
+    pop     rbx
+ENDFUNC
+%endmacro
+
 FUNC ISA %+ _bounds
     push    rbx
     push    r12
@@ -264,25 +287,7 @@ FUNC ISA %+ _bounds
     VMOV    v5, [r8 + Corners.near]
     STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
-    add     r9, LANES
-    dec     r11d
-    jnz     .packet
-    sub     rcx, CHUNK
-    ja      .chunk
-    mov     r8, [rsi + BoundsTask.found]
-    VSTORE  [r8 + BoundsFound.most], v12
-    VSTORE  [r8 + BoundsFound.least], v13
-    VSTORE  [r8 + BoundsFound.brightest], v14
-    sub     r10, [rsi + BoundsTask.seen]
-    shr     r10, 4
-    mov     [r8 + BoundsFound.count], r10
-    UNCONSTANTS
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
-ENDFUNC
+    END_BOUNDS
 
 %unmacro SIZE 1
 %unmacro EDGES_HERE 0

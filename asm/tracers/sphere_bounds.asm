@@ -136,24 +136,7 @@ FUNC ISA %+ _sphere_bounds
     LEVELS  2
     STORE_SEEN r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
     add     r8, 4 * LANES
-    add     r9, LANES
-    dec     r11d
-    jnz     .packet
-    sub     rcx, CHUNK
-    ja      .chunk
-    mov     r8, [rsi + BoundsTask.found]
-    VSTORE  [r8 + BoundsFound.most], v12
-    VSTORE  [r8 + BoundsFound.least], v13
-    VSTORE  [r8 + BoundsFound.brightest], v14
-    sub     r10, [rsi + BoundsTask.seen]
-    shr     r10, 4
-    mov     [r8 + BoundsFound.count], r10
-    UNCONSTANTS
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
-ENDFUNC
+    END_BOUNDS
 
 %unmacro PIXELS_BETWEEN 3
+%unmacro END_BOUNDS 0

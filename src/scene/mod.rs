@@ -93,3 +93,17 @@ pub struct Scene {
     /// Triangles, in file order.
     pub triangles: Vec<Triangle>,
 }
+
+impl Scene {
+    /// The scene with all lengths times `factor`, but for the camera's: the same picture.
+    pub fn scaled(&self, factor: f32) -> Scene {
+        let mut scene = self.clone();
+        scene.lights.iter_mut().for_each(|light| light.position *= factor);
+        scene.spheres.iter_mut().for_each(|sphere| {
+            sphere.centre *= factor;
+            sphere.radius *= factor;
+        });
+        scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| *vertex *= factor);
+        scene
+    }
+}

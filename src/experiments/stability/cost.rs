@@ -62,21 +62,9 @@ fn pairs((width, height): (u32, u32)) -> [Pair; 3] {
     let small = 2f32.powi(SMALL);
     [
         pair("S1", "sphere, κ = 10⁴", &sphere, far(&sphere)),
-        pair("S3", "sphere, size 2⁻⁷⁰", &sphere, scaled(&sphere, small)),
-        pair("T5", "tetrahedron, size 2⁻⁷⁰", &tetrahedron, scaled(&tetrahedron, small)),
+        pair("S3", "sphere, size 2⁻⁷⁰", &sphere, sphere.scaled(small)),
+        pair("T5", "tetrahedron, size 2⁻⁷⁰", &tetrahedron, tetrahedron.scaled(small)),
     ]
-}
-
-/// The scene with all lengths times `factor`.
-fn scaled(scene: &Scene, factor: f32) -> Scene {
-    let mut scene = scene.clone();
-    scene.lights.iter_mut().for_each(|light| light.position *= factor);
-    scene.spheres.iter_mut().for_each(|sphere| {
-        sphere.centre *= factor;
-        sphere.radius *= factor;
-    });
-    scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| *vertex *= factor);
-    scene
 }
 
 /// The scene with its sphere and lights [`KAPPA`] radii away, through so small a film that the sphere fills as much of it.
@@ -84,7 +72,7 @@ fn far(scene: &Scene) -> Scene {
     let sphere = scene.spheres[0];
     let kappa = sphere.centre.length() / sphere.radius;
     let tangent = |kappa: f32| 1.0 / (kappa * kappa - 1.0).sqrt();
-    let mut far = scaled(scene, KAPPA / kappa);
+    let mut far = scene.scaled(KAPPA / kappa);
     far.spheres[0].radius = sphere.radius;
     let film = scene.camera.film() * tangent(KAPPA) / tangent(kappa);
     let camera = Camera::new(scene.camera.width(), scene.camera.height(), scene.camera.focal(), film);
