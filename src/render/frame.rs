@@ -92,11 +92,18 @@ impl<'a> Frame<'a> {
         Film::new(format, pixels).map_err(|source| RenderError::Memory { bytes, source })
     }
 
-    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished.
+    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished. The threads then
+    /// stay awake for a while, as more is likely to follow.
     ///
     /// # Panics
     /// As [`Tracer::rows`].
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
+        self.trace_band(rows, film, done);
+        self.keep_awake();
+    }
+
+    /// The same for a band, after which cores have other things to do.
+    fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
@@ -132,7 +139,6 @@ impl<'a> Frame<'a> {
             }
             wait_a_while(|| done.load(Ordering::Acquire) == count);
         });
-        self.keep_awake();
     }
 
     /// Has the other threads linger, from when they have nothing to do.
@@ -213,7 +219,7 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
         let pixels = camera.width() as usize * rows.len();
 
         let clock = (Instant::now(), Cycles::start());
-        frame.trace(rows, film.as_mut().part(0..pixels), done);
+        frame.trace_band(rows, film.as_mut().part(0..pixels), done);
         stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
         stats.trace += clock.0.elapsed();
 
