@@ -16,9 +16,10 @@ const COSTS: &str = "\
 
 The time of a picture by that of the same picture of an ordinary scene, the two by turns: `scenes/sphere.in` with its sphere moved from
 4 radii to 10⁴ and its film made as much smaller, and `scenes/sphere.in` and `scenes/tetrahedron.in` at 2⁻⁷⁰ of their size, where
-the squares and products of lengths that `c` and `paper` take are denormal numbers or 0. Size costs the packets nothing. Distance does: one
-sphere under one light has a short form, which makes neither a point nor a normal and loses κ in doing so. A far sphere takes the general
-form, with a root, a normal and a light for each pixel.
+the squares and products of lengths that `c` and `paper` take are denormal numbers or 0. Neither size nor distance costs the
+packets anything: one sphere under one light has a short form, which makes neither a point nor a normal, and whose terms do not grow with κ (see
+`SPHERE_LIT`). Only where its numbers are beyond f32, from some 10⁵ radii on, does a sphere take the general form, with a root, a normal and a
+light for each pixel, in two to four times the time.
 
 ";
 
