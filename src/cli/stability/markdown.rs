@@ -32,10 +32,11 @@ such as no scene has: distances up to 10¹⁴ radii and units of length from 10�
 objects of the family's pictures, and in T6 its meshes that cover the picture: a hole is a ray that meets none of their triangles. Rays
 are exact here, and so the bound has no part for a camera.
 
-No hit is wrong, but for `sse41` in S1: without FMA the cross product of a far sphere is rounded twice. Nor is t beyond its bound, but
-there and in S5, S6 and S8: the operation has one form for all spheres, that of far ones, whose discriminant r² a − |c × d|² is right to u of its terms
-where the other, h² − k a, is right to u k. On a ground sphere, and from inside next to its wall, k is next to nothing, and the second is the
-better by as much. The engines choose between them once per sphere, and subtract in f64; an operation that is to be counted has no choice to make.
+No hit is wrong and no t is beyond its bound, but for `sse41` in S1: without FMA the cross product of a far sphere is rounded twice. The bound is
+that of the operation, u (5 + 6 / (√s (√s + e))) with s = D / (r² a) and e = |h| / (r √a), and not that of the engines, which is less next to a wall
+that the camera is close to (S5, S6, S8): the operation has one form for all spheres, that of far ones, whose discriminant r² a − |c × d|² is right to
+u of its terms where the other, h² − k a, is right to u k. The engines choose between them once per sphere, and subtract in f64; an operation that is to
+be counted has no choice to make.
 N1: no ray meets an object of which a number is NaN or infinite, and no NaN comes out.
 
 ";
