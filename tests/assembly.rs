@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 165] = [
+const PACKET_SNIPPETS: [Snippet; 168] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -470,8 +470,11 @@ const PACKET_SNIPPETS: [Snippet; 165] = [
     ("VZERO", "", "v0"),
     ("VSQRT", "", "v0, v1"),
     ("VFMA", "", "v0, v1, v2, v3"),
+    ("VFMA", "where t is a", "v0, v1, v2, v1"),
     ("VFNMA", "", "v0, v1, v2, v3"),
+    ("VFNMA", "where t is a", "v0, v1, v2, v1"),
     ("VFMSUB", "", "v0, K(0), v1"),
+    ("VFMADD", "", "v0, v1, K(0)"),
     ("VDIFFERENCE", "", "v0, v1, 0, v2, 1, v3"),
     ("VSIGN", "", "v0, v1, v2"),
     ("VAFFINE", "", "v0, v1, 0, 1"),
@@ -563,7 +566,7 @@ const PACKET_SNIPPETS: [Snippet; 165] = [
     ("SPHERE_OUTSIDE", "", "v0, v1, v2, v3, v4, v5, v6, v7"),
     ("SPHERE_FAR_WALL", "", "v0, v1, v2, v3, v4, v5"),
     ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5, v6"),
-    ("LIT_PLACE", "", "other, 13"),
+    ("LIT_PLACE", "", "other, 14"),
     ("LIT_CONSTANT", "", "m, [rdi]"),
     ("LIT_SPHERE_CONSTANTS", "", ""),
     ("LIT_ROW_CONSTANTS", "", ""),
@@ -813,9 +816,10 @@ fn a_macro_of_the_packets_refuses_in_every_unit_what_one_of_them_cannot_do() {
             "VMAX v0, v1, v0",
             "SUB3 v0, v1, v2, v3, v4, v5, v6, v7, v2",
             "VFMA v0, v1, v2, v0",
-            "VFMA v0, v1, v2, v1",
+            "VFMA v0, v1, v2, v2",
             "VFNMA v0, v1, v2, v2",
             "VFMSUB v0, K(0), v0",
+            "VFMADD v0, v1, v0",
             "VDIFFERENCE v0, v0, 0, v1, 1, v2",
             "VDIFFERENCE v0, v1, 0, v2, 1, v2",
             "VSIGN v0, v1, v1",

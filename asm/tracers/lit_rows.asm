@@ -124,10 +124,10 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
     VADD    v3, v3, v5
     VMUL    v3, v3, S(h)
     ROW     LitRows.h0, 3
-    VMUL    v9, v9, S(lx)
-    VMUL    v1, v1, S(ly)
+    VMUL    v9, v9, S(vx)
+    VMUL    v1, v1, S(vy)
     VADD    v9, v9, v1
-    VADD    v9, v9, S(lzz)
+    VADD    v9, v9, S(vzz)
     VMUL    v9, v9, S(q)
     ROW     LitRows.q0, 9
     VADD    v0, v0, [PACKET(step)]

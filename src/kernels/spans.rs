@@ -80,12 +80,12 @@ records! {
     /// What all spans begin with.
     Span { j, end, id, near }
     /// A sphere seen from outside and lit by one light, in the short form: what all its rows share.
-    LitSphere { h1, q1, kn, ke, red, green, blue }
+    LitSphere { h1, least, q1, kn, ke, red, green, blue }
     /// One of its rows.
     LitRow { start, end, j, stop, m, a, h0, q0, id }
     /// What its rows are made of, in f64.
     LitSetup {
-        step, half_width, half_height, columns, width, cx, cy, cz, k, m, nx, zz, cyz, czz, h, q, lx, ly, lzz,
+        step, half_width, half_height, columns, width, cx, cy, cz, k, m, nx, zz, cyz, czz, h, q, vx, vy, vzz,
     }
     /// A sphere seen from outside.
     OutsideSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1, x0, y1, y0, z1, z0, cx, cy, cz }

@@ -14,8 +14,9 @@ use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, Near
 use crate::reference::geometry;
 use crate::scene::{self, Camera, Grid, Light, Scene};
 
-/// The short form loses about as many bits as this number has; f32 then still keeps an error below a tenth of a level.
-const SHORT_FORM_LOSS: f64 = 64.0;
+/// The short form's error may be so many times that of its operations, see SPHERE_LIT. Estimates, which are right to
+/// 1.5 2^-12, then still keep to three quarters of a level.
+const SHORT_FORM_LOSS: f64 = 32.0;
 
 /// Elements count columns exactly up to here.
 const SHORT_FORM_WIDTH: u32 = 1 << 24;
@@ -35,7 +36,7 @@ const SMALL_TRIANGLE: f64 = 0.25;
 /// Powers of two that numbers must keep between for f32 to hold them, their squares and what these are multiplied by.
 const SQUARED: f64 = (1u64 << 50) as f64;
 const LINEAR: f64 = SQUARED * SQUARED;
-/// The same for the numbers of the short form, of which it multiplies three, and the weight squared.
+/// The same for lengths in the short form, of which it multiplies three, and the weight squared.
 const CUBED: f64 = (1u64 << 36) as f64;
 
 /// A scene's objects as one camera sees them, and what is to be done for each.
@@ -336,7 +337,7 @@ impl<E: Element> Spans<E> {
         }));
         let mut reaching = on.iter().filter(|light| light.reaches);
         if let (Some(one), None) = (reaching.next(), reaching.next())
-            && let Some(short) = ShortForm::new(&shape, one, colour, &self.grid, &self.camera)
+            && let Some(short) = ShortForm::new::<E>(&shape, one, colour, &self.grid, &self.camera)
             && self.leave_out(Omission::Loop, 1)
         {
             shape.short = Some(Box::new(short));
@@ -703,30 +704,40 @@ struct Silhouette {
 
 impl ShortForm {
     /// Of a sphere under one light; None where its terms would cancel too much, or where it would have to clamp.
-    fn new(sphere: &Sphere, light: &LightOn<'_>, colour: DVec3, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {
+    fn new<E: Element>(
+        sphere: &Sphere,
+        light: &LightOn<'_>,
+        colour: DVec3,
+        grid: &Grid<f64>,
+        camera: &Camera,
+    ) -> Option<Self> {
         let (c, k, towards) = (sphere.centre, sphere.k, light.to_light);
-        let l = c + towards;
-        let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
-        let (far, gap) = (c.length() + 1.0, towards.length() - 1.0);
-        let products = far * towards.length();
-        let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+        let (far, distance) = (c.length(), towards.length());
+        let (kn, ke) = (-1.0 - c.dot(towards), distance * distance - 1.0);
+        // k w + kn c, which is the length of c times smaller than its terms.
+        let v = c.cross(towards.cross(c)) - towards - c;
+        let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
+        let loss = f64::max(terms / gap, (ke + 2.0 * terms) / (gap * gap));
         let m = c.y * c.y + c.z * c.z - 1.0;
         let columns = 1.0 / grid.step;
         // sqrt(k (g - across^2)) / m is half the width of the silhouette.
         let [_, y, z] = grid.ray(0, 0);
         let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
         let dim = light.weights(Scale::Linear, colour).max_element() <= 1.0;
-        let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
         let gain = Scale::ALL.map(|scale| 0.25 * light.weights(scale, colour).max_element().powi(2));
-        let pixels = c.length_squared() * reach / (m * grid.step);
-        let large = [pixels, grid.step / grid.focal, kn.abs(), ke.abs(), 2.0 * k * l.length(), 1.0 / gain[0]];
-        let in_range = large.into_iter().all(|x| x < CUBED);
-        let fine = k >= NEAR && gap > 0.25 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
+        // sqrt D is so many sqrt p.
+        let pixel = m.sqrt() * grid.step;
+        // Of the square of a half of the silhouette so little is less than p's rounding; of a row's, less than a column.
+        let least = (E::EPSILON / 32.0 * (grid.focal / pixel).powi(2)).min(0.5);
+        let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
+        // A bound of (ke den - n) den / p.
+        let largest = 16.0 * gain[1] * (distance * far * reach / pixel).powi(2) / least;
+        let in_range = [far, distance, 1.0 / grid.focal, 1.0 / gain[0]].into_iter().all(|x| x < CUBED)
+            && E::from_f64(largest).to_f64().is_finite();
+        let fine = k >= NEAR && gap > 0.0 && loss < SHORT_FORM_LOSS && m > 0.0 && dim && in_range;
         if !(fine && half_width < SHORT_FORM_COLUMNS && camera.width() <= SHORT_FORM_WIDTH) {
             return None;
         }
-        // sqrt D in units of a column.
-        let scale = columns / m.sqrt();
         let setups = gain.map(|gain| LitSetup {
             step: grid.step,
             half_width: grid.half_width,
@@ -742,11 +753,11 @@ impl ShortForm {
             zz: z * z,
             cyz: c.y * z,
             czz: c.z * z,
-            h: scale,
-            q: 2.0 * gain * k * scale,
-            lx: towards.x,
-            ly: towards.y,
-            lzz: towards.z * z,
+            h: 1.0 / pixel,
+            q: 2.0 * gain / pixel,
+            vx: v.x,
+            vy: v.y,
+            vzz: v.z * z,
         });
         let weights = light.weights(Scale::Linear, colour);
         let relative = if weights == DVec3::ZERO { weights } else { weights / weights.max_element() };
@@ -754,7 +765,8 @@ impl ShortForm {
             let (setup, gain) = (&setups[scale as usize], gain[scale as usize]);
             LitSphere {
                 h1: setup.cx * grid.step * setup.h,
-                q1: setup.lx * grid.step * setup.q,
+                least,
+                q1: setup.vx * grid.step * setup.q,
                 kn: 2.0 * gain * kn,
                 ke: gain * ke,
                 red: relative.x,
@@ -908,7 +920,7 @@ impl Sphere {
             m: (0.5 * (s.left + s.right) - d.x) * setup.columns,
             a: half_width * half_width,
             h0: (s.h + setup.cx * d.x) * setup.h,
-            q0: (setup.lx * d.x + setup.ly * d.y + setup.lzz) * setup.q,
+            q0: (setup.vx * d.x + setup.vy * d.y + setup.vzz) * setup.q,
             id: 0.0,
         }
     }

@@ -238,14 +238,22 @@ pub struct Meeting {
     /// The documented bound of |error of t| / t of the robust kernels, in units of their u; meaningful for a hit that is
     /// further than the margin from a miss.
     pub bound: f64,
+    /// The same of SPHERE_HIT3 and TRIANGLE_HIT3, of which the first has one form for all spheres.
+    pub alone: f64,
     /// 1 / the cosine between the ray and the normal: how many times as much t changes as the ray is turned.
     pub slant: f64,
 }
 
 impl Meeting {
     /// Of an object that no ray meets.
-    pub const NEVER: Meeting =
-        Meeting { hit: None, miss: None, margin: f64::INFINITY, bound: f64::INFINITY, slant: f64::INFINITY };
+    pub const NEVER: Meeting = Meeting {
+        hit: None,
+        miss: None,
+        margin: f64::INFINITY,
+        bound: f64::INFINITY,
+        alone: f64::INFINITY,
+        slant: f64::INFINITY,
+    };
 }
 
 /// A sphere.
@@ -279,10 +287,14 @@ impl Sphere {
         let disc = &(&h * &h) - &(&a * &self.k);
         let s = (&disc / &(&a * &self.squared_radius)).to_f64();
         let slant = 1.0 / s.abs().sqrt();
+        // D = a r^2 - |c x d|^2 is right to 12 u a r^2, so sqrt D to 6 u / s of itself, which is a part of |h| + sqrt D.
+        let root = s.abs().sqrt();
+        let along = (&(&h * &h) / &(&a * &self.squared_radius)).to_f64().sqrt();
+        let alone = 5.0 + 6.0 / (root * (root + along));
         if self.k.is_negative() {
             let hit = &(&h + &disc.sqrt()) / &a;
             let bound = 6.0 + 3.0 / (1.0 - self.kappa).sqrt();
-            return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound, slant };
+            return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound, alone, slant };
         }
         if !h.is_positive() {
             // Both roots are behind the camera, or none is there. On the sphere itself, h^2 may be what rounding leaves.
@@ -291,14 +303,14 @@ impl Sphere {
         }
         let bound = if self.kappa * self.kappa < 2.0 { 6.0 + 12.0 * slant } else { 5.0 + 6.0 * slant / self.kappa };
         if disc.is_negative() {
-            return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound, slant };
+            return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound, alone, slant };
         }
         let root = disc.sqrt();
         // As k / (h + sqrt D), which is exactly 0 for a camera on the sphere; (h - sqrt D) / a would be its rounding.
         let sum = &h + &root;
         let near = if sum.is_positive() { &self.k / &sum } else { Exact::new(0.0) };
         let hit = if near.is_positive() { near } else { &(&h + &root) / &a };
-        Meeting { hit: Some(hit), miss: None, margin: s, bound, slant }
+        Meeting { hit: Some(hit), miss: None, margin: s, bound, alone, slant }
     }
 
     /// The unit normal at t d, outward.
@@ -359,10 +371,17 @@ impl Triangle {
         let slant = if ahead { 1.0 / cosine } else { f64::INFINITY };
         let bound = 3.0 + 4.0 * slant;
         match (missed, ahead) {
-            (false, true) => Meeting { hit: Some(t()), miss: None, margin: inside, bound, slant },
-            (true, true) => Meeting { hit: None, miss: Some(t()), margin: outside, bound, slant },
+            (false, true) => Meeting { hit: Some(t()), miss: None, margin: inside, bound, alone: bound, slant },
+            (true, true) => Meeting { hit: None, miss: Some(t()), margin: outside, bound, alone: bound, slant },
             // In the plane, or away from it: only rounding could make it a hit.
-            _ => Meeting { hit: None, miss: None, margin: if missed { outside } else { 0.0 }, bound, slant },
+            _ => Meeting {
+                hit: None,
+                miss: None,
+                margin: if missed { outside } else { 0.0 },
+                bound,
+                alone: bound,
+                slant,
+            },
         }
     }
 

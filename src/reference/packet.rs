@@ -198,10 +198,11 @@ impl Rounding {
     pub fn lit<T: Real>(self, sphere: &LitSphere<T>, j: T, edge: bool) -> [T; 3] {
         let u = j - sphere.m;
         let p = self.fma(-u, u, sphere.a);
-        let den = self.affine(sphere.h, j) + if edge { max(p, T::ZERO) } else { p }.sqrt();
-        let q = self.affine(sphere.q, j);
-        let e = self.fma(den, sphere.ke, -q) * den;
-        let light = max(self.fma(den, sphere.kn, q) / e.sqrt(), T::ZERO);
+        let root = if edge { max(p, T::ZERO) } else { p }.sqrt();
+        let den = self.affine(sphere.h, j) + root;
+        let n = self.fma(root, sphere.kn, self.affine(sphere.q, j));
+        let e = self.fma(den, sphere.ke, -n) * den;
+        let light = max(n / e.sqrt(), T::ZERO);
         sphere.weights.map(|weight| light * weight)
     }
 

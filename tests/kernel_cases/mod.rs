@@ -54,9 +54,9 @@ random_records! {
 
 /// A sphere under one light, with a random number in every field, and weights that are finite and not below 0.
 pub fn lit_sphere<E: Element>(numbers: Numbers, rng: &mut Rng) -> LitSphere<E> {
-    let [h1, q1, kn, ke, red, green, blue] = [0; 7].map(|_| numbers.next(rng).into());
+    let [h1, least, q1, kn, ke, red, green, blue] = [0; 8].map(|_| numbers.next(rng).into());
     let [red, green, blue] = [red, green, blue].map(|weight: f64| weight.abs().min(1e30));
-    LitSphere { h1, q1, kn, ke, red, green, blue }.round()
+    LitSphere { h1, least, q1, kn, ke, red, green, blue }.round()
 }
 
 /// A row of one, of so many pixels: with any columns, or one time in four none, and random numbers.

@@ -16,9 +16,10 @@ const COSTS: &str = "\
 
 The time of a picture by that of the same picture of an ordinary scene, the two by turns: `scenes/sphere.in` with its sphere moved from
 4 radii to 10⁴ and its film made as much smaller, and `scenes/sphere.in` and `scenes/tetrahedron.in` at 2⁻⁷⁰ of their size, where
-the squares and products of lengths that `c` and `paper` take are denormal numbers or 0. Size costs the packets nothing. Distance does: one
-sphere under one light has a short form, which makes neither a point nor a normal and loses κ in doing so. A far sphere takes the general
-form, with a root, a normal and a light for each pixel.
+the squares and products of lengths that `c` and `paper` take are denormal numbers or 0. Neither size nor distance costs the
+packets anything: one sphere under one light has a short form, which makes neither a point nor a normal, and whose terms do not grow with κ (see
+`SPHERE_LIT`). Only where its numbers are beyond f32, from some 10⁵ radii on, does a sphere take the general form, with a root, a normal and a
+light for each pixel, in two to four times the time.
 
 ";
 
@@ -31,10 +32,11 @@ such as no scene has: distances up to 10¹⁴ radii and units of length from 10�
 objects of the family's pictures, and in T6 its meshes that cover the picture: a hole is a ray that meets none of their triangles. Rays
 are exact here, and so the bound has no part for a camera.
 
-No hit is wrong, but for `sse41` in S1: without FMA the cross product of a far sphere is rounded twice. Nor is t beyond its bound, but
-there and in S5, S6 and S8: the operation has one form for all spheres, that of far ones, whose discriminant r² a − |c × d|² is right to u of its terms
-where the other, h² − k a, is right to u k. On a ground sphere, and from inside next to its wall, k is next to nothing, and the second is the
-better by as much. The engines choose between them once per sphere, and subtract in f64; an operation that is to be counted has no choice to make.
+No hit is wrong and no t is beyond its bound, but for `sse41` in S1: without FMA the cross product of a far sphere is rounded twice. The bound is
+that of the operation, u (5 + 6 / (√s (√s + e))) with s = D / (r² a) and e = |h| / (r √a), and not that of the engines, which is less next to a wall
+that the camera is close to (S5, S6, S8): the operation has one form for all spheres, that of far ones, whose discriminant r² a − |c × d|² is right to
+u of its terms where the other, h² − k a, is right to u k. The engines choose between them once per sphere, and subtract in f64; an operation that is to
+be counted has no choice to make.
 N1: no ray meets an object of which a number is NaN or infinite, and no NaN comes out.
 
 ";

@@ -170,7 +170,7 @@ mod with_assembly {
                 },
             };
             let expected = |ray: &[f64; 3]| {
-                let Meeting { hit, margin, bound, .. } = meet(&Ray::within(*ray, reach));
+                let Meeting { hit, margin, alone: bound, .. } = meet(&Ray::within(*ray, reach));
                 let nothing = Split { high: 0.0, low: 0.0 };
                 let target = |t| Target {
                     object: self.object(),
