@@ -93,6 +93,19 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
+; COLOURED - adds to those at SCRATCH the bits in which channels differ of as many colours as a register has f32.
+%macro COLOURED 3
+%define %%turned %1     ; [in]       Corners or Balls, at r8
+%define %%s %2          ; [clobbered] number of a register
+%define %%t %3          ; [clobbered] number of a register
+    VMOV    v%[%%s], [r8 + %%turned %+ .red]
+    VXOR    v%[%%t], v%[%%s], [r8 + %%turned %+ .green]
+    VXOR    v%[%%s], v%[%%s], [r8 + %%turned %+ .blue]
+    IOR     v%[%%s], v%[%%s], v%[%%t]
+    IOR     v%[%%s], v%[%%s], [SCRATCH]
+    VMOV_TO [SCRATCH], v%[%%s]
+%endmacro
+
 ; END_BOUNDS - goes on to the next packet and the next chunk; ends the function when all are through.
 %macro END_BOUNDS 0
     add     r9, LANES
@@ -104,6 +117,8 @@
     VSTORE  [r8 + BoundsFound.most], v12
     VSTORE  [r8 + BoundsFound.least], v13
     VSTORE  [r8 + BoundsFound.brightest], v14
+    VMOV    v0, [SCRATCH]
+    VSTORE  [r8 + BoundsFound.coloured], v0
     sub     r10, [rsi + BoundsTask.seen]
     shr     r10, 4                      ; Seen_size is 16
     mov     [r8 + BoundsFound.count], r10
@@ -132,6 +147,7 @@ FUNC ISA %+ _bounds
     VZERO   v12
     VMOV    v13, [PACKET(magnitude)]
     VZERO   v14
+    VMOV_TO [SCRATCH], v14
 .chunk:
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
@@ -173,6 +189,7 @@ FUNC ISA %+ _bounds
     IOP     pmaxud, w14, w14, [r8 + Corners.red]
     IOP     pmaxud, w14, w14, [r8 + Corners.green]
     IOP     pmaxud, w14, w14, [r8 + Corners.blue]
+    COLOURED Corners, 6, 7
     VMIN    v3, v0, v1
     VMIN    v3, v3, v2
     VMAX    v4, v0, v1

@@ -44,6 +44,7 @@ FUNC ISA %+ _sphere_bounds
     VZERO   v12
     VMOV    v13, [single_magnitude]
     VZERO   v14
+    VMOV_TO [SCRATCH], v14
 .chunk:
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
@@ -77,6 +78,7 @@ FUNC ISA %+ _sphere_bounds
     IOP     pmaxud, v14, v14, [r8 + Balls.red]
     IOP     pmaxud, v14, v14, [r8 + Balls.green]
     IOP     pmaxud, v14, v14, [r8 + Balls.blue]
+    COLOURED Balls, 0, 1
     add     r8, VBYTES
     dec     r11d
     jnz     .sizes
@@ -139,4 +141,5 @@ FUNC ISA %+ _sphere_bounds
     END_BOUNDS
 
 %unmacro PIXELS_BETWEEN 3
+%unmacro COLOURED 3
 %unmacro END_BOUNDS 0

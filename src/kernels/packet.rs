@@ -176,6 +176,14 @@ pub struct TileKernels<E> {
     pub rgba8: ShadeTile<E, Rgba8>,
     /// The same, three a pixel.
     pub rgb8: ShadeTile<E, Rgb8>,
+    /// To levels, where no pixel is brighter than white.
+    pub rgba8_dim: ShadeTile<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8_dim: ShadeTile<E, Rgb8>,
+    /// To levels, where red, green and blue of every object and light are equal.
+    pub rgba8_grey: ShadeTile<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8_grey: ShadeTile<E, Rgb8>,
 }
 
 impl<E: Element> TileKernels<E> {
@@ -183,12 +191,20 @@ impl<E: Element> TileKernels<E> {
         #[rustfmt::skip]
         let TileKernels {
             set_up, nearest_triangles, sphere_set_up, nearest_spheres, sphere_looks, f32x4, f32x4_fast, f32x3, f32x3_fast,
-            rgba8, rgb8,
+            rgba8, rgb8, rgba8_dim, rgb8_dim, rgba8_grey, rgb8_grey,
         } = self;
         let floats = [f32x4.symbol(), f32x4_fast.symbol(), f32x3.symbol(), f32x3_fast.symbol()];
+        let bytes = [
+            rgba8.symbol(),
+            rgb8.symbol(),
+            rgba8_dim.symbol(),
+            rgb8_dim.symbol(),
+            rgba8_grey.symbol(),
+            rgb8_grey.symbol(),
+        ];
         let triangles = [set_up.symbol(), nearest_triangles.symbol()];
         let spheres = [sphere_set_up.symbol(), nearest_spheres.symbol(), sphere_looks.symbol()];
-        [&floats[..], &triangles, &spheres, &[rgba8.symbol(), rgb8.symbol()]].concat()
+        [&floats[..], &triangles, &spheres, &bytes].concat()
     }
 }
 
@@ -738,6 +754,10 @@ macro_rules! span_kernels {
                     f32x3_fast: shade_tile!(concat!("f32x3", $fast), F32x3),
                     rgba8: shade_tile!("rgba8", Rgba8),
                     rgb8: shade_tile!("rgb8", Rgb8),
+                    rgba8_dim: shade_tile!("rgba8_dim", Rgba8),
+                    rgb8_dim: shade_tile!("rgb8_dim", Rgb8),
+                    rgba8_grey: shade_tile!("rgba8_grey", Rgba8),
+                    rgb8_grey: shade_tile!("rgb8_grey", Rgb8),
                 }
             },
         }

@@ -204,6 +204,7 @@ mod calls {
         pub(in crate::kernels) most: [u32; MOST_LANES],
         pub(in crate::kernels) least: [u32; MOST_LANES],
         pub(in crate::kernels) brightest: [u32; MOST_LANES],
+        pub(in crate::kernels) coloured: [u32; MOST_LANES],
         pub(in crate::kernels) count: u64,
     }
 
@@ -216,6 +217,8 @@ mod calls {
         pub least: f32,
         /// The greatest number in a colour, or a negative one.
         pub brightest: f32,
+        /// Whether red, green and blue differ in any bit of some colour.
+        pub coloured: bool,
     }
 
     impl Extremes {
@@ -226,6 +229,7 @@ mod calls {
                 most: most(self.most, other.most),
                 least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
                 brightest: most(self.brightest, other.brightest),
+                coloured: self.coloured | other.coloured,
             }
         }
     }
@@ -272,6 +276,7 @@ mod calls {
         pub(in crate::kernels) lights: *const (),
         pub(in crate::kernels) light_count: u64,
         pub(in crate::kernels) sphere_count: u64,
+        pub(in crate::kernels) triangle_count: u64,
         pub(in crate::kernels) sphere_ids: *const u32,
         pub(in crate::kernels) spheres: *const (),
         pub(in crate::kernels) lits: *const (),
@@ -555,13 +560,19 @@ mod calls {
 
     impl BoundsFound {
         /// Of no triangle.
-        const NONE: BoundsFound =
-            BoundsFound { most: [0; MOST_LANES], least: [u32::MAX; MOST_LANES], brightest: [0; MOST_LANES], count: 0 };
+        const NONE: BoundsFound = BoundsFound {
+            most: [0; MOST_LANES],
+            least: [u32::MAX; MOST_LANES],
+            brightest: [0; MOST_LANES],
+            coloured: [0; MOST_LANES],
+            count: 0,
+        };
 
         fn extremes(&self) -> Extremes {
             let most = |of: &[u32]| f32::from_bits(of.iter().fold(0, |a, b| a.max(*b)));
             let least = f32::from_bits(self.least.iter().fold(u32::MAX, |a, b| a.min(*b)));
-            Extremes { most: most(&self.most), least, brightest: most(&self.brightest) }
+            let coloured = self.coloured.iter().any(|bits| *bits != 0);
+            Extremes { most: most(&self.most), least, brightest: most(&self.brightest), coloured }
         }
     }
 
@@ -855,7 +866,8 @@ mod calls {
             window.check();
             let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
             let (objects, count) = (buffers.most + 1, lights.len());
-            assert!(shades.len() >= objects * count);
+            let triangle_count = objects - 1 - sphere_ids.len();
+            assert!(triangle_count == 0 || shades.len() >= objects * count);
             assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
             assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
             assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
@@ -868,6 +880,7 @@ mod calls {
                 lights: lights.as_ptr().cast(),
                 light_count: count as u64,
                 sphere_count: sphere_ids.len() as u64,
+                triangle_count: triangle_count as u64,
                 sphere_ids: sphere_ids.as_ptr(),
                 spheres: spheres.as_ptr().cast(),
                 lits: lits.as_ptr().cast(),

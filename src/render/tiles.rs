@@ -82,7 +82,7 @@ macro_rules! floats {
 
 /// An output of bytes.
 macro_rules! bytes {
-    ($pixel:ty, $field:ident) => {
+    ($pixel:ty, $field:ident, $dim:ident, $grey:ident) => {
         impl<E: Element> Output<E> for $pixel {
             fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
                 plan.levels()
@@ -91,7 +91,14 @@ macro_rules! bytes {
                 tracer.packets.fill.$field(out);
             }
             fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-                &tracer.kernels.tiles.$field
+                let kernels = &tracer.kernels.tiles;
+                if tracer.plan.is_grey() {
+                    &kernels.$grey
+                } else if tracer.plan.is_dim() {
+                    &kernels.$dim
+                } else {
+                    &kernels.$field
+                }
             }
         }
     };
@@ -99,8 +106,8 @@ macro_rules! bytes {
 
 floats!(Vec4, f32x4, f32x4_fast);
 floats!(F32x3, f32x3, f32x3_fast);
-bytes!(Rgba8, rgba8);
-bytes!(Rgb8, rgb8);
+bytes!(Rgba8, rgba8, rgba8_dim, rgba8_grey);
+bytes!(Rgb8, rgb8, rgb8_dim, rgb8_grey);
 
 /// What a thread needs beside the plan.
 #[derive(Default)]

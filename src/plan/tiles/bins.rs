@@ -67,13 +67,8 @@ impl Bins {
         &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
-    /// Adds what a tile may see, in order.
+    /// Adds what a tile may see, the large first: they hide most.
     pub(super) fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
-        let own = self.of_tile(tile, width);
-        if self.large.is_empty() {
-            seen.extend_from_slice(own);
-            return;
-        }
         let (column, row) = tile.first();
         let in_tile = |large: &&Seen| {
             if self.everywhere {
@@ -82,14 +77,8 @@ impl Bins {
             let (x, y) = (range(large.columns), range(large.rows));
             x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
-        let mut own = own.iter().copied().peekable();
-        for large in self.large.iter().filter(in_tile) {
-            while let Some(own) = own.next_if(|own| own.id < large.id) {
-                seen.push(own);
-            }
-            seen.push(*large);
-        }
-        seen.extend(own);
+        seen.extend(self.large.iter().filter(in_tile));
+        seen.extend_from_slice(self.of_tile(tile, width));
     }
 }
 
