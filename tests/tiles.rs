@@ -87,6 +87,29 @@ fn what_is_left_out_changes_no_byte() {
 }
 
 #[test]
+fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_their_order() {
+    let camera = camera(64, 32);
+    let mut scene = Scene { camera, ..many(3, 40_000, 5) };
+    // Many have a pixel, and they lie in many depths.
+    let mut rng = Rng::new(5);
+    for triangle in &mut scene.triangles {
+        let [a, b, c] = triangle.vertices;
+        let (middle, depth) = ((a + b + c) / 3.0, rng.between(0.5, 2.0));
+        triangle.vertices = triangle.vertices.map(|corner| depth * (middle + 8.0 * (corner - middle)));
+    }
+    let mut reversed = scene.clone();
+    reversed.triangles.reverse();
+    for contender in packets() {
+        for format in FORMATS {
+            let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
+            assert!(one == other, "{contender}, {format:?}");
+            let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
+            assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
+        }
+    }
+}
+
+#[test]
 fn a_grey_or_a_dim_scene_has_the_bytes_of_a_coloured_and_bright_one() {
     for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (60, 200, 3), (5000, 9, 4)] {
         let mut scene = scattered(spheres, triangles, seed, camera(203, 97));

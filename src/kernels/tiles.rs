@@ -427,6 +427,17 @@ mod calls {
             assert!(self.most < owners.len());
             self.tile.who.iter().for_each(|who| owners[who.to_index()] = true);
         }
+
+        /// Gives everyone who has a pixel another number, below `end`: the one at the place of the present one.
+        pub fn renumber(&mut self, numbers: &[u32], end: usize) {
+            assert!(self.most < numbers.len());
+            for who in &mut self.tile.who {
+                let number = numbers[who.to_index()];
+                assert!((number as usize) < end);
+                *who = E::from_f64(number.into());
+            }
+            self.most = end - 1;
+        }
     }
 
     /// Sides of a part of a tile, in pixels: a square whose farthest pixel is known.
@@ -866,7 +877,8 @@ mod calls {
             window.check();
             let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
             let (objects, count) = (buffers.most + 1, lights.len());
-            let triangle_count = objects - 1 - sphere_ids.len();
+            // Spheres that no kernel traces may be more than have a pixel.
+            let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
             assert!(triangle_count == 0 || shades.len() >= objects * count);
             assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
             assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");

@@ -25,6 +25,10 @@ use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 /// An object in more tiles than this is in the list that all tiles look through: 16 bytes in each, and 16 while planning.
 const MOST_TILES: usize = 11;
 
+/// As many triangles of a tile are traced before those are forgotten that have no pixel of it: what a tile needs beside its
+/// lists does not grow with them.
+const MOST_AT_ONCE: usize = 1 << 14;
+
 /// Spheres are fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
 
@@ -298,23 +302,47 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// The spheres and the triangles that a tile may see, in the order in which they are to be asked. The latter are copied to
-    /// `room` if they are not in one list.
-    pub fn seen_in<'s>(&'s self, tile: TilePlace, spheres: &mut Vec<Seen>, room: &'s mut Vec<Seen>) -> &'s [Seen] {
-        spheres.clear();
+    /// Whether no object may be in a tile.
+    pub fn is_empty(&self, tile: TilePlace) -> bool {
+        self.sphere_bins.iter().chain(&self.triangle_bins).all(|bins| bins.is_empty(tile, self.camera.width()))
+    }
+
+    /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
+    pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         for bins in &self.sphere_bins {
-            bins.seen_in(tile, self.camera.width(), spheres);
+            spheres.extend(bins.large_in(tile));
+            spheres.extend_from_slice(bins.of_tile(tile, self.camera.width()));
         }
+    }
+
+    /// Hands out the triangles that a tile may see, [`MOST_AT_ONCE`] at a time or fewer, by way of `room` if they are not in
+    /// one list.
+    pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
+        let width = self.camera.width();
         if let [bins] = &*self.triangle_bins
             && bins.is_one_list()
         {
-            return bins.of_tile(tile, self.camera.width());
+            return bins.of_tile(tile, width).chunks(MOST_AT_ONCE).for_each(say);
         }
         room.clear();
+        let mut add = |mut seen: &[Seen]| {
+            while !seen.is_empty() {
+                let (first, others) = seen.split_at(seen.len().min(MOST_AT_ONCE - room.len()));
+                room.extend_from_slice(first);
+                if room.len() == MOST_AT_ONCE {
+                    say(room);
+                    room.clear();
+                }
+                seen = others;
+            }
+        };
         for bins in &self.triangle_bins {
-            bins.seen_in(tile, self.camera.width(), room);
+            bins.large_in(tile).for_each(|large| add(&[large]));
+            add(bins.of_tile(tile, width));
         }
-        room
+        if !room.is_empty() {
+            say(room);
+        }
     }
 
     /// A tile's rays, for set-up and for shading.

@@ -67,18 +67,22 @@ impl Bins {
         &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
-    /// Adds what a tile may see, the large first: they hide most.
-    pub(super) fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
+    /// Those that are in many tiles and may be in this one.
+    pub(super) fn large_in(&self, tile: TilePlace) -> impl Iterator<Item = Seen> {
         let (column, row) = tile.first();
-        let in_tile = |large: &&Seen| {
+        let in_tile = move |large: &&Seen| {
             if self.everywhere {
                 return true;
             }
             let (x, y) = (range(large.columns), range(large.rows));
             x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
-        seen.extend(self.large.iter().filter(in_tile));
-        seen.extend_from_slice(self.of_tile(tile, width));
+        self.large.iter().filter(in_tile).copied()
+    }
+
+    /// Whether a tile sees nothing.
+    pub(super) fn is_empty(&self, tile: TilePlace, width: u32) -> bool {
+        self.of_tile(tile, width).is_empty() && self.large_in(tile).next().is_none()
     }
 }
 
