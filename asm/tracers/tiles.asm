@@ -39,6 +39,19 @@
 %endif
 %endmacro
 
+; IF_BELOW - jumps if a < b, or where either is NaN.
+%macro IF_BELOW 3
+%define %%a %1          ; [in]       128-bit register: an f64
+%define %%b %2          ; [in]       128-bit register
+%define %%to %3         ; [in]       label
+%if HAS_VEX
+    vucomisd %%a, %%b
+%else
+    ucomisd %%a, %%b
+%endif
+    jb      %%to
+%endmacro
+
 ; CORNER - d = one number of f32 in f64.
 %macro CORNER 2
 %define %%d %1          ; [out]      128-bit register
@@ -118,12 +131,7 @@
     SD      addsd, xmm6, xmm3
     SD      xorps, xmm6, xmm7
     SD      xorps, xmm3, xmm3
-%if HAS_VEX
-    vucomisd xmm6, xmm3
-%else
-    ucomisd xmm6, xmm3
-%endif
-    jb      %%outside
+    IF_BELOW xmm6, xmm3, %%outside
 %endmacro
 
 ; ELEMENT_F64 - d = an element in f64.
@@ -190,12 +198,7 @@
     CORNER  xmm3, [rdx + Balls.radius]
     SD      mulsd, xmm0, xmm3
     SD      mulsd, xmm0, xmm3
-%if HAS_VEX
-    vucomisd xmm0, xmm6
-%else
-    ucomisd xmm0, xmm6
-%endif
-    jb      %%outside
+    IF_BELOW xmm0, xmm6, %%outside
 %endmacro
 
 ; SPILL - v0 to v14 to the stack; UNSPILL brings them back.
@@ -259,19 +262,6 @@
 %endif
 %endmacro
 
-; STORE_INTEGERS - stores w<i>, LANES integers of 32 bits.
-%macro STORE_INTEGERS 2
-%define %%m %1          ; [out]      address
-%define %%i %2          ; [in]       number of a register
-%if LANES == 2
-    movq    [%%m], x%[%%i]
-%elif HAS_VEX
-    vmovups [%%m], w%[%%i]
-%else
-    movups  [%%m], w%[%%i]
-%endif
-%endmacro
-
 ; WHOSE - r = an element as an integer.
 %macro WHOSE 2
 %define %%r %1          ; [out]      32-bit register
@@ -292,11 +282,7 @@
 %define %%room %1       ; [in]       bytes beside what SPILL and MASK_OF_BITS need, a multiple of VBYTES
     push    rbp
     mov     rbp, rsp
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     sub     rsp, VBYTES * 16 + %%room + 64      ; and eight numbers, from rbp - 104 on
     and     rsp, -VBYTES
 %endmacro
@@ -304,11 +290,7 @@
 ; LEAVE - gives back what five pushes after rbp's saved, and leaves the upper parts of the registers clean.
 %macro LEAVE 0
     lea     rsp, [rbp - 40]
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
+    POP_OWNED
     pop     rbp
 %if HAS_VEX
     vzeroupper
@@ -708,7 +690,7 @@ FUNC NAME(nearest, %%name)
 %endif
 %endif
     IOP     paddd, w11, w11, [rsp + ROW_PLACE]
-    STORE_INTEGERS rsp + PLACES + 4 * r11, 11
+    STORE_NUMBERS rsp + PLACES + 4 * r11, 11
 %if LANES == 16
     movzx   r9d, al
     mov     r12, [r15 + 8 * r9]
@@ -1051,6 +1033,15 @@ align 16
 %endif
 %endmacro
 
+; NEXT_SHADE - goes on to the next light and what it does to triangles, of which there are rcx.
+%macro NEXT_SHADE 1
+%define %%loop %1       ; [in]       label
+    add     r10, ELEM * TileShade_size
+    add     r13, ELEM * 4
+    dec     rcx
+    jnz     %%loop
+%endmacro
+
 ; PIXELS_OUT_F32X4 - a block's pixels from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
 %macro PIXELS_OUT_F32X4 0
     TURN_F32X4 1, 2, 3, 7, 11, 12
@@ -1136,11 +1127,7 @@ align 16
 FUNC NAME(tile, %%output)
     push    rbp
     mov     rbp, rsp
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     sub     rsp, FRAME
     and     rsp, -64
     imul    rax, [rsi + ShadeTask.light_count], ELEM * TileShade_size
@@ -1207,7 +1194,7 @@ align 16
     je      .sphere
     VMOV    v7, v6
     LEVELS  7
-    STORE_INTEGERS rsp + IDS_AT, 7
+    STORE_NUMBERS rsp + IDS_AT, 7
     VMOV    v9, COLUMNS
     VSUB    v9, v9, [rsp + MIDDLE_AT]
     VSPREAD v8, [rdi + ELEM * TileRays.step]
@@ -1237,23 +1224,17 @@ align 16
     VSPREAD v10, [r10 + ELEM * TileShade.blue]
 %endif
     TRIANGLE_LIGHT
-    add     r10, ELEM * TileShade_size
-    add     r13, ELEM * 4
-    dec     rcx
-    jnz     .same
+    NEXT_SHADE .same
     jmp     .shaded
 .mixed:
     IOP     pmulld, w7, w7, [rsp + STRIDES_AT]
-    STORE_INTEGERS rsp + OFFSETS_AT, 7
+    STORE_NUMBERS rsp + OFFSETS_AT, 7
     test    rcx, rcx
     jz      .shaded
 .each:
     GATHER4 7, 8, 9, 10, 11, 12, 13, r10, rsp + OFFSETS_AT, ax
     TRIANGLE_LIGHT
-    add     r10, ELEM * TileShade_size
-    add     r13, ELEM * 4
-    dec     rcx
-    jnz     .each
+    NEXT_SHADE .each
 .spheres:
     mov     eax, [rsi + ShadeTask.sphere_count]
     test    eax, eax
@@ -1507,6 +1488,7 @@ align 16
     SHADE_TILE rgb8_grey, RGB8
 
 %unmacro SD 3
+%unmacro IF_BELOW 3
 %unmacro CORNER 2
 %unmacro BLOCK_PIXEL 0
 %unmacro ONE_RAY 0
@@ -1547,9 +1529,9 @@ align 16
 %undef SURE_SPHERE
 %unmacro NEAREST 4
 %unmacro SPHERE_FIELD 3
-%unmacro STORE_INTEGERS 2
 %unmacro COSINE 3
 %unmacro TRIANGLE_LIGHT 0
+%unmacro NEXT_SHADE 1
 %unmacro PIXELS_OUT_F32X4 0
 %unmacro PIXELS_OUT_F32X3 0
 %unmacro PIXELS_OUT_RGBA8 0

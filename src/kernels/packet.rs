@@ -10,9 +10,8 @@ use super::spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
 };
 use super::tiles::{
-    Ball, Bounds, BoundsTask, BoundsView, Facet, HalfTask, NearerHalf, NearestSpheres, NearestTask, NearestTriangles,
-    SetUp, SetupTask, ShadeTask, ShadeTile, SphereLooks, SpherePlanes, SphereSetUp, SphereView, TileRays, TileView,
-    TrianglePlanes,
+    Ball, Bounds, BoundsTask, BoundsView, Facet, HalfTask, NearerHalf, Nearest, NearestTask, SetUp, SetupTask,
+    ShadeTask, ShadeTile, SphereLooks, SpherePlanes, SphereSetUp, SphereView, TileRays, TileView, TrianglePlanes,
 };
 use super::types::{Plain, Vec4};
 
@@ -157,11 +156,11 @@ pub struct TileKernels<E> {
     /// Triangles to planes.
     pub set_up: SetUp<E>,
     /// The nearest of triangles.
-    pub nearest_triangles: NearestTriangles<E>,
+    pub nearest_triangles: Nearest<TrianglePlanes<E>>,
     /// Spheres to planes.
     pub sphere_set_up: SphereSetUp<E>,
     /// The nearest of spheres.
-    pub nearest_spheres: NearestSpheres<E>,
+    pub nearest_spheres: Nearest<SpherePlanes<E>>,
     /// Spheres to what shades them.
     pub sphere_looks: SphereLooks<E>,
     /// To linear floats, four a pixel.
@@ -733,16 +732,13 @@ macro_rules! span_kernels {
                 }
                 TileKernels {
                     set_up: SetUp { code: set_up, symbol: concat!($prefix, "set_up"), writes: PhantomData },
-                    nearest_triangles: NearestTriangles {
-                        code: triangles,
-                        symbol: concat!($prefix, "nearest_triangles"),
-                    },
+                    nearest_triangles: Nearest { code: triangles, symbol: concat!($prefix, "nearest_triangles") },
                     sphere_set_up: SphereSetUp {
                         code: sphere_set_up,
                         symbol: concat!($prefix, "sphere_set_up"),
                         writes: PhantomData,
                     },
-                    nearest_spheres: NearestSpheres { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
+                    nearest_spheres: Nearest { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
                     sphere_looks: SphereLooks {
                         code: sphere_looks,
                         symbol: concat!($prefix, "sphere_looks"),
