@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 168] = [
+const PACKET_SNIPPETS: [Snippet; 172] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -597,6 +597,10 @@ const PACKET_SNIPPETS: [Snippet; 168] = [
     ("WIDEN", "in f64", "v0, [rdi]"),
     ("INSERT128", "", "0, [rdi], 0"),
     ("STORE128", "", "[rdi], w, 0, 0"),
+    ("STORE_NUMBERS", "", "rdi, 0"),
+    ("PUSH_OWNED", "", ""),
+    ("POP_OWNED", "", ""),
+    ("DOT3_UNFUSED", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8"),
     ("CROSS3_UNFUSED", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("TRIANGLE_VOLUME", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TRIANGLE_EDGE", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),

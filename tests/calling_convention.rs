@@ -9,6 +9,7 @@ mod kernel_cases;
 use std::fmt::Debug;
 use std::ops::Range;
 
+use glam::Vec3;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::sys::{Guarded, Side, survives};
 use rayo::kernels::{
@@ -784,6 +785,10 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 check_shade_tile(&kernels.f32x3_fast, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.rgba8, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.rgb8, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgba8_dim, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgb8_dim, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgba8_grey, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.rgb8_grey, &plan, &checked, looks, &window);
             }
         }
     }
@@ -832,6 +837,20 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
     }
 }
 
+/// Whether red, green and blue differ.
+fn has_colour(colour: Vec3) -> bool {
+    colour.min_element() != colour.max_element()
+}
+
+/// Some scenes are grey but for the objects from some place on.
+fn colour_of(i: usize, count: usize, colour: Vec3) -> Vec3 {
+    match count {
+        1 | 63 => Vec3::splat(colour.x),
+        64 | 65 if i + 1 < count => Vec3::splat(colour.y),
+        _ => colour,
+    }
+}
+
 fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
     let (width, height) = (64.0, 32.0);
     let view = SphereView {
@@ -850,6 +869,9 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
         let mut scene = scene::many(count, 0, seed);
         scene.spheres.iter_mut().skip(3).step_by(5).for_each(|sphere| sphere.centre.z = -sphere.centre.z);
         scene.spheres.iter_mut().skip(4).step_by(7).for_each(|sphere| sphere.centre.z = 0.1);
+        for (i, sphere) in scene.spheres.iter_mut().enumerate() {
+            sphere.colour = colour_of(i, count, sphere.colour);
+        }
         for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             let balls = Guarded::new(&scene.spheres, side).unwrap();
             let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
@@ -866,7 +888,8 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
             let most = balls.iter().map(|sphere| sphere.centre.abs().max_element()).chain(radii()).fold(0.0, f32::max);
             let brightest = balls.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
             let least = radii().fold(f32::MAX, f32::min);
-            assert_eq!(extremes, Extremes { most, least, brightest }, "{what}");
+            let coloured = balls.iter().any(|sphere| has_colour(sphere.colour));
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured }, "{what}");
             assert!(keep_all == (found == count) || count < 4, "{what}: {found}");
         }
     }
@@ -894,7 +917,10 @@ fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
 fn check_bounds(kernels: &PacketKernels, seed: u64) {
     let view = bounds_view(64, 32);
     for count in [1, 2, 3, 5, 63, 64, 65, 200] {
-        let scene = scene::many(0, count, seed);
+        let mut scene = scene::many(0, count, seed);
+        for (i, triangle) in scene.triangles.iter_mut().enumerate() {
+            triangle.colour = colour_of(i, count, triangle.colour);
+        }
         for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             let facets = Guarded::new(&scene.triangles, side).unwrap();
             let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
@@ -911,7 +937,8 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
             let brightest = facets.iter().map(|facet| facet.colour.max_element()).fold(0.0, f32::max);
             let (most, least) =
                 (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
-            assert_eq!(extremes, Extremes { most, least, brightest }, "{what}");
+            let coloured = facets.iter().any(|facet| has_colour(facet.colour));
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured }, "{what}");
             // Every corner's own pixel is within the bounds, and what is not seen has no pixel.
             let mut of = checked[..found].iter().peekable();
             for (id, facet) in (5..).zip(facets.iter()) {

@@ -386,6 +386,8 @@ fn what_tiles_leave_out_is_counted() {
         (Omission::SphereCode, 0),
         (Omission::Constants, FILLERS as u64),
         (Omission::Loop, FILLERS as u64),
+        (Omission::Channels, 0),
+        (Omission::Clamp, FILLERS as u64),
         (Omission::FloatImage, 160 * 120),
         (Omission::Occluded, 0),
         (Omission::Unseen, 0),
@@ -404,6 +406,41 @@ fn what_tiles_leave_out_is_counted() {
     let all = tile_report(lamps, &["1  1 1 1  -90 0 20"], &triangles, Keep::all());
     assert_eq!((all.kept.spheres, all.kept.triangles, all.kept.lights), (FILLERS + 1, 100, 1), "{all:?}");
     assert!(all.left_out.iter().all(|line| line.switch != Switch::Work), "{all:?}");
+}
+
+#[test]
+fn tiles_leave_out_two_channels_of_grey_scenes_and_the_clamp_of_dim_ones() {
+    let grey = |intensity: f32| {
+        let mut scene = many(20, 20, 1);
+        scene.spheres.iter_mut().for_each(|sphere| sphere.colour = Vec3::splat(0.5));
+        scene.triangles.iter_mut().for_each(|triangle| triangle.colour = Vec3::ONE);
+        scene.lights.iter_mut().for_each(|light| (light.colour, light.intensity) = (Vec3::ONE, intensity));
+        scene
+    };
+    let with = |change: fn(&mut Scene)| {
+        let mut scene = grey(0.5);
+        change(&mut scene);
+        scene
+    };
+    let objects = 40;
+    for (what, scene, keep, channels, clamp) in [
+        ("grey", grey(0.5), Keep::NOTHING, objects, 0),
+        ("grey and bright", grey(2.0), Keep::NOTHING, objects, 0),
+        ("grey, but kept", grey(0.5), Keep::only(Omission::Channels), 0, objects),
+        ("a coloured sphere", with(|scene| scene.spheres[19].colour.y = 0.25), Keep::NOTHING, 0, objects),
+        ("a coloured triangle", with(|scene| scene.triangles[3].colour.z = 0.25), Keep::NOTHING, 0, objects),
+        ("a coloured light", with(|scene| scene.lights[1].colour.x = 0.25), Keep::NOTHING, 0, objects),
+        ("a bright triangle", with(|scene| scene.triangles[3].colour.z = 1.125), Keep::NOTHING, 0, 0),
+        ("a bright light", with(|scene| scene.lights[1].colour.x = 1.125), Keep::NOTHING, 0, 0),
+        ("dim, but kept", with(|scene| scene.lights[1].colour.x = 0.25), Keep::only(Omission::Clamp), 0, 0),
+    ] {
+        let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep, ..Purpose::default() };
+        let report = Engine::fastest().report(purpose, &scene, &scene.camera).unwrap();
+        let kept = (report.kept.spheres + report.kept.triangles) as u64;
+        assert_eq!(kept, objects, "{what}");
+        let counts = [Omission::Channels, Omission::Clamp].map(|omission| count(&report, omission));
+        assert_eq!(counts, [channels, clamp], "{what}: {report:?}");
+    }
 }
 
 /// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f, 160)` the ray of row and col

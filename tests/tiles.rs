@@ -5,6 +5,7 @@
 mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};
+use glam::Vec3;
 use rayo::plan::Omission;
 use rayo::render::{Film, FilmMut, PixelFormat, Purpose, Tracer};
 use rayo::scene::{self, Camera, Rng, Scene, Sphere, Triangle, many};
@@ -27,7 +28,8 @@ fn bits(film: Film) -> Vec<[u32; 4]> {
     match film {
         Film::F32x4(pixels) => pixels.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect(),
         Film::Rgba8(pixels) => pixels.into_iter().map(|pixel| pixel.map(u32::from)).collect(),
-        Film::F32x3(_) | Film::Rgb8(_) => unreachable!("tests/outputs.rs has them"),
+        Film::Rgb8(pixels) => pixels.into_iter().map(|[r, g, b]| [r, g, b, 255].map(u32::from)).collect(),
+        Film::F32x3(_) => unreachable!("tests/outputs.rs has it"),
     }
 }
 
@@ -82,6 +84,67 @@ fn what_is_left_out_changes_no_byte() {
             }
         }
     }
+}
+
+#[test]
+fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_their_order() {
+    let camera = camera(64, 32);
+    let mut scene = Scene { camera, ..many(3, 40_000, 5) };
+    // Many have a pixel, and they lie in many depths.
+    let mut rng = Rng::new(5);
+    for triangle in &mut scene.triangles {
+        let [a, b, c] = triangle.vertices;
+        let (middle, depth) = ((a + b + c) / 3.0, rng.between(0.5, 2.0));
+        triangle.vertices = triangle.vertices.map(|corner| depth * (middle + 8.0 * (corner - middle)));
+    }
+    let mut reversed = scene.clone();
+    reversed.triangles.reverse();
+    for contender in packets() {
+        for format in FORMATS {
+            let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
+            assert!(one == other, "{contender}, {format:?}");
+            let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
+            assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
+        }
+    }
+}
+
+#[test]
+fn a_grey_or_a_dim_scene_has_the_bytes_of_a_coloured_and_bright_one() {
+    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (60, 200, 3), (5000, 9, 4)] {
+        let mut scene = scattered(spheres, triangles, seed, camera(203, 97));
+        let mut tint = |of_objects: Vec3, of_lights: Vec3, intensity: f32| {
+            for (i, colour) in colours(&mut scene).enumerate() {
+                *colour = of_objects * if i % 2 == 0 { 1.0 } else { 0.5 };
+            }
+            scene.lights.iter_mut().for_each(|light| {
+                light.colour = of_lights;
+                light.intensity = intensity;
+            });
+            scene.clone()
+        };
+        let lights = if seed % 2 == 0 { 1.0 } else { 2.0 };
+        for (what, scene) in [
+            ("grey and bright", tint(Vec3::splat(0.9), Vec3::ONE, 3.0)),
+            ("grey and dim", tint(Vec3::ONE, Vec3::ONE, 1.0 / lights)),
+            ("coloured objects", tint(Vec3::new(1.0, 0.9, 0.8), Vec3::ONE, 1.0 / lights)),
+            ("coloured lights", tint(Vec3::ONE, Vec3::new(0.7, 0.9, 1.0), 1.0 / lights)),
+            ("a little too bright", tint(Vec3::ONE, Vec3::new(0.7, 0.9, 1.0), 1.01 / lights)),
+        ] {
+            for contender in packets() {
+                for format in [PixelFormat::Rgba8, PixelFormat::Rgb8] {
+                    let differing = differing_by_force(&contender, &scene, format);
+                    assert_eq!(differing, 0, "{contender}, {format:?}, {what}: {spheres}, {triangles}");
+                }
+            }
+        }
+    }
+}
+
+/// Those of all objects.
+fn colours(scene: &mut Scene) -> impl Iterator<Item = &mut Vec3> {
+    let triangles = scene.triangles.iter_mut().map(|triangle| &mut triangle.colour);
+    scene.spheres.iter_mut().map(|sphere| &mut sphere.colour).chain(triangles)
 }
 
 /// Red, green and blue of each pixel, made in bytes by tiles.

@@ -93,6 +93,53 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
+; COLOURED - adds to those at SCRATCH the bits in which channels differ of as many colours as a register has f32.
+%macro COLOURED 3
+%define %%turned %1     ; [in]       Corners or Balls, at r8
+%define %%s %2          ; [clobbered] number of a register
+%define %%t %3          ; [clobbered] number of a register
+    VMOV    v%[%%s], [r8 + %%turned %+ .red]
+    VXOR    v%[%%t], v%[%%s], [r8 + %%turned %+ .green]
+    VXOR    v%[%%s], v%[%%s], [r8 + %%turned %+ .blue]
+    IOR     v%[%%s], v%[%%s], v%[%%t]
+    IOR     v%[%%s], v%[%%s], [SCRATCH]
+    VMOV_TO [SCRATCH], v%[%%s]
+%endmacro
+
+; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
+;                which END_BOUNDS comes back for the next one.
+%macro BEGIN_BOUNDS 4
+%define %%bytes %1      ; [in]       of an object
+%define %%turn %2       ; [in]       what turns four of them round
+%define %%constants %3  ; [in]       how many there are at rdi
+%define %%greatest %4   ; [in]       aligned memory: more than any size, as bits of f32
+    PUSH_OWNED
+    mov     rdx, [rsi + BoundsTask.objects]
+    mov     r9, [rsi + BoundsTask.first_id]
+    mov     r10, [rsi + BoundsTask.seen]
+    mov     rcx, [rsi + BoundsTask.count]
+    imul    r15, rcx, %%bytes
+    lea     r15, [rdx + r15 - %%bytes]
+    CONSTANTS %%constants
+    VZERO   v12
+    VMOV    v13, %%greatest
+    VZERO   v14
+    VMOV_TO [SCRATCH], v14
+.chunk:
+    mov     r8, [rsi + BoundsTask.turned]
+    mov     r11d, CHUNK / 4
+.turn:
+    OBJECT_AT 0, r14, %%bytes, rdx, r15
+    OBJECT_AT 1, rbx, %%bytes, rdx, r15
+    OBJECT_AT 2, r12, %%bytes, rdx, r15
+    OBJECT_AT 3, r13, %%bytes, rdx, r15
+    %%turn  r8, r14, rbx, r12, r13
+    add     rdx, 4 * %%bytes
+    add     r8, 16
+    dec     r11d
+    jnz     .turn
+%endmacro
+
 ; END_BOUNDS - goes on to the next packet and the next chunk; ends the function when all are through.
 %macro END_BOUNDS 0
     add     r9, LANES
@@ -104,47 +151,18 @@
     VSTORE  [r8 + BoundsFound.most], v12
     VSTORE  [r8 + BoundsFound.least], v13
     VSTORE  [r8 + BoundsFound.brightest], v14
+    VMOV    v0, [SCRATCH]
+    VSTORE  [r8 + BoundsFound.coloured], v0
     sub     r10, [rsi + BoundsTask.seen]
     shr     r10, 4                      ; Seen_size is 16
     mov     [r8 + BoundsFound.count], r10
     UNCONSTANTS
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
+    POP_OWNED
 ENDFUNC
 %endmacro
 
 FUNC ISA %+ _bounds
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
-    mov     rdx, [rsi + BoundsTask.objects]
-    mov     r9, [rsi + BoundsTask.first_id]
-    mov     r10, [rsi + BoundsTask.seen]
-    mov     rcx, [rsi + BoundsTask.count]
-    imul    r15, rcx, Facet_size
-    lea     r15, [rdx + r15 - Facet_size]
-    CONSTANTS 12
-    VZERO   v12
-    VMOV    v13, [PACKET(magnitude)]
-    VZERO   v14
-.chunk:
-    mov     r8, [rsi + BoundsTask.turned]
-    mov     r11d, CHUNK / 4
-.turn:
-    OBJECT_AT 0, r14, Facet_size, rdx, r15
-    OBJECT_AT 1, rbx, Facet_size, rdx, r15
-    OBJECT_AT 2, r12, Facet_size, rdx, r15
-    OBJECT_AT 3, r13, Facet_size, rdx, r15
-    TURN_FACETS r8, r14, rbx, r12, r13
-    add     rdx, 4 * Facet_size
-    add     r8, 16
-    dec     r11d
-    jnz     .turn
+    BEGIN_BOUNDS Facet_size, TURN_FACETS, 12, [PACKET(magnitude)]
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / LANES
 .packet:
@@ -173,6 +191,7 @@ FUNC ISA %+ _bounds
     IOP     pmaxud, w14, w14, [r8 + Corners.red]
     IOP     pmaxud, w14, w14, [r8 + Corners.green]
     IOP     pmaxud, w14, w14, [r8 + Corners.blue]
+    COLOURED Corners, 6, 7
     VMIN    v3, v0, v1
     VMIN    v3, v3, v2
     VMAX    v4, v0, v1

@@ -81,20 +81,7 @@
     VSTORE  [r9 + 8 * %%field], v%[%%i]
 %else
     NARROW  %%i
-    STORE_NARROW r9 + 4 * %%field, %%i
-%endif
-%endmacro
-
-; STORE_NARROW - stores all of w<i>, or its half where LANES is 2.
-%macro STORE_NARROW 2
-%define %%m %1          ; [in]       address
-%define %%i %2          ; [in]       number of a register
-%if LANES == 2
-    movq    [%%m], x%[%%i]
-%elif HAS_VEX
-    vmovups [%%m], w%[%%i]
-%else
-    movups  [%%m], w%[%%i]
+    STORE_NUMBERS r9 + 4 * %%field, %%i
 %endif
 %endmacro
 
@@ -170,11 +157,7 @@
 %define %%precision %1  ; [in]       part of the function's name
 %define %%out %2        ; [in]       4 or 8
 FUNC ISA %+ _ %+ %%precision %+ _set_up
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     TURN_SEEN Facet_size, Corners, TURN_FACETS
     mov     r8, [rsi + SetupTask.turned]
     mov     r9, [rsi + SetupTask.planes]
@@ -266,11 +249,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     sub     rcx, LANES
     ja      .packet
     UNCONSTANTS
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
+    POP_OWNED
 ENDFUNC
 %endmacro
 

@@ -29,34 +29,7 @@
 %endmacro
 
 FUNC ISA %+ _sphere_bounds
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
-    mov     rdx, [rsi + BoundsTask.objects]
-    mov     r9, [rsi + BoundsTask.first_id]
-    mov     r10, [rsi + BoundsTask.seen]
-    mov     rcx, [rsi + BoundsTask.count]
-    imul    r15, rcx, Ball_size
-    lea     r15, [rdx + r15 - Ball_size]
-    CONSTANTS 8
-    VZERO   v12
-    VMOV    v13, [single_magnitude]
-    VZERO   v14
-.chunk:
-    mov     r8, [rsi + BoundsTask.turned]
-    mov     r11d, CHUNK / 4
-.turn:
-    OBJECT_AT 0, r14, Ball_size, rdx, r15
-    OBJECT_AT 1, rbx, Ball_size, rdx, r15
-    OBJECT_AT 2, r12, Ball_size, rdx, r15
-    OBJECT_AT 3, r13, Ball_size, rdx, r15
-    TURN_BALLS r8, r14, rbx, r12, r13
-    add     rdx, 4 * Ball_size
-    add     r8, 16
-    dec     r11d
-    jnz     .turn
+    BEGIN_BOUNDS Ball_size, TURN_BALLS, 8, [single_magnitude]
 
     ; As many f32 as a register has.
     mov     r8, [rsi + BoundsTask.turned]
@@ -77,6 +50,7 @@ FUNC ISA %+ _sphere_bounds
     IOP     pmaxud, v14, v14, [r8 + Balls.red]
     IOP     pmaxud, v14, v14, [r8 + Balls.green]
     IOP     pmaxud, v14, v14, [r8 + Balls.blue]
+    COLOURED Balls, 0, 1
     add     r8, VBYTES
     dec     r11d
     jnz     .sizes
@@ -94,11 +68,7 @@ FUNC ISA %+ _sphere_bounds
     VDIV    v0, v0, v3
     VDIV    v1, v1, v3
     VDIV    v2, v2, v3
-    VMUL    v4, v0, v0
-    VMUL    v9, v1, v1
-    VADD    v4, v4, v9
-    VMUL    v9, v2, v2
-    VADD    v4, v4, v9
+    DOT3_UNFUSED v4, v0, v1, v2, v0, v1, v2, v9, v9
     SPHERE_BOX v5, v6, v7, v8, v0, v1, v2, v9, v11, v3
     PIXELS_BETWEEN v5, v6, width
     PIXELS_BETWEEN v7, v8, height
@@ -139,4 +109,6 @@ FUNC ISA %+ _sphere_bounds
     END_BOUNDS
 
 %unmacro PIXELS_BETWEEN 3
+%unmacro BEGIN_BOUNDS 4
+%unmacro COLOURED 3
 %unmacro END_BOUNDS 0

@@ -108,11 +108,7 @@
     VMOV_TO W(ux), v0
     VMOV_TO W(uy), v1
     VMOV_TO W(uz), v2
-    VMUL    v4, v0, v0
-    VMUL    v9, v1, v1
-    VADD    v4, v4, v9
-    VMUL    v9, v2, v2
-    VADD    v4, v4, v9
+    DOT3_UNFUSED v4, v0, v1, v2, v0, v1, v2, v9, v9
     VMOV_TO W(cc), v4
     VSUB    v4, v4, [PACKET(ones)]
     VMOV_TO W(k), v4
@@ -147,25 +143,13 @@
     VMUL    v5, v0, K(SphereView.step)
     VMOV_TO W(sy), v4
     VMOV_TO W(sx), v5
-    VMUL    v0, v0, v6
-    VMUL    v1, v1, v8
-    VADD    v0, v0, v1
-    VMUL    v2, v2, v12
-    VADD    v0, v0, v2
+    DOT3_UNFUSED v0, v0, v1, v2, v6, v8, v12, v1, v2
     VMOV_TO W(h), v0
     VMOV    v1, W(over)
     VMUL    v1, v1, v1
 
-    VMUL    v2, v6, v6
-    VMUL    v7, v8, v8
-    VADD    v2, v2, v7
-    VMUL    v7, v12, v12
-    VADD    v2, v2, v7
-    VMUL    v7, v9, v9
-    VMUL    v13, v10, v10
-    VADD    v7, v7, v13
-    VMUL    v13, v11, v11
-    VADD    v7, v7, v13
+    DOT3_UNFUSED v2, v6, v8, v12, v6, v8, v12, v7, v7
+    DOT3_UNFUSED v7, v9, v10, v11, v9, v10, v11, v13, v13
     VSUB    v2, v2, v7
     VMUL    v2, v2, v1
 
@@ -205,11 +189,7 @@
 
 ; BEGIN_SPHERES - begins a function: turns the spheres of the task round and makes room for W.
 %macro BEGIN_SPHERES 0
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     TURN_SEEN Ball_size, Balls, TURN_BALLS
     sub     rsp, VBYTES * (W_places + 1)
     lea     r15, [rsp + VBYTES - 1]
@@ -223,11 +203,7 @@
 %macro END_SPHERES 0
     UNCONSTANTS
     add     rsp, VBYTES * (W_places + 1)
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
+    POP_OWNED
 ENDFUNC
 %endmacro
 
@@ -363,11 +339,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %define %%y %3          ; [in]       vreg
 %define %%z %4          ; [in]       vreg
 %define %%t %5          ; [clobbered] vreg
-    VMUL    %%d, %%x, %%x
-    VMUL    %%t, %%y, %%y
-    VADD    %%d, %%d, %%t
-    VMUL    %%t, %%z, %%z
-    VADD    %%d, %%d, %%t
+    DOT3_UNFUSED %%d, %%x, %%y, %%z, %%x, %%y, %%z, %%t, %%t
     VSQRT   %%d, %%d
 %endmacro
 
@@ -450,18 +422,10 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     VDIV    v4, v4, v3
     VDIV    v5, v5, v3
     VDIV    v6, v6, v3
-    VMUL    v9, v4, W(ux)
-    VMUL    v10, v5, W(uy)
-    VADD    v9, v9, v10
-    VMUL    v10, v6, W(uz)
-    VADD    v9, v9, v10
+    DOT3_UNFUSED v9, v4, v5, v6, W(ux), W(uy), W(uz), v10, v10
     VMOV    v14, W(k)
     VSUB    v14, v14, v9                ; kn = k - c.l
-    VMUL    v4, v4, v4
-    VMUL    v5, v5, v5
-    VADD    v4, v4, v5
-    VMUL    v6, v6, v6
-    VADD    v4, v4, v6
+    DOT3_UNFUSED v4, v4, v5, v6, v4, v5, v6, v5, v6
     VSUB    v4, v4, W(k)                ; ke = l.l - k
     VABS    v5, v14
     VADD    v5, v5, v7
@@ -482,11 +446,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     VMUL    v0, v0, v5
     VMUL    v1, v1, v5
     VMUL    v2, v2, v5
-    VMUL    v11, v0, W(rayx)
-    VMUL    v12, v1, W(rayy)
-    VADD    v11, v11, v12
-    VMUL    v12, v2, K(SphereView.focal)
-    VADD    v11, v11, v12
+    DOT3_UNFUSED v11, v0, v1, v2, W(rayx), W(rayy), K(SphereView.focal), v12, v12
     VMUL    v12, v0, K(SphereView.step)
     VMUL    v13, v1, K(SphereView.step)
     VXOR    v13, v13, [PACKET(sign)]
@@ -586,5 +546,4 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
 %unmacro SEEN_OBJECT 5
 %unmacro TURN_SEEN 3
 %unmacro ROUNDED_STORE 3
-%unmacro STORE_NARROW 2
 %unmacro STORE_RECORDS 1

@@ -5,6 +5,9 @@
 ; pixels, rows of up to four, and `near` and `who` of a tile keep the nearest of each (lines 12 to 17) in cache.
 ; When all objects are through, each pixel is shaded once (lines 18 to 21) and written.
 ;
+; A block leaves an object as soon as all its pixels miss it or have something that is nearer than any point of it, so
+; that it pays to ask what is near first.
+;
 ; A ray hits or not by one predicate: in the elements of the kernel with their rounding bound, and where that leaves a
 ; doubt in f64, by the reference's operations in the reference's order. So bounds may leave work out, and never a hit.
 ;
@@ -34,6 +37,19 @@
 %else
     %%op    %%d, %%b
 %endif
+%endmacro
+
+; IF_BELOW - jumps if a < b, or where either is NaN.
+%macro IF_BELOW 3
+%define %%a %1          ; [in]       128-bit register: an f64
+%define %%b %2          ; [in]       128-bit register
+%define %%to %3         ; [in]       label
+%if HAS_VEX
+    vucomisd %%a, %%b
+%else
+    ucomisd %%a, %%b
+%endif
+    jb      %%to
 %endmacro
 
 ; CORNER - d = one number of f32 in f64.
@@ -115,12 +131,7 @@
     SD      addsd, xmm6, xmm3
     SD      xorps, xmm6, xmm7
     SD      xorps, xmm3, xmm3
-%if HAS_VEX
-    vucomisd xmm6, xmm3
-%else
-    ucomisd xmm6, xmm3
-%endif
-    jb      %%outside
+    IF_BELOW xmm6, xmm3, %%outside
 %endmacro
 
 ; ELEMENT_F64 - d = an element in f64.
@@ -187,12 +198,7 @@
     CORNER  xmm3, [rdx + Balls.radius]
     SD      mulsd, xmm0, xmm3
     SD      mulsd, xmm0, xmm3
-%if HAS_VEX
-    vucomisd xmm0, xmm6
-%else
-    ucomisd xmm0, xmm6
-%endif
-    jb      %%outside
+    IF_BELOW xmm0, xmm6, %%outside
 %endmacro
 
 ; SPILL - v0 to v14 to the stack; UNSPILL brings them back.
@@ -256,19 +262,6 @@
 %endif
 %endmacro
 
-; STORE_INTEGERS - stores w<i>, LANES integers of 32 bits.
-%macro STORE_INTEGERS 2
-%define %%m %1          ; [out]      address
-%define %%i %2          ; [in]       number of a register
-%if LANES == 2
-    movq    [%%m], x%[%%i]
-%elif HAS_VEX
-    vmovups [%%m], w%[%%i]
-%else
-    movups  [%%m], w%[%%i]
-%endif
-%endmacro
-
 ; WHOSE - r = an element as an integer.
 %macro WHOSE 2
 %define %%r %1          ; [out]      32-bit register
@@ -289,11 +282,7 @@
 %define %%room %1       ; [in]       bytes beside what SPILL and MASK_OF_BITS need, a multiple of VBYTES
     push    rbp
     mov     rbp, rsp
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     sub     rsp, VBYTES * 16 + %%room + 64      ; and eight numbers, from rbp - 104 on
     and     rsp, -VBYTES
 %endmacro
@@ -301,11 +290,7 @@
 ; LEAVE - gives back what five pushes after rbp's saved, and leaves the upper parts of the registers clean.
 %macro LEAVE 0
     lea     rsp, [rbp - 40]
-    pop     r15
-    pop     r14
-    pop     r13
-    pop     r12
-    pop     rbx
+    POP_OWNED
     pop     rbp
 %if HAS_VEX
     vzeroupper
@@ -705,7 +690,7 @@ FUNC NAME(nearest, %%name)
 %endif
 %endif
     IOP     paddd, w11, w11, [rsp + ROW_PLACE]
-    STORE_INTEGERS rsp + PLACES + 4 * r11, 11
+    STORE_NUMBERS rsp + PLACES + 4 * r11, 11
 %if LANES == 16
     movzx   r9d, al
     mov     r12, [r15 + 8 * r9]
@@ -839,12 +824,13 @@ align 16
 .block:
 %ifidn %%kind, SPHERE
     D_AT    v8
+    VLOAD   v11, [r13]
     MASK_NOT_LESS v9, INSIDE_SPHERE
+    MASK_AND_NOT_LESS v14, v11, v13     ; its nearest point is not behind what is there
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
     INVERSE_AT v8
-    VLOAD   v11, [r13]
     MASK_AND_NOT_LESS v10, v11, v13     ; of no lane, often: a branch would not be foreseen
 %else
     AT_TRIANGLE
@@ -981,7 +967,34 @@ align 16
 %assign IDS_AT (16 * LANES)             ; who, as integers
 %assign OFFSETS_AT (IDS_AT + 64)        ; of their shades
 %assign STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
-%assign FRAME (STRIDES_AT + 64)
+%assign ROWS_AT (STRIDES_AT + 64)       ; of the pixels of a block in the picture
+%assign MIDDLE_AT (ROWS_AT + 64)        ; the tile's middle column
+%assign WHOLE_AT (MIDDLE_AT + 64)       ; up to which column of the tile the row's blocks are written whole
+%assign COLUMNS_AT (WHOLE_AT + 64)      ; COLUMNS, where that is not a register
+%assign FRAME (COLUMNS_AT + 64)
+
+; COLUMNS - the columns in the picture of a block's pixels: a register where there are 32, since each block waits for
+;           the one before.
+%if HAS_MASKS
+%xdefine COLUMNS VREG %+ 16
+%else
+%define COLUMNS [rsp + COLUMNS_AT]
+%endif
+
+; ELEMENT_OPERAND - ONE = an element of memory in every lane, as the last operand of an operation: the memory itself
+;                   where an operation can spread it.
+%macro ELEMENT_OPERAND 2
+%define %%m %1          ; [in]       memory: one element
+%define %%s %2          ; [clobbered without mask registers] vreg
+%if HAS_MASKS && ELEM == 4
+%xdefine ONE dword %%m {1to16}
+%elif HAS_MASKS
+%xdefine ONE qword %%m {1to8}
+%else
+    VSPREAD %%s, %%m
+%xdefine ONE %%s
+%endif
+%endmacro
 
 ; COSINE - d = d / sqrt q, from 0 to 1; NaN gives 0.
 %macro COSINE 3
@@ -1014,8 +1027,19 @@ align 16
     VMUL    v7, v7, v0
     COSINE  v7, v11, v12
     VFMA    v1, v7, v8, v15
+%if ONE_CHANNEL == 0
     VFMA    v2, v7, v9, v15
     VFMA    v3, v7, v10, v15
+%endif
+%endmacro
+
+; NEXT_SHADE - goes on to the next light and what it does to triangles, of which there are rcx.
+%macro NEXT_SHADE 1
+%define %%loop %1       ; [in]       label
+    add     r10, ELEM * TileShade_size
+    add     r13, ELEM * 4
+    dec     rcx
+    jnz     %%loop
 %endmacro
 
 ; PIXELS_OUT_F32X4 - a block's pixels from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
@@ -1053,7 +1077,13 @@ align 16
 
 ; PIXELS_OUT_RGB8 - the same in three bytes a pixel.
 %macro PIXELS_OUT_RGB8 0
-    PACK_RGB8 1, 2, 3, 1, 0
+%if ONE_CHANNEL
+    VMIN    v1, v1, [PACKET(white)]
+    LEVELS  1
+    IOP     pshufb, w1, w1, [PACKET(grey_rows)]
+%else
+    PACK_RGB8 1, 2, 3, CLAMPED, 0
+%endif
     STORE_ROW_RGB8 r9, 1
     add     r9, r10
 %assign %%c 1
@@ -1067,7 +1097,12 @@ align 16
 
 ; PIXELS_OUT_RGBA8 - the same in four bytes a pixel.
 %macro PIXELS_OUT_RGBA8 0
-    PACK_RGBA8 1, 2, 3, 1
+%if ONE_CHANNEL
+    VMIN    v1, v1, [PACKET(white)]
+    GREY_RGBA8 1
+%else
+    PACK_RGBA8 1, 2, 3, CLAMPED
+%endif
 %assign %%c 0
 %rep BLOCK_HEIGHT
 %if LANES == 2
@@ -1084,6 +1119,7 @@ align 16
 ;
 ;   registers   rdi rays, rsi task; r8 block; ebx, r12d column and row of its first pixel in the tile
 ;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 who
+;               r14 where the block's first pixel goes
 ;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
 %macro SHADE_TILE 2
 %define %%output %1     ; [in]       part of the function's name
@@ -1091,11 +1127,7 @@ align 16
 FUNC NAME(tile, %%output)
     push    rbp
     mov     rbp, rsp
-    push    rbx
-    push    r12
-    push    r13
-    push    r14
-    push    r15
+    PUSH_OWNED
     sub     rsp, FRAME
     and     rsp, -64
     imul    rax, [rsi + ShadeTask.light_count], ELEM * TileShade_size
@@ -1104,10 +1136,36 @@ FUNC NAME(tile, %%output)
     mov     [rsp + STRIDES_AT + 4 * i], eax
 %assign i i + 1
 %endrep
+    mov     eax, [rsi + ShadeTask.column]
+    add     eax, TILE_WIDTH / 2
+    VSPREAD_INTEGER 7, eax
+    VMOV_TO [rsp + MIDDLE_AT], v7
     VSPREAD v14, [rdi + ELEM * TileRays.dz]
     mov     r12d, [rsi + ShadeTask.start_row]
     and     r12d, -BLOCK_HEIGHT
 .row:
+    mov     eax, [rsi + ShadeTask.column]
+    VSPREAD_INTEGER 7, eax
+    VADD    v7, v7, [PACKET(block_x)]
+    VMOV_TO COLUMNS, v7
+    mov     eax, [rsi + ShadeTask.row]
+    add     eax, r12d
+    VSPREAD_INTEGER 7, eax
+    VADD    v7, v7, [PACKET(block_y)]
+    VMOV_TO [rsp + ROWS_AT], v7
+    xor     ecx, ecx
+    mov     r9d, [rsi + ShadeTask.end_column]
+    and     r9d, -BLOCK_WIDTH
+    lea     eax, [r12 + BLOCK_HEIGHT]
+    cmp     eax, [rsi + ShadeTask.end_row]
+    cmovg   r9d, ecx
+    mov     eax, r12d
+    sub     eax, [rsi + ShadeTask.start_row]
+    cmovl   r9d, ecx
+    mov     [rsp + WHOLE_AT], r9d
+    movsxd  r14, eax
+    imul    r14, [rsi + ShadeTask.pitch]
+    add     r14, [rsi + ShadeTask.out]
     lea     eax, [r12 - TILE_HEIGHT / 2]
     VSPREAD_INTEGER 7, eax
     VADD    v7, v7, [PACKET(block_y)]
@@ -1124,21 +1182,24 @@ align 16
     VLOAD   v0, [r8]
     VLOAD   v6, [r8 + WHO]
     VZERO   v1
+%if ONE_CHANNEL == 0
     VZERO   v2
     VZERO   v3
+%endif
     MASK_GREATER v6, [PACKET(zeros)]
     MASK_BITS r15d
     test    r15d, r15d
     jz      .shaded
-    lea     eax, [rbx - TILE_WIDTH / 2]
-    VSPREAD_INTEGER 7, eax
-    VADD    v7, v7, [PACKET(block_x)]
-    VSPREAD v8, [rdi + ELEM * TileRays.step]
-    VSPREAD v4, [rdi + ELEM * TileRays.dx]
-    VFMA    v4, v7, v8, v9
+    cmp     qword [rsi + ShadeTask.triangle_count], 0
+    je      .sphere
     VMOV    v7, v6
     LEVELS  7
-    STORE_INTEGERS rsp + IDS_AT, 7
+    STORE_NUMBERS rsp + IDS_AT, 7
+    VMOV    v9, COLUMNS
+    VSUB    v9, v9, [rsp + MIDDLE_AT]
+    VSPREAD v8, [rdi + ELEM * TileRays.step]
+    VSPREAD v4, [rdi + ELEM * TileRays.dx]
+    VFMA    v4, v9, v8, v10
     VSPREAD v8, [r8 + WHO]
     MASK_EQUAL v6, v8
     MASK_BITS eax
@@ -1158,26 +1219,22 @@ align 16
 .same:
     VSPREAD v7, [r10 + ELEM * TileShade.cosine]
     VSPREAD v8, [r10 + ELEM * TileShade.red]
+%if ONE_CHANNEL == 0
     VSPREAD v9, [r10 + ELEM * TileShade.green]
     VSPREAD v10, [r10 + ELEM * TileShade.blue]
+%endif
     TRIANGLE_LIGHT
-    add     r10, ELEM * TileShade_size
-    add     r13, ELEM * 4
-    dec     rcx
-    jnz     .same
+    NEXT_SHADE .same
     jmp     .shaded
 .mixed:
     IOP     pmulld, w7, w7, [rsp + STRIDES_AT]
-    STORE_INTEGERS rsp + OFFSETS_AT, 7
+    STORE_NUMBERS rsp + OFFSETS_AT, 7
     test    rcx, rcx
     jz      .shaded
 .each:
     GATHER4 7, 8, 9, 10, 11, 12, 13, r10, rsp + OFFSETS_AT, ax
     TRIANGLE_LIGHT
-    add     r10, ELEM * TileShade_size
-    add     r13, ELEM * 4
-    dec     rcx
-    jnz     .each
+    NEXT_SHADE .each
 .spheres:
     mov     eax, [rsi + ShadeTask.sphere_count]
     test    eax, eax
@@ -1190,7 +1247,7 @@ align 16
 .sphere:
     bsf     eax, r15d
     lea     r11, [r8 + WHO + ELEM * rax]
-    mov     eax, [rsp + IDS_AT + 4 * rax]
+    WHOSE   eax, [r11]
     VSPREAD v7, [r11]
     MASK_EQUAL v6, v7
     MASK_BITS ecx
@@ -1206,18 +1263,12 @@ align 16
     mov     r13, rax
     test    rcx, rcx
     jz      .next_sphere
-    mov     eax, [rsi + ShadeTask.column]
-    add     eax, ebx
-    VSPREAD_INTEGER 7, eax
-    VADD    v7, v7, [PACKET(block_x)]
-    SPHERE_FIELD v8, r10, column
-    VSUB    v7, v7, v8                  ; x
-    mov     eax, [rsi + ShadeTask.row]
-    add     eax, r12d
-    VSPREAD_INTEGER 8, eax
-    VADD    v8, v8, [PACKET(block_y)]
-    SPHERE_FIELD v9, r10, row
-    VSUB    v8, v8, v9                  ; y
+    VMOV    v7, COLUMNS
+    ELEMENT_OPERAND [r10 + ELEM * TileSphere.column], v9
+    VSUB    v7, v7, ONE                 ; x
+    VMOV    v8, [rsp + ROWS_AT]
+    ELEMENT_OPERAND [r10 + ELEM * TileSphere.row], v9
+    VSUB    v8, v8, ONE                 ; y
 %if %[%%format]_FLOATS == 0
     cmp     dword [r10 + ELEM * TileSphere.short + ELEM - 4], 0
     je      .long
@@ -1227,54 +1278,25 @@ align 16
     add     r13, ELEM * ShortLit_size
     dec     rcx
     jnz     .short
-    jmp     .next_sphere
-.long:
+%else
+    LONG_LIGHTS
 %endif
-    add     r13, [rsi + ShadeTask.lits]
-    SPHERE_FIELD v9, r10, dx
-    SPHERE_FIELD v10, r10, dxy
-    VFMA    v9, v10, v8, v15
-    SPHERE_FIELD v10, r10, dxx
-    VFMA    v9, v10, v7, v15
-    SPHERE_FIELD v10, r10, dy
-    SPHERE_FIELD v11, r10, dyy
-    VFMA    v10, v11, v8, v15
-    SPHERE_FIELD v11, r10, d0
-    VFMA    v11, v10, v8, v15
-    VFMA    v11, v9, v7, v15            ; D
-    VMAX    v11, v11, [PACKET(zeros)]
-    VSQRT   v9, v11
-    NORMAL_OVER_T v10, x
-    NORMAL_OVER_T v11, y
-    NORMAL_OVER_T v12, z
-.light:
-    SPHERE_LIGHT
-    add     r13, ELEM * Lit_size
-    dec     rcx
-    jnz     .light
 .next_sphere:
     test    r15d, r15d
     jnz     .sphere
 
 .shaded:
+    cmp     ebx, [rsp + WHOLE_AT]
+    jge     .part
+    mov     r9, r14
     mov     r10, [rsi + ShadeTask.pitch]
-    mov     eax, r12d
-    sub     eax, [rsi + ShadeTask.start_row]
-    jl      .part
-    lea     ecx, [r12 + BLOCK_HEIGHT]
-    cmp     ecx, [rsi + ShadeTask.end_row]
-    jg      .part
-    lea     ecx, [rbx + BLOCK_WIDTH]
-    cmp     ecx, [rsi + ShadeTask.end_column]
-    jg      .part
-    mov     r9d, eax
-    imul    r9, r10
-    imul    rax, rbx, %%format %+ _BYTES
-    add     r9, rax
-    add     r9, [rsi + ShadeTask.out]
     PIXELS_OUT_ %+ %%format
 .next_block:
+    VMOV    v7, COLUMNS
+    VADD    v7, v7, [PACKET(block_step)]
+    VMOV_TO COLUMNS, v7
     add     r8, VBYTES
+    add     r14, BLOCK_WIDTH * %%format %+ _BYTES
     add     ebx, BLOCK_WIDTH
     cmp     ebx, [rsi + ShadeTask.end_column]
     jl      .block
@@ -1283,6 +1305,12 @@ align 16
     jl      .row
     LEAVE
     ret
+
+%if %[%%format]_FLOATS == 0
+.long:
+    LONG_LIGHTS
+    jmp     .next_sphere
+%endif
 
     ; A block that is only partly to be written: its pixels by way of the stack.
 .part:
@@ -1332,6 +1360,33 @@ align 16
     END
 %endmacro
 
+; LONG_LIGHTS - adds what all lights, of which there are rcx, do to the sphere at r10 with x, y in v7, v8, in the long
+;               form.
+%macro LONG_LIGHTS 0
+    add     r13, [rsi + ShadeTask.lits]
+    SPHERE_FIELD v9, r10, dx
+    SPHERE_FIELD v10, r10, dxy
+    VFMA    v9, v10, v8, v15
+    SPHERE_FIELD v10, r10, dxx
+    VFMA    v9, v10, v7, v15
+    SPHERE_FIELD v10, r10, dy
+    SPHERE_FIELD v11, r10, dyy
+    VFMA    v10, v11, v8, v15
+    SPHERE_FIELD v11, r10, d0
+    VFMA    v11, v10, v8, v15
+    VFMA    v11, v9, v7, v15            ; D
+    VMAX    v11, v11, [PACKET(zeros)]
+    VSQRT   v9, v11
+    NORMAL_OVER_T v10, x
+    NORMAL_OVER_T v11, y
+    NORMAL_OVER_T v12, z
+.light:
+    SPHERE_LIGHT
+    add     r13, ELEM * Lit_size
+    dec     rcx
+    jnz     .light
+%endmacro
+
 ; NORMAL_OVER_T - d = one component of n / t, for the sphere at r10 with x, y, sqrt D in v7, v8, v9. Clobbers v13, v15.
 ;
 ;   n = t d - c, so that n / t = (d - h c) - sqrt(D) c, all of it over k and the radius: SPHERE_OUTSIDE.
@@ -1348,21 +1403,25 @@ align 16
 %endmacro
 
 ; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3 of the lanes whose who is
-;             that at r11.
+;             that at r11: those of the mask, where no operation without FMA has clobbered it.
 %macro ADD_LIGHT 4
 %define %%cosine %1     ; [in/out]   vreg
 %define %%record %2     ; [in]       Lit or ShortLit
 %define %%s %3          ; [clobbered] vreg
 %define %%t %4          ; [clobbered] vreg
+%if HAS_FMA == 0
     VSPREAD %%s, [r11]
     MASK_EQUAL v6, %%s
+%endif
     MASK_KEEP %%cosine
-    VSPREAD %%s, [r13 + ELEM * %%record %+ .red]
-    VFMA    v1, %%cosine, %%s, %%t
-    VSPREAD %%s, [r13 + ELEM * %%record %+ .green]
-    VFMA    v2, %%cosine, %%s, %%t
-    VSPREAD %%s, [r13 + ELEM * %%record %+ .blue]
-    VFMA    v3, %%cosine, %%s, %%t
+    ELEMENT_OPERAND [r13 + ELEM * %%record %+ .red], %%s
+    VFMA    v1, %%cosine, ONE, %%t
+%if ONE_CHANNEL == 0
+    ELEMENT_OPERAND [r13 + ELEM * %%record %+ .green], %%s
+    VFMA    v2, %%cosine, ONE, %%t
+    ELEMENT_OPERAND [r13 + ELEM * %%record %+ .blue], %%s
+    VFMA    v3, %%cosine, ONE, %%t
+%endif
 %endmacro
 
 ; SPHERE_LIGHT - adds what the Lit at r13 does to the colours v1, v2, v3 of the lanes whose who is that at r11, with
@@ -1394,21 +1453,23 @@ align 16
 ;   SPHERE_LIT over k and the radius: with q = d . (l - c), neither the point nor the normal nor the way to the light.
 %macro SHORT_LIGHT 0
     VSPREAD v9, [r13 + ELEM * ShortLit.q0]
-    VSPREAD v10, [r13 + ELEM * ShortLit.qx]
-    VFMA    v9, v10, v7, v15
-    VSPREAD v10, [r13 + ELEM * ShortLit.qy]
-    VFMA    v9, v10, v8, v15            ; q
-    VSPREAD v11, [r13 + ELEM * ShortLit.ke]
-    VMUL    v11, v11, v0
+    ELEMENT_OPERAND [r13 + ELEM * ShortLit.qx], v10
+    VFMA    v9, v7, ONE, v15
+    ELEMENT_OPERAND [r13 + ELEM * ShortLit.qy], v10
+    VFMA    v9, v8, ONE, v15            ; q
+    ELEMENT_OPERAND [r13 + ELEM * ShortLit.ke], v11
+    VMUL    v11, v0, ONE
     VSUB    v11, v11, v9
     VSUB    v11, v11, v9
     VMUL    v11, v11, v0                ; w (ke w - 2 q)
-    VSPREAD v10, [r13 + ELEM * ShortLit.kn]
-    VFMA    v9, v10, v0, v15            ; q + kn w
+    ELEMENT_OPERAND [r13 + ELEM * ShortLit.kn], v10
+    VFMA    v9, v0, ONE, v15            ; q + kn w
     COSINE  v9, v11, v12
     ADD_LIGHT v9, ShortLit, v10, v12
 %endmacro
 
+%assign ONE_CHANNEL 0
+%assign CLAMPED 1
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4
     SHADE_TILE f32x3, F32X3
@@ -1419,8 +1480,15 @@ align 16
 %endif
     SHADE_TILE rgba8, RGBA8
     SHADE_TILE rgb8, RGB8
+%assign CLAMPED 0
+    SHADE_TILE rgba8_dim, RGBA8
+    SHADE_TILE rgb8_dim, RGB8
+%assign ONE_CHANNEL 1
+    SHADE_TILE rgba8_grey, RGBA8
+    SHADE_TILE rgb8_grey, RGB8
 
 %unmacro SD 3
+%unmacro IF_BELOW 3
 %unmacro CORNER 2
 %unmacro BLOCK_PIXEL 0
 %unmacro ONE_RAY 0
@@ -1461,14 +1529,18 @@ align 16
 %undef SURE_SPHERE
 %unmacro NEAREST 4
 %unmacro SPHERE_FIELD 3
-%unmacro STORE_INTEGERS 2
 %unmacro COSINE 3
 %unmacro TRIANGLE_LIGHT 0
+%unmacro NEXT_SHADE 1
 %unmacro PIXELS_OUT_F32X4 0
 %unmacro PIXELS_OUT_F32X3 0
 %unmacro PIXELS_OUT_RGBA8 0
 %unmacro PIXELS_OUT_RGB8 0
+%undef COLUMNS
+%undef ONE
+%unmacro ELEMENT_OPERAND 2
 %unmacro SHADE_TILE 2
+%unmacro LONG_LIGHTS 0
 %unmacro NORMAL_OVER_T 2
 %unmacro ADD_LIGHT 4
 %unmacro SPHERE_LIGHT 0

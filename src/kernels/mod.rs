@@ -53,8 +53,8 @@ pub use tiles::{
 };
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounded, Bounds, Extremes, Looks, NearerHalf, NearestSpheres, NearestTriangles, PixelBounds, SetUp, ShadeTile,
-    SphereLooks, SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
+    Bounded, Bounds, Extremes, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, SphereLooks, SphereRecords,
+    SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
 };
 pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

@@ -10,9 +10,8 @@ use super::spans::{
     Element, InsideSpan, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan,
 };
 use super::tiles::{
-    Ball, Bounds, BoundsTask, BoundsView, Facet, HalfTask, NearerHalf, NearestSpheres, NearestTask, NearestTriangles,
-    SetUp, SetupTask, ShadeTask, ShadeTile, SphereLooks, SpherePlanes, SphereSetUp, SphereView, TileRays, TileView,
-    TrianglePlanes,
+    Ball, Bounds, BoundsTask, BoundsView, Facet, HalfTask, NearerHalf, Nearest, NearestTask, SetUp, SetupTask,
+    ShadeTask, ShadeTile, SphereLooks, SpherePlanes, SphereSetUp, SphereView, TileRays, TileView, TrianglePlanes,
 };
 use super::types::{Plain, Vec4};
 
@@ -157,11 +156,11 @@ pub struct TileKernels<E> {
     /// Triangles to planes.
     pub set_up: SetUp<E>,
     /// The nearest of triangles.
-    pub nearest_triangles: NearestTriangles<E>,
+    pub nearest_triangles: Nearest<TrianglePlanes<E>>,
     /// Spheres to planes.
     pub sphere_set_up: SphereSetUp<E>,
     /// The nearest of spheres.
-    pub nearest_spheres: NearestSpheres<E>,
+    pub nearest_spheres: Nearest<SpherePlanes<E>>,
     /// Spheres to what shades them.
     pub sphere_looks: SphereLooks<E>,
     /// To linear floats, four a pixel.
@@ -176,6 +175,14 @@ pub struct TileKernels<E> {
     pub rgba8: ShadeTile<E, Rgba8>,
     /// The same, three a pixel.
     pub rgb8: ShadeTile<E, Rgb8>,
+    /// To levels, where no pixel is brighter than white.
+    pub rgba8_dim: ShadeTile<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8_dim: ShadeTile<E, Rgb8>,
+    /// To levels, where red, green and blue of every object and light are equal.
+    pub rgba8_grey: ShadeTile<E, Rgba8>,
+    /// The same, three a pixel.
+    pub rgb8_grey: ShadeTile<E, Rgb8>,
 }
 
 impl<E: Element> TileKernels<E> {
@@ -183,12 +190,20 @@ impl<E: Element> TileKernels<E> {
         #[rustfmt::skip]
         let TileKernels {
             set_up, nearest_triangles, sphere_set_up, nearest_spheres, sphere_looks, f32x4, f32x4_fast, f32x3, f32x3_fast,
-            rgba8, rgb8,
+            rgba8, rgb8, rgba8_dim, rgb8_dim, rgba8_grey, rgb8_grey,
         } = self;
         let floats = [f32x4.symbol(), f32x4_fast.symbol(), f32x3.symbol(), f32x3_fast.symbol()];
+        let bytes = [
+            rgba8.symbol(),
+            rgb8.symbol(),
+            rgba8_dim.symbol(),
+            rgb8_dim.symbol(),
+            rgba8_grey.symbol(),
+            rgb8_grey.symbol(),
+        ];
         let triangles = [set_up.symbol(), nearest_triangles.symbol()];
         let spheres = [sphere_set_up.symbol(), nearest_spheres.symbol(), sphere_looks.symbol()];
-        [&floats[..], &triangles, &spheres, &[rgba8.symbol(), rgb8.symbol()]].concat()
+        [&floats[..], &triangles, &spheres, &bytes].concat()
     }
 }
 
@@ -717,16 +732,13 @@ macro_rules! span_kernels {
                 }
                 TileKernels {
                     set_up: SetUp { code: set_up, symbol: concat!($prefix, "set_up"), writes: PhantomData },
-                    nearest_triangles: NearestTriangles {
-                        code: triangles,
-                        symbol: concat!($prefix, "nearest_triangles"),
-                    },
+                    nearest_triangles: Nearest { code: triangles, symbol: concat!($prefix, "nearest_triangles") },
                     sphere_set_up: SphereSetUp {
                         code: sphere_set_up,
                         symbol: concat!($prefix, "sphere_set_up"),
                         writes: PhantomData,
                     },
-                    nearest_spheres: NearestSpheres { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
+                    nearest_spheres: Nearest { code: spheres, symbol: concat!($prefix, "nearest_spheres") },
                     sphere_looks: SphereLooks {
                         code: sphere_looks,
                         symbol: concat!($prefix, "sphere_looks"),
@@ -738,6 +750,10 @@ macro_rules! span_kernels {
                     f32x3_fast: shade_tile!(concat!("f32x3", $fast), F32x3),
                     rgba8: shade_tile!("rgba8", Rgba8),
                     rgb8: shade_tile!("rgb8", Rgb8),
+                    rgba8_dim: shade_tile!("rgba8_dim", Rgba8),
+                    rgb8_dim: shade_tile!("rgb8_dim", Rgb8),
+                    rgba8_grey: shade_tile!("rgba8_grey", Rgba8),
+                    rgb8_grey: shade_tile!("rgb8_grey", Rgb8),
                 }
             },
         }

@@ -157,7 +157,7 @@ turned_round! {
 #[cfg(rayo_asm)]
 #[derive(Clone)]
 #[repr(C, align(64))]
-pub(super) struct Tile<E> {
+pub struct Tile<E> {
     pub(super) near: [E; TILE_PIXELS],
     pub(super) who: [E; TILE_PIXELS],
 }
@@ -173,6 +173,31 @@ const MOST_SET_UP: usize = 8;
 /// More elements than any register has.
 #[cfg(rayo_asm)]
 const MOST_LANES: usize = 16;
+
+/// Defines `call`, and `call_checked`, of a kernel that takes a view and the task that `Self::task` makes of the other
+/// arguments and of some room.
+#[cfg(rayo_asm)]
+macro_rules! calls {
+    ($(#[$doc:meta])* ($view:ty, $($argument:ident: $type:ty),*) with $room:expr) => {
+        $(#[$doc])*
+        pub fn call(&self, view: &$view, $($argument: $type),*) {
+            let mut room = $room;
+            let task = Self::task($($argument,)* &mut room);
+            // SAFETY: task() proves what it says of ids, places and lengths; the references prove the rest. The table that
+            // the code came from was handed out by packets(), which had checked the CPU.
+            unsafe { (self.code)(view, &task) }
+        }
+
+        /// As `call`, with a look at whether the kernel keeps the calling convention.
+        pub fn call_checked(&self, view: &$view, $($argument: $type),*) -> Result<(), Vec<Fault>> {
+            let mut room = $room;
+            let task = Self::task($($argument,)* &mut room);
+            let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            // SAFETY: as in call; these are the arguments of its signature.
+            unsafe { checked::call(self.code as *const (), args) }
+        }
+    };
+}
 
 #[cfg(rayo_asm)]
 mod spheres;
@@ -204,6 +229,7 @@ mod calls {
         pub(in crate::kernels) most: [u32; MOST_LANES],
         pub(in crate::kernels) least: [u32; MOST_LANES],
         pub(in crate::kernels) brightest: [u32; MOST_LANES],
+        pub(in crate::kernels) coloured: [u32; MOST_LANES],
         pub(in crate::kernels) count: u64,
     }
 
@@ -216,6 +242,8 @@ mod calls {
         pub least: f32,
         /// The greatest number in a colour, or a negative one.
         pub brightest: f32,
+        /// Whether red, green and blue differ in any bit of some colour.
+        pub coloured: bool,
     }
 
     impl Extremes {
@@ -226,6 +254,7 @@ mod calls {
                 most: most(self.most, other.most),
                 least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
                 brightest: most(self.brightest, other.brightest),
+                coloured: self.coloured | other.coloured,
             }
         }
     }
@@ -272,6 +301,7 @@ mod calls {
         pub(in crate::kernels) lights: *const (),
         pub(in crate::kernels) light_count: u64,
         pub(in crate::kernels) sphere_count: u64,
+        pub(in crate::kernels) triangle_count: u64,
         pub(in crate::kernels) sphere_ids: *const u32,
         pub(in crate::kernels) spheres: *const (),
         pub(in crate::kernels) lits: *const (),
@@ -326,17 +356,51 @@ mod calls {
         }
     }
 
+    /// Objects of one kind that are set up.
+    pub struct Chunk<T, P> {
+        pub(super) turned: Box<T>,
+        pub(super) planes: Box<P>,
+        pub(super) count: usize,
+    }
+
+    /// What the objects of a kind become in a tile.
+    pub trait InTile: Sized {
+        /// Its numbers.
+        type Element: Element;
+        /// The same objects turned round.
+        type Turned;
+        /// The nearest objects of a tile, and those of this kind that were set up for it last.
+        fn in_tile(
+            buffers: &mut TileBuffers<Self::Element>,
+        ) -> (&mut Tile<Self::Element>, &mut Chunk<Self::Turned, Self>);
+        /// Where the objects' columns are.
+        fn columns(turned: &mut Self::Turned) -> &mut [u32; CHUNK];
+    }
+
+    /// Says of planes where they are in the buffers, and what is turned round for them.
+    macro_rules! planes {
+        ($planes:ident, $turned:ident, $field:ident) => {
+            impl<E: Element> InTile for $planes<E> {
+                type Element = E;
+                type Turned = $turned;
+                fn in_tile(buffers: &mut TileBuffers<E>) -> (&mut Tile<E>, &mut Chunk<$turned, Self>) {
+                    (&mut buffers.tile, &mut buffers.$field)
+                }
+                fn columns(turned: &mut $turned) -> &mut [u32; CHUNK] {
+                    &mut turned.columns
+                }
+            }
+        };
+    }
+
+    planes!(TrianglePlanes, Corners, triangles);
+    planes!(SpherePlanes, Balls, spheres);
+
     /// A tile's nearest objects, and the chunks of triangles and of spheres that are set up for it: half of a core's cache.
     pub struct TileBuffers<E> {
-        pub(super) tile: Box<Tile<E>>,
-        corners: Box<Corners>,
-        planes: Box<TrianglePlanes<E>>,
-        pub(super) balls: Box<Balls>,
-        pub(super) sphere_planes: Box<SpherePlanes<E>>,
-        /// Triangles in their chunk.
-        count: usize,
-        /// Spheres in theirs.
-        pub(super) sphere_count: usize,
+        tile: Box<Tile<E>>,
+        triangles: Chunk<Corners, TrianglePlanes<E>>,
+        pub(super) spheres: Chunk<Balls, SpherePlanes<E>>,
         /// The greatest number of an object of the tile.
         pub(super) most: usize,
     }
@@ -345,12 +409,8 @@ mod calls {
         fn default() -> Self {
             TileBuffers {
                 tile: Box::new(Tile { near: [E::ZERO; TILE_PIXELS], who: [E::ZERO; TILE_PIXELS] }),
-                corners: Box::new(Corners::ZERO),
-                planes: Box::new(TrianglePlanes::ZERO),
-                balls: Box::new(Balls::ZERO),
-                sphere_planes: Box::new(SpherePlanes::ZERO),
-                count: 0,
-                sphere_count: 0,
+                triangles: Chunk { turned: Box::new(Corners::ZERO), planes: Box::new(TrianglePlanes::ZERO), count: 0 },
+                spheres: Chunk { turned: Box::new(Balls::ZERO), planes: Box::new(SpherePlanes::ZERO), count: 0 },
                 most: 0,
             }
         }
@@ -361,7 +421,7 @@ mod calls {
         pub fn clear(&mut self) {
             self.tile.near.fill(E::ZERO);
             self.tile.who.fill(E::ZERO);
-            (self.count, self.sphere_count, self.most) = (0, 0, 0);
+            (self.triangles.count, self.spheres.count, self.most) = (0, 0, 0);
         }
 
         /// The 1/t of the farthest pixel of each part of the tile, 0 where a pixel is nobody's, for kernels of so many
@@ -385,12 +445,12 @@ mod calls {
 
         /// The triangles that were set up last.
         pub fn planes(&self) -> &TrianglePlanes<E> {
-            &self.planes
+            &self.triangles.planes
         }
 
         /// The spheres that were set up last.
         pub fn sphere_planes(&self) -> &SpherePlanes<E> {
-            &self.sphere_planes
+            &self.spheres.planes
         }
 
         /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
@@ -421,6 +481,17 @@ mod calls {
         pub fn mark_owners(&self, owners: &mut [bool]) {
             assert!(self.most < owners.len());
             self.tile.who.iter().for_each(|who| owners[who.to_index()] = true);
+        }
+
+        /// Gives everyone who has a pixel another number, below `end`: the one at the place of the present one.
+        pub fn renumber(&mut self, numbers: &[u32], end: usize) {
+            assert!(self.most < numbers.len());
+            for who in &mut self.tile.who {
+                let number = numbers[who.to_index()];
+                assert!((number as usize) < end);
+                *who = E::from_f64(number.into());
+            }
+            self.most = end - 1;
         }
     }
 
@@ -555,13 +626,19 @@ mod calls {
 
     impl BoundsFound {
         /// Of no triangle.
-        const NONE: BoundsFound =
-            BoundsFound { most: [0; MOST_LANES], least: [u32::MAX; MOST_LANES], brightest: [0; MOST_LANES], count: 0 };
+        const NONE: BoundsFound = BoundsFound {
+            most: [0; MOST_LANES],
+            least: [u32::MAX; MOST_LANES],
+            brightest: [0; MOST_LANES],
+            coloured: [0; MOST_LANES],
+            count: 0,
+        };
 
         fn extremes(&self) -> Extremes {
             let most = |of: &[u32]| f32::from_bits(of.iter().fold(0, |a, b| a.max(*b)));
             let least = f32::from_bits(self.least.iter().fold(u32::MAX, |a, b| a.min(*b)));
-            Extremes { most: most(&self.most), least, brightest: most(&self.brightest) }
+            let coloured = self.coloured.iter().any(|bits| *bits != 0);
+            Extremes { most: most(&self.most), least, brightest: most(&self.brightest), coloured }
         }
     }
 
@@ -643,36 +720,19 @@ mod calls {
             self.symbol
         }
 
-        /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
-        /// of the tile as there are lights, get those of the chunk, and grow where they must.
-        pub fn call(
-            &self,
-            view: &TileView<f64>,
+        calls! {
+            /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
+            /// of the tile as there are lights, get those of the chunk, and grow where they must.
+            (TileView<f64>, triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) with ()
+        }
+
+        /// The ids are those of facets, and there is room for planes and shades.
+        fn task(
             triangles: Triangles<'_>,
             buffers: &mut TileBuffers<E>,
             shades: &mut Vec<TileShade<E>>,
-        ) {
-            let task = Self::task(triangles, buffers, shades);
-            // SAFETY: task() proves that the ids are those of facets with bounds and that there is room for the shades;
-            // the references the rest. The CPU as in Bounds.
-            unsafe { (self.code)(view, &task) }
-        }
-
-        /// As [`SetUp::call`], with a look at whether the kernel keeps the calling convention.
-        pub fn call_checked(
-            &self,
-            view: &TileView<f64>,
-            triangles: Triangles<'_>,
-            buffers: &mut TileBuffers<E>,
-            shades: &mut Vec<TileShade<E>>,
-        ) -> Result<(), Vec<Fault>> {
-            let task = Self::task(triangles, buffers, shades);
-            let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-            // SAFETY: as in call; these are the arguments of its signature.
-            unsafe { checked::call(self.code as *const (), args) }
-        }
-
-        fn task(triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>) -> SetupTask {
+            (): &mut (),
+        ) -> SetupTask {
             let Triangles { facets, lights, seen, first_id } = triangles;
             let (seen, ahead) = chunk_of(seen, facets.len());
             // The last packet writes as many as it has lanes.
@@ -681,15 +741,15 @@ mod calls {
             if shades.len() < past {
                 shades.resize(past, TileShade::ZERO);
             }
-            buffers.count = seen.len();
+            buffers.triangles.count = seen.len();
             buffers.most = buffers.most.max(first_id + seen.len() - 1);
             SetupTask {
                 objects: facets.as_ptr().cast(),
                 seen: seen.as_ptr(),
                 count: seen.len() as u64,
                 ahead,
-                turned: std::ptr::from_mut(&mut *buffers.corners).cast(),
-                planes: std::ptr::from_mut(&mut *buffers.planes).cast(),
+                turned: std::ptr::from_mut(&mut *buffers.triangles.turned).cast(),
+                planes: std::ptr::from_mut(&mut *buffers.triangles.planes).cast(),
                 shades: shades[before..].as_mut_ptr().cast(),
                 shorts: std::ptr::null_mut(),
                 lights: lights.as_ptr(),
@@ -708,76 +768,71 @@ mod calls {
         (seen, ahead.len().min(CHUNK) as u64)
     }
 
-    /// Finds the nearest of triangles.
-    pub struct NearestTriangles<E> {
-        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const TrianglePlanes<E>, *const NearestTask),
+    /// Finds the nearest of triangles, or of spheres.
+    pub struct Nearest<P> {
+        pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const P, *const NearestTask),
         pub(in crate::kernels) symbol: &'static str,
     }
 
-    /// What both kinds share.
-    pub(super) fn nearest_task<E>(tile: &mut Tile<E>, window: &TileWindow, grid: &TileGrid) -> NearestTask {
-        window.check();
-        NearestTask {
-            tile: std::ptr::from_mut(tile).cast(),
-            turned: std::ptr::null(),
-            order: std::ptr::null(),
-            count: 0,
-            column: window.column.into(),
-            row: window.row.into(),
-            end_column: window.columns.into(),
-            start_row: window.rows.start.into(),
-            end_row: window.rows.end.into(),
-            half_step: 0.5 * grid.step,
-            half_width: grid.half_width,
-            half_height: grid.half_height,
-            focal: grid.focal,
-        }
-    }
-
-    impl<E: Element> NearestTriangles<E> {
+    impl<P: InTile> Nearest<P> {
         /// The symbol of its code.
         pub fn symbol(&self) -> &'static str {
             self.symbol
         }
 
-        /// Makes the pixels of the window those of the triangles that were set up last, where nothing is nearer, and
+        /// Makes the pixels of the window those of the objects that were set up last, where nothing is nearer, and
         /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, from 1
         /// on, and 0 for nobody.
-        pub fn call(&self, buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
-            if buffers.count > 0 {
-                let task = Self::task(buffers, order, window, grid);
+        pub fn call(&self, buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
+            if let Some((planes, task)) = Self::task(buffers, order, window, grid) {
                 // SAFETY: the buffers have room for a chunk and a tile, and the kernel clips all bounds to the window,
-                // which nearest_task() holds within the tile. The CPU as in Bounds.
-                unsafe { (self.code)(&*buffers.planes, &task) }
+                // which task() holds within the tile. The CPU as in Bounds.
+                unsafe { (self.code)(planes, &task) }
             }
         }
 
-        /// As [`NearestTriangles::call`], with a look at whether the kernel keeps the calling convention.
+        /// As [`Nearest::call`], with a look at whether the kernel keeps the calling convention.
         pub fn call_checked(
             &self,
-            buffers: &mut TileBuffers<E>,
+            buffers: &mut TileBuffers<P::Element>,
             order: &[u32],
             window: &TileWindow,
             grid: &TileGrid,
         ) -> Result<(), Vec<Fault>> {
-            assert!(buffers.count > 0);
-            let task = Self::task(buffers, order, window, grid);
-            let args = [std::ptr::from_ref(&*buffers.planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
+            let Some((planes, task)) = Self::task(buffers, order, window, grid) else { return Ok(()) };
+            let args = [std::ptr::from_ref(planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
             unsafe { checked::call(self.code as *const (), args) }
         }
 
-        fn task(buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) -> NearestTask {
+        /// None where nothing is set up.
+        fn task<'b>(
+            buffers: &'b mut TileBuffers<P::Element>,
+            order: &[u32],
+            window: &TileWindow,
+            grid: &TileGrid,
+        ) -> Option<(&'b P, NearestTask)> {
+            window.check();
             assert!(buffers.most < order.len(), "everyone has a place in the scene");
+            let (tile, Chunk { turned, planes, count }) = P::in_tile(buffers);
             // Whole packets are read: what is past the chunk is seen nowhere.
-            let past = buffers.count..buffers.count.next_multiple_of(MOST_LANES);
-            buffers.corners.columns[past].fill(0);
-            NearestTask {
+            P::columns(turned)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
+            let task = NearestTask {
+                tile: std::ptr::from_mut(tile).cast(),
+                turned: std::ptr::from_ref(&**turned).cast(),
                 order: order.as_ptr(),
-                turned: std::ptr::from_ref(&*buffers.corners).cast(),
-                count: buffers.count as u64,
-                ..nearest_task(&mut buffers.tile, window, grid)
-            }
+                count: *count as u64,
+                column: window.column.into(),
+                row: window.row.into(),
+                end_column: window.columns.into(),
+                start_row: window.rows.start.into(),
+                end_row: window.rows.end.into(),
+                half_step: 0.5 * grid.step,
+                half_width: grid.half_width,
+                half_height: grid.half_height,
+                focal: grid.focal,
+            };
+            (*count > 0).then_some((planes, task))
         }
     }
 
@@ -821,41 +876,27 @@ mod calls {
             self.symbol
         }
 
-        /// Writes the pixels of the window.
-        pub fn call(
-            &self,
-            rays: &TileRays<E>,
+        calls! {
+            /// Writes the pixels of the window.
+            (
+                TileRays<E>, buffers: &TileBuffers<E>, looks: Looks<'_, E>, window: &TileWindow, out: TileOut<'_, P>
+            ) with ()
+        }
+
+        /// Every object of the tile has its shades or is a sphere with its lights, and the window's pixels are in `out`.
+        fn task(
             buffers: &TileBuffers<E>,
             looks: Looks<'_, E>,
             window: &TileWindow,
             out: TileOut<'_, P>,
-        ) {
-            let task = Self::task(buffers, looks, window, out);
-            // SAFETY: task() proves that every object of the tile has its shades or is a sphere with its lights, and that
-            // the window's pixels are in `out`. The CPU as in Bounds.
-            unsafe { (self.code)(rays, &task) }
-        }
-
-        /// As [`ShadeTile::call`], with a look at whether the kernel keeps the calling convention.
-        pub fn call_checked(
-            &self,
-            rays: &TileRays<E>,
-            buffers: &TileBuffers<E>,
-            looks: Looks<'_, E>,
-            window: &TileWindow,
-            out: TileOut<'_, P>,
-        ) -> Result<(), Vec<Fault>> {
-            let task = Self::task(buffers, looks, window, out);
-            let args = [std::ptr::from_ref(rays) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-            // SAFETY: as in call; these are the arguments of its signature.
-            unsafe { checked::call(self.code as *const (), args) }
-        }
-
-        fn task(buffers: &TileBuffers<E>, looks: Looks<'_, E>, window: &TileWindow, out: TileOut<'_, P>) -> ShadeTask {
+            (): &mut (),
+        ) -> ShadeTask {
             window.check();
             let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
             let (objects, count) = (buffers.most + 1, lights.len());
-            assert!(shades.len() >= objects * count);
+            // Spheres that no kernel traces may be more than have a pixel.
+            let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
+            assert!(triangle_count == 0 || shades.len() >= objects * count);
             assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
             assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
             assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
@@ -868,6 +909,7 @@ mod calls {
                 lights: lights.as_ptr().cast(),
                 light_count: count as u64,
                 sphere_count: sphere_ids.len() as u64,
+                triangle_count: triangle_count as u64,
                 sphere_ids: sphere_ids.as_ptr(),
                 spheres: spheres.as_ptr().cast(),
                 lits: lits.as_ptr().cast(),

@@ -100,6 +100,12 @@ impl LeftOut {
                 reason: "every ray leaves the origin: a sphere's terms are made once, a triangle's planes once in each tile",
                 ..self
             },
+            Omission::Channels => {
+                LeftOut { reason: "red, green and blue are equal of each object and each light of the scene", ..self }
+            }
+            Omission::Clamp => {
+                LeftOut { reason: "all lights together do not exceed white on the brightest object", ..self }
+            }
             Omission::Loop => LeftOut {
                 what: "points and normals",
                 reason: "of spheres: each light's cosine in closed form, where it loses less than half of the bits of f32",

@@ -25,8 +25,16 @@ use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 /// An object in more tiles than this is in the list that all tiles look through: 16 bytes in each, and 16 while planning.
 const MOST_TILES: usize = 11;
 
+/// As many triangles of a tile are traced before those are forgotten that have no pixel of it: what a tile needs beside its
+/// lists does not grow with them.
+const MOST_AT_ONCE: usize = 1 << 14;
+
 /// Spheres are fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
+
+/// As many spheres are sorted by their nearness: what is nearer in a tile then comes first, and most blocks of pixels leave
+/// the others before their roots. Sorting more of them costs more than it brings.
+const MOST_SORTED: usize = 1 << 11;
 
 /// Numbers of objects are kept in f32, which has every integer up to here.
 const MOST_OBJECTS: usize = 1 << 24;
@@ -148,6 +156,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             widening: &widening,
             unseen: Frustum::unseen_sphere,
             most_tiles: most_tiles(MOST_TILES_OF_A_SPHERE),
+            most_sorted: MOST_SORTED,
         };
         let triangles = Planning {
             kernel: &kernels.bounds,
@@ -156,6 +165,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             widening: &widening,
             unseen: Frustum::unseen_triangle,
             most_tiles: most_tiles(MOST_TILES),
+            most_sorted: 0,
         };
         let (sphere_bins, of_spheres) = spheres.plan(&scene.spheres, threads);
         let (triangle_bins, of_triangles) = triangles.plan(&scene.triangles, threads);
@@ -179,10 +189,28 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// has not, the scene may yet be both.
     pub fn is_plain(&self) -> bool {
         let plain = |extremes: Extremes| {
-            let Extremes { most, least, brightest } = extremes;
+            let Extremes { most, least, brightest, coloured: _ } = extremes;
             is_moderate_size(most) && is_moderate_size(least) && (0.0..f32::INFINITY).contains(&brightest)
         };
         self.extremes.is_none_or(plain)
+    }
+
+    /// Whether red, green and blue of every object and of every light are equal, and two of them are left out.
+    pub fn is_grey(&self) -> bool {
+        let grey = |light: DVec3| light.x == light.y && light.y == light.z;
+        !self.keep.has(Omission::Channels)
+            && self.extremes.is_none_or(|extremes| !extremes.coloured)
+            && self.linear.lights.iter().all(|light| grey(radiance(light)))
+    }
+
+    /// Whether all lights together on the brightest object do not exceed white, and clamping to it is left out.
+    pub fn is_dim(&self) -> bool {
+        let light: DVec3 = self.linear.lights.iter().map(radiance).sum();
+        // Of a colour that is not valid, nothing is known of the others.
+        let dim = |Extremes { brightest, .. }: Extremes| {
+            brightest.is_sign_positive() && light.max_element() * f64::from(brightest) <= 1.0
+        };
+        !self.keep.has(Omission::Clamp) && self.extremes.is_none_or(dim)
     }
 
     /// What is planned.
@@ -274,23 +302,47 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// The spheres and the triangles that a tile may see, in the scene's order. The latter are copied to `room` if they are
-    /// not in one list.
-    pub fn seen_in<'s>(&'s self, tile: TilePlace, spheres: &mut Vec<Seen>, room: &'s mut Vec<Seen>) -> &'s [Seen] {
-        spheres.clear();
+    /// Whether no object may be in a tile.
+    pub fn is_empty(&self, tile: TilePlace) -> bool {
+        self.sphere_bins.iter().chain(&self.triangle_bins).all(|bins| bins.is_empty(tile, self.camera.width()))
+    }
+
+    /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
+    pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         for bins in &self.sphere_bins {
-            bins.seen_in(tile, self.camera.width(), spheres);
+            spheres.extend(bins.large_in(tile));
+            spheres.extend_from_slice(bins.of_tile(tile, self.camera.width()));
         }
+    }
+
+    /// Hands out the triangles that a tile may see, [`MOST_AT_ONCE`] at a time or fewer, by way of `room` if they are not in
+    /// one list.
+    pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
+        let width = self.camera.width();
         if let [bins] = &*self.triangle_bins
             && bins.is_one_list()
         {
-            return bins.of_tile(tile, self.camera.width());
+            return bins.of_tile(tile, width).chunks(MOST_AT_ONCE).for_each(say);
         }
         room.clear();
+        let mut add = |mut seen: &[Seen]| {
+            while !seen.is_empty() {
+                let (first, others) = seen.split_at(seen.len().min(MOST_AT_ONCE - room.len()));
+                room.extend_from_slice(first);
+                if room.len() == MOST_AT_ONCE {
+                    say(room);
+                    room.clear();
+                }
+                seen = others;
+            }
+        };
         for bins in &self.triangle_bins {
-            bins.seen_in(tile, self.camera.width(), room);
+            bins.large_in(tile).for_each(|large| add(&[large]));
+            add(bins.of_tile(tile, width));
         }
-        room
+        if !room.is_empty() {
+            say(room);
+        }
     }
 
     /// A tile's rays, for set-up and for shading.
@@ -327,6 +379,11 @@ fn extent(scene: &Scene) -> f64 {
     let centres = scene.spheres.iter().step_by(stride).map(|sphere| sphere.centre);
     let extent = corners.chain(centres).map(|v| f64::from(v.abs().max_element())).fold(0.0, f64::max);
     if extent > 0.0 && extent.is_finite() { extent } else { 1.0 }
+}
+
+/// What a light radiates.
+fn radiance(light: &TileLight<f64>) -> DVec3 {
+    DVec3::new(light.red, light.green, light.blue)
 }
 
 /// The power of two below a positive number.

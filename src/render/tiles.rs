@@ -82,7 +82,7 @@ macro_rules! floats {
 
 /// An output of bytes.
 macro_rules! bytes {
-    ($pixel:ty, $field:ident) => {
+    ($pixel:ty, $field:ident, $dim:ident, $grey:ident) => {
         impl<E: Element> Output<E> for $pixel {
             fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
                 plan.levels()
@@ -91,7 +91,14 @@ macro_rules! bytes {
                 tracer.packets.fill.$field(out);
             }
             fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-                &tracer.kernels.tiles.$field
+                let kernels = &tracer.kernels.tiles;
+                if tracer.plan.is_grey() {
+                    &kernels.$grey
+                } else if tracer.plan.is_dim() {
+                    &kernels.$dim
+                } else {
+                    &kernels.$field
+                }
             }
         }
     };
@@ -99,8 +106,8 @@ macro_rules! bytes {
 
 floats!(Vec4, f32x4, f32x4_fast);
 floats!(F32x3, f32x3, f32x3_fast);
-bytes!(Rgba8, rgba8);
-bytes!(Rgb8, rgb8);
+bytes!(Rgba8, rgba8, rgba8_dim, rgba8_grey);
+bytes!(Rgb8, rgb8, rgb8_dim, rgb8_grey);
 
 /// What a thread needs beside the plan.
 #[derive(Default)]
@@ -117,6 +124,8 @@ struct Scratch<E: Element> {
     looks: SphereLooks<E>,
     /// Objects of the tile that were not set up.
     occluded: usize,
+    /// Triangles that were, and forgotten since.
+    forgotten: usize,
 }
 
 /// Those of a tile's objects that are nearer and farther away, and what the last tiles left there.
@@ -189,14 +198,14 @@ impl<E: Element> TileTracer<'_, E> {
         let mut survey = TileSurvey::default();
         let mut seen = Vec::new();
         self.each_tile(rows.clone(), |_, _| survey.empty += 1);
-        self.each_nearest(rows, |window, Scratch { buffers, order, occluded, .. }| {
+        self.each_nearest(rows, |window, Scratch { buffers, order, occluded, forgotten, .. }| {
             seen.clear();
             seen.resize(order.len(), false);
             pixels_of(window).for_each(|(row, column)| seen[buffers.pixel(self.kernels.lanes, column, row).1] = true);
             survey.empty -= 1;
             survey.occluded += *occluded as u64;
-            survey.placed += (order.len() - 1 + *occluded) as u64;
-            survey.unseen += seen[1..].iter().filter(|seen| !**seen).count() as u64;
+            survey.placed += (order.len() - 1 + *forgotten + *occluded) as u64;
+            survey.unseen += (*forgotten + seen[1..].iter().filter(|seen| !**seen).count()) as u64;
         });
         survey
     }
@@ -270,14 +279,15 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut Scratch<E>,
         mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
-        let Scratch { buffers, spheres, room, halves, order, shades, looks, occluded } = scratch;
-        let triangles = self.plan.seen_in(tile, spheres, room);
-        *occluded = 0;
+        let Scratch { buffers, spheres, room, halves, order, shades, looks, occluded, forgotten } = scratch;
+        (*occluded, *forgotten) = (0, 0);
         looks.seen.clear();
         looks.places.clear();
-        if spheres.is_empty() && triangles.is_empty() && !self.plan.keep().has(Omission::EmptyTiles) {
+        if self.plan.is_empty(tile) && !self.plan.keep().has(Omission::EmptyTiles) {
             return false;
         }
+        spheres.clear();
+        self.plan.spheres_in(tile, spheres);
         let (view, _) = self.plan.view(tile);
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         buffers.clear();
@@ -288,25 +298,30 @@ impl<E: Element> TileTracer<'_, E> {
             let by_force = so_far.is_some();
             self.look_at_spheres(weighted, buffers, looks, by_force);
         }
-        // Nobody's shades, and none for spheres, whose light is their own.
-        let dark = order.len() * weighted.lights.len();
-        if shades.len() < dark {
-            shades.resize(dark, TileShade::default());
-        }
-        shades[..dark].fill(TileShade::default());
         let before_triangles = 1 + self.plan.balls().len() as u32;
-        *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
-            for start in (0..seen.len()).step_by(CHUNK) {
-                let first_id = order.len();
-                let seen = &seen[start..];
-                let triangles = Triangles { facets: self.plan.facets(), lights: &weighted.lights, seen, first_id };
-                order.extend(seen.iter().take(CHUNK).map(|seen| before_triangles + seen.id));
-                kernels.set_up.call(&view, triangles, buffers, shades);
-                kernels.nearest_triangles.call(buffers, order, window, &grid);
-                if let Some(so_far) = &mut so_far {
-                    so_far(buffers, shades, looks);
-                }
+        let first_triangle = order.len();
+        self.plan.triangles_in(tile, room, |triangles| {
+            if order.len() == first_triangle {
+                // Nobody's shades, and none for spheres, whose light is their own.
+                let dark = first_triangle * weighted.lights.len();
+                shades.resize(shades.len().max(dark), TileShade::default());
+                shades[..dark].fill(TileShade::default());
+            } else {
+                *forgotten += forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
             }
+            *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
+                for start in (0..seen.len()).step_by(CHUNK) {
+                    let first_id = order.len();
+                    let seen = &seen[start..];
+                    let triangles = Triangles { facets: self.plan.facets(), lights: &weighted.lights, seen, first_id };
+                    order.extend(seen.iter().take(CHUNK).map(|seen| before_triangles + seen.id));
+                    kernels.set_up.call(&view, triangles, buffers, shades);
+                    kernels.nearest_triangles.call(buffers, order, window, &grid);
+                    if let Some(so_far) = &mut so_far {
+                        so_far(buffers, shades, looks);
+                    }
+                }
+            });
         });
         true
     }
@@ -481,6 +496,34 @@ impl<E: Element> TileTracer<'_, E> {
     fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
         self.plan.camera().grid::<f64>().ray(window.row + row, window.column + column).into()
     }
+}
+
+/// Forgets those triangles of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
+/// there on. How many are forgotten.
+fn forget_unseen<E: Element>(
+    buffers: &mut TileBuffers<E>,
+    first: usize,
+    order: &mut Vec<u32>,
+    shades: &mut [TileShade<E>],
+    lights: usize,
+) -> usize {
+    let mut owners = vec![false; order.len()];
+    buffers.mark_owners(&mut owners);
+    owners[..first].fill(true);
+    let mut left = 0;
+    let mut numbers = Vec::with_capacity(order.len());
+    for (i, owns) in owners.into_iter().enumerate() {
+        numbers.push(left as u32);
+        if owns {
+            order[left] = order[i];
+            shades.copy_within(i * lights..(i + 1) * lights, left * lights);
+            left += 1;
+        }
+    }
+    buffers.renumber(&numbers, left);
+    let forgotten = order.len() - left;
+    order.truncate(left);
+    forgotten
 }
 
 /// The rows and columns of a tile that are in a window.

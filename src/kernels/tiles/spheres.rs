@@ -45,83 +45,18 @@ impl<E: Element> SphereSetUp<E> {
         self.symbol
     }
 
-    /// Sets up a chunk of spheres in `buffers`, of which the first is number `first_id` in the tile.
-    pub fn call(&self, view: &SphereView<f64>, spheres: Spheres<'_>, first_id: usize, buffers: &mut TileBuffers<E>) {
-        let task = Self::task(spheres, first_id, buffers);
-        // SAFETY: task() proves that the ids are those of spheres; the buffers have room for a chunk, and so for the last
-        // packet of one; the references prove the rest. The CPU as in Bounds.
-        unsafe { (self.code)(view, &task) }
+    calls! {
+        /// Sets up a chunk of spheres in `buffers`, of which the first is number `first_id` in the tile.
+        (SphereView<f64>, spheres: Spheres<'_>, first_id: usize, buffers: &mut TileBuffers<E>) with ()
     }
 
-    /// As [`SphereSetUp::call`], with a look at whether the kernel keeps the calling convention.
-    pub fn call_checked(
-        &self,
-        view: &SphereView<f64>,
-        spheres: Spheres<'_>,
-        first_id: usize,
-        buffers: &mut TileBuffers<E>,
-    ) -> Result<(), Vec<Fault>> {
-        let task = Self::task(spheres, first_id, buffers);
-        let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-        // SAFETY: as in call; these are the arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
-    }
-
-    fn task(spheres: Spheres<'_>, first_id: usize, buffers: &mut TileBuffers<E>) -> SetupTask {
-        let task = spheres.task(&mut buffers.balls);
-        buffers.sphere_count = task.count as usize;
-        buffers.most = buffers.most.max(first_id + buffers.sphere_count - 1);
-        SetupTask { planes: std::ptr::from_mut(&mut *buffers.sphere_planes).cast(), first_id: first_id as u64, ..task }
-    }
-}
-
-/// Finds the nearest of spheres.
-pub struct NearestSpheres<E> {
-    pub(in crate::kernels) code: unsafe extern "sysv64" fn(*const SpherePlanes<E>, *const NearestTask),
-    pub(in crate::kernels) symbol: &'static str,
-}
-
-impl<E: Element> NearestSpheres<E> {
-    /// The symbol of its code.
-    pub fn symbol(&self) -> &'static str {
-        self.symbol
-    }
-
-    /// As [`NearestTriangles::call`], of the spheres that were set up last.
-    pub fn call(&self, buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) {
-        if buffers.sphere_count > 0 {
-            let task = Self::task(buffers, order, window, grid);
-            // SAFETY: as for triangles.
-            unsafe { (self.code)(&*buffers.sphere_planes, &task) }
-        }
-    }
-
-    /// As [`NearestSpheres::call`], with a look at whether the kernel keeps the calling convention.
-    pub fn call_checked(
-        &self,
-        buffers: &mut TileBuffers<E>,
-        order: &[u32],
-        window: &TileWindow,
-        grid: &TileGrid,
-    ) -> Result<(), Vec<Fault>> {
-        assert!(buffers.sphere_count > 0);
-        let task = Self::task(buffers, order, window, grid);
-        let args = [std::ptr::from_ref(&*buffers.sphere_planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-        // SAFETY: as in call; these are the arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
-    }
-
-    fn task(buffers: &mut TileBuffers<E>, order: &[u32], window: &TileWindow, grid: &TileGrid) -> NearestTask {
-        assert!(buffers.most < order.len(), "everyone has a place in the scene");
-        // Whole packets are read: what is past the chunk is seen nowhere.
-        let past = buffers.sphere_count..buffers.sphere_count.next_multiple_of(MOST_LANES);
-        buffers.balls.columns[past].fill(0);
-        NearestTask {
-            order: order.as_ptr(),
-            turned: std::ptr::from_ref(&*buffers.balls).cast(),
-            count: buffers.sphere_count as u64,
-            ..nearest_task(&mut buffers.tile, window, grid)
-        }
+    /// The ids are those of spheres; the buffers have room for a chunk, and so for the last packet of one.
+    fn task(spheres: Spheres<'_>, first_id: usize, buffers: &mut TileBuffers<E>, (): &mut ()) -> SetupTask {
+        let chunk = &mut buffers.spheres;
+        let task = spheres.task(&mut chunk.turned);
+        chunk.count = task.count as usize;
+        buffers.most = buffers.most.max(first_id + chunk.count - 1);
+        SetupTask { planes: std::ptr::from_mut(&mut *chunk.planes).cast(), first_id: first_id as u64, ..task }
     }
 }
 
@@ -163,41 +98,16 @@ impl<E: Element> SphereLooks<E> {
         self.symbol
     }
 
-    /// Makes the records of a chunk of spheres, from number `first` on, under these lights; if `short`, in the short form where
-    /// it is accurate enough, and otherwise in the long one.
-    pub fn call(
-        &self,
-        view: &SphereView<f64>,
-        spheres: Spheres<'_>,
-        lights: &[TileLight<f64>],
-        short: bool,
-        first: usize,
-        records: &mut SphereRecords<E>,
-    ) {
-        let mut turned = Balls::ZERO;
-        let task = Self::task(spheres, lights, short, first, records, &mut turned);
-        // SAFETY: task() proves that the ids are those of spheres and that there is room for the records; the references
-        // the rest. The CPU as in Bounds.
-        unsafe { (self.code)(view, &task) }
+    calls! {
+        /// Makes the records of a chunk of spheres, from number `first` on, under these lights; if `short`, in the short form
+        /// where it is accurate enough, and otherwise in the long one.
+        (
+            SphereView<f64>, spheres: Spheres<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
+            records: &mut SphereRecords<E>
+        ) with Balls::ZERO
     }
 
-    /// As [`SphereLooks::call`], with a look at whether the kernel keeps the calling convention.
-    pub fn call_checked(
-        &self,
-        view: &SphereView<f64>,
-        spheres: Spheres<'_>,
-        lights: &[TileLight<f64>],
-        short: bool,
-        first: usize,
-        records: &mut SphereRecords<E>,
-    ) -> Result<(), Vec<Fault>> {
-        let mut turned = Balls::ZERO;
-        let task = Self::task(spheres, lights, short, first, records, &mut turned);
-        let args = [std::ptr::from_ref(view) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
-        // SAFETY: as in call; these are the arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
-    }
-
+    /// The ids are those of spheres, and there is room for the records.
     fn task(
         spheres: Spheres<'_>,
         lights: &[TileLight<f64>],

@@ -67,29 +67,22 @@ impl Bins {
         &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize]
     }
 
-    /// Adds what a tile may see, in order.
-    pub(super) fn seen_in(&self, tile: TilePlace, width: u32, seen: &mut Vec<Seen>) {
-        let own = self.of_tile(tile, width);
-        if self.large.is_empty() {
-            seen.extend_from_slice(own);
-            return;
-        }
+    /// Those that are in many tiles and may be in this one.
+    pub(super) fn large_in(&self, tile: TilePlace) -> impl Iterator<Item = Seen> {
         let (column, row) = tile.first();
-        let in_tile = |large: &&Seen| {
+        let in_tile = move |large: &&Seen| {
             if self.everywhere {
                 return true;
             }
             let (x, y) = (range(large.columns), range(large.rows));
             x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
-        let mut own = own.iter().copied().peekable();
-        for large in self.large.iter().filter(in_tile) {
-            while let Some(own) = own.next_if(|own| own.id < large.id) {
-                seen.push(own);
-            }
-            seen.push(*large);
-        }
-        seen.extend(own);
+        self.large.iter().filter(in_tile).copied()
+    }
+
+    /// Whether a tile sees nothing.
+    pub(super) fn is_empty(&self, tile: TilePlace, width: u32) -> bool {
+        self.of_tile(tile, width).is_empty() && self.large_in(tile).next().is_none()
     }
 }
 

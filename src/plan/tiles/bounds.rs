@@ -1,5 +1,6 @@
 //! The bounds of all objects in the picture, found on several threads.
 
+use std::cmp::Reverse;
 use std::panic::resume_unwind;
 use std::thread;
 
@@ -81,6 +82,8 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) unseen: fn(&Frustum, &T) -> Omission,
     /// One in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
+    /// As many are put in the order of their nearness, more stay in the scene's.
+    pub(super) most_sorted: usize,
 }
 
 impl<T: Bounded + Sync> Planning<'_, T>
@@ -110,6 +113,10 @@ where
         let all = self.widening.keep != Keep::NOTHING;
         let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, &mut seen).unzip();
         seen.truncate(count.unwrap_or(0));
+        if seen.len() <= self.most_sorted {
+            // Not negative, so that they are in the order of their bits.
+            seen.sort_unstable_by_key(|seen| Reverse((seen.near.to_bits(), seen.id)));
+        }
         if all {
             for Seen { id, columns, rows, .. } in &mut seen {
                 let object = &objects[(*id - first_id) as usize];
