@@ -302,11 +302,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// Whether no object may be in a tile.
-    pub fn is_empty(&self, tile: TilePlace) -> bool {
-        self.sphere_bins.iter().chain(&self.triangle_bins).all(|bins| bins.is_empty(tile, self.camera.width()))
-    }
-
     /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         for bins in &self.sphere_bins {

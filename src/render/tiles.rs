@@ -283,14 +283,14 @@ impl<E: Element> TileTracer<'_, E> {
         (*occluded, *forgotten) = (0, 0);
         looks.seen.clear();
         looks.places.clear();
-        if self.plan.is_empty(tile) && !self.plan.keep().has(Omission::EmptyTiles) {
-            return false;
-        }
         spheres.clear();
         self.plan.spheres_in(tile, spheres);
+        let mut any = !spheres.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
+        if any {
+            buffers.clear();
+        }
         let (view, _) = self.plan.view(tile);
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
-        buffers.clear();
         order.clear();
         order.push(0);
         if !spheres.is_empty() {
@@ -301,6 +301,10 @@ impl<E: Element> TileTracer<'_, E> {
         let before_triangles = 1 + self.plan.balls().len() as u32;
         let first_triangle = order.len();
         self.plan.triangles_in(tile, room, |triangles| {
+            if !any {
+                buffers.clear();
+                any = true;
+            }
             if order.len() == first_triangle {
                 // Nobody's shades, and none for spheres, whose light is their own.
                 let dark = first_triangle * weighted.lights.len();
@@ -323,7 +327,7 @@ impl<E: Element> TileTracer<'_, E> {
                 }
             });
         });
-        true
+        any
     }
 
     /// Has `nearest` called for the nearer half of what is `seen`, and then for what is not hidden by all that this leaves

@@ -79,11 +79,6 @@ impl Bins {
         };
         self.large.iter().filter(in_tile).copied()
     }
-
-    /// Whether a tile sees nothing.
-    pub(super) fn is_empty(&self, tile: TilePlace, width: u32) -> bool {
-        self.of_tile(tile, width).is_empty() && self.large_in(tile).next().is_none()
-    }
 }
 
 /// From pixels to tiles; not empty.
