@@ -608,9 +608,9 @@ fn check_fill(fill: &Fill) {
         }
         check(fill, Vec4::ZERO, |out| fill.f32x4(out, streaming));
         check(fill, F32x3::ZERO, |out| fill.f32x3(out, streaming));
+        check(fill, [0, 0, 0, 255], |out| fill.rgba8(out, streaming));
+        check(fill, Rgb8::ZERO, |out| fill.rgb8(out, streaming));
     }
-    check(fill, [0, 0, 0, 255], |out| fill.rgba8(out));
-    check(fill, Rgb8::ZERO, |out| fill.rgb8(out));
 }
 
 /// A kernel's symbol, and a call of it.
@@ -627,9 +627,11 @@ fn pixels_of_bytes_may_begin_at_any_address() {
             let kernel = &kernels.single.triangle.rgba8;
             let mut row = Row::<f32>::new(WIDTH);
             row.clear(0..WIDTH);
-            let mut writes: [Write; 3] = [
+            let mut writes: [Write; 5] = [
                 (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, false)),
-                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out)),
+                (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, true)),
+                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out, false)),
+                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out, true)),
                 (kernels.single.emit_rgba8.symbol(), &mut |out| kernels.single.emit_rgba8.call(&mut row, 0, out)),
             ];
             for (symbol, write) in &mut writes {

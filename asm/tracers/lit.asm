@@ -25,7 +25,7 @@
 ;   rows        *const LitRows, of which the first `count` are read
 ;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and
 ;               nothing else
-;   streaming   u64: not 0 for stores that go past the cache; floats only
+;   streaming   u64: not 0 for stores that go past the cache; not rgb8
 ;   row, pixels, stride     as in spans.asm
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
@@ -108,7 +108,7 @@
 ; LIT_STORE - stores the packet at r12.
 %macro LIT_STORE 1
 %define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
-%if %[%%format]_FLOATS
+%if %[%%format]_STREAMS
     test    r9d, r9d
     jnz     %%stream
     STORE_ %+ %%format r12, %[%%format]_FIRST, movaps
@@ -148,6 +148,10 @@
     cmp     r10, %%to
     jb      %%black
 %else
+%if %[%%format]_STREAMS
+    test    r9d, r9d
+    jnz     %%until_packet
+%endif
     lea     rdi, [r10 + VBYTES]
     cmp     rdi, %%to
     ja      %%few
@@ -166,6 +170,16 @@ align 16
     VSTORE  [%%to - VBYTES], v11
     mov     r10, %%to
     jmp     %%filled
+%if %[%%format]_STREAMS
+%%packet:                               ; r10 is where one may begin
+    STORE_ %+ %%format r10, 11, movntps
+    add     r10, LANES * %[%%format]_BYTES
+%%until_packet:
+    lea     rdi, [r10 + LANES * %[%%format]_BYTES]
+    cmp     rdi, %%to
+    jbe     %%packet
+    jmp     %%few
+%endif
 %%pixel:
     STORE_PIXEL_ %+ %%format r10, 11
     add     r10, %[%%format]_BYTES

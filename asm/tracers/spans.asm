@@ -30,7 +30,7 @@
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
 ;   out         *mut of the first pixel; pixels >= 1 of them are written and nothing else
-;   streaming   u64: not 0 for stores that go past the cache; floats only
+;   streaming   u64: not 0 for stores that go past the cache; not rgb8
 ;   row         *mut element: five planes of `stride` bytes each: who (0 for nobody, else the span's id), red, green,
 ;               blue, 1/t. It points to the span's first pixel, and up to LANES - 1 elements past its last are read and
 ;               written back unchanged (depth) or in pixels that are the span's own (planes)
@@ -179,7 +179,7 @@ align 16
     jb      .part
     test    r10d, r10d
     jnz     .part
-%if %[%%format]_FLOATS
+%if %[%%format]_STREAMS
     test    r9d, r9d
     jnz     .stream
 %endif
@@ -191,7 +191,7 @@ align 16
     ja      .packet
     UNCONSTANTS
     ret
-%if %[%%format]_FLOATS
+%if %[%%format]_STREAMS
 .stream:
     STORE_ %+ %%format rcx, %[%%format]_FIRST, movntps
     jmp     .next

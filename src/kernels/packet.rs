@@ -274,12 +274,14 @@ impl<S, E, P> Shade<S, E, P> {
         self.symbol
     }
 
-    /// Writes the span's pixels to `out`, which has exactly as many. `streaming`: past the cache, where the output can.
+    /// Writes the span's pixels to `out`, which has exactly as many. `streaming`: past the cache, where the output can and
+    /// is aligned to 4 bytes.
     pub fn call(&self, span: &S, lits: &[Lit<E>], out: &mut [P], streaming: bool) {
         if !out.is_empty() {
+            let streaming = streaming && is_aligned(out);
             // SAFETY: the references prove the addresses and lengths, and there is a pixel; a kernel reads records of S
-            // and E and writes `out` alone, any bits of which are pixels. The table it came from was handed out by
-            // packets(), which had checked the CPU.
+            // and E and writes `out` alone, any bits of which are pixels, by aligned stores only where packets of its
+            // pixels can be aligned. The table it came from was handed out by packets(), which had checked the CPU.
             unsafe {
                 let (lits, count) = (lits.as_ptr(), lits.len() as u64);
                 (self.code)(span, lits, count, out.as_mut_ptr(), out.len() as u64, streaming.into());
@@ -296,11 +298,16 @@ impl<S, E, P> Shade<S, E, P> {
             lits.len() as u64,
             out.as_mut_ptr() as u64,
             out.len() as u64,
-            streaming.into(),
+            (streaming && is_aligned(out)).into(),
         ];
         // SAFETY: as in call; these are the arguments of its signature.
         unsafe { checked::call(self.code as *const (), args) }
     }
+}
+
+/// Whether pixels of numbers of 32 bits are aligned to these, as all other pixels are.
+fn is_aligned<P>(out: &[P]) -> bool {
+    !size_of::<P>().is_multiple_of(4) || out.as_ptr().cast::<u32>().is_aligned()
 }
 
 impl<E: Element> RowSetup<E> {
@@ -375,8 +382,7 @@ impl<E: Element, P: Copy> ShadeRows<E, P> {
     }
 
     fn arguments(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool) -> [u64; 6] {
-        let aligned = !size_of::<P>().is_multiple_of(4) || out.as_ptr().cast::<u32>().is_aligned();
-        assert!(aligned, "pixels must be aligned to 4 bytes");
+        assert!(is_aligned(out), "pixels must be aligned to 4 bytes");
         let count = out.len() / width;
         assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());
         for row in 0..count {
@@ -518,15 +524,15 @@ impl Fill {
         self.fill(out, F32x3::ZERO, 0, streaming);
     }
 
-    /// Black levels.
-    pub fn rgba8(&self, out: &mut [Rgba8]) {
+    /// Black levels. `streaming`: past the cache.
+    pub fn rgba8(&self, out: &mut [Rgba8], streaming: bool) {
         let black = [0, 0, 0, 255];
-        self.fill(out, black, u32::from_le_bytes(black), false);
+        self.fill(out, black, u32::from_le_bytes(black), streaming);
     }
 
-    /// Black levels.
-    pub fn rgb8(&self, out: &mut [Rgb8]) {
-        self.fill(out.as_flattened_mut(), 0, 0, false);
+    /// Black levels. `streaming`: past the cache.
+    pub fn rgb8(&self, out: &mut [Rgb8], streaming: bool) {
+        self.fill(out.as_flattened_mut(), 0, 0, streaming);
     }
 
     /// Fills `out` with a value, of which `pattern` is made.

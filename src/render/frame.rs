@@ -1,11 +1,12 @@
 //! The frame: drives an engine over all rows of a picture, band by band, with any number of threads.
 
+use std::cell::Cell;
 use std::collections::TryReserveError;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use crossbeam_deque::{Injector, Steal};
+use crossbeam_deque::{Steal, Stealer, Worker};
 
 use super::film::with_pixels;
 use super::{Film, FilmMut, ImageError, ImageWriter, Pixel, PixelFormat, Tracer};
@@ -17,6 +18,9 @@ use crate::scene::Camera;
 const BAND_BYTES: usize = 8 << 20;
 /// A thread takes as many whole rows at a time as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
+/// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
+/// packet engine is done with a picture.
+const LINGER: Duration = Duration::from_millis(2);
 
 /// How to render.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +80,9 @@ impl<'a> Frame<'a> {
         let threads = settings.threads.max(1);
         let others = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads - 1).build());
         let others = others.transpose().map_err(|source| RenderError::Threads { threads, source })?;
-        Ok(Frame { tracer, camera, others })
+        let frame = Frame { tracer, camera, others };
+        frame.keep_awake();
+        Ok(frame)
     }
 
     /// A film for `rows` rows, in memory that has been touched.
@@ -86,11 +92,18 @@ impl<'a> Frame<'a> {
         Film::new(format, pixels).map_err(|source| RenderError::Memory { bytes, source })
     }
 
-    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished.
+    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished. The threads then
+    /// stay awake for a while, as more is likely to follow.
     ///
     /// # Panics
     /// As [`Tracer::rows`].
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
+        self.trace_band(rows, film, done);
+        self.keep_awake();
+    }
+
+    /// The same for a band, after which cores have other things to do.
+    fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
@@ -105,25 +118,34 @@ impl<'a> Frame<'a> {
         hits.into_inner()
     }
 
-    /// Has all threads take tasks until none is left. This one takes part: it need not wait until another is awake, which can
-    /// take longer than a small picture.
-    fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
+    /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
+    /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
+    fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
         let Some(others) = &self.others else { return tasks.for_each(work) };
-        let queue = Injector::new();
-        tasks.for_each(|task| queue.push(task));
-        let take_all = || {
-            loop {
-                match queue.steal() {
-                    Steal::Success(task) => work(task),
-                    Steal::Retry => {}
-                    Steal::Empty => break,
-                }
-            }
-        };
+        let queue = Worker::new_lifo();
+        tasks.rev().for_each(|task| queue.push(task));
+        let stealer = queue.stealer();
+        let done = AtomicUsize::new(0);
         others.in_place_scope(|scope| {
-            (0..others.current_num_threads()).for_each(|_| scope.spawn(|_| take_all()));
-            take_all();
+            let count = others.current_num_threads();
+            for _ in 0..count {
+                scope.spawn(|_| {
+                    steal_all(&stealer, &work);
+                    done.fetch_add(1, Ordering::Release);
+                });
+            }
+            while let Some(task) = queue.pop() {
+                work(task);
+            }
+            wait_a_while(|| done.load(Ordering::Acquire) == count);
         });
+    }
+
+    /// Has the other threads linger, from when they have nothing to do.
+    fn keep_awake(&self) {
+        if let Some(others) = &self.others {
+            others.spawn_broadcast(|_| linger());
+        }
     }
 
     /// The rows that a thread takes at a time.
@@ -145,6 +167,42 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// Works on tasks from the back of a queue until it is empty.
+fn steal_all<T>(queue: &Stealer<T>, work: impl Fn(T)) {
+    loop {
+        match queue.steal() {
+            Steal::Success(task) => work(task),
+            Steal::Retry => {}
+            Steal::Empty => return,
+        }
+    }
+}
+
+/// Has a thread of a pool look for work for [`LINGER`] after it last had some.
+fn linger() {
+    thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
+    // What a lingering thread finds may be this.
+    if LINGERS.replace(true) {
+        return;
+    }
+    while wait_a_while(|| rayon::yield_now() == Some(rayon::Yield::Executed)) {}
+    LINGERS.set(false);
+}
+
+/// Awake until something is so, and not much longer than [`LINGER`]; whether it is.
+fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if is_so() {
+            return true;
+        }
+        if start.elapsed() > LINGER {
+            return false;
+        }
+        std::thread::yield_now();
+    }
+}
+
 /// Renders the whole picture into an image file, band by band; `done` hears of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let camera = frame.camera;
@@ -161,7 +219,7 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
         let pixels = camera.width() as usize * rows.len();
 
         let clock = (Instant::now(), Cycles::start());
-        frame.trace(rows, film.as_mut().part(0..pixels), done);
+        frame.trace_band(rows, film.as_mut().part(0..pixels), done);
         stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
         stats.trace += clock.0.elapsed();
 

@@ -17,17 +17,41 @@ use crate::measure::caches;
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::{Camera, Scene};
 
-/// The largest float picture that is stored into the caches; a larger one goes past them.
+/// Whether a picture of so many pixels is stored past the caches: it does not find its place in them.
 ///
-/// An eighth of the third level, since other cores have their share of it, and other machines on the same chip; and at most
-/// this much, which is taken too where there is no such level or nobody tells. docs/performance.md has what was measured.
-fn most_in_cache() -> u64 {
+/// Of floats, an eighth of the third level is their share, since other cores have theirs, and other machines on the same
+/// chip; and at most 16 MiB, which are taken too where there is no such level or nobody tells. Bytes are stored as fast as
+/// they are made until the whole of it is full. docs/performance.md has what was measured.
+fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     const MOST: u64 = 16 << 20;
-    static BYTES: OnceLock<u64> = OnceLock::new();
-    *BYTES.get_or_init(|| {
-        let third = caches().into_iter().find(|cache| cache.level == 3);
-        third.map_or(MOST, |cache| MOST.min(cache.bytes as u64 / 8))
-    })
+    static THIRD_LEVEL: OnceLock<Option<u64>> = OnceLock::new();
+    let third = *THIRD_LEVEL
+        .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
+    let most = third.map_or(MOST, |bytes| if format.is_8bit() { bytes } else { MOST.min(bytes / 8) });
+    pixels * format.bytes() as u64 > most
+}
+
+/// Of each format that can be, whether its pictures are stored past the caches.
+#[derive(Clone, Copy)]
+struct Streaming {
+    f32x4: bool,
+    f32x3: bool,
+    rgba8: bool,
+}
+
+impl Streaming {
+    fn new(pixels: u64) -> Self {
+        let streams = |format| is_past_caches(pixels, format);
+        Streaming {
+            f32x4: streams(PixelFormat::F32x4),
+            f32x3: streams(PixelFormat::F32x3),
+            rgba8: streams(PixelFormat::Rgba8),
+        }
+    }
+
+    fn any(self) -> bool {
+        self.f32x4 || self.f32x3 || self.rgba8
+    }
 }
 
 /// A scene planned for packets, and the kernels that trace it.
@@ -37,7 +61,8 @@ pub struct PacketTracer<E: 'static> {
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     width: usize,
-    streaming: bool,
+    /// The formats whose pictures are stored past the caches.
+    streaming: Streaming,
     /// The one scale of light that it is ready for; None: any.
     scale: Option<Scale>,
     plan: Spans<E>,
@@ -58,14 +83,12 @@ impl<E: Element> PacketTracer<E> {
         keep: Keep,
     ) -> Self {
         let scale = format.map(scale_of);
-        let written = format.unwrap_or(PixelFormat::F32x4);
-        let bytes = camera.pixels() * written.bytes() as u64;
         PacketTracer {
             kernels,
             spans,
             fast,
             width: camera.width() as usize,
-            streaming: !written.is_8bit() && bytes > most_in_cache(),
+            streaming: Streaming::new(camera.pixels()),
             scale,
             plan: Spans::new(scene, camera, scale, keep),
             wide: None,
@@ -106,6 +129,8 @@ impl PacketTracer<f64> {
 trait Output<E: 'static>: Copy {
     /// What full light is.
     const SCALE: Scale;
+    /// Whether the tracer's picture is stored past the caches.
+    fn streaming(tracer: &PacketTracer<E>) -> bool;
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
     /// The kernel that makes rows of a sphere in the short form.
     fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self>;
@@ -123,8 +148,12 @@ macro_rules! floats {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Linear;
 
+            fn streaming(tracer: &PacketTracer<E>) -> bool {
+                tracer.streaming.$field
+            }
+
             fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-                tracer.kernels.fill.$field(out, tracer.streaming);
+                tracer.kernels.fill.$field(out, tracer.streaming.$field);
             }
 
             fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
@@ -152,12 +181,16 @@ macro_rules! floats {
 
 /// An output of bytes: there are estimates wherever they are good enough, and a clamp where it is needed.
 macro_rules! bytes {
-    ($pixel:ty, $field:ident, $dim:ident, $emit:ident) => {
+    ($pixel:ty, $field:ident, $dim:ident, $emit:ident, $streaming:expr) => {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Levels;
 
+            fn streaming(tracer: &PacketTracer<E>) -> bool {
+                $streaming(tracer.streaming)
+            }
+
             fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-                tracer.kernels.fill.$field(out);
+                tracer.kernels.fill.$field(out, Self::streaming(tracer));
             }
 
             fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
@@ -185,8 +218,8 @@ macro_rules! bytes {
 
 floats!(Vec4, f32x4, f32x4_fast, emit_f32x4);
 floats!(F32x3, f32x3, f32x3_fast, emit_f32x3);
-bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8);
-bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8);
+bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8, |streaming: Streaming| streaming.rgba8);
+bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8, |_| false);
 
 /// What full light is in a format.
 fn scale_of(format: PixelFormat) -> Scale {
@@ -219,7 +252,7 @@ struct Alone<'a, E: 'static, P> {
 impl<E: Element, P: Output<E>> Alone<'_, E, P> {
     fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
         let kernel = P::shade(self.tracer, bodies, self.shading);
-        kernel.call(record, self.lits, self.out, self.tracer.streaming);
+        kernel.call(record, self.lits, self.out, P::streaming(self.tracer));
     }
 }
 
@@ -230,7 +263,7 @@ impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
         self.lit_rows.set_row(0, row);
         let kernel = self.tracer.lit::<P>(self.shading);
         let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
-        kernel.call(&sphere, self.lit_rows, self.out, width, self.tracer.streaming);
+        kernel.call(&sphere, self.lit_rows, self.out, width, P::streaming(self.tracer));
     }
     each_by_its_bodies!();
 }
@@ -286,7 +319,7 @@ impl<E: Element> PacketTracer<E> {
         let mut lit_rows = LitRows::default();
         for (first, out) in rows.step_by(LIT_ROWS).zip(out.chunks_mut(LIT_ROWS * self.width)) {
             self.spans.lit_rows.call(form.setup(P::SCALE), first, out.len() / self.width, &mut lit_rows);
-            kernel.call(&sphere, &lit_rows, out, self.width, self.streaming);
+            kernel.call(&sphere, &lit_rows, out, self.width, P::streaming(self));
         }
     }
 
@@ -357,9 +390,8 @@ impl<E: Element> PacketTracer<E> {
 
     /// Rows whose objects have numbers that the elements hold.
     fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        let streaming = self.streaming && !out.format().is_8bit();
         with_pixels!(FilmMut(out) = out => self.trace(rows, out));
-        if streaming {
+        if self.streaming.any() {
             sys::store_fence();
         }
     }

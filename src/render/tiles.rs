@@ -88,7 +88,7 @@ macro_rules! bytes {
                 plan.levels()
             }
             fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-                tracer.packets.fill.$field(out);
+                tracer.packets.fill.$field(out, false);
             }
             fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
                 let kernels = &tracer.kernels.tiles;
