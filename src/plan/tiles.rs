@@ -190,7 +190,8 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn is_plain(&self) -> bool {
         let plain = |extremes: Extremes| {
             let Extremes { most, least, brightest, coloured: _ } = extremes;
-            is_moderate_size(most) && is_moderate_size(least) && (0.0..f32::INFINITY).contains(&brightest)
+            // As bits, -0 is more than all that is not negative: nothing is known of the others then.
+            is_moderate_size(most) && is_moderate_size(least) && brightest.is_sign_positive() && brightest.is_finite()
         };
         self.extremes.is_none_or(plain)
     }
