@@ -440,7 +440,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 172] = [
+const PACKET_SNIPPETS: [Snippet; 176] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -478,8 +478,8 @@ const PACKET_SNIPPETS: [Snippet; 172] = [
     ("VDIFFERENCE", "", "v0, v1, 0, v2, 1, v3"),
     ("VSIGN", "", "v0, v1, v2"),
     ("VAFFINE", "", "v0, v1, 0, 1"),
-    ("VRSQRT", "in f32", "v0, v1, v2, v3"),
-    ("VRSQRT", "in f64", "v0, v1, v2, v3"),
+    ("VRSQRT", "in f32", "v0, v1"),
+    ("VOVER_SQRT", "in f64", "v0, v1, v2, v3"),
     ("VSPREAD_INTEGER", "", "0, rax"),
     ("MASK_GREATER", "", "v0, v1"),
     ("MASK_AND_LESS", "", "v0, K(0), v1"),
@@ -568,14 +568,18 @@ const PACKET_SNIPPETS: [Snippet; 172] = [
     ("SPHERE_INSIDE", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("LIT_PLACE", "", "other, 14"),
     ("LIT_CONSTANT", "", "m, [rdi]"),
+    ("LIT_SCALED", "", "kn, [rdi]"),
+    ("LIT_SCALED", ESTIMATES, "kn, [rdi]"),
     ("LIT_SPHERE_CONSTANTS", "", ""),
+    ("LIT_SPHERE_CONSTANTS", ESTIMATES, ""),
     ("LIT_ROW_CONSTANTS", "", ""),
+    ("LIT_ROW_CONSTANTS", ESTIMATES, ""),
     ("LIT_UNCONSTANTS", "", ""),
     ("SPHERE_NEAR", "", "v0, v1, v2, v3, v4, v5, v6"),
-    ("SPHERE_LIT", "", "v0, v1, 1, v2, v3, v4, v5, v6, v7, v8"),
-    ("SPHERE_LIT", "inside", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
-    ("SPHERE_LIT", ESTIMATES, "v0, v1, 1, v2, v3, v4, v5, v6, v7, v8"),
-    ("SPHERE_LIT", "inside with estimates", "v0, v1, 0, v2, v3, v4, v5, v6, v7, v8"),
+    ("SPHERE_LIT", "", "v0, v1, 1, v2, v3, v4, v5, v6"),
+    ("SPHERE_LIT", "inside", "v0, v1, 0, v2, v3, v4, v5, v6"),
+    ("SPHERE_LIT", ESTIMATES, "v0, v1, 1, v2, v3, v4, v5, v6"),
+    ("SPHERE_LIT", "inside with estimates", "v0, v1, 0, v2, v3, v4, v5, v6"),
     ("SPHERE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("TRIANGLE_PLANE", "", "v0, v1, v2, v3, v4, v5"),
     ("TRIANGLE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6"),
@@ -676,9 +680,10 @@ fn count_snippets(isa: &str, element: u32, best: bool, snippets: &[Snippet]) -> 
 fn count_packets(isa: &str) -> BTreeMap<(String, String), usize> {
     let [usual, wide] = ELEMENTS.map(|element| {
         // AVX-512 alone has estimates to begin with in f64, and the short form alone uses them.
-        let refined = |name| isa == "avx512" && ["VRSQRT", "SPHERE_LIT"].contains(&name);
+        let refined =
+            |name: &str| isa == "avx512" && (["VOVER_SQRT", "SPHERE_LIT"].contains(&name) || name.starts_with("LIT_"));
         let has = |(name, of, _): &&Snippet| match *of {
-            "in f64" if *name == "VRSQRT" => element == 8 && refined(name),
+            "in f64" if *name == "VOVER_SQRT" => element == 8 && refined(name),
             of if of.contains(ESTIMATES) => element == 4 || refined(name),
             "in f32" => element == 4,
             "in f64" => element == 8,

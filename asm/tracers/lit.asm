@@ -39,7 +39,7 @@
 ; LIT_BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. v0 and v11 to v14 stay.
 %macro LIT_BODY_LIT 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
-    SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8, v9, v10
+    SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8
 %if %%edge
     LIT_KEEP 1
 %endif
@@ -51,7 +51,7 @@
 ; LIT_BODY_GREY - the same where red, green and blue are equal: in v1 alone.
 %macro LIT_BODY_GREY 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
-    SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8, v9, v10
+    SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8
 %if %%edge
     LIT_KEEP 1
 %endif
@@ -350,7 +350,7 @@ FUNC NAME(lit, %%output)
     lea     r10, [r9 + 2 * r9]
 align 16
 .packet:
-    SPHERE_LIT v1, v0, 1, v4, v5, v6, v7, v8, v9, v10
+    SPHERE_LIT v1, v0, 1, v4, v5, v6, v7, v8
     VMUL    v2, v1, LIT_green
     VMUL    v3, v1, LIT_blue
     VMUL    v1, v1, LIT_red

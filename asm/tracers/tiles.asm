@@ -1002,7 +1002,7 @@ align 16
 %define %%q %2          ; [clobbered] vreg
 %define %%t %3          ; [clobbered] vreg
 %if ESTIMATE
-    VRSQRT  %%t, %%q, %%t, %%t
+    VRSQRT  %%t, %%q
     VMUL    %%d, %%d, %%t
 %else
     VSQRT   %%q, %%q
