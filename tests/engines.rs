@@ -5,14 +5,10 @@ mod contenders;
 use std::fs;
 use std::path::Path;
 
-use contenders::{Contender, Truth, contenders, film};
-use glam::{DVec3, Vec3};
+use contenders::{Truth, contenders, film};
 use rayo::measure::picture::Pixels;
-use rayo::plan::Omission;
-use rayo::render::{
-    Engine, Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Precision, Purpose, Settings, level, read, render,
-};
-use rayo::scene::{self, Camera, Rng, Scene, many};
+use rayo::render::{Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
+use rayo::scene::{self, Camera, Scene, many};
 
 /// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
 const MOST_TESTS: u64 = 50_000_000;
@@ -325,71 +321,81 @@ fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_lev
     }
 }
 
-/// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies somewhere at its border, under a light at
-/// `gap` from its surface.
+/// A sphere alone under one light has a form of its own.
 #[cfg(rayo_asm)]
-fn lit_sphere(kappa: f64, gap: f64, rng: &mut Rng) -> Scene {
-    let mut number = |from: f64, to: f64| from + (to - from) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-    let film = 2.6 / (kappa * kappa - 1.0).sqrt();
-    let [x, y] = [film, film].map(|film| number(-0.3, 0.3) * film);
-    let centre = kappa * DVec3::new(x, y, 1.0).normalize();
-    // From the camera's side, a little behind the outline at most.
-    let towards = DVec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 0.3)).normalize();
-    let light = centre + (1.0 + gap) * towards;
-    Scene {
-        name: String::new(),
-        camera: Camera::new(53, 41, 1.0, film as f32).unwrap(),
-        lights: vec![scene::Light { intensity: 1.0, colour: Vec3::ONE, position: light.as_vec3() }],
-        spheres: vec![scene::Sphere { centre: centre.as_vec3(), radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.25) }],
-        triangles: Vec::new(),
-    }
-}
+mod short_form {
+    use glam::{DVec3, Vec3};
+    use rayo::plan::Omission;
+    use rayo::render::{Engine, Precision, Purpose};
+    use rayo::scene::{self, Camera, Rng, Scene};
 
-/// The bound of SPHERE_LIT, and that it is taken: without it a far sphere would take several times as long.
-#[cfg(rayo_asm)]
-#[test]
-fn a_sphere_alone_under_one_light_is_shaded_within_its_bound_from_any_distance() {
-    let mut rng = Rng::new(7);
-    let packets: Vec<_> = ["single", "fast", "double"].into_iter().flat_map(packets).collect();
-    let mut worst = 0.0_f64;
-    for case in 0..300 {
-        let kappa = 10f64.powf(0.2 + 4.8 * f64::from(case) / 300.0);
-        // The nearest of them is on either side of where the form is left.
-        let nearest = if case % 2 == 0 { 0.55 } else { 0.7 };
-        let gap = if case % 3 == 0 { kappa } else { nearest * 4f64.powi(case % 7) };
-        let scene = lit_sphere(kappa, gap, &mut rng);
-        let (sphere, light) = (scene.spheres[0], scene.lights[0]);
-        let (centre, at) = (sphere.centre.as_dvec3(), light.position.as_dvec3());
-        let distance = (at - centre).length();
-        let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
-        let loss = f64::max(terms / gap, (distance * distance - 1.0 + 2.0 * terms) / (gap * gap));
-        let truth = Truth::new(&scene);
-        let exact = Contender { engine: Engine::Reference, precision: Precision::Double }.floats(&scene);
-        for contender in &packets {
-            let what = format!("case {case}, {contender}, {kappa} radii, light at {gap}");
-            truth.check(contender, &what);
-            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-            let report = contender.engine.report(purpose, &scene, &scene.camera).unwrap();
-            let short = report.left_out.iter().any(|line| line.omission == Omission::Loop && line.count == 1);
-            assert_eq!(short, loss < 32.0, "{what}: a loss of {loss}");
-            if !short || contender.precision.name() != "single" {
-                continue;
-            }
-            for (i, (found, expected)) in contender.floats(&scene).into_iter().zip(&exact).enumerate() {
-                let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
-                let d = DVec3::from(scene.camera.grid::<f64>().ray(row, col));
-                let s = 1.0 - centre.cross(d).length_squared() / d.length_squared();
-                // Nearer to the outline either answer is right.
-                if s < 2e-6 {
-                    continue;
-                }
-                let bound = 2f64.powi(-24) * (1.0 + loss * (1.0 + 1.0 / s.sqrt()));
-                let error = f64::from((found[0] - expected[0]).abs());
-                assert!(error < bound, "{what}: {error} at {row}, {col}, where the bound is {bound}");
-                worst = worst.max(error / bound);
-            }
+    use super::contenders::{Contender, Truth};
+    use super::packets;
+
+    /// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies somewhere at its border, under a light at
+    /// `gap` from its surface.
+    fn lit_sphere(kappa: f64, gap: f64, rng: &mut Rng) -> Scene {
+        let mut number = |from: f64, to: f64| from + (to - from) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let film = 2.6 / (kappa * kappa - 1.0).sqrt();
+        let [x, y] = [film, film].map(|film| number(-0.3, 0.3) * film);
+        let centre = kappa * DVec3::new(x, y, 1.0).normalize();
+        // From the camera's side, a little behind the outline at most.
+        let towards = DVec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 0.3)).normalize();
+        let light = centre + (1.0 + gap) * towards;
+        Scene {
+            name: String::new(),
+            camera: Camera::new(53, 41, 1.0, film as f32).unwrap(),
+            lights: vec![scene::Light { intensity: 1.0, colour: Vec3::ONE, position: light.as_vec3() }],
+            spheres: vec![scene::Sphere { centre: centre.as_vec3(), radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.25) }],
+            triangles: Vec::new(),
         }
     }
-    println!("the worst share of the bound: {worst:.2}");
-    assert!(worst > 0.1, "it was not put to the test");
+
+    /// The bound of SPHERE_LIT, and that it is taken: without it a far sphere would take several times as long.
+    #[test]
+    fn a_sphere_alone_under_one_light_is_shaded_within_its_bound_from_any_distance() {
+        let mut rng = Rng::new(7);
+        let packets: Vec<_> = ["single", "fast", "double"].into_iter().flat_map(packets).collect();
+        let mut worst = 0.0_f64;
+        for case in 0..300 {
+            let kappa = 10f64.powf(0.2 + 4.8 * f64::from(case) / 300.0);
+            // The nearest of them is on either side of where the form is left.
+            let nearest = if case % 2 == 0 { 0.55 } else { 0.7 };
+            let gap = if case % 3 == 0 { kappa } else { nearest * 4f64.powi(case % 7) };
+            let scene = lit_sphere(kappa, gap, &mut rng);
+            let (sphere, light) = (scene.spheres[0], scene.lights[0]);
+            let (centre, at) = (sphere.centre.as_dvec3(), light.position.as_dvec3());
+            let distance = (at - centre).length();
+            let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
+            let loss = f64::max(terms / gap, (distance * distance - 1.0 + 2.0 * terms) / (gap * gap));
+            let truth = Truth::new(&scene);
+            let exact = Contender { engine: Engine::Reference, precision: Precision::Double }.floats(&scene);
+            for contender in &packets {
+                let what = format!("case {case}, {contender}, {kappa} radii, light at {gap}");
+                truth.check(contender, &what);
+                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+                let report = contender.engine.report(purpose, &scene, &scene.camera).unwrap();
+                let short = report.left_out.iter().any(|line| line.omission == Omission::Loop && line.count == 1);
+                assert_eq!(short, loss < 32.0, "{what}: a loss of {loss}");
+                if !short || contender.precision.name() != "single" {
+                    continue;
+                }
+                for (i, (found, expected)) in contender.floats(&scene).into_iter().zip(&exact).enumerate() {
+                    let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
+                    let d = DVec3::from(scene.camera.grid::<f64>().ray(row, col));
+                    let s = 1.0 - centre.cross(d).length_squared() / d.length_squared();
+                    // Nearer to the outline either answer is right.
+                    if s < 2e-6 {
+                        continue;
+                    }
+                    let bound = 2f64.powi(-24) * (1.0 + loss * (1.0 + 1.0 / s.sqrt()));
+                    let error = f64::from((found[0] - expected[0]).abs());
+                    assert!(error < bound, "{what}: {error} at {row}, {col}, where the bound is {bound}");
+                    worst = worst.max(error / bound);
+                }
+            }
+        }
+        println!("the worst share of the bound: {worst:.2}");
+        assert!(worst > 0.1, "it was not put to the test");
+    }
 }
