@@ -311,7 +311,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// Hands out the triangles that a tile may see, [`MOST_AT_ONCE`] at a time or fewer, by way of `room` if they are not in
+    /// Hands out the triangles that a tile may see, `MOST_AT_ONCE` at a time or fewer, by way of `room` if they are not in
     /// one list.
     pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
         let width = self.camera.width();
