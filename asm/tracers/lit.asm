@@ -136,7 +136,7 @@
 
 ; LIT_FILL - black from r10 up to an address where a packet may begin, or of bytes any pixel, and r10 there; nothing
 ;            where r10 is there or beyond. Black bytes are the same from any pixel on, so that they take whole
-;            registers.
+;            registers; past the cache, where no line is stored to in both ways, whole packets.
 %macro LIT_FILL 2
 %define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 %define %%to %2         ; [in]       general register

@@ -799,7 +799,7 @@ mod calls {
             window: &TileWindow,
             grid: &TileGrid,
         ) -> Result<(), Vec<Fault>> {
-            let Some((planes, task)) = Self::task(buffers, order, window, grid) else { return Ok(()) };
+            let (planes, task) = Self::task(buffers, order, window, grid).expect("objects that are set up");
             let args = [std::ptr::from_ref(planes) as u64, std::ptr::from_ref(&task) as u64, 0, 0, 0, 0];
             // SAFETY: as in call; these are the arguments of its signature.
             unsafe { checked::call(self.code as *const (), args) }

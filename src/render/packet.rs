@@ -31,12 +31,13 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     pixels * format.bytes() as u64 > most
 }
 
-/// Of each format that can be, whether its pictures are stored past the caches.
+/// Of each format, whether its pictures are stored past the caches.
 #[derive(Clone, Copy)]
 struct Streaming {
     f32x4: bool,
     f32x3: bool,
     rgba8: bool,
+    rgb8: bool,
 }
 
 impl Streaming {
@@ -46,6 +47,8 @@ impl Streaming {
             f32x4: streams(PixelFormat::F32x4),
             f32x3: streams(PixelFormat::F32x3),
             rgba8: streams(PixelFormat::Rgba8),
+            // Its packets are never aligned.
+            rgb8: false,
         }
     }
 
@@ -153,7 +156,7 @@ macro_rules! floats {
             }
 
             fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-                tracer.kernels.fill.$field(out, tracer.streaming.$field);
+                tracer.kernels.fill.$field(out, Self::streaming(tracer));
             }
 
             fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
@@ -181,12 +184,12 @@ macro_rules! floats {
 
 /// An output of bytes: there are estimates wherever they are good enough, and a clamp where it is needed.
 macro_rules! bytes {
-    ($pixel:ty, $field:ident, $dim:ident, $emit:ident, $streaming:expr) => {
+    ($pixel:ty, $field:ident, $dim:ident, $emit:ident) => {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Levels;
 
             fn streaming(tracer: &PacketTracer<E>) -> bool {
-                $streaming(tracer.streaming)
+                tracer.streaming.$field
             }
 
             fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
@@ -218,8 +221,8 @@ macro_rules! bytes {
 
 floats!(Vec4, f32x4, f32x4_fast, emit_f32x4);
 floats!(F32x3, f32x3, f32x3_fast, emit_f32x3);
-bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8, |streaming: Streaming| streaming.rgba8);
-bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8, |_| false);
+bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8);
+bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8);
 
 /// What full light is in a format.
 fn scale_of(format: PixelFormat) -> Scale {
