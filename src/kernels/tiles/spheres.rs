@@ -1,4 +1,4 @@
-//! The tile kernels of spheres: from centre and radius to planes, who is nearest, and what those look like that are seen.
+//! The tile kernels of spheres: from centre and radius to planes, and what those look like that are seen.
 
 use super::*;
 
