@@ -891,7 +891,11 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
             let brightest = balls.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
             let least = radii().fold(f32::MAX, f32::min);
             let coloured = balls.iter().any(|sphere| has_colour(sphere.colour));
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured }, "{what}");
+            let nearest = extremes.nearest;
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest }, "{what}");
+            // What is kept although it is behind the camera is not counted.
+            let nears = checked[..found].iter().map(|seen| seen.near);
+            assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             assert!(keep_all == (found == count) || count < 4, "{what}: {found}");
         }
     }
@@ -940,7 +944,11 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
             let (most, least) =
                 (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
             let coloured = facets.iter().any(|facet| has_colour(facet.colour));
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured }, "{what}");
+            let nearest = extremes.nearest;
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest }, "{what}");
+            // What is kept although it is behind the camera is not counted.
+            let nears = checked[..found].iter().map(|seen| seen.near);
+            assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             // Every corner's own pixel is within the bounds, and what is not seen has no pixel.
             let mut of = checked[..found].iter().peekable();
             for (id, facet) in (5..).zip(facets.iter()) {

@@ -11,7 +11,8 @@
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
 ;               r9 the next id, r10 seen, r11 packets to go, r15 the last facet
-;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits
+;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the bits in
+;               which channels differ, and after them the greatest of what 1/t cannot exceed
 ;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
 ;               all triangles together, for who judges the scene's numbers, those in BoundsFound
@@ -106,6 +107,13 @@
     VMOV_TO [SCRATCH], v%[%%s]
 %endmacro
 
+; NEARNESS - makes those after SCRATCH the greater of themselves and of what 1/t cannot exceed, as bits.
+%macro NEARNESS 1
+%define %%near %1       ; [clobbered] number of a register: f32, or 0
+    IOP     pmaxud, v%[%%near], v%[%%near], [SCRATCH + VBYTES]
+    VMOV_TO [SCRATCH + VBYTES], v%[%%near]
+%endmacro
+
 ; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
 ;                which END_BOUNDS comes back for the next one.
 %macro BEGIN_BOUNDS 4
@@ -125,6 +133,7 @@
     VMOV    v13, %%greatest
     VZERO   v14
     VMOV_TO [SCRATCH], v14
+    VMOV_TO [SCRATCH + VBYTES], v14
 .chunk:
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
@@ -153,6 +162,8 @@
     VSTORE  [r8 + BoundsFound.brightest], v14
     VMOV    v0, [SCRATCH]
     VSTORE  [r8 + BoundsFound.coloured], v0
+    VMOV    v0, [SCRATCH + VBYTES]
+    VSTORE  [r8 + BoundsFound.nearest], v0
     sub     r10, [rsi + BoundsTask.seen]
     shr     r10, 4                      ; Seen_size is 16
     mov     [r8 + BoundsFound.count], r10
@@ -241,6 +252,9 @@ FUNC ISA %+ _bounds
     MASK_GREATER v4, [PACKET(zeros)]
     MASK_KEEP v6
     MASK_KEEP v9
+    VMOV    v8, [r8 + Corners.near]
+    MASK_KEEP v8
+    NEARNESS 8
     VMOV_TO [r8 + Corners.columns], v6
     VMOV_TO [r8 + Corners.rows], v9
 

@@ -105,14 +105,13 @@
     ROUNDED_STORE %%out, TrianglePlanes.e%[%%n]y, 13
 %endmacro
 
-; WEIGHT - v<i> = the colour times what the light at r11 radiates, finite in f32 too. Clobbers v15.
+; WEIGHT - v<i> = the colour times what the light at r11 radiates. Clobbers v15.
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
 %define %%channel %2    ; [in]       red, green or blue
     WIDEN   v%[%%i], [r8 + Corners. %+ %%channel]
     VSPREAD v15, [r11 + 8 * TileLight. %+ %%channel]
     VMUL    v%[%%i], v%[%%i], v15
-    VMIN    v%[%%i], v%[%%i], [PACKET(largest)]
 %endmacro
 
 ; STORE_RECORDS - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
@@ -219,7 +218,6 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     DOT3    v11, v8, v9, v10, v3, v4, v5, v14
     VABS    v11, v11
     VMUL    v11, v11, v6
-    VMIN    v11, v11, [PACKET(largest)]
     WEIGHT  12, red
     WEIGHT  13, green
     WEIGHT  14, blue

@@ -4,7 +4,9 @@
 ;
 ;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of
 ;   its silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one,
-;   which no kernel traces, gets the whole picture and the largest f32 as what its 1/t cannot exceed.
+;   which no kernel traces, gets the whole picture and the largest f32 as what its 1/t cannot exceed. So does, but for the
+;   picture, one whose outline reaches so far to the side that its planes may lose digits, k > 2 (cz^2 - 1): it is for the
+;   plan to look at.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres to go, r8 spheres turned
 ;               round, r9 the next id, r10 seen, r11 packets to go, r15 the last sphere
@@ -80,6 +82,10 @@ FUNC ISA %+ _sphere_bounds
     VSELECT v9, v6
     KLOAD   v11, SphereView.height
     VSELECT v11, v8
+    VMUL    v0, v2, v2
+    VADD    v0, v0, v0
+    VSUB    v0, v0, [PACKET(ones)]      ; 2 m + 1, and k + 1 is c.c
+    MASK_AND_NOT_LESS v0, v4, v1
     VMOV    v3, [PACKET(largest)]
     VSELECT v3, v10
     MASK_GREATER v2, [PACKET(minus_ones)]
@@ -101,6 +107,8 @@ FUNC ISA %+ _sphere_bounds
     IOP     pslld, w11, w11, 16
     IOR     w7, w7, w11
     NARROW  3
+    VMOV    v0, v3
+    NEARNESS 0
     VSPREAD_INTEGER 2, r9
     VADD    v2, v2, [PACKET(natural)]
     LEVELS  2
@@ -111,4 +119,5 @@ FUNC ISA %+ _sphere_bounds
 %unmacro PIXELS_BETWEEN 3
 %unmacro BEGIN_BOUNDS 4
 %unmacro COLOURED 3
+%unmacro NEARNESS 1
 %unmacro END_BOUNDS 0

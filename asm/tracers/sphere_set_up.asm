@@ -343,7 +343,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VSQRT   %%d, %%d
 %endmacro
 
-; SPHERE_WEIGHT - d = what the light at r11 radiates times the colour in white, finite in f32 too. Clobbers v5.
+; SPHERE_WEIGHT - d = what the light at r11 radiates times the colour in white. Clobbers v5.
 %macro SPHERE_WEIGHT 3
 %define %%d %1          ; [out]      vreg
 %define %%channel %2    ; [in]       red, green or blue
@@ -352,7 +352,6 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VMUL    %%d, %%d, %%white
     VSPREAD v5, [r11 + 8 * TileLight. %+ %%channel]
     VMUL    %%d, %%d, v5
-    VMIN    %%d, %%d, [PACKET(largest)]
 %endmacro
 
 ; SPHERE_LOOKS - a function that writes records whose elements have `out` bytes.
@@ -437,6 +436,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     VDIV    v6, v6, v7
     VMAX    v5, v5, v6
     MASK_GREATER v8, [PACKET(quarters)]
+    MASK_AND_LESS v8, [PACKET(short_far)], v7
     VMOV    v6, [PACKET(loss)]
     MASK_AND_GREATER v6, v5, v7
     VMOV    v6, W(short)

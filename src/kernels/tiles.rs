@@ -230,6 +230,7 @@ mod calls {
         pub(in crate::kernels) least: [u32; MOST_LANES],
         pub(in crate::kernels) brightest: [u32; MOST_LANES],
         pub(in crate::kernels) coloured: [u32; MOST_LANES],
+        pub(in crate::kernels) nearest: [u32; MOST_LANES],
         pub(in crate::kernels) count: u64,
     }
 
@@ -244,6 +245,8 @@ mod calls {
         pub brightest: f32,
         /// Whether red, green and blue differ in any bit of some colour.
         pub coloured: bool,
+        /// The greatest [`Seen::near`] of those in front of the camera.
+        pub nearest: f32,
     }
 
     impl Extremes {
@@ -255,6 +258,7 @@ mod calls {
                 least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
                 brightest: most(self.brightest, other.brightest),
                 coloured: self.coloured | other.coloured,
+                nearest: most(self.nearest, other.nearest),
             }
         }
     }
@@ -631,6 +635,7 @@ mod calls {
             least: [u32::MAX; MOST_LANES],
             brightest: [0; MOST_LANES],
             coloured: [0; MOST_LANES],
+            nearest: [0; MOST_LANES],
             count: 0,
         };
 
@@ -638,7 +643,13 @@ mod calls {
             let most = |of: &[u32]| f32::from_bits(of.iter().fold(0, |a, b| a.max(*b)));
             let least = f32::from_bits(self.least.iter().fold(u32::MAX, |a, b| a.min(*b)));
             let coloured = self.coloured.iter().any(|bits| *bits != 0);
-            Extremes { most: most(&self.most), least, brightest: most(&self.brightest), coloured }
+            Extremes {
+                most: most(&self.most),
+                least,
+                brightest: most(&self.brightest),
+                coloured,
+                nearest: most(&self.nearest),
+            }
         }
     }
 

@@ -24,8 +24,6 @@ pub struct LightOn<'a> {
     seen: DVec3,
     /// For triangles: the height above its plane, in units of its size.
     height: f64,
-    /// No weight is larger, so that the sum over all lights is finite in f32 too.
-    brightest: f64,
     /// Whether any point that the camera sees reflects some of it.
     pub reaches: bool,
 }
@@ -42,18 +40,11 @@ pub fn is_dark(light: &Light) -> bool {
 
 impl<'a> LightOn<'a> {
     /// On a sphere about `centre`, in units of its radius and seen from `centre`: `to_light` is, too, and `seen` is from
-    /// where its records see it. There are so many `lights` in all.
+    /// where its records see it.
     ///
     /// Only points n with n . l > 1 are lit. Those of the far wall, which a camera inside sees, are in any direction;
     /// those of the near wall are about -c, at angles of which the cosine is 1 / |c| or more.
-    pub fn on_sphere(
-        centre: DVec3,
-        to_light: DVec3,
-        seen: DVec3,
-        colour: DVec3,
-        light: &'a Light,
-        lights: usize,
-    ) -> Self {
+    pub fn on_sphere(centre: DVec3, to_light: DVec3, seen: DVec3, colour: DVec3, light: &'a Light) -> Self {
         let (distance, camera) = (to_light.length(), centre.length());
         let brightest = if camera <= 1.0 || distance == 0.0 {
             distance
@@ -64,15 +55,15 @@ impl<'a> LightOn<'a> {
         // What is not known to be dark is lit: a NaN too.
         let dark = brightest - 1.0 < -MARGIN * (1.0 + distance);
         let reflects = Scale::Linear.weights(light, colour).max_element() > 0.0;
-        LightOn { light, to_light, seen, height: 0.0, brightest: brightest_of(lights), reaches: reflects && !dark }
+        LightOn { light, to_light, seen, height: 0.0, reaches: reflects && !dark }
     }
 
     /// On a triangle above whose plane the light is at `height`, `seen` from where its records see it: its two sides are
     /// lit alike, from everywhere but its own plane.
-    pub fn on_triangle<E: Element>(height: f64, seen: DVec3, colour: DVec3, light: &'a Light, lights: usize) -> Self {
+    pub fn on_triangle<E: Element>(height: f64, seen: DVec3, colour: DVec3, light: &'a Light) -> Self {
         let reflects = Scale::Linear.weights(light, colour).max_element() > 0.0;
         let reaches = reflects && E::from_f64(near(seen) * height) != E::ZERO;
-        LightOn { light, to_light: seen, seen, height, brightest: brightest_of(lights), reaches }
+        LightOn { light, to_light: seen, seen, height, reaches }
     }
 
     /// Whether it has no intensity or no colour.
@@ -87,7 +78,7 @@ impl<'a> LightOn<'a> {
 
     /// I_L C in a scale.
     pub fn weights(&self, scale: Scale, colour: DVec3) -> DVec3 {
-        scale.weights(self.light, colour).min(DVec3::splat(self.brightest))
+        scale.weights(self.light, colour)
     }
 
     /// As kernels read it.
@@ -104,8 +95,9 @@ fn near(seen: DVec3) -> f64 {
     FAR_LIGHT / seen.abs().max_element().max(FAR_LIGHT)
 }
 
-fn brightest_of(lights: usize) -> f64 {
-    f64::from(f32::MAX) / (lights + 1) as f64
+/// Whether f32 holds the light of so many on one object, in levels too, with room for what its sum is rounded to.
+pub fn is_in_f32(light: DVec3) -> bool {
+    light.max_element() <= f64::from(f32::MAX) / 512.0
 }
 
 impl Scale {
@@ -144,7 +136,7 @@ mod tests {
             (1e6 * dvec3(0.48, 0.0, 0.877), false),
             (dvec3(f64::NAN, 0.0, 0.0), true),
         ] {
-            let on = LightOn::on_sphere(centre, light, light, WHITE, &white, 1);
+            let on = LightOn::on_sphere(centre, light, light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -155,7 +147,7 @@ mod tests {
         for (light, reaches) in
             [(dvec3(0.0, 0.0, 0.9), false), (dvec3(0.0, 3.0, 0.0), true), (dvec3(0.0, 0.0, -3.0), true)]
         {
-            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, light, WHITE, &white, 1);
+            let on = LightOn::on_sphere(dvec3(0.0, 0.0, 0.5), light, light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -166,7 +158,7 @@ mod tests {
         for (light, reaches) in
             [(dvec3(1.0, 2.0, 3.0), true), (dvec3(1.0, 2.0, -3.0), true), (dvec3(1.0, 2.0, 0.0), false)]
         {
-            let on = LightOn::on_triangle::<f32>(light.z.abs(), light, WHITE, &white, 1);
+            let on = LightOn::on_triangle::<f32>(light.z.abs(), light, WHITE, &white);
             assert_eq!(on.reaches, reaches, "{light}");
         }
     }
@@ -181,8 +173,8 @@ mod tests {
         ] {
             let towards = dvec3(0.0, 0.0, -9.0);
             let light = lamp(light);
-            assert_eq!(LightOn::on_sphere(2.0 * DVec3::Z, towards, towards, colour, &light, 1).reaches, reaches);
-            assert_eq!(LightOn::on_triangle::<f32>(9.0, towards, colour, &light, 1).reaches, reaches);
+            assert_eq!(LightOn::on_sphere(2.0 * DVec3::Z, towards, towards, colour, &light).reaches, reaches);
+            assert_eq!(LightOn::on_triangle::<f32>(9.0, towards, colour, &light).reaches, reaches);
         }
     }
 }

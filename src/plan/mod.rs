@@ -19,4 +19,4 @@ pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, 
 #[cfg(rayo_asm)]
 pub use tile_report::TileSurvey;
 #[cfg(rayo_asm)]
-pub use tiles::{TilePlace, Tiles, Weighted, is_moderate, objects_are_many, tiles_pay};
+pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};

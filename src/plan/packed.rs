@@ -25,7 +25,7 @@ impl Packed {
         let lights = scene
             .lights
             .iter()
-            .map(|light| Light { position: light.position.into(), radiance: light.radiance().as_vec3().into() });
+            .map(|light| Light { position: light.position.into(), radiance: light.radiance_in_f32().into() });
         let spheres = scene.spheres.iter().map(|sphere| Sphere {
             centre: sphere.centre.into(),
             colour: sphere.colour.into(),

@@ -85,13 +85,22 @@ impl Scale {
 /// An object that some row of the picture may see.
 struct Object {
     source: scene::Object,
-    rows: Range<u32>,
-    /// Whether f32 holds the numbers of its records.
+    rows: Rows,
+    /// Whether f32 holds the numbers of its records and its light.
     fits: bool,
     shape: Shape,
     /// Its lights' place in the lists.
     lits: Range<usize>,
     shading: Shading,
+}
+
+/// Rows of the picture.
+#[derive(Clone)]
+struct Rows {
+    /// Those that may see an object.
+    seeing: Range<u32>,
+    /// Those in which it is looked for.
+    traced: Range<u32>,
 }
 
 /// What the shading of an object may leave out.
@@ -246,14 +255,9 @@ impl<E: Element> Spans<E> {
     /// Plans `scene` for `camera`: for the output of `scale`, or for any (None). What is in `keep` is not left out.
     pub fn new(scene: &Scene, camera: &Camera, scale: Option<Scale>, keep: Keep) -> Self {
         // Rays of about length 1 keep their squares within the range of f32. The factor is exact.
-        let Grid { step, half_width, half_height, focal } = camera.grid::<f64>();
-        let unit = 1.0 / power_of_two(focal.max(half_width).max(half_height));
-        let grid = Grid {
-            step: unit * step,
-            half_width: unit * half_width,
-            half_height: unit * half_height,
-            focal: unit * focal,
-        };
+        let grid = camera.grid::<f64>();
+        let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
+        let grid = grid.scaled(unit);
         let mut spans = Spans {
             camera: *camera,
             grid,
@@ -287,7 +291,9 @@ impl<E: Element> Spans<E> {
     /// Depths are compared with each other alone: a power of two brings the nearest one's to about 1. What is then beyond
     /// f32 is noted, with what is so in itself.
     fn compare_depths(&mut self) {
-        let nears = self.objects.iter_mut().filter_map(|object| object.shape.near());
+        // What is never seen and only here because it is kept has no say.
+        let seen = self.objects.iter_mut().filter(|object| !object.rows.seeing.is_empty());
+        let nears = seen.filter_map(|object| object.shape.near());
         let nearest = nears.fold(f64::MIN_POSITIVE, |nearest, near| nearest.max(*near)).min(f64::MAX);
         self.depth_unit = power_of_two(nearest);
         let deep = self.grid.focal * SQUARED > 1.0;
@@ -297,7 +303,7 @@ impl<E: Element> Spans<E> {
             object.fits &= *near * LINEAR > 1.0 && deep;
         }
         let wide = self.objects.iter().filter(|object| !object.fits);
-        self.wide = wide.map(|object| object.rows.clone()).collect();
+        self.wide = wide.map(|object| object.rows.seeing.clone()).filter(|rows| !rows.is_empty()).collect();
     }
 
     /// Notes an omission; gives whether it is made.
@@ -307,13 +313,14 @@ impl<E: Element> Spans<E> {
     }
 
     /// The rows of an object of which `seen` is what is known, None if it is to be left out.
-    fn rows_kept(&mut self, seen: Result<Range<u32>, Omission>) -> Option<Range<u32>> {
-        let rows = match seen {
+    fn rows_kept(&mut self, seen: Result<Range<u32>, Omission>) -> Option<Rows> {
+        let seeing = match seen {
             Ok(rows) => rows,
             Err(why) if self.leave_out(why, 1) => return None,
             Err(_) => 0..0,
         };
-        Some(if self.keep.has(Omission::Misses) { 0..self.camera.height() } else { rows })
+        let traced = if self.keep.has(Omission::Misses) { 0..self.camera.height() } else { seeing.clone() };
+        Some(Rows { seeing, traced })
     }
 
     fn push_sphere<'a>(
@@ -333,7 +340,7 @@ impl<E: Element> Spans<E> {
             let at = light.position.as_dvec3();
             let to_light = (at - centre) / radius;
             let seen = if shape.k < NEAR { at / radius } else { to_light };
-            LightOn::on_sphere(shape.centre, to_light, seen, colour, light, lights.len())
+            LightOn::on_sphere(shape.centre, to_light, seen, colour, light)
         }));
         let mut reaching = on.iter().filter(|light| light.reaches);
         if let (Some(one), None) = (reaching.next(), reaching.next())
@@ -366,7 +373,7 @@ impl<E: Element> Spans<E> {
                 on.extend(lights.iter().map(|light| {
                     let at = light.position.as_dvec3();
                     let height = normal.dot(at - vertices[0]).abs() / shape.size;
-                    LightOn::on_triangle::<E>(height, (at - shape.origin) / shape.size, colour, light, lights.len())
+                    LightOn::on_triangle::<E>(height, (at - shape.origin) / shape.size, colour, light)
                 }));
                 let fits = shape.fits(&vertices);
                 (Shape::Triangle(shape), fits)
@@ -380,7 +387,7 @@ impl<E: Element> Spans<E> {
     /// whatever others are kept.
     fn push(
         &mut self,
-        (source, fits, rows): (scene::Object, bool, Range<u32>),
+        (source, fits, rows): (scene::Object, bool, Rows),
         shape: Shape,
         colour: DVec3,
         short: bool,
@@ -388,7 +395,10 @@ impl<E: Element> Spans<E> {
         scales: &[Scale],
     ) {
         let reaching = || on.iter().filter(|light| light.reaches);
-        let light: DVec3 = reaching().map(|light| light.weights(Scale::Linear, colour)).sum();
+        let weights = |light: &LightOn<'_>| light.weights(Scale::Linear, colour);
+        let light: DVec3 = reaching().map(weights).sum();
+        // Those that do not reach it may be kept.
+        let fits = fits && light::is_in_f32(on.iter().map(weights).sum());
         let idle = on.iter().filter(|light| !light.reaches && !light.is_dark()).count();
         self.leave_out(Omission::IdleLights, idle);
         let lit = reaching().next().is_some();
@@ -442,12 +452,12 @@ impl<E: Element> Spans<E> {
     /// Each row with the objects that it may see, in the scene's order.
     pub fn rows_and_objects(&self) -> impl Iterator<Item = (u32, Vec<usize>)> {
         let mut to_come: Vec<usize> = (0..self.objects.len()).collect();
-        to_come.sort_by_key(|object| std::cmp::Reverse(self.objects[*object].rows.start));
+        to_come.sort_by_key(|object| std::cmp::Reverse(self.objects[*object].rows.traced.start));
         let mut seen: Vec<usize> = Vec::new();
         (0..self.camera.height()).map(move |row| {
-            seen.retain(|object| row < self.objects[*object].rows.end);
+            seen.retain(|object| row < self.objects[*object].rows.traced.end);
             let before = seen.len();
-            while let Some(object) = to_come.pop_if(|object| self.objects[*object].rows.start <= row) {
+            while let Some(object) = to_come.pop_if(|object| self.objects[*object].rows.traced.start <= row) {
                 seen.push(object);
             }
             if seen.len() > before {
@@ -459,7 +469,7 @@ impl<E: Element> Spans<E> {
 
     /// The objects that some of `rows` may see, in the scene's order.
     pub fn seen_in(&self, rows: &Range<u32>) -> Vec<usize> {
-        let meets = |object: &Object| object.rows.start < rows.end && rows.start < object.rows.end;
+        let meets = |object: &Object| object.rows.traced.start < rows.end && rows.start < object.rows.traced.end;
         (0..self.objects.len()).filter(|i| meets(&self.objects[*i])).collect()
     }
 
@@ -541,7 +551,7 @@ impl<E: Element> Spans<E> {
     #[inline]
     pub fn row(&self, object: usize, row: u32) -> Option<RowSpan> {
         let Object { rows, shape, .. } = &self.objects[object];
-        if !rows.contains(&row) {
+        if !rows.traced.contains(&row) {
             return None;
         }
         let width = self.camera.width();

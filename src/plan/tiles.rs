@@ -6,13 +6,15 @@
 
 mod bins;
 mod bounds;
+mod forms;
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use self::bins::Bins;
+use self::bins::{Bins, tiles_of};
 use self::bounds::{Picture, Planning, Widening, bounds_view, sphere_view};
+use self::forms::Forms;
 use super::light;
 use super::omission::{Keep, Omission};
 use super::tile_report::Frustum;
@@ -45,40 +47,20 @@ const LONGEST_SIDE: u32 = u16::MAX as u32;
 /// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
 pub(super) const FEWEST_OBJECTS: usize = 32;
 
-/// Lengths between its inverse and this have squares and products that f32 holds.
-const MODERATE: f32 = (1u64 << 60) as f32;
-
-/// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects, and none whose numbers the
-/// spans may have to leave to f64.
+/// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects.
 pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
-    objects_are_many(scene, camera) && is_moderate(scene)
-}
-
-/// Whether tiles pay for so many objects, if their numbers are moderate: see [`is_moderate`].
-pub fn objects_are_many(scene: &Scene, camera: &Camera) -> bool {
     (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
         && camera.width().max(camera.height()) <= LONGEST_SIDE
-}
-
-/// Whether f32 holds squares and products of all lengths in a scene.
-pub fn is_moderate(scene: &Scene) -> bool {
-    let triangle = |t: &Triangle| {
-        let [one, other, third] = t.vertices.map(glam::Vec3::abs);
-        is_moderate_size(one.max(other).max(third).max_element())
-    };
-    let sphere = |s: &Sphere| is_moderate_size(s.radius) && s.centre.abs().max_element() < MODERATE;
-    scene.spheres.iter().all(sphere) && scene.triangles.iter().all(triangle)
-}
-
-fn is_moderate_size(size: f32) -> bool {
-    (1.0 / MODERATE..MODERATE).contains(&size)
 }
 
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
     camera: Camera,
+    /// The camera's, times `unit`.
     grid: Grid<f64>,
+    /// A power of two that makes the longest sides of the grid about 1.
+    unit: f64,
     /// A power of two that brings 1/t to size.
     scale: f64,
     keep: Keep,
@@ -90,6 +72,8 @@ pub struct Tiles<'a, E> {
     levels: Weighted,
     sphere_bins: Vec<Bins>,
     triangle_bins: Vec<Bins>,
+    /// The tiles, row by row, that have an object whose numbers are beyond f32, if there are any.
+    wide: Vec<bool>,
     /// Of all objects; None where there are none.
     extremes: Option<Extremes>,
 }
@@ -124,12 +108,15 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// Plans `scene` for `camera` on so many threads, by kernels that find bounds, without the omissions in `keep`.
     pub fn new(scene: &'a Scene, camera: &Camera, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let grid = camera.grid::<f64>();
+        let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
+        let grid = grid.scaled(unit);
         let extent = extent(scene);
         let scale = power_of_two(extent / grid.focal);
-        let far = if size_of::<E>() == 4 { 1e10 } else { 1e100 };
+        let in_f32 = size_of::<E>() == 4;
+        let (far, far_in_radii) = if in_f32 { (extent * forms::FAR, forms::FAR_IN_RADII) } else { (f64::MAX, 1e30) };
         // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
         let lights = light::lights(scene, Keep::NOTHING);
-        let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far * extent)).collect();
+        let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
         let points = positions.iter().map(|l| *l / scale);
         let points = points.map(|l| [l.x, l.y, l.z, 0.0].map(E::from_f64)).collect();
         let light = |DVec3 { x, y, z }: DVec3, radiance: DVec3| TileLight {
@@ -143,20 +130,25 @@ impl<'a, E: Element> Tiles<'a, E> {
         let picture = Picture { width: camera.width(), height: camera.height() };
         let weighted = |white: f64, bytes: bool| Weighted {
             lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
-            spheres: sphere_view(&grid, scale, picture, far, white),
+            spheres: sphere_view(&grid, scale, picture, far_in_radii, white),
             bytes,
         };
+        let (linear, levels) = (weighted(1.0, false), weighted(255.0, true));
+        let forms = Forms::new(grid, scale, &lights, far);
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
         // No object is in so few tiles where each is to be in all.
         let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
         let spheres = Planning {
             kernel: &kernels.sphere_bounds,
-            view: sphere_view(&grid, scale, picture, far, 1.0),
+            view: sphere_view(&grid, scale, picture, far_in_radii, 1.0),
             picture,
             widening: &widening,
             unseen: Frustum::unseen_sphere,
+            surely_narrow: &|extremes| forms.surely_narrow_spheres(extremes),
+            form: &|sphere, seen| forms.of_sphere(sphere, seen),
             most_tiles: most_tiles(MOST_TILES_OF_A_SPHERE),
             most_sorted: MOST_SORTED,
+            in_f32,
         };
         let triangles = Planning {
             kernel: &kernels.bounds,
@@ -164,36 +156,53 @@ impl<'a, E: Element> Tiles<'a, E> {
             picture,
             widening: &widening,
             unseen: Frustum::unseen_triangle,
+            surely_narrow: &|extremes| forms.surely_narrow_triangles(extremes),
+            form: &|triangle, seen| forms.of_triangle(triangle, seen),
             most_tiles: most_tiles(MOST_TILES),
             most_sorted: 0,
+            in_f32,
         };
-        let (sphere_bins, of_spheres) = spheres.plan(&scene.spheres, threads);
-        let (triangle_bins, of_triangles) = triangles.plan(&scene.triangles, threads);
+        let (of_spheres, of_triangles) =
+            (spheres.plan(&scene.spheres, threads), triangles.plan(&scene.triangles, threads));
+        let wide = [of_spheres.wide, of_triangles.wide].concat();
+        let wide = if !wide.is_empty() { tiles_of(&wide, picture) } else { Vec::new() };
         Tiles {
             scene,
             camera: *camera,
             grid,
+            unit,
             scale,
             keep,
             points,
             sphere_lights: lights.iter().map(|of| light(of.position.as_dvec3(), of.radiance())).collect(),
-            linear: weighted(1.0, false),
-            levels: weighted(255.0, true),
-            sphere_bins,
-            triangle_bins,
-            extremes: of_spheres.into_iter().chain(of_triangles).reduce(Extremes::and),
+            linear,
+            levels,
+            sphere_bins: of_spheres.bins,
+            triangle_bins: of_triangles.bins,
+            wide,
+            extremes: of_spheres.extremes.into_iter().chain(of_triangles.extremes).reduce(Extremes::and),
         }
     }
 
-    /// Whether planning has seen that the scene is valid as far as its objects go, and [moderate](is_moderate). Where it
-    /// has not, the scene may yet be both.
-    pub fn is_plain(&self) -> bool {
-        let plain = |extremes: Extremes| {
-            let Extremes { most, least, brightest, coloured: _ } = extremes;
+    /// Whether planning has seen that the scene is valid as far as its objects go. Where it has not, it may be yet.
+    pub fn is_valid(&self) -> bool {
+        let valid = |extremes: Extremes| {
+            let Extremes { most, least, brightest, .. } = extremes;
             // As bits, -0 is more than all that is not negative: nothing is known of the others then.
-            is_moderate_size(most) && is_moderate_size(least) && brightest.is_sign_positive() && brightest.is_finite()
+            most.is_finite() && least > 0.0 && brightest.is_sign_positive() && brightest.is_finite()
         };
-        self.extremes.is_none_or(plain)
+        self.extremes.is_none_or(valid)
+    }
+
+    /// Whether any tile has an object whose numbers are beyond f32.
+    pub fn any_wide(&self) -> bool {
+        !self.wide.is_empty()
+    }
+
+    /// Whether this one has: all of it is to be traced in f64.
+    pub fn is_wide(&self, tile: TilePlace) -> bool {
+        let [across, _] = self.tiles();
+        self.any_wide() && self.wide[(tile.down * across + tile.across) as usize]
     }
 
     /// Whether red, green and blue of every object and of every light are equal, and two of them are left out.
@@ -292,12 +301,22 @@ impl<'a, E: Element> Tiles<'a, E> {
         [self.camera.width().div_ceil(TILE_WIDTH as u32), self.camera.height().div_ceil(TILE_HEIGHT as u32)]
     }
 
-    /// A power of two: the tile's 1/t is this over t.
+    /// A power of two: the tile's 1/t is this over t, along the rays of [`Tiles::ray`].
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The grid of rays.
+    /// The same along the camera's rays.
+    pub fn inverse_unit(&self) -> f64 {
+        self.scale * self.unit
+    }
+
+    /// The ray through a pixel: the camera's, times a power of two.
+    pub fn ray(&self, row: u32, column: u32) -> DVec3 {
+        self.grid.ray(row, column).into()
+    }
+
+    /// The grid of these rays.
     pub fn grid(&self) -> TileGrid {
         let Grid { step, half_width, half_height, focal } = self.grid;
         TileGrid { step, half_width, half_height, focal }
@@ -344,7 +363,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// A tile's rays, for set-up and for shading.
     pub fn view(&self, tile: TilePlace) -> (TileView<f64>, TileRays<E>) {
         let (column, row) = tile.first();
-        let [dx, dy, dz] = self.grid.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
+        let DVec3 { x: dx, y: dy, z: dz } = self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
         let Grid { step, half_width, half_height, focal } = self.grid;
         // Of edges in the tile's elements, from the origin: three roundings of each constant and product, and some more
         // for safety. Of what set-up and the reference round in f64: a few units of the largest d there is.
@@ -367,14 +386,17 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 }
 
-/// The size of a scene: about that of its farthest coordinate, found among a sample.
+/// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust
+/// makes no other object's numbers large or small.
 fn extent(scene: &Scene) -> f64 {
     let stride = scene.triangles.len() / 1024 + 1;
     let corners = scene.triangles.iter().step_by(stride).flat_map(|triangle| triangle.vertices);
     let stride = scene.spheres.len() / 1024 + 1;
     let centres = scene.spheres.iter().step_by(stride).map(|sphere| sphere.centre);
-    let extent = corners.chain(centres).map(|v| f64::from(v.abs().max_element())).fold(0.0, f64::max);
-    if extent > 0.0 && extent.is_finite() { extent } else { 1.0 }
+    let sizes = corners.chain(centres).map(|v| v.abs().max_element());
+    let mut sizes: Vec<f32> = sizes.filter(|size| *size > 0.0 && size.is_finite()).collect();
+    let middle = sizes.len() / 2;
+    if sizes.is_empty() { 1.0 } else { (*sizes.select_nth_unstable_by(middle, f32::total_cmp).1).into() }
 }
 
 /// What a light radiates.

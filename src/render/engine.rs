@@ -15,7 +15,7 @@ use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
 use crate::kernels::{self, Element, Isa, PacketKernels};
 #[cfg(rayo_asm)]
-use crate::plan::{self, Tiles};
+use crate::plan;
 use crate::plan::{Keep, Omission, Report, Scale, Spans};
 use crate::scene::{Camera, InvalidScene, Scene};
 
@@ -192,20 +192,17 @@ impl Engine {
         // Asked for in vain it is an error, whatever the engine.
         self.precision_for(purpose)?;
         #[cfg(rayo_asm)]
-        if let (Engine::Packet(isa), true) = (self, plan::objects_are_many(scene, camera)) {
+        if let (Engine::Packet(isa), true) = (self, plan::tiles_pay(scene, camera)) {
             let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
             let precision = self.precision_for(purpose)?;
             scene.check_lights()?;
-            // Set-up reads every object, and so sees for nothing whether they have numbers that tiles can take.
+            // Set-up reads every object, and so sees for nothing whether they have numbers that a scene may have.
             let planning = (purpose.keep, purpose.threads);
-            let (tracer, plain) = with_tiles(kernels, precision, scene, camera, planning, AnyTracer);
-            if plain {
-                return Ok(tracer);
+            let (tracer, valid) = with_tiles(kernels, precision, scene, camera, planning, AnyTracer);
+            if !valid {
+                scene.check()?;
             }
-            scene.check()?;
-            if plan::is_moderate(scene) {
-                return Ok(tracer);
-            }
+            return Ok(tracer);
         }
         scene.check()?;
         Ok(match self {
@@ -257,7 +254,7 @@ trait UseTiles<'a> {
     fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result;
 }
 
-/// Hands it out, and whether its plan is [plain](plan::Tiles::is_plain).
+/// Hands it out, and whether its plan is of a scene that is [valid](plan::Tiles::is_valid).
 #[cfg(rayo_asm)]
 struct AnyTracer;
 
@@ -265,8 +262,8 @@ struct AnyTracer;
 impl<'a> UseTiles<'a> for AnyTracer {
     type Result = (Box<dyn Tracer + 'a>, bool);
     fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result {
-        let plain = tracer.is_plain();
-        (Box::new(tracer), plain)
+        let valid = tracer.is_valid();
+        (Box::new(tracer), valid)
     }
 }
 
@@ -290,18 +287,12 @@ fn with_tiles<'a, U: UseTiles<'a>>(
     precision: Precision,
     scene: &'a Scene,
     camera: &Camera,
-    (keep, threads): (Keep, usize),
+    planning: (Keep, usize),
     user: U,
 ) -> U::Result {
     match precision {
-        Precision::Double => {
-            let plan = Tiles::new(scene, camera, kernels, keep, threads);
-            user.of(TileTracer::new(kernels, &kernels.double, false, plan))
-        }
-        _ => {
-            let plan = Tiles::new(scene, camera, kernels, keep, threads);
-            user.of(TileTracer::new(kernels, &kernels.single, precision == Precision::Fast, plan))
-        }
+        Precision::Double => user.of(TileTracer::double(kernels, scene, camera, planning)),
+        _ => user.of(TileTracer::single(kernels, precision == Precision::Fast, scene, camera, planning)),
     }
 }
 

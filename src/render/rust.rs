@@ -88,7 +88,7 @@ impl RustTracer {
         let lights = scene
             .lights
             .iter()
-            .map(|light| Light { position: light.position.into(), radiance: light.radiance().as_vec3().into() });
+            .map(|light| Light { position: light.position.into(), radiance: light.radiance_in_f32().into() });
         let spheres = scene.spheres.iter().map(|sphere| {
             let radius = f64::from(sphere.radius);
             let constant = geometry::power(sphere.centre.as_dvec3(), radius);

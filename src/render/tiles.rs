@@ -14,9 +14,9 @@ use crate::kernels::{
     CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use crate::plan::{Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
+use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
-use crate::scene::Object;
+use crate::scene::{Camera, Object, Scene};
 
 /// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
@@ -37,22 +37,48 @@ pub struct TileTracer<'a, E: 'static> {
     plan: Tiles<'a, E>,
     /// The records of all spheres, if they are few, in linear floats and in levels.
     records: [OnceLock<SphereRecords<E>>; 2],
+    /// For the tiles that have an object whose numbers are beyond f32.
+    wide: Option<Box<TileTracer<'a, f64>>>,
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Traces what is planned for the kernels; `kernels` are theirs for one element type.
-    pub fn new(
+    /// Plans `scene` for kernels, of which `kernels` are those for one element type; see [`Tiles::new`].
+    fn planned(
         packets: &'static PacketKernels,
         kernels: &'static SpanKernels<E>,
-        fast: bool,
-        plan: Tiles<'a, E>,
+        scene: &'a Scene,
+        camera: &Camera,
+        (keep, threads): (Keep, usize),
     ) -> Self {
-        TileTracer { packets, kernels, fast, plan, records: Default::default() }
+        let plan = Tiles::new(scene, camera, packets, keep, threads);
+        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None }
     }
 
-    /// See [`Tiles::is_plain`].
-    pub fn is_plain(&self) -> bool {
-        self.plan.is_plain()
+    /// See [`Tiles::is_valid`].
+    pub fn is_valid(&self) -> bool {
+        self.plan.is_valid()
+    }
+}
+
+impl<'a> TileTracer<'a, f32> {
+    /// Plans `scene` for the kernels in f32, with estimates where `fast`; the other arguments are those of [`Tiles::new`].
+    pub fn single(
+        packets: &'static PacketKernels,
+        fast: bool,
+        scene: &'a Scene,
+        camera: &Camera,
+        planning: (Keep, usize),
+    ) -> Self {
+        let tracer = Self::planned(packets, &packets.single, scene, camera, planning);
+        let wide = || Box::new(TileTracer::double(packets, scene, camera, planning));
+        TileTracer { fast, wide: tracer.plan.any_wide().then(wide), ..tracer }
+    }
+}
+
+impl<'a> TileTracer<'a, f64> {
+    /// Plans `scene` for the kernels in f64.
+    pub fn double(packets: &'static PacketKernels, scene: &'a Scene, camera: &Camera, planning: (Keep, usize)) -> Self {
+        Self::planned(packets, &packets.double, scene, camera, planning)
     }
 }
 
@@ -153,21 +179,47 @@ struct SphereLooks<E> {
 type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
+    fn trace<P: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P]) {
         let width = self.plan.camera().width() as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let mut scratch = Scratch::default();
+        let (mut scratch, mut wide_scratch) = (Scratch::default(), None);
         self.each_tile(rows.clone(), |tile, window| {
             let first = (window.row + window.rows.start - rows.start) as usize * width + window.column as usize;
-            self.trace_tile(tile, window, TileOut { pixels: &mut *out, first, width }, &mut scratch);
+            let out = TileOut { pixels: &mut *out, first, width };
+            match &self.wide {
+                Some(wide) if self.plan.is_wide(tile) => {
+                    wide.trace_tile(tile, window, out, wide_scratch.get_or_insert_default());
+                }
+                _ => self.trace_tile(tile, window, out, &mut scratch),
+            }
         });
     }
 
-    /// Says of all tiles of `rows` that have something in them who is nearest where.
-    fn each_nearest(&self, rows: Range<u32>, mut say: impl FnMut(&TileWindow, &Scratch<E>)) {
+    /// What `ask` has to say of the tiles that it traces itself, and of those that are for f64, each of them being told
+    /// which are its own.
+    fn ask_both<T>(
+        &self,
+        narrow: impl FnOnce(&dyn Fn(TilePlace) -> bool) -> T,
+        wide: impl FnOnce(&TileTracer<'_, f64>, &dyn Fn(TilePlace) -> bool) -> T,
+        both: impl FnOnce(T, T) -> T,
+    ) -> T {
+        let own = narrow(&|tile| !self.plan.is_wide(tile));
+        match &self.wide {
+            Some(tracer) => both(own, wide(tracer, &|tile| self.plan.is_wide(tile))),
+            None => own,
+        }
+    }
+
+    /// Says of those tiles of `rows` that are its `own` and have something in them who is nearest where.
+    fn each_nearest(
+        &self,
+        rows: Range<u32>,
+        own: &dyn Fn(TilePlace) -> bool,
+        mut say: impl FnMut(&TileWindow, &Scratch<E>),
+    ) {
         let mut scratch = Scratch::default();
         self.each_tile(rows, |tile, window| {
-            if self.find_nearest(tile, window, self.plan.linear(), &mut scratch, None) {
+            if own(tile) && self.find_nearest(tile, window, self.plan.linear(), &mut scratch, None) {
                 say(window, &scratch);
             }
         });
@@ -177,7 +229,14 @@ impl<E: Element> TileTracer<'_, E> {
     pub fn report(&self, bytes: bool) -> Report {
         let height = self.plan.camera().height();
         let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
-        let surveys = starts.map(|start| self.survey(start..height.min(start + TILE_HEIGHT as u32)));
+        let surveys = starts.map(|start| {
+            let rows = start..height.min(start + TILE_HEIGHT as u32);
+            self.ask_both(
+                |own| self.survey(rows.clone(), own),
+                |wide, own| wide.survey(rows.clone(), own),
+                TileSurvey::and,
+            )
+        });
         let survey = surveys.reduce(TileSurvey::default, TileSurvey::and);
         Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
     }
@@ -193,12 +252,12 @@ impl<E: Element> TileTracer<'_, E> {
         seen.chunks(CHUNK).map(count).sum()
     }
 
-    /// What is left out of `rows`.
-    fn survey(&self, rows: Range<u32>) -> TileSurvey {
+    /// What is left out of its `own` tiles of `rows`.
+    fn survey(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> TileSurvey {
         let mut survey = TileSurvey::default();
         let mut seen = Vec::new();
-        self.each_tile(rows.clone(), |_, _| survey.empty += 1);
-        self.each_nearest(rows, |window, Scratch { buffers, order, occluded, forgotten, .. }| {
+        self.each_tile(rows.clone(), |tile, _| survey.empty += u64::from(own(tile)));
+        self.each_nearest(rows, own, |window, Scratch { buffers, order, occluded, forgotten, .. }| {
             seen.clear();
             seen.resize(order.len(), false);
             pixels_of(window).for_each(|(row, column)| seen[buffers.pixel(self.kernels.lanes, column, row).1] = true);
@@ -375,15 +434,14 @@ impl<E: Element> TileTracer<'_, E> {
     ) -> usize {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if spheres.iter().any(|seen| seen.near == Seen::ANY) {
-            spheres.retain(|seen| {
-                let is_odd = seen.near == Seen::ANY;
-                if is_odd {
-                    self.nearest_odd(seen.id, order.len(), buffers, window);
-                    order.push(1 + seen.id);
-                    looks.seen.push(*seen);
-                }
-                !is_odd
-            });
+            // In the scene's order, in which the first of equals stays.
+            let odd = looks.seen.len()..;
+            looks.seen.extend(spheres.extract_if(.., |seen| seen.near == Seen::ANY));
+            looks.seen[odd.clone()].sort_unstable_by_key(|seen| seen.id);
+            for seen in &looks.seen[odd] {
+                self.nearest_odd(seen.id, order.len(), buffers, window);
+                order.push(1 + seen.id);
+            }
         }
         self.near_first(spheres, halves, buffers, window, |seen, buffers| {
             for start in (0..seen.len()).step_by(CHUNK) {
@@ -447,7 +505,8 @@ impl<E: Element> TileTracer<'_, E> {
                 places.push(count as u32);
                 count += usize::from(*owns);
             }
-            self.make_records(weighted, &owning[..count], records);
+            // Where nobody has a pixel, all of them have the records of the first.
+            self.make_records(weighted, &owning[..count.max(1)], records);
         }
     }
 
@@ -498,7 +557,41 @@ impl<E: Element> TileTracer<'_, E> {
     }
 
     fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
-        self.plan.camera().grid::<f64>().ray(window.row + row, window.column + column).into()
+        self.plan.ray(window.row + row, window.column + column)
+    }
+
+    /// As [`Tracer::hits`], of its `own` tiles.
+    fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
+        let width = self.plan.camera().width() as usize;
+        let mut found = vec![None; rows.len() * width];
+        let spheres = self.plan.balls().len();
+        self.each_nearest(rows.clone(), own, |window, Scratch { buffers, order, .. }| {
+            for (row, column) in pixels_of(window) {
+                let (near, who) = buffers.pixel(self.kernels.lanes, column, row);
+                if who > 0 {
+                    let place = order[who] as usize - 1;
+                    let object = match place.checked_sub(spheres) {
+                        None => Object::Sphere(place),
+                        Some(triangle) => Object::Triangle(triangle),
+                    };
+                    let distance = Distance::Inverse(near.to_f64() / self.plan.inverse_unit());
+                    let place = (window.row as usize + row - rows.start as usize) * width;
+                    found[place + window.column as usize + column] = Some(Found { object, distance, normal: None });
+                }
+            }
+        });
+        self.add_normals(rows, &mut found);
+        found
+    }
+
+    /// As [`Tracer::count_hits`], of its `own` tiles.
+    fn count(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> u64 {
+        let mut hits = 0;
+        self.each_nearest(rows, own, |window, Scratch { buffers, .. }| {
+            let hit = |(row, column): &(usize, usize)| buffers.pixel(self.kernels.lanes, *column, *row).1 > 0;
+            hits += pixels_of(window).filter(hit).count() as u64;
+        });
+        hits
     }
 }
 
@@ -542,35 +635,15 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let width = self.plan.camera().width() as usize;
-        let mut found = vec![None; rows.len() * width];
-        let spheres = self.plan.balls().len();
-        self.each_nearest(rows.clone(), |window, Scratch { buffers, order, .. }| {
-            for (row, column) in pixels_of(window) {
-                let (near, who) = buffers.pixel(self.kernels.lanes, column, row);
-                if who > 0 {
-                    let place = order[who] as usize - 1;
-                    let object = match place.checked_sub(spheres) {
-                        None => Object::Sphere(place),
-                        Some(triangle) => Object::Triangle(triangle),
-                    };
-                    let distance = Distance::Inverse(near.to_f64() / self.plan.scale());
-                    let place = (window.row as usize + row - rows.start as usize) * width;
-                    found[place + window.column as usize + column] = Some(Found { object, distance, normal: None });
-                }
-            }
-        });
-        self.add_normals(rows, &mut found);
-        found
+        let both = |narrow: Vec<Option<Found>>, wide: Vec<_>| {
+            narrow.into_iter().zip(wide).map(|(narrow, wide)| narrow.or(wide)).collect()
+        };
+        self.ask_both(|own| self.found(rows.clone(), own), |wide, own| wide.found(rows.clone(), own), both)
     }
 
     fn count_hits(&self, rows: Range<u32>) -> u64 {
-        let mut hits = 0;
-        self.each_nearest(rows, |window, Scratch { buffers, .. }| {
-            let hit = |(row, column): &(usize, usize)| buffers.pixel(self.kernels.lanes, *column, *row).1 > 0;
-            hits += pixels_of(window).filter(hit).count() as u64;
-        });
-        hits
+        let sum = |narrow, wide| narrow + wide;
+        self.ask_both(|own| self.count(rows.clone(), own), |wide, own| wide.count(rows.clone(), own), sum)
     }
 
     fn rows_together(&self) -> u32 {

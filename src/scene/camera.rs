@@ -113,6 +113,18 @@ pub struct Grid<T> {
     pub focal: T,
 }
 
+impl Grid<f64> {
+    /// The same rays, so many times as long.
+    pub fn scaled(&self, factor: f64) -> Self {
+        Grid {
+            step: factor * self.step,
+            half_width: factor * self.half_width,
+            half_height: factor * self.half_height,
+            focal: factor * self.focal,
+        }
+    }
+}
+
 impl<T: Real> Grid<T> {
     /// r_d of a pixel, not normalised: (step (col + 1/2) - W/2, H/2 - step (row + 1/2), f).
     pub fn ray(&self, row: u32, col: u32) -> [T; 3] {

@@ -44,13 +44,18 @@ pub struct Light {
 }
 
 impl Light {
-    /// The largest I_L that an engine is given: half of what f32 holds, so that I_L (L . N) stays finite even where the
-    /// cosine of two rounded unit vectors comes out a little above 1. Brighter lights are taken for this bright.
+    /// The largest I_L that an engine is given which has nothing but f32: half of what that holds, so that I_L (L . N) stays
+    /// finite even where the cosine of two rounded unit vectors comes out a little above 1.
     pub const BRIGHTEST: f32 = f32::MAX / 2.0;
 
-    /// I_L of eq. 11: intensity x colour, a product that f64 holds exactly, at most [`Light::BRIGHTEST`].
+    /// I_L of eq. 11: intensity x colour, a product that f64 holds exactly.
     pub fn radiance(&self) -> DVec3 {
-        (f64::from(self.intensity) * self.colour.as_dvec3()).min(DVec3::splat(Self::BRIGHTEST.into()))
+        f64::from(self.intensity) * self.colour.as_dvec3()
+    }
+
+    /// The same in f32; brighter lights are taken for [`Light::BRIGHTEST`].
+    pub fn radiance_in_f32(&self) -> Vec3 {
+        self.radiance().min(DVec3::splat(Self::BRIGHTEST.into())).as_vec3()
     }
 }
 

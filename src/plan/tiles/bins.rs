@@ -81,6 +81,17 @@ impl Bins {
     }
 }
 
+/// The tiles, row by row, that some of these may be in.
+pub(super) fn tiles_of(seen: &[Seen], picture: Picture) -> Vec<bool> {
+    let across = picture.width.div_ceil(TILE_WIDTH as u32);
+    let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
+    each_place(seen, usize::MAX, |_, ranges| {
+        let Some((x, y)) = ranges else { return };
+        y.for_each(|row| tiles[(row * across + x.start) as usize..][..x.len()].fill(true));
+    });
+    tiles
+}
+
 /// From pixels to tiles; not empty.
 fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1

@@ -6,6 +6,7 @@ use std::thread;
 
 use super::bins::{Bins, roomy};
 use super::covered;
+use super::forms::Form;
 use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
@@ -65,11 +66,16 @@ pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f
         scale,
         width: picture.width.into(),
         height: picture.height.into(),
-        // D cancels where it matters least, at the outline; near a sphere's nearest point it loses some roundings.
-        near: scale * focal * (1.0 + 1.0 / 1024.0),
+        near: near_of_sphere(scale * focal),
         far,
         white,
     }
+}
+
+/// What a sphere's 1/t cannot exceed times the distance of its nearest point from the camera's plane, in a scene of that
+/// extent. D cancels where it matters least, at the outline; near that point it loses some roundings.
+pub(super) fn near_of_sphere(extent: f64) -> f64 {
+    extent * (1.0 + 1.0 / 1024.0)
 }
 
 /// What finds the objects of a kind, and puts them into tiles.
@@ -80,39 +86,54 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) widening: &'a Widening,
     /// Why no ray passes within the bounds of one.
     pub(super) unseen: fn(&Frustum, &T) -> Omission,
+    /// Of objects with these extremes, those whose 1/t cannot exceed it are [narrow](Form::Narrow) for sure.
+    pub(super) surely_narrow: &'a (dyn Fn(&Extremes) -> f32 + Sync),
+    /// The form of an object.
+    pub(super) form: &'a (dyn Fn(&T, &mut Seen) -> Form + Sync),
     /// One in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
     /// As many are put in the order of their nearness, more stay in the scene's.
     pub(super) most_sorted: usize,
+    /// Whether it is for kernels in f32: what is beyond them is then in no tile of theirs, whatever is kept.
+    pub(super) in_f32: bool,
 }
 
 impl<T: Bounded + Sync> Planning<'_, T>
 where
     T::View: Sync,
 {
-    /// Which tiles all `objects` may be in, and their extremes. Each thread takes as many, which lie side by side; what they
-    /// find is one after another, so that nobody sees how many there were.
-    pub(super) fn plan(&self, objects: &[T], threads: usize) -> (Vec<Bins>, Option<Extremes>) {
+    /// Which tiles all `objects` may be in. Each thread takes as many, which lie side by side; what they find is one after
+    /// another, so that nobody sees how many there were.
+    pub(super) fn plan(&self, objects: &[T], threads: usize) -> Planned {
         let threads = threads.clamp(1, objects.len().div_ceil(FEWEST_PER_THREAD).max(1));
         let part = objects.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
         let parts = (0..).step_by(part).zip(objects.chunks(part));
         let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects));
         let own = parts.next();
-        let planned: Vec<_> = thread::scope(|scope| {
+        let planned: Vec<Planned> = thread::scope(|scope| {
             let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
             let own = own.map(|part| part());
             let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
             own.into_iter().chain(others).collect()
         });
-        let (bins, extremes): (Vec<_>, Vec<_>) = planned.into_iter().unzip();
-        (bins, extremes.into_iter().flatten().reduce(Extremes::and))
+        planned.into_iter().reduce(Planned::and).unwrap_or_default()
     }
 
-    fn plan_part(&self, first_id: u32, objects: &[T]) -> (Bins, Option<Extremes>) {
+    fn plan_part(&self, first_id: u32, objects: &[T]) -> Planned {
         let mut seen = roomy(objects.len().next_multiple_of(CHUNK));
         let all = self.widening.keep != Keep::NOTHING;
         let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, &mut seen).unzip();
         seen.truncate(count.unwrap_or(0));
+        let mut wide = Vec::new();
+        let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
+        // A NaN is not known to be less than anything.
+        if extremes.is_some_and(|extremes| !(extremes.nearest <= narrow)) {
+            let is_wide = |seen: &mut Seen| {
+                !(seen.near <= narrow) && (self.form)(&objects[(seen.id - first_id) as usize], seen) == Form::Wide
+            };
+            wide.extend(seen.extract_if(.., |seen| is_wide(seen) && self.in_f32));
+            wide.retain(|seen| covered(seen.columns, seen.rows) > 0);
+        }
         if seen.len() <= self.most_sorted {
             // Not negative, so that they are in the order of their bits.
             seen.sort_unstable_by_key(|seen| Reverse((seen.near.to_bits(), seen.id)));
@@ -123,7 +144,27 @@ where
                 self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, object));
             }
         }
-        (Bins::new(&seen, self.picture, self.most_tiles), extremes)
+        Planned { bins: vec![Bins::new(&seen, self.picture, self.most_tiles)], wide, extremes }
+    }
+}
+
+/// What is planned of some objects.
+#[derive(Default)]
+pub(super) struct Planned {
+    pub(super) bins: Vec<Bins>,
+    /// Those that are traced in f64, within their true bounds.
+    pub(super) wide: Vec<Seen>,
+    /// None where there are no objects.
+    pub(super) extremes: Option<Extremes>,
+}
+
+impl Planned {
+    /// With the objects that come after.
+    fn and(mut self, next: Self) -> Self {
+        self.bins.extend(next.bins);
+        self.wide.extend(next.wide);
+        self.extremes = self.extremes.into_iter().chain(next.extremes).reduce(Extremes::and);
+        self
     }
 }
 

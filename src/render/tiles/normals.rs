@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::TileTracer;
 use crate::kernels::{Element, Vec4};
-use crate::plan::{Keep, Tiles};
+use crate::plan::Keep;
 use crate::reference::geometry;
 use crate::render::{FilmMut, Found, Tracer};
 use crate::scene::{Light, Object, Scene, Sphere, Triangle};
@@ -43,8 +43,7 @@ impl<E: Element> TileTracer<'_, E> {
             spheres: self.plan.scene().spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
             triangles: self.plan.scene().triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
         };
-        let plan = Tiles::new(&scene, &scene.camera, self.packets, Keep::NOTHING, 1);
-        let tracer = TileTracer::new(self.packets, self.kernels, false, plan);
+        let tracer = TileTracer::planned(self.packets, self.kernels, &scene, &scene.camera, (Keep::NOTHING, 1));
         let mut out = vec![Vec4::default(); rows.len() * self.plan.camera().width() as usize];
         tracer.rows(rows, FilmMut::F32x4(&mut out));
         out

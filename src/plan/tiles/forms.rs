@@ -1,0 +1,148 @@
+//! In what numbers the tile kernels can trace an object: f32, f64, or not at all, so that it is traced ray by ray.
+//!
+//! Kernels compare w = 1/t in units of the scene's `scale`. What they make of an object in f32 is as exact as documented if:
+//!
+//! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its outline, the largest of
+//!   which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Beside d . d that is k / m times the squared
+//!   cosine of the angle between the axis and that ray of the sphere's which is nearest to it: at most [`OUTLINE`].
+//! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest light: w l stays below
+//!   [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay below [`MOST_OVER_A_TILE`].
+//! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a pixel's step times scale over
+//!   k radii: that product is at least [`LEAST`].
+//! - **lights keep their directions.** Those that are brought nearer, to [`FAR`], still are 2^26 times as far as the object:
+//!   w is at least [`LEAST_INVERSE`].
+//! - **the light of all lights together is a number**, in levels too.
+
+use glam::DVec3;
+
+use super::bounds::near_of_sphere;
+use crate::kernels::{Extremes, Seen};
+use crate::plan::light;
+use crate::reference::geometry;
+use crate::scene::{Grid, Light, Sphere, Triangle};
+
+const OUTLINE: f64 = 4.0;
+const MOST: f64 = (1u64 << 60) as f64;
+const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
+const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
+const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
+
+/// A sphere with its centre nearer to the camera's plane than so many radii is seen from inside or reaches behind it, or
+/// nearly so: PACKET(front).
+const FRONT: f64 = 1.001;
+
+/// In the unit of a scene, or in radii of a sphere, lights are this far away at most where f32 is to hold their squares.
+pub(super) const FAR: f64 = (1u64 << 40) as f64;
+pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
+
+/// By what an object is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// Kernels in f32, or f64 if those are asked for.
+    Narrow,
+    /// Kernels in f64.
+    Wide,
+    /// No kernel.
+    RayByRay,
+}
+
+/// What the form of an object depends on beside the object.
+pub(super) struct Forms {
+    grid: Grid<f64>,
+    scale: f64,
+    /// Those that are not dark.
+    lights: Vec<DVec3>,
+    /// The distance of the farthest of them as the kernels take it, in the unit of the scale.
+    farthest: f64,
+    /// What all of them radiate together.
+    radiance: DVec3,
+}
+
+impl Forms {
+    /// Under lights that are not dark; triangles see none further than `far`.
+    pub(super) fn new(grid: Grid<f64>, scale: f64, lights: &[&Light], far: f64) -> Self {
+        let radiance = lights.iter().map(|light| light.radiance()).sum();
+        let lights: Vec<_> = lights.iter().map(|light| light.position.as_dvec3()).collect();
+        let farthest = lights.iter().map(|light| light.length()).fold(0.0, f64::max).min(far) / scale;
+        Forms { grid, scale, lights, farthest, radiance }
+    }
+
+    /// The extent of the scene that `scale` stands for.
+    fn extent(&self) -> f64 {
+        self.scale * self.grid.focal
+    }
+
+    /// What holds for objects of both kinds, if these are the extremes of some.
+    fn are_usual(&self, extremes: &Extremes) -> bool {
+        let Extremes { most, brightest, .. } = *extremes;
+        f64::from(most) * LEAST_INVERSE <= self.extent()
+            && brightest.is_sign_positive()
+            && light::is_in_f32(f64::from(brightest) * self.radiance)
+            && self.grid.step >= 1.0 / (1 << 20) as f64
+            && self.grid.focal >= 1.0 / 1024.0
+    }
+
+    /// For spheres of which these are the extremes: those whose 1/t cannot exceed this are narrow for sure. Below 0
+    /// where one has to look at each.
+    pub(super) fn surely_narrow_spheres(&self, extremes: &Extremes) -> f32 {
+        let (most, least) = (f64::from(extremes.most) / self.extent(), f64::from(extremes.least) / self.extent());
+        // k radii are at most 3 most^2 / least.
+        let fine = self.are_usual(extremes) && least >= LEAST_INVERSE && most * most < least * (1u64 << 26) as f64;
+        if fine { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
+    }
+
+    /// The same for triangles.
+    pub(super) fn surely_narrow_triangles(&self, extremes: &Extremes) -> f32 {
+        if self.are_usual(extremes) { (MOST / self.farthest.max(1.0)) as f32 } else { -1.0 }
+    }
+
+    /// That of a sphere. What its 1/t cannot exceed is set right, since f32 may not have held that.
+    pub(super) fn of_sphere(&self, sphere: &Sphere, seen: &mut Seen) -> Form {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
+        let power = c.dot(c);
+        if !(c.z >= FRONT && power < f64::INFINITY) {
+            return Form::RayByRay;
+        }
+        let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
+        seen.near = bounded(near);
+        let (k, m) = (power - 1.0, c.z * c.z - 1.0);
+        let (along, beside) = (c.z, c.x.hypot(c.y));
+        let inmost = if beside * k.sqrt() <= along { 1.0 } else { (along * k.sqrt() + beside) / power };
+        let over = self.scale / (k * radius);
+        let lights = self.lights.iter().map(|light| (light - centre).length() / radius);
+        let far = lights.fold(1.0, f64::max).min(FAR_IN_RADII);
+        let narrow = k * inmost * inmost <= OUTLINE * m
+            && near * far <= MOST
+            && self.scale / radius <= MOST
+            && over <= MOST
+            && over * step >= LEAST
+            && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance);
+        if narrow { Form::Narrow } else { Form::Wide }
+    }
+
+    /// That of a triangle, and the same.
+    pub(super) fn of_triangle(&self, triangle: &Triangle, seen: &mut Seen) -> Form {
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let [a, b, c] = corners.map(|v| v.z);
+        let (nearest, farthest) = (a.min(b).min(c), a.max(b).max(c));
+        if seen.near != Seen::ANY {
+            seen.near = bounded(seen.near.into());
+        }
+        let Some(volume) = geometry::triangle_volume(corners) else { return Form::Narrow };
+        let height = volume.abs() / geometry::triangle_plane(corners).length();
+        let Grid { half_width, half_height, focal, .. } = self.grid;
+        let over_tiles = self.scale * DVec3::new(half_width, half_height, focal).length() / height;
+        let most = if nearest > 0.0 { over_tiles.min(self.extent() / nearest) } else { over_tiles };
+        let narrow = over_tiles <= MOST_OVER_A_TILE
+            && most * self.farthest.max(1.0) <= MOST
+            && self.extent() / farthest >= LEAST_INVERSE
+            && light::is_in_f32(triangle.colour.as_dvec3() * self.radiance);
+        if narrow { Form::Narrow } else { Form::Wide }
+    }
+}
+
+/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`].
+fn bounded(near: f64) -> f32 {
+    (near as f32).clamp(f32::MIN_POSITIVE, Seen::ANY.next_down())
+}
