@@ -1,6 +1,7 @@
 //! `rayo stability`: stiff and extreme scenes, engine by engine, against checked-in limits.
 
 mod markdown;
+mod mixtures;
 mod table;
 
 use std::collections::BTreeSet;
@@ -54,6 +55,10 @@ pub struct StabilityArgs {
     /// Perturb the case so many times, keep what is worst, and write it as worst.in
     #[arg(long, value_name = "STEPS", requires = "case")]
     search: Option<usize>,
+    /// Judge so many random mixtures of all families instead, of the seeds from --seed on, by the packet engines in every
+    /// output; write what is left of one that fails when all that does not matter is left out as mixture-SEED.in or .toml
+    #[arg(long, value_name = "N", conflicts_with_all = ["family", "case", "limits", "quick", "search"])]
+    mixtures: Option<usize>,
     /// Where the files go
     #[arg(long, value_name = "DIR", default_value = "out/stability")]
     out: PathBuf,
@@ -68,6 +73,9 @@ pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
     create_directory(&args.out)?;
     if let (Some(steps), Some(case)) = (args.search, args.case) {
         return search(args, &settings, case, steps);
+    }
+    if let Some(count) = args.mixtures {
+        return mixtures::run(args, &settings, count);
     }
     let stop = stop_on_ctrl_c()?;
     // The threads that find the truth are started before this one is pinned, or they would share its core.

@@ -2,6 +2,7 @@
 
 pub mod cost;
 pub mod limits;
+pub mod mixtures;
 pub mod operations;
 pub mod plot;
 pub mod search;

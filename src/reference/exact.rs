@@ -168,7 +168,8 @@ pub struct Rays {
     half_width: Exact,
     half_height: Exact,
     focal: Exact,
-    reach: [f64; 3],
+    /// How large each component of a ray is, at most.
+    pub reach: [f64; 3],
 }
 
 impl Rays {
@@ -186,9 +187,21 @@ impl Rays {
 
     /// r_d of a pixel, not normalised.
     pub fn ray(&self, row: u32, col: u32) -> Ray {
-        let at = |i: u32| &self.step * &Exact::new(f64::from(i) + 0.5);
-        let d = Vector([&at(col) - &self.half_width, &self.half_height - &at(row), self.focal.clone()]);
-        Ray { d, reach: self.reach }
+        Ray { d: Vector([self.across(col), self.up(row), self.focal.clone()]), reach: self.reach }
+    }
+
+    /// The x of the rays of a column.
+    pub fn across(&self, col: u32) -> Exact {
+        &self.at(col) - &self.half_width
+    }
+
+    /// The y of the rays of a row.
+    pub fn up(&self, row: u32) -> Exact {
+        &self.half_height - &self.at(row)
+    }
+
+    fn at(&self, i: u32) -> Exact {
+        &self.step * &Exact::new(f64::from(i) + 0.5)
     }
 }
 
@@ -227,11 +240,11 @@ impl Ray {
 
 /// What a ray and an object have to do with each other.
 #[derive(Clone, Debug)]
-pub struct Meeting {
+pub struct Meeting<T = Exact> {
     /// The smallest t > 0 at which the ray is on the object; None for a miss.
-    pub hit: Option<Exact>,
+    pub hit: Option<T>,
     /// Of a miss: the t > 0 at which it would be hit if the margin were overcome. None where nothing could make it a hit.
-    pub miss: Option<Exact>,
+    pub miss: Option<T>,
     /// How far from the other answer it is: of a sphere |s|, s = D/(a r^2); of a triangle the edge functions by what
     /// they would be if nothing cancelled. Infinite where there is no other answer.
     pub margin: f64,
@@ -244,9 +257,9 @@ pub struct Meeting {
     pub slant: f64,
 }
 
-impl Meeting {
+impl<T> Meeting<T> {
     /// Of an object that no ray meets.
-    pub const NEVER: Meeting = Meeting {
+    pub const NEVER: Self = Meeting {
         hit: None,
         miss: None,
         margin: f64::INFINITY,
@@ -254,6 +267,15 @@ impl Meeting {
         alone: f64::INFINITY,
         slant: f64::INFINITY,
     };
+}
+
+/// The bound of |error of t| / t for a sphere `kappa` radii away.
+pub(super) fn bound_of_sphere(kappa: f64, inside: bool, slant: f64) -> f64 {
+    match inside {
+        true => 6.0 + 3.0 / (1.0 - kappa).sqrt(),
+        false if kappa * kappa < 2.0 => 6.0 + 12.0 * slant,
+        false => 5.0 + 6.0 * slant / kappa,
+    }
 }
 
 /// A sphere.
@@ -291,9 +313,9 @@ impl Sphere {
         let root = s.abs().sqrt();
         let along = (&(&h * &h) / &(&a * &self.squared_radius)).to_f64().sqrt();
         let alone = 5.0 + 6.0 / (root * (root + along));
+        let bound = bound_of_sphere(self.kappa, self.k.is_negative(), slant);
         if self.k.is_negative() {
             let hit = &(&h + &disc.sqrt()) / &a;
-            let bound = 6.0 + 3.0 / (1.0 - self.kappa).sqrt();
             return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound, alone, slant };
         }
         if !h.is_positive() {
@@ -301,7 +323,6 @@ impl Sphere {
             let on_the_sphere = !self.k.is_positive();
             return if on_the_sphere { Meeting { margin: s.abs(), ..Meeting::NEVER } } else { Meeting::NEVER };
         }
-        let bound = if self.kappa * self.kappa < 2.0 { 6.0 + 12.0 * slant } else { 5.0 + 6.0 * slant / self.kappa };
         if disc.is_negative() {
             return Meeting { hit: None, miss: Some(&h / &a), margin: -s, bound, alone, slant };
         }

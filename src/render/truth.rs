@@ -1,21 +1,27 @@
 //! The truth of a picture: what each ray hits, where, and in which colour, beyond any doubt of f64.
 //!
-//! Which objects a ray certainly does not meet is decided in f64, with a bound on its rounding. All that remains is
-//! computed in 256 bits.
+//! Which objects a ray certainly does not meet is decided in f64, with a bound on its rounding. What remains is computed in
+//! numbers that know how far they may be off, and where they are not sure of an answer, in 256 bits.
 
-use glam::DVec3;
+use std::collections::HashMap;
+use std::sync::OnceLock;
 
-use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Vector};
+use glam::{DVec3, Vec3};
+
+use crate::reference::bounded::{self, Bounded};
+use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Split, Vector};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Object, Scene};
+use crate::scene::{Camera, Grid, Object, Scene, Sphere, Triangle};
 
-/// Further than this from being hit, in units of the margin, an object is not looked at in 256 bits. Any margin that is
-/// asked about is smaller.
+/// Further than this from being hit, in units of the margin, an object is not looked at closely. Any margin that is asked
+/// about is smaller.
 const FAR: f64 = 1e-4;
 /// A share of what is added up that all roundings of a test in f64 stay below, those of the ray included.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// A light nearer to the surface than this share of the surface's distance lies in a direction that f32 cannot tell.
 const AT_THE_SURFACE: f64 = 1e-4;
+/// What is told of a hit has errors below this, as shares: less than f64 could tell.
+const SURE: f64 = f64::EPSILON / 64.0;
 
 /// What is true of a pixel.
 #[derive(Clone, Debug)]
@@ -33,9 +39,11 @@ pub struct TrueHit {
     /// The object.
     pub object: Object,
     /// Where: the point t r_d.
-    pub t: Exact,
+    pub t: Split,
     /// The unit normal; of a triangle either of the two.
-    pub normal: Vector,
+    pub normal: [Split; 3],
+    /// L . N of each light, on a sphere below 0 where it is behind the surface; 0 for a light on the surface.
+    pub cosines: Vec<f64>,
     /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
@@ -46,14 +54,14 @@ pub struct TrueHit {
 }
 
 struct Light {
-    position: Vector,
+    position: DVec3,
     radiance: DVec3,
 }
 
 /// An object in f64, with what is needed to rule it out.
 enum Quick {
     Sphere { centre: DVec3, radius: f64, k: f64 },
-    Triangle { edges: [DVec3; 3], sizes: [DVec3; 3] },
+    Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
 }
 
 enum Shape {
@@ -64,16 +72,57 @@ enum Shape {
 struct Body {
     object: Object,
     quick: Quick,
-    shape: Shape,
+    /// None where the numbers cannot tell what it is.
+    bounded: Option<BoundedShape>,
+    /// Made when it is needed.
+    exact: OnceLock<Shape>,
     colour: DVec3,
     /// The first object that is the same in all but colour: the two tie wherever they are hit.
     same_as: usize,
 }
 
+enum BoundedShape {
+    Sphere(bounded::Sphere),
+    Triangle(Box<bounded::Triangle>),
+}
+
+/// A distance that may be compared with another.
+trait Depth {
+    /// Whether it is nearer than `other`; None where that is not known.
+    fn is_before(&self, other: &Self) -> Option<bool>;
+    /// What is between it and the nearer `first`, as a share of that.
+    fn gap(&self, first: &Self) -> f64;
+}
+
+impl Depth for Exact {
+    fn is_before(&self, other: &Self) -> Option<bool> {
+        Some(self < other)
+    }
+    fn gap(&self, first: &Self) -> f64 {
+        (&(self - first) / first).to_f64().max(0.0)
+    }
+}
+
+impl Depth for Bounded {
+    fn is_before(&self, other: &Self) -> Option<bool> {
+        (*other - *self).sign().map(|sign| sign > 0)
+    }
+    fn gap(&self, first: &Self) -> f64 {
+        ((*self - *first) / *first).to_f64().max(0.0)
+    }
+}
+
+/// Which body is hit first, how, and where.
+type First<'a, T> = (usize, &'a Meeting<T>, &'a T);
+
 /// The truth of one scene and camera.
 pub struct Truth {
     grid: Grid<f64>,
     rays: Rays,
+    /// The x of each column's rays, the y of each row's, and their z.
+    across: Vec<Bounded>,
+    up: Vec<Bounded>,
+    focal: Bounded,
     lights: Vec<Light>,
     bodies: Vec<Body>,
 }
@@ -82,124 +131,240 @@ impl Truth {
     /// Takes over `scene` as `camera` sees it; its f32 numbers are exact.
     pub fn new(scene: &Scene, camera: &Camera) -> Self {
         let lights = scene.lights.iter().map(|light| Light {
-            position: Vector::new(light.position.as_dvec3().into()),
+            position: light.position.as_dvec3(),
             radiance: f64::from(light.intensity) * light.colour.as_dvec3(),
         });
-        let mut bodies: Vec<Body> = Vec::new();
-        for (i, sphere) in scene.spheres.iter().enumerate() {
-            let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-            let Some(shape) = exact::Sphere::new(centre.into(), radius) else { continue };
-            let k = centre.dot(centre) - radius * radius;
-            bodies.push(Body {
-                object: Object::Sphere(i),
-                quick: Quick::Sphere { centre, radius, k },
-                shape: Shape::Sphere(shape),
-                colour: sphere.colour.as_dvec3(),
-                same_as: bodies.len(),
-            });
-        }
-        for (i, triangle) in scene.triangles.iter().enumerate() {
-            let vertices = triangle.vertices.map(|v| v.as_dvec3());
-            let Some(shape) = exact::Triangle::new(vertices.map(Into::into)) else { continue };
-            let [v1, v2, v3] = vertices;
-            // Where f64 cannot tell the sign of the volume, nothing is ruled out.
-            let sign = geometry::triangle_volume(vertices).map_or(0.0, f64::signum);
-            let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * sign);
-            let sizes = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| {
-                let (v, w) = (v.abs(), w.abs());
-                DVec3::new(v.y * w.z + v.z * w.y, v.z * w.x + v.x * w.z, v.x * w.y + v.y * w.x)
-            });
-            bodies.push(Body {
-                object: Object::Triangle(i),
-                quick: Quick::Triangle { edges, sizes },
-                shape: Shape::Triangle(Box::new(shape)),
-                colour: triangle.colour.as_dvec3(),
-                same_as: bodies.len(),
-            });
-        }
-        let same = |a: &Body, b: &Body| match (a.object, b.object) {
-            (Object::Sphere(a), Object::Sphere(b)) => {
-                let (a, b) = (&scene.spheres[a], &scene.spheres[b]);
-                a.centre == b.centre && a.radius == b.radius
-            }
-            (Object::Triangle(a), Object::Triangle(b)) => scene.triangles[a].vertices == scene.triangles[b].vertices,
-            _ => false,
-        };
-        for i in 0..bodies.len() {
-            bodies[i].same_as = bodies[..i].iter().position(|body| same(body, &bodies[i])).unwrap_or(i);
+        let spheres = scene.spheres.iter().enumerate().map(|(i, sphere)| Body::sphere(i, sphere));
+        let triangles = scene.triangles.iter().enumerate().map(|(i, triangle)| Body::triangle(i, triangle));
+        let mut bodies: Vec<Body> = spheres.chain(triangles).flatten().collect();
+        // 0 and -0 are the same number.
+        let bits = |v: Vec3| v.to_array().map(|x| (x + 0.0).to_bits());
+        let mut seen = HashMap::new();
+        for (i, body) in bodies.iter_mut().enumerate() {
+            let shape = match body.object {
+                Object::Sphere(i) => [Vec3::splat(scene.spheres[i].radius), scene.spheres[i].centre, Vec3::NAN],
+                Object::Triangle(i) => scene.triangles[i].vertices,
+            };
+            body.same_as = *seen.entry(shape.map(bits)).or_insert(i);
         }
         let rays = Rays::new(camera.width(), camera.height(), camera.focal(), camera.film());
-        Truth { grid: camera.grid(), rays, lights: lights.collect(), bodies }
+        let across = (0..camera.width()).map(|col| Bounded::from(&rays.across(col))).collect();
+        let up = (0..camera.height()).map(|row| Bounded::from(&rays.up(row))).collect();
+        let focal = Bounded::new(camera.focal().into());
+        Truth { grid: camera.grid(), rays, across, up, focal, lights: lights.collect(), bodies }
     }
 
     /// What is true of a pixel.
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
+        let near = self.near(row, col);
+        self.bounded_pixel(row, col, &near).unwrap_or_else(|| self.exact_pixel(row, col, &near))
+    }
+
+    /// The same, all of it in 256 bits.
+    pub fn pixel_in_256_bits(&self, row: u32, col: u32) -> TruePixel {
+        self.exact_pixel(row, col, &self.near(row, col))
+    }
+
+    /// The objects that f64 does not rule out.
+    fn near(&self, row: u32, col: u32) -> Vec<usize> {
         let d = DVec3::from(self.grid.ray(row, col));
         let reach = DVec3::new(self.grid.half_width, self.grid.half_height, self.grid.focal);
-        let near = || self.bodies.iter().enumerate().filter(|(_, body)| !body.quick.certainly_missed(d, reach));
-        if near().next().is_none() {
-            return TruePixel { hit: None, margin: f64::INFINITY };
-        }
+        (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
+    }
+
+    fn exact_pixel(&self, row: u32, col: u32, near: &[usize]) -> TruePixel {
         let ray = self.rays.ray(row, col);
-        let meetings: Vec<(usize, Meeting)> = near().map(|(i, body)| (i, body.meet(&ray))).collect();
-        let hits = meetings.iter().filter_map(|(i, meeting)| Some((*i, meeting, meeting.hit.as_ref()?)));
-        let first = hits.reduce(|nearest, hit| if *hit.2 < *nearest.2 { hit } else { nearest });
+        let meetings: Vec<_> = near.iter().map(|i| (*i, self.bodies[*i].exact().meet(&ray))).collect();
+        let (first, margin) = self.first(&meetings).expect("256 bits know which is nearer");
+        let hit = first.map(|(i, meeting, t)| self.exact_hit(&self.bodies[i], &ray, t, meeting));
+        TruePixel { hit, margin }
+    }
+
+    fn bounded_pixel(&self, row: u32, col: u32, near: &[usize]) -> Option<TruePixel> {
+        if near.is_empty() {
+            return Some(TruePixel { hit: None, margin: f64::INFINITY });
+        }
+        let d = bounded::Vector([self.across[col as usize], self.up[row as usize], self.focal]);
+        let ray = bounded::Ray::within(d, self.rays.reach);
+        let meetings: Option<Vec<_>> =
+            near.iter().map(|i| Some((*i, self.bodies[*i].bounded_meeting(&ray)?))).collect();
+        let meetings = meetings?;
+        let (first, margin) = self.first(&meetings)?;
+        let hit = match first {
+            Some((i, meeting, t)) => Some(self.bounded_hit(&self.bodies[i], &ray, *t, meeting)?),
+            None => None,
+        };
+        Some(TruePixel { hit, margin })
+    }
+
+    /// Who is hit first, and how far that is from another answer.
+    fn first<'a, T: Depth>(&self, meetings: &'a [(usize, Meeting<T>)]) -> Option<(Option<First<'a, T>>, f64)> {
+        let same = |a: usize, b: usize| self.bodies[a].same_as == self.bodies[b].same_as;
+        let mut first: Option<First<'a, T>> = None;
+        for (i, meeting) in meetings {
+            let Some(t) = &meeting.hit else { continue };
+            let nearer = match first {
+                // Of those that tie the first in order.
+                Some((winner, ..)) if same(*i, winner) => false,
+                Some((.., nearest)) => t.is_before(nearest)?,
+                None => true,
+            };
+            if nearer {
+                first = Some((*i, meeting, t));
+            }
+        }
         let mut margin = first.map_or(f64::INFINITY, |(_, meeting, _)| meeting.margin);
-        for (i, meeting) in &meetings {
+        for (i, meeting) in meetings {
             let change = match first {
-                Some((winner, ..)) if *i == winner || self.bodies[*i].same_as == self.bodies[winner].same_as => {
-                    continue;
-                }
-                Some((_, _, t)) => {
-                    // Behind the first hit, its distance protects the answer; a near miss is protected by its margin too.
-                    let gap = |other: &Exact| (&(other - t) / t).to_f64().max(0.0);
-                    match (&meeting.hit, &meeting.miss) {
-                        (Some(other), _) => gap(other),
-                        (None, Some(other)) => gap(other).max(meeting.margin),
-                        (None, None) => meeting.margin,
-                    }
-                }
+                Some((winner, ..)) if same(*i, winner) => continue,
+                // Behind the first hit, its distance protects the answer; a near miss is protected by its margin too.
+                Some((.., t)) => match (&meeting.hit, &meeting.miss) {
+                    (Some(other), _) => other.gap(t),
+                    (None, Some(other)) => other.gap(t).max(meeting.margin),
+                    (None, None) => meeting.margin,
+                },
                 None => meeting.margin,
             };
             margin = margin.min(change);
         }
-        let hit = first.map(|(i, meeting, t)| self.hit(&self.bodies[i], &ray, t.clone(), meeting));
-        TruePixel { hit, margin }
+        Some((first, margin))
     }
 
-    fn hit(&self, body: &Body, ray: &Ray, t: Exact, meeting: &Meeting) -> TrueHit {
-        let point = ray.d.scale(&t);
-        let (normal, two_sided) = match &body.shape {
-            Shape::Sphere(sphere) => (sphere.normal(ray, &t).expect("a sphere has a radius"), false),
-            Shape::Triangle(triangle) => (triangle.normal().clone(), true),
+    fn exact_hit(&self, body: &Body, ray: &Ray, t: &Exact, meeting: &Meeting) -> TrueHit {
+        let point = ray.d.scale(t);
+        let normal = match body.exact() {
+            Shape::Sphere(sphere) => sphere.normal(ray, t).expect("a sphere has a radius"),
+            Shape::Triangle(triangle) => triangle.normal().clone(),
         };
-        let mut colour = DVec3::ZERO;
-        let mut near_light = false;
+        let reach = AT_THE_SURFACE * point.length().to_f64();
+        let lit = self.lights.iter().map(|light| {
+            let to_light = Vector::new(light.position.into()).sub(&point);
+            let cosine = to_light.normalize().map_or(0.0, |direction| direction.dot(&normal).to_f64());
+            (cosine, to_light.length().to_f64() < reach)
+        });
+        let (t, normal) = (Split::from(t), normal.0.each_ref().map(Split::from));
+        self.hit(body, (t, normal), lit.collect(), meeting, ray.longest_over_this())
+    }
+
+    /// None where a number is not known well enough to be told.
+    fn bounded_hit(&self, body: &Body, ray: &bounded::Ray, t: Bounded, meeting: &Meeting<Bounded>) -> Option<TrueHit> {
+        let point = ray.d.scale(t);
+        let normal = match body.bounded.as_ref()? {
+            BoundedShape::Sphere(sphere) => sphere.normal(ray, t),
+            BoundedShape::Triangle(triangle) => *triangle.normal(),
+        };
+        let sure = |x: Bounded, size: f64| (x.error() <= SURE * size).then_some(());
+        sure(t, t.to_f64())?;
+        normal.0.into_iter().try_for_each(|x| sure(x, 1.0))?;
+        let reach = AT_THE_SURFACE * point.dot(&point).to_f64().sqrt();
+        let mut lit = Vec::with_capacity(self.lights.len());
         for light in &self.lights {
-            let to_light = light.position.sub(&point);
-            near_light |= to_light.length().to_f64() < AT_THE_SURFACE * point.length().to_f64();
-            // A light on the surface contributes nothing.
-            let Some(direction) = to_light.normalize() else { continue };
-            let cosine = direction.dot(&normal).to_f64();
-            let cosine = if two_sided { cosine.abs() } else { cosine.max(0.0) };
-            colour += cosine * light.radiance * body.colour;
+            let to_light = bounded::Vector::new(light.position.into()).sub(&point);
+            let squared = to_light.dot(&to_light);
+            squared.sign()?;
+            let length = squared.sqrt();
+            let cosine = to_light.dot(&normal) / length;
+            sure(cosine, 1.0)?;
+            lit.push((cosine.to_f64(), length.to_f64() < reach));
         }
+        let normal = normal.0.map(|x| x.value());
+        Some(self.hit(body, (t.value(), normal), lit, meeting, ray.longest_over_this()))
+    }
+
+    /// `lit` is of each light its cosine, and whether it is at the surface.
+    fn hit<T>(
+        &self,
+        body: &Body,
+        (t, normal): (Split, [Split; 3]),
+        lit: Vec<(f64, bool)>,
+        meeting: &Meeting<T>,
+        longest_over_this: f64,
+    ) -> TrueHit {
+        let two_sided = matches!(body.object, Object::Triangle(_));
+        let sides = |cosine: f64| if two_sided { cosine.abs() } else { cosine };
+        let near_light = lit.iter().any(|(_, near)| *near);
+        let cosines: Vec<f64> = lit.into_iter().map(|(cosine, _)| sides(cosine)).collect();
+        let lights = cosines.iter().zip(&self.lights);
+        let colour: DVec3 = lights.map(|(cosine, light)| cosine.max(0.0) * light.radiance * body.colour).sum();
         TrueHit {
             object: body.object,
             t,
             normal,
+            cosines,
             colour: (!near_light).then_some(colour),
             bound: meeting.bound,
-            lever: meeting.slant * ray.longest_over_this(),
+            lever: meeting.slant * longest_over_this,
+        }
+    }
+}
+
+impl Shape {
+    fn meet(&self, ray: &Ray) -> Meeting {
+        match self {
+            Shape::Sphere(sphere) => sphere.meet(ray),
+            Shape::Triangle(triangle) => triangle.meet(ray),
         }
     }
 }
 
 impl Body {
-    fn meet(&self, ray: &Ray) -> Meeting {
-        match &self.shape {
-            Shape::Sphere(sphere) => sphere.meet(ray),
-            Shape::Triangle(triangle) => triangle.meet(ray),
+    /// None for one that is never hit.
+    fn sphere(i: usize, sphere: &Sphere) -> Option<Self> {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        if !(radius > 0.0 && radius.is_finite() && centre.is_finite()) {
+            return None;
+        }
+        Some(Body {
+            object: Object::Sphere(i),
+            quick: Quick::Sphere { centre, radius, k: centre.dot(centre) - radius * radius },
+            bounded: bounded::Sphere::new(centre.into(), radius).map(BoundedShape::Sphere),
+            exact: OnceLock::new(),
+            colour: sphere.colour.as_dvec3(),
+            same_as: 0,
+        })
+    }
+
+    /// The same of a triangle.
+    fn triangle(i: usize, triangle: &Triangle) -> Option<Self> {
+        let vertices = triangle.vertices.map(|v| v.as_dvec3());
+        let bounded = vertices.iter().all(|v| v.is_finite()).then(|| bounded::Triangle::new(vertices.map(Into::into)));
+        let bounded = bounded?.map(Box::new).map(BoundedShape::Triangle);
+        if bounded.is_none() {
+            exact::Triangle::new(vertices.map(Into::into))?;
+        }
+        let [v1, v2, v3] = vertices;
+        // Where f64 cannot tell the sign of the volume, nothing is ruled out.
+        let sign = geometry::triangle_volume(vertices).map_or(0.0, f64::signum);
+        let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * sign);
+        let sizes = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| {
+            let (v, w) = (v.abs(), w.abs());
+            DVec3::new(v.y * w.z + v.z * w.y, v.z * w.x + v.x * w.z, v.x * w.y + v.y * w.x)
+        });
+        Some(Body {
+            object: Object::Triangle(i),
+            quick: Quick::Triangle { vertices, edges, sizes },
+            bounded,
+            exact: OnceLock::new(),
+            colour: triangle.colour.as_dvec3(),
+            same_as: 0,
+        })
+    }
+    fn exact(&self) -> &Shape {
+        self.exact.get_or_init(|| match &self.quick {
+            Quick::Sphere { centre, radius, .. } => {
+                Shape::Sphere(exact::Sphere::new((*centre).into(), *radius).expect("it has a radius"))
+            }
+            Quick::Triangle { vertices, .. } => {
+                let triangle = exact::Triangle::new(vertices.map(Into::into));
+                Shape::Triangle(Box::new(triangle.expect("it can be hit")))
+            }
+        })
+    }
+
+    fn bounded_meeting(&self, ray: &bounded::Ray) -> Option<Meeting<Bounded>> {
+        match self.bounded.as_ref()? {
+            BoundedShape::Sphere(sphere) => sphere.meet(ray),
+            BoundedShape::Triangle(triangle) => triangle.meet(ray),
         }
     }
 }
@@ -219,7 +384,7 @@ impl Quick {
                 let outside = *k > ROUNDING * centre.dot(*centre);
                 outside && (far || behind)
             }
-            Quick::Triangle { edges, sizes } => edges.iter().zip(sizes).any(|(edge, size)| {
+            Quick::Triangle { edges, sizes, .. } => edges.iter().zip(sizes).any(|(edge, size)| {
                 let doubt = FAR * edge.abs().dot(reach) + ROUNDING * size.dot(reach);
                 edge.dot(d) < -doubt
             }),

@@ -47,8 +47,8 @@ impl From<&TruePixel> for Expected {
     fn from(pixel: &TruePixel) -> Self {
         let hit = pixel.hit.as_ref().map(|hit| Target {
             object: hit.object,
-            t: Split::from(&hit.t),
-            normal: hit.normal.0.each_ref().map(Split::from),
+            t: hit.t,
+            normal: hit.normal,
             colour: hit.colour,
             bound: hit.bound,
             lever: hit.lever,
@@ -140,6 +140,11 @@ pub struct Tally {
     angles: Sum,
     colours: Sum,
     levels: Sum,
+}
+
+/// The margin within which an engine of that precision may answer either way.
+pub fn margin_of(precision: Precision) -> f64 {
+    MARGIN_IN_U * unit(precision == Precision::Double)
 }
 
 /// The unit roundoff of f64 or of f32.

@@ -4,9 +4,12 @@
 //! What is correct there is the same for all engines; how near one comes is for experiments and tests to say.
 
 mod maker;
+mod mixtures;
 mod others;
 mod spheres;
 mod triangles;
+
+pub use mixtures::{Mixture, mixture};
 
 use super::Scene;
 use maker::Maker;

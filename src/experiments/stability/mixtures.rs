@@ -1,0 +1,378 @@
+//! Random mixtures of what is hard: every engine, output and way to render, held against the truth pixel by pixel.
+//!
+//! What is promised, and so what a failure is:
+//! - Outside of the margin of the engine's precision no hit where there is none, none where there is one, and no other
+//!   object than the nearest; the first in order of those that tie exactly.
+//! - Of bytes, no level off by two in `single` and `fast`, none by one in `double`. There the truth may lie at a level's edge:
+//!   what is within [`EDGE`] of it is either level.
+//! - Floats within 1e-4 (`single`), 1e-3 (`fast`) or 1.5e-7 (`double`) of 1 or of what all lights together could add, whichever
+//!   is more. Where lights are brighter than white, this is the promise for bytes too, light by light: the level of a sum
+//!   whose cosines are off by that share of 1.
+//! - Every float finite, the fourth of a pixel 0, its fourth byte 255. A light that is brighter than f32 holds, alone or with
+//!   the others, may be taken for as bright as the engines say: [`Light::BRIGHTEST`], and f32::MAX over their number and one.
+//! - `--keep-all`, and rows in any split, write the same bytes.
+
+use std::ops::RangeInclusive;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::experiments::accuracy::errors::margin_of;
+use crate::experiments::accuracy::{AccuracyError, Contender};
+use crate::measure::Machine;
+use crate::plan::Keep;
+use crate::render::{
+    Colour, Distance, Film, Found, PixelFormat, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
+};
+use crate::scene::families::{Mixture, mixture};
+use crate::scene::{Light, Scene};
+
+/// The formats that a tracer is got ready for together.
+const OUTPUTS: [[PixelFormat; 2]; 2] =
+    [[PixelFormat::F32x4, PixelFormat::F32x3], [PixelFormat::Rgba8, PixelFormat::Rgb8]];
+
+/// How far a cosine in f64 may be off where that decides between two levels: several times what the documented bound of t
+/// does to the normal next to a limb.
+const EDGE: f64 = 1e-9;
+
+/// What one engine made of a mixture that it should not have. The field names are those of the JSON document.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Failure {
+    /// Who.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// What a pixel is written as; None where the hits are wrong.
+    pub output: Option<&'static str>,
+    /// What is wrong.
+    pub what: &'static str,
+    /// At how many pixels.
+    pub pixels: usize,
+    /// The first of them: its column and row.
+    pub pixel: [u32; 2],
+    /// What is true there.
+    pub expected: String,
+    /// What was found there.
+    pub found: String,
+}
+
+/// A mixture that some engine fails on.
+#[derive(Clone, Debug, Serialize)]
+pub struct Failing {
+    /// Where its random numbers begin.
+    pub seed: u64,
+    /// What is in it.
+    pub kinds: Vec<&'static str>,
+    /// How many spheres, triangles and lights.
+    pub counts: [usize; 3],
+    /// Who fails, and how.
+    pub failures: Vec<Failure>,
+}
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Mixtures {
+    /// [`SCHEMA`](super::SCHEMA).
+    pub schema: u32,
+    /// The machine and the build.
+    pub machine: Machine,
+    /// The seed of the first mixture.
+    pub seed: u64,
+    /// How many were judged.
+    pub mixtures: usize,
+    /// Whether these are all that were asked for.
+    pub complete: bool,
+    /// Those that some engine fails on.
+    pub failing: Vec<Failing>,
+}
+
+/// Judges `count` mixtures of the seeds from `seed` on; all threads work. `proceed` is asked before each.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn judge_mixtures(
+    contenders: &[Contender],
+    seed: u64,
+    count: usize,
+    proceed: &(dyn Fn() -> bool + Sync),
+) -> Result<Mixtures, AccuracyError> {
+    let judged = (0..count).into_par_iter().map(|i| {
+        if !proceed() {
+            return Ok(None);
+        }
+        let seed = seed.wrapping_add(i as u64);
+        let Mixture { scene, kinds } = mixture(seed);
+        let counts = [scene.spheres.len(), scene.triangles.len(), scene.lights.len()];
+        Ok(Some(Failing { seed, kinds, counts, failures: failures(&scene, contenders)? }))
+    });
+    let judged: Vec<Failing> = judged.collect::<Result<Vec<_>, AccuracyError>>()?.into_iter().flatten().collect();
+    Ok(Mixtures {
+        schema: super::SCHEMA,
+        machine: Machine::this(),
+        seed,
+        mixtures: judged.len(),
+        complete: judged.len() == count,
+        failing: judged.into_iter().filter(|mixture| !mixture.failures.is_empty()).collect(),
+    })
+}
+
+/// The smallest part of a scene that still fails, as far as leaving out objects and lights finds one.
+pub fn minimised(scene: &Scene, fails: &dyn Fn(&Scene) -> bool) -> Scene {
+    let mut scene = scene.clone();
+    // Half of a list, then smaller parts, down to single ones.
+    let fewer = |scene: &mut Scene, list: usize| {
+        let length = [scene.lights.len(), scene.spheres.len(), scene.triangles.len()][list];
+        let mut size = length.next_power_of_two();
+        let mut left = length;
+        while size > 0 {
+            let mut start = 0;
+            while start < left {
+                let mut next = scene.clone();
+                let part = start..left.min(start + size);
+                let count = part.len();
+                match list {
+                    0 => drop(next.lights.drain(part)),
+                    1 => drop(next.spheres.drain(part)),
+                    _ => drop(next.triangles.drain(part)),
+                }
+                if fails(&next) {
+                    *scene = next;
+                    left -= count;
+                } else {
+                    start += size;
+                }
+            }
+            size /= 2;
+        }
+    };
+    for list in [1, 2, 0] {
+        fewer(&mut scene, list);
+    }
+    scene
+}
+
+/// What is wrong with the pictures of a scene by each of `contenders`.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn failures(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Failure>, AccuracyError> {
+    let camera = scene.camera;
+    let truth = Truth::new(scene, &camera);
+    let pixels = (0..camera.height()).flat_map(|row| (0..camera.width()).map(move |col| (row, col)));
+    let judge = Judge { scene, truth: pixels.map(|(row, col)| truth.pixel(row, col)).collect() };
+    let mut failures = Vec::new();
+    for contender in contenders {
+        match catch_unwind(AssertUnwindSafe(|| judge.contender(*contender))) {
+            Ok(found) => failures.extend(found?),
+            Err(_) => failures.push(Failure {
+                engine: contender.engine.name(),
+                precision: contender.precision.name(),
+                output: None,
+                what: "a panic",
+                pixels: 0,
+                pixel: [0; 2],
+                expected: String::new(),
+                found: String::new(),
+            }),
+        }
+    }
+    Ok(failures)
+}
+
+/// A scene and what is true of its picture.
+struct Judge<'a> {
+    scene: &'a Scene,
+    truth: Vec<TruePixel>,
+}
+
+/// What one colour may be.
+struct Allowed {
+    /// A float of each channel.
+    floats: [RangeInclusive<f64>; 3],
+    /// A level of each channel.
+    levels: [RangeInclusive<u8>; 3],
+}
+
+impl Judge<'_> {
+    fn contender(&self, contender: Contender) -> Result<Vec<Failure>, AccuracyError> {
+        let Contender { engine, precision, .. } = contender;
+        let (camera, height) = (self.scene.camera, self.scene.camera.height());
+        let prepare = |format, keep| {
+            let purpose = Purpose { precision: Some(precision), format: Some(format), keep, threads: 1 };
+            engine.prepare_for(purpose, self.scene, &camera)
+        };
+        let allowed: Vec<_> = self.truth.iter().map(|pixel| self.allowed(pixel, precision)).collect();
+        let mut failures = Vec::new();
+        for (i, formats) in OUTPUTS.into_iter().enumerate() {
+            let planned = prepare(formats[0], Keep::NOTHING)?;
+            let brute = prepare(formats[0], Keep::all())?;
+            if i == 0 {
+                let found = planned.hits(0..height);
+                let wrong = self.wrong_hits(&found, precision);
+                failures.extend(self.failure(contender, None, "a wrong hit", wrong));
+            }
+            for format in formats.into_iter().filter(|format| planned.writes(*format)) {
+                let film = |tracer: &dyn Tracer, bands: bool| -> Result<Film, AccuracyError> {
+                    let mut film = Film::new(format, self.truth.len())?;
+                    let width = camera.width() as usize;
+                    // Odd bands, the last first.
+                    let rows: Vec<u32> = if bands { (0..height).step_by(5).collect() } else { vec![0] };
+                    for start in rows.into_iter().rev() {
+                        let end = if bands { height.min(start + 5) } else { height };
+                        let pixels = start as usize * width..end as usize * width;
+                        tracer.rows(start..end, film.as_mut().part(pixels));
+                    }
+                    Ok(film)
+                };
+                let whole = film(planned.as_ref(), false)?;
+                let wrong = (0..self.truth.len()).filter_map(|at| {
+                    let (found, fourth) = (whole.colour(at), fourth_is_right(&whole, at));
+                    let right = fourth && allowed[at].has(found);
+                    (!right).then(|| (at, allowed[at].text(format.is_8bit()), format!("{found:?}")))
+                });
+                failures.extend(self.failure(contender, Some(format), "a wrong colour", wrong.collect()));
+                for (what, other) in [
+                    ("other pixels by bands of rows", film(planned.as_ref(), true)?),
+                    ("other pixels with --keep-all", film(brute.as_ref(), false)?),
+                ] {
+                    let pairs = (0..self.truth.len()).map(|at| (at, whole.colour(at), other.colour(at)));
+                    let differ = pairs.filter(|(_, a, b)| bits(*a) != bits(*b));
+                    let wrong = differ.map(|(at, a, b)| (at, format!("{a:?}"), format!("{b:?}")));
+                    failures.extend(self.failure(contender, Some(format), what, wrong.collect()));
+                }
+            }
+        }
+        Ok(failures)
+    }
+
+    /// One failure of the pixels that are wrong, each with what was expected and found.
+    fn failure(
+        &self,
+        contender: Contender,
+        output: Option<PixelFormat>,
+        what: &'static str,
+        wrong: Vec<(usize, String, String)>,
+    ) -> Option<Failure> {
+        let pixels = wrong.len();
+        let (at, expected, found) = wrong.into_iter().next()?;
+        let width = self.scene.camera.width() as usize;
+        Some(Failure {
+            engine: contender.engine.name(),
+            precision: contender.precision.name(),
+            output: output.map(PixelFormat::name),
+            what,
+            pixels,
+            pixel: [at % width, at / width].map(|i| i as u32),
+            expected,
+            found,
+        })
+    }
+
+    fn wrong_hits(&self, found: &[Option<Found>], precision: Precision) -> Vec<(usize, String, String)> {
+        let pixels = self.truth.iter().zip(found).enumerate();
+        let wrong = pixels.filter_map(|(at, (truth, found))| {
+            let expected = truth.hit.as_ref().map(|hit| hit.object);
+            let t = found.map(|found| match found.distance {
+                Distance::T(t) => t,
+                Distance::Inverse(inverse) => 1.0 / inverse,
+            });
+            let distance = t.is_none_or(|t| t > 0.0 && t.is_finite());
+            let right = found.map(|found| found.object) == expected && distance;
+            let judged = truth.margin >= margin_of(precision);
+            let hit = truth.hit.as_ref().map(|hit| (hit.object, hit.t.high));
+            let text = || (at, format!("{hit:?}, margin {:.1e}", truth.margin), format!("{found:?}"));
+            (judged && !right).then(text)
+        });
+        wrong.collect()
+    }
+
+    /// What a pixel may show.
+    fn allowed(&self, pixel: &TruePixel, precision: Precision) -> Allowed {
+        if pixel.margin < margin_of(precision) {
+            return Allowed::ANY;
+        }
+        let Some(hit) = &pixel.hit else { return Allowed::BLACK };
+        let (floats, coarse) = match precision {
+            Precision::Single => (1e-4, 1e-4),
+            Precision::Fast => (1e-3, 1e-3),
+            Precision::Double => (1.5e-7, EDGE),
+        };
+        let most = self.sum(hit, f64::INFINITY, &|_| 1.0);
+        let off = floats * most.max(DVec3::ONE);
+        if hit.colour.is_none() {
+            return Allowed { floats: per_channel(|i| 0.0..=most[i] + off[i]), levels: per_channel(|_| 0..=255) };
+        }
+        let brightest = f64::from(f32::MAX) / (self.scene.lights.len() + 1) as f64;
+        let (low, high) = (self.sum(hit, brightest, &|cosine| cosine), self.sum(hit, f64::INFINITY, &|cosine| cosine));
+        let (dim, bright) = (
+            self.sum(hit, brightest, &|cosine| cosine - coarse),
+            self.sum(hit, f64::INFINITY, &|cosine| cosine + coarse),
+        );
+        let steps = if precision == Precision::Double { 0 } else { 1 };
+        Allowed {
+            floats: per_channel(|i| low[i].min(f32::MAX.into()) - off[i]..=high[i] + off[i]),
+            levels: per_channel(|i| {
+                let near = level(low[i]).saturating_sub(steps)..=level(high[i]).saturating_add(steps);
+                *near.start().min(&level(dim[i]))..=*near.end().max(&level(bright[i]))
+            }),
+        }
+    }
+
+    /// The light that an object reflects where its cosines are `of` the true ones, none brighter than `brightest`.
+    fn sum(&self, hit: &TrueHit, brightest: f64, of: &dyn Fn(f64) -> f64) -> DVec3 {
+        let colour = match hit.object {
+            crate::scene::Object::Sphere(i) => self.scene.spheres[i].colour,
+            crate::scene::Object::Triangle(i) => self.scene.triangles[i].colour,
+        };
+        let lights = self.scene.lights.iter().zip(&hit.cosines).map(|(light, cosine)| {
+            let radiance = f64::from(light.intensity) * light.colour.as_dvec3();
+            let limit = if brightest.is_finite() { Light::BRIGHTEST.into() } else { f64::INFINITY };
+            let weight = radiance.min(DVec3::splat(limit)) * colour.as_dvec3();
+            of(*cosine).max(0.0) * weight.min(DVec3::splat(brightest))
+        });
+        lights.sum()
+    }
+}
+
+fn per_channel<T>(of: impl Fn(usize) -> T) -> [T; 3] {
+    [0, 1, 2].map(of)
+}
+
+impl Allowed {
+    /// Whatever is a number.
+    const ANY: Allowed = Allowed { floats: [const { 0.0..=f64::INFINITY }; 3], levels: [const { 0..=255 }; 3] };
+    const BLACK: Allowed = Allowed { floats: [const { 0.0..=0.0 }; 3], levels: [const { 0..=0 }; 3] };
+
+    fn has(&self, colour: Colour) -> bool {
+        match colour {
+            Colour::Linear(linear) => {
+                let in_range =
+                    |(v, range): (&f32, &RangeInclusive<f64>)| v.is_finite() && range.contains(&f64::from(*v));
+                linear.iter().zip(&self.floats).all(in_range)
+            }
+            Colour::Levels(levels) => levels.iter().zip(&self.levels).all(|(v, range)| range.contains(v)),
+        }
+    }
+
+    fn text(&self, bytes: bool) -> String {
+        if bytes { format!("{:?}", self.levels) } else { format!("{:?}", self.floats) }
+    }
+}
+
+/// The fourth float is 0, and the fourth byte 255.
+fn fourth_is_right(film: &Film, at: usize) -> bool {
+    match film {
+        Film::F32x4(pixels) => pixels[at].lanes()[3] == 0.0,
+        Film::Rgba8(pixels) => pixels[at][3] == 255,
+        Film::F32x3(_) | Film::Rgb8(_) => true,
+    }
+}
+
+fn bits(colour: Colour) -> [u32; 3] {
+    match colour {
+        Colour::Linear(linear) => linear.map(f32::to_bits),
+        Colour::Levels(levels) => levels.map(u32::from),
+    }
+}
