@@ -22,7 +22,7 @@ struct InFront {
 }
 
 /// A sphere that is wholly in front of the camera's plane, with the camera outside; None if it is not.
-fn in_front(sphere: &Sphere, grid: &Grid<f64>, scale: f64) -> Option<InFront> {
+fn in_front(sphere: &Sphere, grid: &Grid<f64>, scale: f64, sides: [u32; 2]) -> Option<InFront> {
     let Grid { step, half_width, half_height, focal } = *grid;
     let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
     // In units of the radius.
@@ -34,8 +34,9 @@ fn in_front(sphere: &Sphere, grid: &Grid<f64>, scale: f64) -> Option<InFront> {
     let columns = silhouette(c.x, c.z).map(|x| (focal * x + half_width) / step - 0.5);
     let rows = silhouette(c.y, c.z).map(|y| (half_height - focal * y) / step - 0.5);
     let rows = [rows[1], rows[0]];
-    let middle = |[low, high]: [f64; 2]| (0.5 * (low + high)).round().clamp(-4e6, 4e6);
-    let (column, row) = (middle(columns), middle(rows));
+    let [width, height] = sides.map(f64::from);
+    let middle = |[low, high]: [f64; 2], side: f64| (0.5 * (low + high)).round().clamp(0.0, side);
+    let (column, row) = (middle(columns, width), middle(rows, height));
     // The ray at the origin, and what i columns and j rows add to it.
     let d = DVec3::new(step * (column + 0.5) - half_width, half_height - step * (row + 0.5), focal);
     let (across, down) = (DVec3::X * step, DVec3::Y * -step);
@@ -51,8 +52,9 @@ fn in_front(sphere: &Sphere, grid: &Grid<f64>, scale: f64) -> Option<InFront> {
         down.dot(down) - v.dot(v),
     ];
     let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
-    let reach = |[low, high]: [f64; 2], origin: f64| (high - origin).max(origin - low) + 1.0;
-    let (i, j) = (reach(columns, column), reach(rows, row));
+    let reach =
+        |[low, high]: [f64; 2], origin: f64, side: f64| (high.min(side) - origin).max(origin - low.max(0.0)) + 1.0;
+    let (i, j) = (reach(columns, column, width), reach(rows, row, height));
     let unit = f64::from(f32::EPSILON);
     let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
     let bound = 4.0 * unit * terms.iter().map(|term| term.abs()).sum::<f64>();
@@ -136,6 +138,7 @@ fn scene(seed: u64) -> Scene {
 fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, scene: &Scene) {
     let plan = Tiles::<E>::new(scene, &scene.camera, packets, Keep::NOTHING, 1);
     let (view, grid, scale) = (&plan.levels().spheres, scene.camera.grid::<f64>(), plan.scale());
+    let sides = [scene.camera.width(), scene.camera.height()];
     let mut found = vec![Seen::default(); scene.spheres.len().next_multiple_of(CHUNK)];
     let (count, _) = packets.sphere_bounds.call(view, &scene.spheres, 0, true, &mut found).unwrap();
     assert_eq!(count, scene.spheres.len());
@@ -149,15 +152,14 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
         kernels.tiles.sphere_looks.call(view, spheres, plan.sphere_lights(), true, 0, &mut records);
         for (i, seen) in seen.iter().enumerate() {
             let sphere = &scene.spheres[seen.id as usize];
-            let Some(front) = in_front(sphere, &grid, scale) else {
+            let Some(front) = in_front(sphere, &grid, scale, sides) else {
                 let behind = f64::from(sphere.centre.z) / f64::from(sphere.radius) <= -1.0;
-                let whole = [scene.camera.width() << 16, scene.camera.height() << 16];
+                let whole = sides.map(|side| side << 16);
                 let expected = if behind { ([0; 2], 0.0) } else { (whole, Seen::ANY) };
                 assert_eq!(([seen.columns, seen.rows], seen.near), expected, "{sphere:?}");
                 continue;
             };
             fronts += 1;
-            let sides = [scene.camera.width(), scene.camera.height()];
             let bounds = [0, 1].map(|axis| first_and_past(front.bounds[axis], sides[axis]));
             assert_eq!([seen.columns, seen.rows], bounds, "{sphere:?}");
             let nearest = scale * grid.focal / (f64::from(sphere.centre.z) - f64::from(sphere.radius));

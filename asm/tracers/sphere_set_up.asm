@@ -63,12 +63,14 @@
 %unmacro WORK 1
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
-; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0.
-%macro NEAREST_PIXEL 4
+; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, or what is nearest to it in the
+;                 picture.
+%macro NEAREST_PIXEL 5
 %define %%d %1          ; [out]      vreg
 %define %%a %2          ; [in]       vreg
 %define %%b %3          ; [in]       vreg
-%define %%t %4          ; [clobbered] vreg
+%define %%side %4       ; [in]       field: how many pixels there are
+%define %%t %5          ; [clobbered] vreg
     VADD    %%d, %%a, %%b
     VMUL    %%d, %%d, [PACKET(halves)]
     VABS    %%t, %%d
@@ -76,16 +78,19 @@
     VROUND  %%t, %%t, DOWN
     VAND    %%d, %%d, [PACKET(sign)]
     VXOR    %%d, %%d, %%t
-    VMIN    %%d, %%d, [PACKET(far_pixel)]
-    VMAX    %%d, %%d, [PACKET(minus_far_pixel)]
+    VMIN    %%d, %%d, K(SphereView. %+ %%side)
+    VMAX    %%d, %%d, [PACKET(zeros)]
 %endmacro
 
-; REACH - d = how far the outline, from a to b, is from the origin o, and a pixel more.
-%macro REACH 4
-%define %%a %1          ; [in]       vreg
+; REACH - d = how far the outline, from a to b, is from the origin o where it is in the picture, and a pixel more.
+%macro REACH 5
+%define %%a %1          ; [clobbered] vreg
 %define %%b %2          ; [in/out]   vreg: d
 %define %%o %3          ; [in]       vreg
-%define %%t %4          ; [clobbered] vreg
+%define %%side %4       ; [in]       field: how many pixels there are
+%define %%t %5          ; [clobbered] vreg
+    VMAX    %%a, %%a, [PACKET(zeros)]
+    VMIN    %%b, %%b, K(SphereView. %+ %%side)
     VSUB    %%b, %%b, %%o
     VSUB    %%t, %%o, %%a
     VMAX    %%b, %%b, %%t
@@ -96,7 +101,8 @@
 ;            (dy), v12 (dxx), v4 (dxy), v9 (dyy). Clobbers all registers.
 ;
 ;   D = d.d - |c x d|^2, over k and the radius: quadratic in the pixel, and no difference of large numbers for a far
-;   sphere.
+;   sphere. Pixels count from an origin in the picture, so that its terms are no larger than what the picture shows of it:
+;   where that is a piece of the limb, D is small and has all its digits.
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + Balls.radius]
     WIDEN   v0, [r8 + Balls.x]
@@ -117,13 +123,13 @@
     VDIV    v12, v12, v9
     VMOV_TO W(over), v12
     SPHERE_BOX v5, v6, v7, v8, v0, v1, v2, v9, v10, v11
-    NEAREST_PIXEL v9, v5, v6, v10
+    NEAREST_PIXEL v9, v5, v6, width, v10
     VMOV_TO W(column), v9
-    REACH   v5, v6, v9, v10
+    REACH   v5, v6, v9, width, v10
     VMOV_TO W(i), v6
-    NEAREST_PIXEL v11, v7, v8, v10
+    NEAREST_PIXEL v11, v7, v8, height, v10
     VMOV_TO W(row), v11
-    REACH   v7, v8, v11, v10
+    REACH   v7, v8, v11, height, v10
     VMOV_TO W(j), v8
 
     ; The ray at the origin, and what a column and a row more add to c x d and c . d.
@@ -530,8 +536,8 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     SPHERE_LOOKS double, 8
 
 %undef W
-%unmacro NEAREST_PIXEL 4
-%unmacro REACH 4
+%unmacro NEAREST_PIXEL 5
+%unmacro REACH 5
 %unmacro SPHERE_D 0
 %unmacro BEGIN_SPHERES 0
 %unmacro END_SPHERES 0
