@@ -7,8 +7,8 @@ use assert_cmd::Command;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
-use rayo::render::{FilmMut, PixelFormat, Precision, Tracer};
-use rayo::scene::families::{Case, FAMILIES, Family, family};
+use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
+use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
 use rayo::scene::{self, Camera, Light, Scene, Sphere, Triangle};
 
 /// The side of a case's picture here: `rayo stability` has the large ones.
@@ -413,4 +413,48 @@ fn what_there_is_not_is_an_error_that_says_what_there_is() {
         let error = String::from_utf8(output.stderr).unwrap();
         assert!(error.contains(expected), "{error}");
     }
+}
+
+/// Whether two numbers are the same but for that share of the larger, or of 1 where that is more.
+fn near(a: f64, b: f64, share: f64) -> bool {
+    a == b || (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0)
+}
+
+#[test]
+fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always_is() {
+    let (mut pixels, mut sure, mut hits) = (0, 0, 0);
+    for seed in 1..=150 {
+        let scene = mixture(seed).scene;
+        let truth = Truth::new(&scene, &scene.camera);
+        // Some of the pixels, in another order in every picture.
+        let step = 7 + seed as usize % 5;
+        let all = (0..scene.camera.height()).flat_map(|row| (0..scene.camera.width()).map(move |col| (row, col)));
+        for (row, col) in all.step_by(step) {
+            pixels += 1;
+            let Some(quick) = truth.quick_pixel(row, col) else { continue };
+            sure += 1;
+            let exact = truth.exact_pixel(row, col);
+            let what = || format!("seed {seed} row {row} col {col}: {quick:?} {exact:?}");
+            let margins = [quick.margin, exact.margin];
+            assert!(
+                near(1.0, margins[0] / margins[1], 1e-8) || margins[0] == margins[1] || margins[1] < 1e-17,
+                "{}",
+                what()
+            );
+            assert_eq!(quick.hit.is_some(), exact.hit.is_some(), "{}", what());
+            let (Some(quick), Some(exact)) = (&quick.hit, &exact.hit) else { continue };
+            hits += 1;
+            assert_eq!((quick.object, quick.colour.is_some()), (exact.object, exact.colour.is_some()), "{}", what());
+            assert!((exact.t.error_of(quick.t.high) + quick.t.low).abs() <= 1e-17 * exact.t.high, "{}", what());
+            for (a, b) in quick.normal.iter().zip(exact.normal) {
+                assert!((b.error_of(a.high) + a.low).abs() < 1e-17, "{}", what());
+            }
+            for (a, b) in quick.cosines.iter().zip(&exact.cosines) {
+                assert!((a - b).abs() < 2e-16, "{}", what());
+            }
+            assert!(near(quick.bound, exact.bound, 1e-8) && near(quick.lever, exact.lever, 1e-8), "{}", what());
+        }
+    }
+    println!("{pixels} pixels, {sure} sure, {hits} hits");
+    assert!(hits > 10_000 && sure as f64 > 0.95 * f64::from(pixels), "{pixels} pixels, {sure} sure, {hits} hits");
 }

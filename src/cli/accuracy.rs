@@ -28,7 +28,7 @@ const FEW: usize = 8;
 /// names; docs/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
-    /// Scene files, or families of stiff scenes by their ids (S1 to S8, T1 to T7, L1, I1). Default: the scenes that come
+    /// Scene files, or families of stiff scenes by their ids (S1 to S9, T1 to T7, X1, X2, L1, L2, I1). Default: the scenes that come
     /// with the program, and each family at three levels of stiffness
     #[arg(value_name = "SCENE")]
     scenes: Vec<String>,

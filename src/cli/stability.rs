@@ -27,7 +27,8 @@ const SEARCH_SIDE: u32 = 48;
 
 /// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
 ///
-/// The families are S1 to S8 (spheres), T1 to T7 (triangles), L1 (lights), I1 (images) and N1 (what is not a number).
+/// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2 (lights), I1
+/// (images) and N1 (what is not a number).
 /// Hits, t, normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json
 /// and limits.csv, the limits that would just hold, to the directory that --out names. Exit status 1 where an engine does
 /// not keep its limits, with the command that repeats the case. Ctrl-C keeps what is finished.

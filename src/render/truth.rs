@@ -156,13 +156,7 @@ impl Truth {
 
     /// What is true of a pixel.
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
-        let near = self.near(row, col);
-        self.bounded_pixel(row, col, &near).unwrap_or_else(|| self.exact_pixel(row, col, &near))
-    }
-
-    /// The same, all of it in 256 bits.
-    pub fn pixel_in_256_bits(&self, row: u32, col: u32) -> TruePixel {
-        self.exact_pixel(row, col, &self.near(row, col))
+        self.quick_pixel(row, col).unwrap_or_else(|| self.exact_pixel(row, col))
     }
 
     /// The objects that f64 does not rule out.
@@ -172,23 +166,26 @@ impl Truth {
         (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
     }
 
-    fn exact_pixel(&self, row: u32, col: u32, near: &[usize]) -> TruePixel {
+    /// The same in 256 bits, for those who doubt the quick one.
+    pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
-        let meetings: Vec<_> = near.iter().map(|i| (*i, self.bodies[*i].exact().meet(&ray))).collect();
+        let near = self.near(row, col).into_iter();
+        let meetings: Vec<_> = near.map(|i| (i, self.bodies[i].exact().meet(&ray))).collect();
         let (first, margin) = self.first(&meetings).expect("256 bits know which is nearer");
         let hit = first.map(|(i, meeting, t)| self.exact_hit(&self.bodies[i], &ray, t, meeting));
         TruePixel { hit, margin }
     }
 
-    fn bounded_pixel(&self, row: u32, col: u32, near: &[usize]) -> Option<TruePixel> {
+    /// The same in fewer bits; None where these are not sure.
+    pub fn quick_pixel(&self, row: u32, col: u32) -> Option<TruePixel> {
+        let near = self.near(row, col);
         if near.is_empty() {
             return Some(TruePixel { hit: None, margin: f64::INFINITY });
         }
         let d = bounded::Vector([self.across[col as usize], self.up[row as usize], self.focal]);
         let ray = bounded::Ray::within(d, self.rays.reach);
-        let meetings: Option<Vec<_>> =
-            near.iter().map(|i| Some((*i, self.bodies[*i].bounded_meeting(&ray)?))).collect();
-        let meetings = meetings?;
+        let meet = |i: usize| Some((i, self.bodies[i].bounded_meeting(&ray)?));
+        let meetings = near.into_iter().map(meet).collect::<Option<Vec<_>>>()?;
         let (first, margin) = self.first(&meetings)?;
         let hit = match first {
             Some((i, meeting, t)) => Some(self.bounded_hit(&self.bodies[i], &ray, *t, meeting)?),
