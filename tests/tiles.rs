@@ -8,7 +8,7 @@ use contenders::{Contender, Truth, contenders, film, levels};
 use glam::Vec3;
 use rayo::plan::Omission;
 use rayo::render::{Film, FilmMut, PixelFormat, Purpose, Tracer};
-use rayo::scene::{self, Camera, Rng, Scene, Sphere, Triangle, many};
+use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
@@ -313,6 +313,78 @@ fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
                     assert!(same, "{contender}, {format:?}, spheres {spheres}, all {keep_all}");
                 }
             }
+        }
+    }
+}
+
+/// Spheres around the camera, across its plane and beside it: the fewest and the most that a kernel traces.
+fn around_the_camera() -> Vec<Sphere> {
+    let sphere = |radius, centre: [f32; 3]| Sphere { radius, colour: [1.0; 3].into(), centre: centre.into() };
+    vec![
+        sphere(90.0, [1.0, 2.0, 30.0]),
+        sphere(60.0, [0.0, -50.0, -20.0]),
+        sphere(3.0, [-4.5, 0.0, 1.0]),
+        sphere(2.0, [0.5, 4.0, 2.001]),
+        sphere(2.0, [4.0, -0.5, 2.02]),
+    ]
+}
+
+#[test]
+fn of_equal_spheres_around_the_camera_the_first_is_seen_too() {
+    let camera = Camera::new(203, 151, 0.5, 1.0).unwrap();
+    let mut once = Scene { camera, ..many(40, 0, 19) };
+    once.spheres.extend(around_the_camera());
+    let mut twice = once.clone();
+    let copies = around_the_camera().into_iter().rev();
+    twice.spheres.extend(copies.map(|sphere| Sphere { colour: [0.0; 3].into(), ..sphere }));
+    for contender in packets() {
+        for format in FORMATS {
+            let [one, other] = [&once, &twice].map(|scene| picture(&contender, scene, false, format));
+            assert!(one == other, "{contender}, {format:?}");
+        }
+    }
+}
+
+/// A house in metres, and the sun.
+fn with_a_sun(seed: u64) -> Scene {
+    let mut scene = Scene { camera: camera(203, 151), ..many(30, 30, seed) };
+    let (position, colour) = ([2e10, 5e10, 1.4e11].into(), Vec3::ONE);
+    scene.lights.push(Light { intensity: 0.5, colour, position });
+    scene.spheres.push(Sphere { radius: 7e8, colour, centre: position });
+    scene.spheres.push(Sphere { radius: 2e10, colour, centre: [-2e10, 3e10, 1.4e11].into() });
+    scene
+}
+
+#[test]
+fn a_sun_over_a_house_spoils_neither_and_is_asked_in_its_tiles_alone() {
+    let scene = with_a_sun(3);
+    let truth = Truth::new(&scene);
+    for contender in packets() {
+        truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{error}"));
+        for format in FORMATS {
+            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
+        }
+        let tracer = tiles(&contender, &scene, false);
+        let hits = tracer.hits(0..151);
+        assert!(hits.iter().flatten().any(|found| found.object == Object::Sphere(31)), "{contender}");
+        assert_eq!(tracer.count_hits(0..151), hits.iter().flatten().count() as u64, "{contender}");
+    }
+}
+
+#[test]
+fn a_tile_of_more_spheres_than_have_records_and_none_on_a_pixel_is_black() {
+    let camera = camera(64, 32);
+    let mut scene = Scene { camera, ..many(0, 0, 1) };
+    // About the corner between four pixels, and nearer to it than any of their middles; their bounds hold these.
+    let pixel = 10.0 * camera.grid::<f32>().step;
+    for i in 0..4100 {
+        let radius = pixel * (0.6 + 1e-5 * i as f32);
+        scene.spheres.push(Sphere { radius, colour: [1.0; 3].into(), centre: [0.0, 0.0, 10.0].into() });
+    }
+    for contender in packets() {
+        for format in FORMATS {
+            let picture = picture(&contender, &scene, false, format);
+            assert!(picture.iter().all(|pixel| pixel[..3] == [0; 3]), "{contender}, {format:?}");
         }
     }
 }

@@ -976,7 +976,8 @@ fn seen_of_triangle(vertices: [DVec3; 3], grid: &Grid<f64>, camera: &Camera) -> 
 impl Triangle {
     /// With its unit normal. A triangle of no area or whose plane passes through the camera is never hit: the rule and
     /// the order of operations are those of `reference::geometry::triangle`.
-    fn new([v1, v2, v3]: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
+    fn new(vertices: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
+        let [v1, v2, v3] = geometry::near_corner_first(vertices);
         let n = geometry::triangle_plane([v1, v2, v3]);
         let volume = v1.dot(n);
         if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {

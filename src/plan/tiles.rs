@@ -8,6 +8,7 @@ mod bins;
 mod bounds;
 mod forms;
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -22,6 +23,7 @@ use crate::kernels::{
     Element, Extremes, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
     TilePoint, TileRays, TileView,
 };
+use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 
 /// An object in more tiles than this is in the list that all tiles look through: 16 bytes in each, and 16 while planning.
@@ -56,6 +58,8 @@ pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
+    /// The scene's triangles, those that have a near corner turned round.
+    triangles: Cow<'a, [Triangle]>,
     camera: Camera,
     /// The camera's, times `unit`.
     grid: Grid<f64>,
@@ -166,8 +170,10 @@ impl<'a, E: Element> Tiles<'a, E> {
             (spheres.plan(&scene.spheres, threads), triangles.plan(&scene.triangles, threads));
         let wide = [of_spheres.wide, of_triangles.wide].concat();
         let wide = if !wide.is_empty() { tiles_of(&wide, picture) } else { Vec::new() };
+        let near_corners = of_triangles.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
         Tiles {
             scene,
+            triangles: if near_corners { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
             camera: *camera,
             grid,
             unit,
@@ -235,7 +241,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// All triangles.
     pub fn facets(&self) -> &[Triangle] {
-        &self.scene.triangles
+        &self.triangles
     }
 
     /// All spheres.
@@ -397,6 +403,19 @@ fn extent(scene: &Scene) -> f64 {
     let mut sizes: Vec<f32> = sizes.filter(|size| *size > 0.0 && size.is_finite()).collect();
     let middle = sizes.len() / 2;
     if sizes.is_empty() { 1.0 } else { (*sizes.select_nth_unstable_by(middle, f32::total_cmp).1).into() }
+}
+
+/// Triangles with the near corner first of those that have one; see [`geometry::near_corner_first`].
+fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
+    let turned = |triangle: &Triangle| {
+        let vertices = geometry::near_corner_first(triangle.vertices.map(|v| v.as_dvec3()));
+        Triangle { vertices: vertices.map(|v| v.as_vec3()), ..*triangle }
+    };
+    if triangles.iter().any(|triangle| turned(triangle) != *triangle) {
+        triangles.iter().map(turned).collect()
+    } else {
+        Cow::Borrowed(triangles)
+    }
 }
 
 /// What a light radiates.

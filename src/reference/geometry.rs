@@ -67,20 +67,38 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
     (inside && t > 0.0 && t.is_finite()).then_some(t)
 }
 
+/// A corner is near if it is nearer than this share of the farthest one's distance.
+pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
+
+/// Turned round, so that a corner that is [near](NEAR_CORNER) comes first: its product with the normal is the triangle's
+/// volume as any other's is, and the terms of a farther one's would cancel.
+pub fn near_corner_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
+    let [one, two, three] = [v1, v2, v3].map(|v| v.abs().max_element());
+    let near = NEAR_CORNER * one.max(two).max(three);
+    if two < near && two < one && two <= three {
+        [v2, v3, v1]
+    } else if three < near && three < one && three < two {
+        [v3, v1, v2]
+    } else {
+        [v1, v2, v3]
+    }
+}
+
 /// A triangle whose normal is shorter than this share of the product of two sides.
 const SLIVER: f64 = 1e-2;
 
 /// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
 /// the triangle has no area, or its plane passes through the camera.
-pub fn triangle_volume([v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
-    let n = triangle_plane([v1, v2, v3]);
+pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
+    let (n, [v1, ..]) = (triangle_plane(vertices), near_corner_first(vertices));
     let volume = v1.dot(n);
     // What is 0 but for the rounding is 0.
     (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(n.abs())).then_some(volume)
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.
-pub fn triangle_plane([v1, v2, v3]: [DVec3; 3]) -> DVec3 {
+pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
+    let [v1, v2, v3] = near_corner_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
     let n = a.cross(b);
     if n.abs().max_element() > SLIVER * a.abs().max_element() * b.abs().max_element() {
@@ -172,6 +190,18 @@ mod tests {
         let edge_on = [corner(0.1, -1.0, 3.0), corner(0.2, 2.0, 6.0), corner(0.1, 1.0, 3.0)];
         let through_camera = [edge_on[0], edge_on[1], -edge_on[0]];
         assert_eq!(triangle(edge_on[1], through_camera), None);
+    }
+
+    #[test]
+    fn a_triangle_that_begins_next_to_the_camera_has_its_volume_from_there() {
+        // Exactly representable: a corner 2^-60 below the camera, and two far ones.
+        let tiny = 2f64.powi(-60);
+        let (near, one, other) = (corner(0.0, -tiny, 0.0), corner(-3.0, -0.375, 5.0), corner(2.0, -0.625, 7.0));
+        let expected = near.dot((near - one).cross(near - other));
+        for vertices in [[near, one, other], [other, near, one], [one, other, near]] {
+            assert_eq!(triangle_volume(vertices), Some(expected), "{vertices:?}");
+        }
+        assert_eq!(triangle_volume([near, other, one]), Some(-expected));
     }
 
     #[test]

@@ -96,6 +96,13 @@ impl Forms {
         if self.are_usual(extremes) { (MOST / self.farthest.max(1.0)) as f32 } else { -1.0 }
     }
 
+    /// Whether a triangle may have a [near corner](geometry::NEAR_CORNER), if these are the extremes of all.
+    pub(super) fn may_have_near_corners(&self, extremes: &Extremes) -> bool {
+        let nearest = self.extent() / f64::from(extremes.most) / geometry::NEAR_CORNER;
+        // A NaN may mean anything.
+        !(f64::from(extremes.nearest) < nearest)
+    }
+
     /// That of a sphere. What its 1/t cannot exceed is set right, since f32 may not have held that.
     pub(super) fn of_sphere(&self, sphere: &Sphere, seen: &mut Seen) -> Form {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
