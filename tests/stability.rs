@@ -7,6 +7,7 @@ use assert_cmd::Command;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
+use rayo::experiments::stability::mixtures::failures;
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
 use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
 use rayo::scene::{self, Camera, Light, Scene, Sphere, Triangle};
@@ -400,13 +401,43 @@ fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
 }
 
 #[test]
+fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_that_does_not_matter() {
+    let directory = tempfile::tempdir().unwrap();
+    let mixtures = |more: &[&str]| {
+        let output = rayo(&[&["stability", "--mixtures", "3", "--seed", "4"], more].concat(), directory.path());
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (status, text) = mixtures(&["--engine", "reference"]);
+    assert_eq!((status, text.as_str()), (Some(0), "3 mixtures, seeds 4 to 6: 0 fail\n"));
+    // f32 without care for what it loses.
+    let (status, text) = mixtures(&["--engine", "c"]);
+    assert_eq!(status, Some(1), "{text}");
+    let (status, json) = mixtures(&["--engine", "c", "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((status, &document["schema"], &document["mixtures"]), (Some(1), &1.into(), &3.into()));
+    let failing = document["failing"].as_array().unwrap();
+    assert!(!failing.is_empty());
+    for failing in failing {
+        let seed = failing["seed"].as_u64().unwrap();
+        assert!(text.contains(&format!("rayo stability --mixtures 1 --seed {seed}\n")), "{text}");
+        let file = |extension| directory.path().join(format!("out/stability/mixture-{seed}.{extension}"));
+        let left = ["in", "toml"].map(file).into_iter().find(|path| path.exists()).expect("the scene");
+        let (left, whole) = (scene::read(&left).unwrap(), mixture(seed).scene);
+        assert!(left.spheres.len() + left.triangles.len() < whole.spheres.len() + whole.triangles.len(), "{left:?}");
+        let c: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.name() == "c").collect();
+        assert!(!failures(&left, &c).unwrap().is_empty(), "what is left fails too");
+    }
+}
+
+#[test]
 fn what_there_is_not_is_an_error_that_says_what_there_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
-        (&["stability", "--family", "S9"][..], "S1, S2"),
+        (&["stability", "--family", "S10"][..], "S1, S2"),
         (&["stability", "--family", "N1", "--case", "24"], "0 to 23"),
         (&["stability", "--engine", "cuda"], "reference"),
         (&["stability", "--case", "3"], "--family"),
+        (&["stability", "--mixtures", "3", "--family", "S1"], "--mixtures"),
     ] {
         let output = rayo(arguments, directory.path());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

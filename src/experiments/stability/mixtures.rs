@@ -27,7 +27,7 @@ use crate::render::{
     Colour, Distance, Film, Found, PixelFormat, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
 };
 use crate::scene::families::{Mixture, mixture};
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, Object, Scene};
 
 /// The formats that a tracer is got ready for together.
 const OUTPUTS: [[PixelFormat; 2]; 2] =
@@ -323,8 +323,8 @@ impl Judge<'_> {
     /// The light that an object reflects where its cosines are `of` the true ones, none brighter than `brightest`.
     fn sum(&self, hit: &TrueHit, brightest: f64, of: &dyn Fn(f64) -> f64) -> DVec3 {
         let colour = match hit.object {
-            crate::scene::Object::Sphere(i) => self.scene.spheres[i].colour,
-            crate::scene::Object::Triangle(i) => self.scene.triangles[i].colour,
+            Object::Sphere(i) => self.scene.spheres[i].colour,
+            Object::Triangle(i) => self.scene.triangles[i].colour,
         };
         let lights = self.scene.lights.iter().zip(&hit.cosines).map(|(light, cosine)| {
             let radiance = f64::from(light.intensity) * light.colour.as_dvec3();
@@ -374,5 +374,92 @@ fn bits(colour: Colour) -> [u32; 3] {
     match colour {
         Colour::Linear(linear) => linear.map(f32::to_bits),
         Colour::Levels(levels) => levels.map(u32::from),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Engine;
+    use crate::scene::many;
+
+    #[test]
+    fn what_does_not_matter_is_left_out() {
+        let scene = many(40, 25, 3);
+        let (sphere, triangle) = (scene.spheres[17], scene.triangles[24]);
+        let fails = |scene: &Scene| scene.spheres.contains(&sphere) && scene.triangles.contains(&triangle);
+        let left = minimised(&scene, &fails);
+        assert_eq!((left.spheres, left.triangles, left.lights.len()), (vec![sphere], vec![triangle], 0));
+    }
+
+    /// What a pixel may show that is lit with `cosine` by a light of that intensity.
+    fn allowed(cosine: f64, intensity: f32, precision: Precision) -> Allowed {
+        let mut scene = many(1, 0, 1);
+        scene.spheres[0].colour = glam::Vec3::ONE;
+        scene.lights.truncate(1);
+        scene.lights[0] = Light { intensity, colour: glam::Vec3::ONE, ..scene.lights[0] };
+        let zero = crate::reference::exact::Split { high: 0.0, low: 0.0 };
+        let colour = Some(DVec3::splat(cosine.max(0.0) * f64::from(intensity)));
+        let hit = TrueHit {
+            object: Object::Sphere(0),
+            t: zero,
+            normal: [zero; 3],
+            cosines: vec![cosine],
+            colour,
+            bound: 1.0,
+            lever: 1.0,
+        };
+        let judge = Judge { scene: &scene, truth: Vec::new() };
+        judge.allowed(&TruePixel { hit: Some(hit), margin: 1.0 }, precision)
+    }
+
+    #[test]
+    fn a_colour_is_wrong_from_what_is_promised_on() {
+        let floats = |v: f32| Colour::Linear([v; 3]);
+        let levels = |v: u8| Colour::Levels([v; 3]);
+        let cosine = 100.5 / 255.0;
+        let v = (cosine) as f32;
+        for (precision, right, wrong, step) in [
+            (Precision::Single, 0.9e-4, 1.1e-4, 1),
+            (Precision::Fast, 0.9e-3, 1.1e-3, 1),
+            (Precision::Double, 1e-7, 2.5e-7, 0),
+        ] {
+            let allowed = allowed(cosine, 1.0, precision);
+            assert!(allowed.has(floats(v + right)) && allowed.has(floats(v - right)), "{precision}");
+            assert!(!allowed.has(floats(v + wrong)) && !allowed.has(floats(v - wrong)), "{precision}");
+            assert!(allowed.has(levels(100 + step)) && allowed.has(levels(100 - step)), "{precision}");
+            assert!(!allowed.has(levels(101 + step)) && !allowed.has(levels(99 - step)), "{precision}");
+            assert!(!allowed.has(floats(f32::NAN)) && !allowed.has(floats(f32::INFINITY)), "{precision}");
+        }
+    }
+
+    #[test]
+    fn a_truth_at_the_edge_of_a_level_is_either_and_a_bright_light_behind_the_surface_adds_nothing() {
+        let edge = allowed(100.0 / 255.0, 1.0, Precision::Double);
+        assert!([99, 100].into_iter().all(|level| edge.has(Colour::Levels([level; 3]))));
+        assert!([98, 101].into_iter().all(|level| !edge.has(Colour::Levels([level; 3]))));
+        // In f32 a cosine of 1e-7 is as good as 0; one of -1/2 is not.
+        for (cosine, white) in [(1e-7, true), (0.5, true), (-0.5, false)] {
+            let bright = allowed(cosine, 1e30, Precision::Single);
+            assert_eq!(bright.has(Colour::Levels([255; 3])), white, "{cosine}");
+            assert_eq!(bright.has(Colour::Levels([0; 3])), cosine < 0.1, "{cosine}");
+        }
+    }
+
+    #[test]
+    fn light_beyond_f32_is_any_number_from_as_bright_as_engines_take_it() {
+        let bright = allowed(1.0, 3e38, Precision::Double);
+        for (v, right) in [(3e38, true), (f32::MAX, false), (1.7e38, true), (1.6e38, false), (f32::INFINITY, false)] {
+            assert_eq!(bright.has(Colour::Linear([v; 3])), right, "{v}");
+        }
+    }
+
+    #[test]
+    fn what_f32_loses_without_care_is_found() {
+        let engine = Engine::Rust;
+        let rust = [Contender { engine, precision: engine.precision(), keep_all: false }];
+        let found = judge_mixtures(&rust, 1, 30, &|| true).unwrap();
+        assert!(found.complete && found.mixtures == 30);
+        assert!(found.failing.len() > 3, "{}", found.failing.len());
     }
 }

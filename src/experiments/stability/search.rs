@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::experiments::accuracy::{AccuracyError, Contender, judge};
-use crate::scene::{Camera, Rng, Scene};
+use crate::scene::{Camera, Rng, Scene, Sphere};
 
 /// How bad a picture is, the worst first: wrong hits and levels off by two, the share of the bound, levels off by one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
@@ -67,12 +67,27 @@ pub fn search(
 /// Changes some numbers of the scene a little, or by a lot.
 fn perturb(scene: &mut Scene, rng: &mut Rng) {
     let vector = |v: &mut Vec3, rng: &mut Rng| *v = Vec3::from(v.to_array().map(|x| jitter(x, rng)));
-    scene.lights.iter_mut().for_each(|light| vector(&mut light.position, rng));
+    for light in &mut scene.lights {
+        vector(&mut light.position, rng);
+        vector(&mut light.colour, rng);
+        light.intensity = jitter(light.intensity, rng);
+    }
     for sphere in &mut scene.spheres {
         vector(&mut sphere.centre, rng);
         sphere.radius = jitter(sphere.radius, rng);
     }
     scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| vector(vertex, rng));
+    // Now and then one takes another's place, in its own colour: which of the two is seen shows.
+    if rng.next_u64().is_multiple_of(8) {
+        let mut two = |length: usize| [(); 2].map(|()| (rng.next_u64() % length.max(1) as u64) as usize);
+        let ([a, b], [c, d]) = (two(scene.spheres.len()), two(scene.triangles.len()));
+        if a != b {
+            scene.spheres[a] = Sphere { colour: scene.spheres[a].colour, ..scene.spheres[b] };
+        }
+        if c != d {
+            scene.triangles[c].vertices = scene.triangles[d].vertices;
+        }
+    }
 }
 
 /// `x` with a relative change of any size down to one unit in the last place; unchanged in two of three cases.
