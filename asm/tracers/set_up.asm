@@ -218,6 +218,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     DOT3    v11, v8, v9, v10, v3, v4, v5, v14
     VABS    v11, v11
     VMUL    v11, v11, v6
+    VMIN    v11, v11, [PACKET(infinite)]    ; what has no area has no NaN
     WEIGHT  12, red
     WEIGHT  13, green
     WEIGHT  14, blue

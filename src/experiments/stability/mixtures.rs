@@ -8,8 +8,8 @@
 //! - Floats within 1e-4 (`single`), 1e-3 (`fast`) or 1.5e-7 (`double`) of 1 or of what all lights together could add, whichever
 //!   is more. Where lights are brighter than white, this is the promise for bytes too, light by light: the level of a sum
 //!   whose cosines are off by that share of 1.
-//! - Every float finite, the fourth of a pixel 0, its fourth byte 255. A light that is brighter than f32 holds, alone or with
-//!   the others, may be taken for as bright as the engines say: [`Light::BRIGHTEST`], and f32::MAX over their number and one.
+//! - Every float finite, the fourth of a pixel 0, its fourth byte 255. What is brighter than f32 holds is the brightest that
+//!   it does.
 //! - `--keep-all`, and rows in any split, write the same bytes.
 
 use std::ops::RangeInclusive;
@@ -27,7 +27,7 @@ use crate::render::{
     Colour, Distance, Film, Found, PixelFormat, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
 };
 use crate::scene::families::{Mixture, mixture};
-use crate::scene::{Light, Object, Scene};
+use crate::scene::{Object, Scene};
 
 /// The formats that a tracer is got ready for together.
 const OUTPUTS: [[PixelFormat; 2]; 2] =
@@ -299,39 +299,36 @@ impl Judge<'_> {
             Precision::Fast => (1e-3, 1e-3),
             Precision::Double => (1.5e-7, EDGE),
         };
-        let most = self.sum(hit, f64::INFINITY, &|_| 1.0);
+        let most = self.sum(hit, &|_| 1.0);
         let off = floats * most.max(DVec3::ONE);
         if hit.colour.is_none() {
             return Allowed { floats: per_channel(|i| 0.0..=most[i] + off[i]), levels: per_channel(|_| 0..=255) };
         }
-        let brightest = f64::from(f32::MAX) / (self.scene.lights.len() + 1) as f64;
-        let (low, high) = (self.sum(hit, brightest, &|cosine| cosine), self.sum(hit, f64::INFINITY, &|cosine| cosine));
-        let (dim, bright) = (
-            self.sum(hit, brightest, &|cosine| cosine - coarse),
-            self.sum(hit, f64::INFINITY, &|cosine| cosine + coarse),
-        );
+        let light = self.sum(hit, &|cosine| cosine);
+        let (dim, bright) = (self.sum(hit, &|cosine| cosine - coarse), self.sum(hit, &|cosine| cosine + coarse));
         let steps = if precision == Precision::Double { 0 } else { 1 };
         Allowed {
-            floats: per_channel(|i| low[i].min(f32::MAX.into()) - off[i]..=high[i] + off[i]),
+            floats: per_channel(|i| light[i].min(f32::MAX.into()) - off[i]..=light[i] + off[i]),
             levels: per_channel(|i| {
-                let near = level(low[i]).saturating_sub(steps)..=level(high[i]).saturating_add(steps);
-                *near.start().min(&level(dim[i]))..=*near.end().max(&level(bright[i]))
+                let level_of_truth = level(light[i]);
+                let (least, most) = (level_of_truth.saturating_sub(steps), level_of_truth.saturating_add(steps));
+                least.min(level(dim[i]))..=most.max(level(bright[i]))
             }),
         }
     }
 
-    /// The light that an object reflects where its cosines are `of` the true ones, none brighter than `brightest`.
-    fn sum(&self, hit: &TrueHit, brightest: f64, of: &dyn Fn(f64) -> f64) -> DVec3 {
+    /// The light that an object reflects where its cosines are `of` the true ones.
+    fn sum(&self, hit: &TrueHit, of: &dyn Fn(f64) -> f64) -> DVec3 {
         let colour = match hit.object {
             Object::Sphere(i) => self.scene.spheres[i].colour,
             Object::Triangle(i) => self.scene.triangles[i].colour,
         };
-        let lights = self.scene.lights.iter().zip(&hit.cosines).map(|(light, cosine)| {
-            let radiance = f64::from(light.intensity) * light.colour.as_dvec3();
-            let limit = if brightest.is_finite() { Light::BRIGHTEST.into() } else { f64::INFINITY };
-            let weight = radiance.min(DVec3::splat(limit)) * colour.as_dvec3();
-            of(*cosine).max(0.0) * weight.min(DVec3::splat(brightest))
-        });
+        let lights = self
+            .scene
+            .lights
+            .iter()
+            .zip(&hit.cosines)
+            .map(|(light, cosine)| of(*cosine).max(0.0) * light.radiance() * colour.as_dvec3());
         lights.sum()
     }
 }
@@ -381,7 +378,7 @@ fn bits(colour: Colour) -> [u32; 3] {
 mod tests {
     use super::*;
     use crate::render::Engine;
-    use crate::scene::many;
+    use crate::scene::{Light, many};
 
     #[test]
     fn what_does_not_matter_is_left_out() {
@@ -447,10 +444,12 @@ mod tests {
     }
 
     #[test]
-    fn light_beyond_f32_is_any_number_from_as_bright_as_engines_take_it() {
-        let bright = allowed(1.0, 3e38, Precision::Double);
-        for (v, right) in [(3e38, true), (f32::MAX, false), (1.7e38, true), (1.6e38, false), (f32::INFINITY, false)] {
-            assert_eq!(bright.has(Colour::Linear([v; 3])), right, "{v}");
+    fn light_beyond_f32_is_as_bright_as_that_can_be() {
+        for (cosine, right) in [(1.0, 3e38), (0.5, 1.5e38)] {
+            let bright = allowed(cosine, 3e38, Precision::Double);
+            for v in [3e38, 1.5e38, f32::MAX, f32::INFINITY] {
+                assert_eq!(bright.has(Colour::Linear([v; 3])), v == right, "{cosine}, {v}");
+            }
         }
     }
 
