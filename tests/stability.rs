@@ -7,7 +7,7 @@ use assert_cmd::Command;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
-use rayo::experiments::stability::mixtures::failures;
+use rayo::experiments::stability::mixtures::{failures, judge_mixtures};
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
 use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
 use rayo::scene::{self, Camera, Light, Scene, Sphere, Triangle};
@@ -488,4 +488,20 @@ fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always
     }
     println!("{pixels} pixels, {sure} sure, {hits} hits");
     assert!(hits > 10_000 && sure as f64 > 0.95 * f64::from(pixels), "{pixels} pixels, {sure} sure, {hits} hits");
+}
+
+/// The seeds of the mixtures that every test run judges; `rayo stability --mixtures` takes any others.
+const MIXTURES: std::ops::RangeInclusive<u64> = 1..=200;
+
+#[test]
+fn no_packet_engine_fails_on_a_random_mixture_of_all_families() {
+    let packets: Vec<_> = contenders().into_iter().filter(is_packet).collect();
+    let count = MIXTURES.count();
+    let found = judge_mixtures(&packets, *MIXTURES.start(), count, &|| true).unwrap();
+    assert_eq!(found.mixtures, count);
+    for failing in &found.failing {
+        println!("rayo stability --mixtures 1 --seed {}: {failing:?}", failing.seed);
+    }
+    let seeds: Vec<_> = found.failing.iter().map(|failing| failing.seed).collect();
+    assert_eq!(seeds, [0; 0], "seeds {MIXTURES:?}");
 }
