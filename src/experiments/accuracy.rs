@@ -256,6 +256,23 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Acc
     Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
 }
 
+/// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on
+/// the average of all families.
+const TRUTH_SECONDS: f64 = 4e-5;
+const ANSWER_SECONDS: f64 = 4e-6;
+
+/// The seconds that it may take to hold so many `rays` of each of so many contenders against the truth, by all threads.
+pub fn forecast(rays: u64, contenders: usize) -> f64 {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    rays as f64 * (TRUTH_SECONDS + contenders as f64 * ANSWER_SECONDS) / cores as f64
+}
+
+/// The seconds that [`measure`] may take for all these.
+pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool) -> f64 {
+    let rays = subjects.iter().map(|subject| subject.scene.camera.pixels()).sum();
+    forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
+}
+
 /// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp
 /// counter. None where `proceed`, which is asked now and then, says no.
 pub fn measure(

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::accuracy::{AccuracyError, Contender, Judged, judge};
+use super::accuracy::{self, AccuracyError, Contender, Judged, judge};
 use crate::measure::Machine;
 use crate::render::{EngineError, Film, PixelFormat, Precision};
 use crate::scene::families::{Case, Family};
@@ -189,6 +189,15 @@ pub struct Document {
 pub fn side(family: &Family, quick: bool) -> u32 {
     let rays = f64::from(RAYS[usize::from(!quick)]) / family.variants.len() as f64;
     rays.sqrt().ceil() as u32
+}
+
+/// The seconds that [`sweep`] may take.
+pub fn forecast(settings: &Settings) -> f64 {
+    let rays = |family: &&Family| {
+        let cases = if settings.case.is_some() { 1 } else { family.cases() };
+        u64::from(side(family, settings.quick)).pow(2) * cases as u64
+    };
+    accuracy::forecast(settings.families.iter().map(rays).sum(), settings.contenders.len())
 }
 
 /// Sweeps the families. `proceed` is told after each level of a family, and ends the sweep where it says no.
