@@ -109,15 +109,17 @@ impl Contender {
     /// So no pixel is off by two levels. How many are off by one depends on how near true values are to a level: in a
     /// picture of one colour it is none or all.
     pub fn levels_by_estimates(self, output: PixelFormat) -> f64 {
-        let estimates = match self.precision {
-            Precision::Single => output.is_8bit(),
-            Precision::Fast => true,
-            Precision::Double => false,
-        };
-        match self.engine {
+        let levels = match self.engine {
             #[cfg(rayo_asm)]
-            Engine::Packet(isa) if estimates => ESTIMATES / if isa == Isa::Avx512 { 6.0 } else { 1.0 },
+            Engine::Packet(Isa::Avx512) => ESTIMATES / 6.0,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => ESTIMATES,
             _ => 0.0,
+        };
+        match self.precision {
+            Precision::Single if output.is_8bit() => levels,
+            Precision::Fast => levels,
+            Precision::Single | Precision::Double => 0.0,
         }
     }
 
