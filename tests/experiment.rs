@@ -104,6 +104,44 @@ fn the_ratios_are_those_of_the_samples_and_the_shares_make_one() {
     }
 }
 
+/// A process that keeps a core busy until it is dropped.
+#[cfg(target_os = "linux")]
+struct Burner(std::process::Child);
+
+#[cfg(target_os = "linux")]
+impl Drop for Burner {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_or_there_are_none() {
+    // What a thread starts stays on its core.
+    rayo::kernels::sys::pin_to_this_core().unwrap();
+    let (_directory, quiet) = quick(&["--engines", "c"]);
+    let burner = std::process::Command::new("sh").args(["-c", "while :; do :; done"]).spawn().unwrap();
+    let burner = Burner(burner);
+    let (directory, busy) = quick(&["--engines", "c"]);
+    drop(burner);
+
+    let taken = busy["conditions"]["taken_share"].as_f64().unwrap();
+    let disturbed = busy["disturbed"].as_array().unwrap();
+    // The largest picture takes longer than any system leaves a core to one of two.
+    assert!(taken < 0.2 || !disturbed.is_empty(), "others had {taken} of the time");
+    let none = "not testable here";
+    for (quiet, busy) in quiet["verdicts"].as_array().unwrap().iter().zip(busy["verdicts"].as_array().unwrap()) {
+        let verdicts = [&quiet["verdict"], &busy["verdict"]];
+        assert!(verdicts[0] == verdicts[1] || verdicts.contains(&&Value::from(none)), "{quiet}\n{busy}");
+    }
+    let table = std::fs::read_to_string(directory.path().join("table.md")).unwrap();
+    for reason in disturbed {
+        assert_eq!(table.matches(&format!("- {}\n", reason.as_str().unwrap())).count(), 2, "{table}");
+    }
+}
+
 #[test]
 fn an_engine_that_does_not_exist_is_an_error_that_lists_what_there_is() {
     let directory = TempDir::new().unwrap();

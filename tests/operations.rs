@@ -6,6 +6,7 @@
 
 #![cfg(rayo_asm)]
 
+mod by_estimates;
 mod kernel_cases;
 mod on_packets;
 
@@ -18,7 +19,7 @@ use rayo::kernels::{
 };
 use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
-use rayo::reference::packet::{self, Linear, Rounding};
+use rayo::reference::packet::{self, Cosine, Exact, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
 use rayo::scene::{Camera, Rng, Scene, many};
 
@@ -441,7 +442,7 @@ fn twin_of_lits<E: Element>(lits: &[Lit<E>]) -> Vec<packet::Light<E>> {
 trait Record<E>: Copy + std::fmt::Debug {
     fn first(&self) -> E;
     fn near(&self) -> E;
-    fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3];
+    fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3];
     fn den(&self, rounding: Rounding, j: E) -> E;
     /// None for a triangle.
     fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]>;
@@ -457,9 +458,9 @@ macro_rules! record {
             fn near(&self) -> E {
                 self.near
             }
-            fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E) -> [E; 3] {
+            fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3] {
                 let $s = self;
-                rounding.$colour(&$twin, lights, j)
+                rounding.$colour(&$twin, lights, j, cosine)
             }
             fn den(&self, rounding: Rounding, j: E) -> E {
                 let $s = self;
@@ -586,7 +587,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         let lits: Vec<Lit<E>> = (0..rng.next_u64() % 4).map(|_| kernel_cases::lit(numbers, rng)).collect();
         let lights = twin_of_lits(&lits);
         let j = |i: usize| E::from_u32(i as u32) + span.first();
-        let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i))).collect();
+        let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i), Exact)).collect();
 
         let f32x4 = shaded(&bodies.f32x4, &span, &lits, pixels, Vec4::default());
         let f32x3 = shaded(&bodies.f32x3, &span, &lits, pixels, [0.0; 3]);
@@ -786,7 +787,7 @@ impl<E: Element + Real> Planned<'_, E> {
         let lights = twin_of_lits(self.lits);
         let found = shaded(kernel, span, self.lits, self.pixels, Vec4::default());
         for (i, pixel) in found.into_iter().enumerate() {
-            let colour = span.colour(self.rounding, &lights, E::from_u32(i as u32) + span.first());
+            let colour = span.colour(self.rounding, &lights, E::from_u32(i as u32) + span.first(), Exact);
             self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
         }
     }

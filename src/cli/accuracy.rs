@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
+use super::measuring::{announce, bar, create_directory, stop_on_ctrl_c, write_file};
 use super::{Failure, print, print_json, say};
 #[cfg(rayo_asm)]
 use crate::experiments::accuracy::plain;
@@ -69,6 +69,8 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     }
 
     let contenders = accuracy::contenders_and_options();
+    let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick);
+    announce(seconds, (!args.quick).then_some("--quick"));
     let bar = bar(subjects.len() as u64);
     let mut rows = Vec::new();
     let against_plain = Vec::new();

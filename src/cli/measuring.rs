@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Failure, convert};
+use super::{Failure, convert, say};
 
 /// The file appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
@@ -28,6 +28,26 @@ pub fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
+/// A run of so many seconds is announced.
+const LONG: f64 = 10.0;
+
+/// Says what a run will take, if it is long, and what would be `shorter`.
+pub fn announce(seconds: f64, shorter: Option<&str>) {
+    if seconds >= LONG {
+        let shorter = shorter.map_or_else(String::new, |how| format!("; {how} is shorter"));
+        say(&format!("this will take about {}{shorter}", duration(seconds)));
+    }
+}
+
+/// In words, as precisely as an estimate is.
+fn duration(seconds: f64) -> String {
+    if seconds < 90.0 {
+        format!("{:.0} seconds", (seconds / 10.0).ceil() * 10.0)
+    } else {
+        format!("{:.0} minutes", (seconds / 60.0).ceil())
+    }
+}
+
 /// A bar on standard error, if that is a terminal.
 pub fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
@@ -42,4 +62,15 @@ pub fn create_directory(path: &Path) -> Result<(), Failure> {
         let path = path.display();
         Failure::output(format!("cannot create the directory {path}: {error}; name another one with --out"))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn a_duration_is_as_precise_as_an_estimate() {
+        let words = [4.0, 10.0, 31.0, 89.0, 91.0, 600.0].map(duration);
+        assert_eq!(words, ["10 seconds", "10 seconds", "40 seconds", "90 seconds", "2 minutes", "10 minutes"]);
+    }
 }

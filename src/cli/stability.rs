@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
+use super::measuring::{announce, bar, create_directory, stop_on_ctrl_c, write_file};
 use super::{Failure, print, print_json, say};
 use crate::experiments::accuracy::{self, AccuracyError, Contender};
 use crate::experiments::stability::limits::{self, Limits};
@@ -84,6 +84,7 @@ pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
     if let Err(error) = sys::pin_to_this_core() {
         say(&format!("warning: the thread is not pinned to a core: {error}"));
     }
+    announce(stability::forecast(&settings), (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
     let mut proceed = || {
         bar.inc(1);

@@ -14,6 +14,8 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
+#[cfg(rayo_asm)]
+use crate::kernels::Isa;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::{Keep, Omission};
@@ -28,6 +30,9 @@ pub const SCHEMA: u32 = 1;
 
 /// Rounds of a quick run and of any other: at least so many, at most so many, and until a scene has taken so long.
 const ROUNDS: [Rounds; 2] = [Rounds { least: 3, most: 15, seconds: 0.15 }, Rounds { least: 5, most: 51, seconds: 1.0 }];
+
+/// See [`Contender::levels_by_estimates`].
+pub const ESTIMATES: f64 = 0.75;
 
 struct Rounds {
     least: usize,
@@ -90,6 +95,32 @@ impl Contender {
     /// The option as users type it.
     pub fn option(self) -> Option<&'static str> {
         self.keep_all.then_some("--keep-all")
+    }
+
+    /// How many levels of 255 estimates of roots may put a channel of its `output` off by, on every CPU: what VRSQRT's
+    /// documented error allows, not what one maker's silicon does with it.
+    ///
+    /// With e = 1.5 2^-12, the error of `rsqrtps`, LAMBERT3 and COSINE are off by e of what they should be, 0.1 of a level.
+    /// In SPHERE_LIT an estimate is in the root of D too, which moves the point along the ray by e sqrt s of a radius at
+    /// most. With w = 1 + G the distance of the light from the centre, w . N is then off by up to (1 + G) e, and the cosine
+    /// by ((1 + G) / G) (1 + 1 / G) e. SHORT_FORM_LOSS keeps G above 0.65, where that is 6.4 e; with the other estimate
+    /// 7.4 e, which is 0.69 of a level. `vrsqrt14ps` has a sixth of e.
+    ///
+    /// So no pixel is off by two levels. How many are off by one depends on how near true values are to a level: in a
+    /// picture of one colour it is none or all.
+    pub fn levels_by_estimates(self, output: PixelFormat) -> f64 {
+        let levels = match self.engine {
+            #[cfg(rayo_asm)]
+            Engine::Packet(Isa::Avx512) => ESTIMATES / 6.0,
+            #[cfg(rayo_asm)]
+            Engine::Packet(_) => ESTIMATES,
+            _ => 0.0,
+        };
+        match self.precision {
+            Precision::Single if output.is_8bit() => levels,
+            Precision::Fast => levels,
+            Precision::Single | Precision::Double => 0.0,
+        }
     }
 
     /// What it writes that is worth a row: floats, and bytes where they are made in another way than from its floats.
@@ -217,13 +248,31 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Acc
     let judged = contenders.par_iter().map(|contender| {
         let tracer = contender.prepare(scene)?;
         let outputs = contender.outputs(tracer.as_ref()).into_iter().map(|output| {
-            let tally = Tally::new(contender.precision, contender.engine.rays_in_f64());
+            let tally = Tally::new(contender.precision, contender.engine.rays_in_f64())
+                .with_estimates(contender.levels_by_estimates(output));
             let errors = errors_of(tracer.as_ref(), camera.height(), output, &expected, tally)?;
             Ok(Judged { entry: Entry { contender: *contender, output }, errors })
         });
         outputs.collect::<Result<Vec<_>, AccuracyError>>()
     });
     Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
+}
+
+/// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on
+/// the average of all families.
+const TRUTH_SECONDS: f64 = 4e-5;
+const ANSWER_SECONDS: f64 = 4e-6;
+
+/// The seconds that it may take to hold so many `rays` of each of so many contenders against the truth, by all threads.
+pub fn forecast(rays: u64, contenders: usize) -> f64 {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    rays as f64 * (TRUTH_SECONDS + contenders as f64 * ANSWER_SECONDS) / cores as f64
+}
+
+/// The seconds that [`measure`] may take for all these.
+pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool) -> f64 {
+    let rays = subjects.iter().map(|subject| subject.scene.camera.pixels()).sum();
+    forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
 }
 
 /// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp

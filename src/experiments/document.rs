@@ -43,6 +43,8 @@ pub struct Document {
     pub jumps: Option<Jumps>,
     /// Cost in objects and lights; empty where the run was stopped before.
     pub sweeps: Vec<Sweep>,
+    /// Why verdicts are not to be had of a part of it: others had the core, or two figures of one thing are apart.
+    pub disturbed: Vec<String>,
     /// The paper's claims.
     pub verdicts: Vec<Claim>,
 }
@@ -82,6 +84,7 @@ impl Document {
             explanations: Vec::new(),
             jumps: None,
             sweeps: Vec::new(),
+            disturbed: Vec::new(),
             verdicts: Vec::new(),
         }
     }
@@ -89,6 +92,11 @@ impl Document {
     /// The sizes that were finished, each with its rows.
     pub fn sizes(&self) -> impl Iterator<Item = &[Row]> {
         self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
+    }
+
+    /// In how many runs of all of [`Document::rows`] others had the core, of it or of the baseline.
+    pub fn taken_runs(&self) -> (usize, usize) {
+        self.rows.iter().fold((0, 0), |(taken, all), row| (taken + row.taken, all + row.samples.len()))
     }
 
     /// Of all runs of [`Document::rows`]: those that migrated, those that were off, and how many there are.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use serde::Serialize;
 
-use super::speedup::{self, Films, Progress, SpeedupError, Truth};
+use super::speedup::{self, Films, Progress, SpeedupError, Taken, Truth, Turn, judged, kept};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
@@ -49,6 +49,8 @@ pub struct Rung {
     pub gain_total: f64,
     /// Cycles of every run.
     pub samples: Vec<f64>,
+    /// Of each of them, whether others had the core. Those are in no figure, unless they are more than half.
+    pub taken: Vec<bool>,
     /// How many of them, one after the other, were taken in one process.
     pub samples_per_run: usize,
 }
@@ -341,8 +343,8 @@ pub fn check(
     Ok(Some(instructions))
 }
 
-/// The ticks of each rung in `rounds`, in the order of the ladder.
-pub type Rounds = Vec<Vec<f64>>;
+/// The turns of each rung in `rounds`, in the order of the ladder.
+pub type Rounds = Vec<Vec<Turn>>;
 
 /// Measures those `rounds`, as part of a [run](speedup::measure_run).
 pub fn measure_run(
@@ -366,27 +368,31 @@ pub fn measure_run(
     // As the first contestant of a run, who does not pay for what a new process does at the first call.
     contestants.iter_mut().for_each(|contestant| contestant());
     let measured = interleave(clock, &mut contestants, rounds, &mut || true).expect("nobody stops it");
-    Ok(measured.into_iter().map(|runs| runs.ticks).collect())
+    Ok(measured.iter().map(|runs| speedup::turns(runs).collect()).collect())
 }
 
 /// The rungs that `runs` tell of, each of as many rounds; `instructions` are those of [`check`].
 pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &[Rounds]) -> Vec<Rung> {
     let planned = plan(whole, cores);
-    let ticks = |index: usize| runs.iter().flat_map(|rounds| &rounds[index]).copied().collect::<Vec<_>>();
-    let measured: Vec<_> = (0..planned.len()).map(ticks).collect();
+    let samples = |index: usize| {
+        let turns = runs.iter().flat_map(|rounds| &rounds[index]);
+        turns.map(|turn| (turn.ticks as f64, turn.taken)).unzip()
+    };
+    let measured: Vec<(Vec<f64>, Vec<bool>)> = (0..planned.len()).map(samples).collect();
     let samples_per_run = runs.first().map_or(1, |rounds| rounds[0].len().max(1));
     let pixels = f64::from(SIZE.0) * f64::from(SIZE.1);
     let mut rng = Rng::new(SEED);
     let mut rungs = Vec::new();
     let mut before: Option<usize> = None;
-    for (index, (rung, ticks)) in planned.iter().zip(&measured).enumerate() {
+    for (index, (rung, samples)) in planned.iter().zip(&measured).enumerate() {
         let over = match rung.aside_of {
             Some(name) => planned.iter().position(|rung| rung.rung == name),
             None => before,
         };
-        let ratios = |of: usize| pairwise_ratios(&measured[of], ticks);
+        let ratios = |of: usize| ratios(&measured[of], samples, samples_per_run);
         let gain = ratios(over.unwrap_or(index));
-        let gain = median_with_interval(gain.chunks(samples_per_run), &mut || rng.next_u64());
+        let gain = median_with_interval(gain.iter().map(Vec::as_slice), &mut || rng.next_u64());
+        let (ticks, taken) = samples;
         rungs.push(Rung {
             rung: rung.rung.into(),
             change: rung.change.clone(),
@@ -394,13 +400,14 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
             over: over.map(|over| planned[over].rung.into()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
-            cycles_per_pixel: median(ticks) / pixels,
+            cycles_per_pixel: median(&kept(ticks, &judged(taken.iter().copied()))) / pixels,
             instructions_per_pixel: instructions[index],
             gain: gain.value,
             gain_low: gain.low,
             gain_high: gain.high,
-            gain_total: median(&ratios(0)),
+            gain_total: median(&ratios(0).concat()),
             samples: ticks.clone(),
+            taken: taken.clone(),
             samples_per_run,
         });
         if rung.aside_of.is_none() {
@@ -426,13 +433,28 @@ const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, call: ((
 /// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
 const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, call: ((64, 48), 24) };
 
+/// Each cycles of one rung by those of another that were measured beside them, process by process: those to judge by.
+fn ratios(a: &(Vec<f64>, Vec<bool>), b: &(Vec<f64>, Vec<bool>), samples_per_run: usize) -> Vec<Vec<f64>> {
+    let judged = judged(a.1.iter().zip(&b.1).map(|(a, b)| *a || *b));
+    let ratios = pairwise_ratios(&a.0, &b.0);
+    let processes = ratios.chunks(samples_per_run).zip(judged.chunks(samples_per_run));
+    processes.map(|(ratios, judged)| kept(ratios, judged)).filter(|ratios| !ratios.is_empty()).collect()
+}
+
+/// In how many samples of rungs of one thread others had the core.
+pub fn taken(rungs: &[Rung]) -> Taken {
+    let taken = rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken);
+    taken.fold(Taken::default(), |all, taken| Taken { taken: all.taken + usize::from(*taken), of: all.of + 1 })
+}
+
 /// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None where one is not there.
 pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
     let (a, b) = (find(a)?, find(b)?);
     let mut rng = Rng::new(SEED);
-    let ratios = pairwise_ratios(&a.samples, &b.samples);
-    Some(median_with_interval(ratios.chunks(a.samples_per_run), &mut || rng.next_u64()))
+    let samples = |rung: &Rung| (rung.samples.clone(), rung.taken.clone());
+    let ratios = ratios(&samples(a), &samples(b), a.samples_per_run);
+    Some(median_with_interval(ratios.iter().map(Vec::as_slice), &mut || rng.next_u64()))
 }
 
 /// Each packet engine that is a rung, against what the compiler made for its instruction set.

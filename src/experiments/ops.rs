@@ -47,6 +47,14 @@ const ROUNDS: u64 = 200;
 /// Measurements of which the fastest is taken.
 const REPEATS: u32 = 25;
 
+/// A result that another needs is a cycle away at least, and so is what follows a call and a return: these are jumps.
+const LEAST_CYCLES: f64 = 1.0;
+/// No core finishes more instructions in a cycle.
+const MOST_IN_A_CYCLE: f64 = 8.0;
+/// What a row says whose cycles are not known.
+const IMPOSSIBLE: &str =
+    "no cycles: others had the core each time, or left it too little for any that an operation can take";
+
 /// The picture that is traced step by step: small where pixels are traced one by one and a few tell all, larger where they
 /// share what a row needs.
 const FRAME: (u32, u32) = (16, 12);
@@ -140,6 +148,8 @@ pub struct Row {
     pub model: Option<Model>,
     /// Why there is nothing to run here, where there is code.
     pub unavailable: Option<String>,
+    /// Why latency or throughput was measured and is not known.
+    pub no_cycles: Option<&'static str>,
     /// The function, line by line.
     pub listing: Vec<Line>,
 }
@@ -222,7 +232,7 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
         // Unpinned figures are noisier, not wrong.
         cores = sys::Cores::of_this_thread().ok();
         let _ = sys::pin_to_this_core();
-        feedback_cycles = Some(chain_cycles(FEEDBACK));
+        feedback_cycles = chain_cycles(FEEDBACK, LEAST_CYCLES);
     }
     let wanted = |implementation: &&str| match &options.implementations {
         Some(wanted) => wanted.iter().any(|w| w == implementation),
@@ -237,7 +247,7 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
     let mut rows = Vec::new();
     for (op, implementation) in cells {
         progress(rows.len(), work);
-        rows.push(row(op, implementation, step, feedback_cycles));
+        rows.push(row(op, implementation, step, options.cost.then_some(feedback_cycles)));
     }
     let mut frames = Vec::new();
     for engine in engines {
@@ -256,8 +266,8 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
     Ok(Report { rows, frames, executed_unavailable, core_cycles_per_tick, feedback_cycles, compilers })
 }
 
-/// One cell of the table. `feedback_cycles`: what to take off chains of latency; None for no costs.
-fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<f64>) -> Row {
+/// One cell of the table. `feedback_cycles`: what to take off chains of latency, where that is known; None for no costs.
+fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<Option<f64>>) -> Row {
     let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
     let mut row = Row {
         op,
@@ -278,6 +288,7 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
         paths: Vec::new(),
         model: None,
         unavailable: None,
+        no_cycles: None,
         listing: Vec::new(),
     };
     match (implementation, printed) {
@@ -381,13 +392,20 @@ impl Row {
         }
         if cost {
             let [latency, throughput] = (subject.cost)();
-            (self.call_latency, self.call_throughput) = (Some(latency), Some(throughput));
-            (self.latency, self.throughput, self.cost_of) = (Some(latency), Some(throughput), Some("call"));
+            (self.call_latency, self.call_throughput) = (latency, throughput);
+            self.cost(latency, throughput, "call");
+        }
+    }
+
+    fn cost(&mut self, latency: Option<f64>, throughput: Option<f64>, of: &'static str) {
+        (self.latency, self.throughput, self.cost_of) = (latency, throughput, Some(of));
+        if latency.is_none() || throughput.is_none() {
+            self.no_cycles = Some(IMPOSSIBLE);
         }
     }
 
     /// Where there are chains of the body, they are what the row tells.
-    fn chain(&mut self, feedback: f64) {
+    fn chain(&mut self, feedback: Option<f64>) {
         let packets = isa(self.implementation).and_then(kernels::chains_of_packets);
         let chains = match self.implementation {
             "paper" => kernels::chains_of_paper(),
@@ -397,18 +415,16 @@ impl Row {
         let Some(Chains { latency, throughput, .. }) = chains.and_then(|c| c.iter().find(|c| c.op == self.op)) else {
             return;
         };
-        let feedback = packets.map_or(feedback, |packets| chain_cycles(packets.feedback));
-        self.latency = Some(chain_cycles(*latency) - feedback);
-        self.throughput = Some(chain_cycles(*throughput));
-        self.cost_of = Some("body");
+        let feedback = packets.map_or(feedback, |packets| chain_cycles(packets.feedback, LEAST_CYCLES));
+        let latency = feedback.and_then(|feedback| Some(chain_cycles(*latency, feedback + LEAST_CYCLES)? - feedback));
+        let least = self.body.map_or(0.0, |body| body as f64 / MOST_IN_A_CYCLE);
+        self.cost(latency, chain_cycles(*throughput, least), "body");
     }
 }
 
-/// Core cycles for each operation of a chain.
-fn chain_cycles(chain: kernels::Chain) -> f64 {
-    let mut operations = 0;
-    let cycles = core_cycles(REPEATS, || operations = chain.run(ROUNDS));
-    cycles / operations as f64
+/// Core cycles for each operation of a chain, which takes `least` at least; None where none can be right.
+fn chain_cycles(chain: kernels::Chain, least: f64) -> Option<f64> {
+    core_cycles(REPEATS, least, || chain.run(ROUNDS))
 }
 
 /// What the comment above a macro says of its critical path, in the form that `implementation` takes.

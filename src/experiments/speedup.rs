@@ -7,7 +7,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
-use crate::measure::{Clock, Runs, Work, interleave};
+use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::reference::ReferenceTracer;
 use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer};
 use crate::scene::{self, Camera, Rng, Scene};
@@ -176,6 +176,8 @@ pub struct Row {
     pub ratio_high: f64,
     /// Runs that ended on another core than they began on; they are in all figures.
     pub migrations: usize,
+    /// Runs in which others had the core, of it or of the baseline. They are in no figure, unless they are more than half.
+    pub taken: usize,
     /// Runs further than 3 MAD from the median; they are in all figures.
     pub off: usize,
     /// Cycles of every run.
@@ -186,6 +188,11 @@ impl Row {
     /// Median cycles of a pixel.
     pub fn cycles_per_pixel(&self) -> f64 {
         self.cycles_median / self.pixels as f64
+    }
+
+    /// In how many of its runs others had the core.
+    pub fn taken(&self) -> Taken {
+        Taken { taken: self.taken, of: self.samples.len() }
     }
 
     /// Whether it is the engine `name`, writing floats.
@@ -229,6 +236,29 @@ pub struct Speedup {
     pub runs: usize,
     /// Sizes and runs that were asked for.
     pub asked: (usize, usize),
+    /// Pairs of `c` and `paper` in which others had the core.
+    pub taken: Taken,
+}
+
+/// Measurements in which others had the core, of so many.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Taken {
+    /// They are left out, if that leaves enough.
+    pub taken: usize,
+    /// All of them.
+    pub of: usize,
+}
+
+impl Taken {
+    /// Of a contestant's runs.
+    pub fn in_runs(runs: &Runs) -> Self {
+        Taken { taken: runs.taken.iter().filter(|taken| **taken).count(), of: runs.taken.len() }
+    }
+
+    /// Whether what is left is enough to judge by.
+    pub fn leaves_enough(self) -> bool {
+        enough(self.of - self.taken, self.of)
+    }
 }
 
 /// Why nothing was measured.
@@ -306,6 +336,8 @@ pub struct Turn {
     pub ticks: u64,
     /// Whether it ended on another core than it began on.
     pub migrated: bool,
+    /// Whether others had the core, each time it was tried.
+    pub taken: bool,
 }
 
 /// A run: at each size that was finished, in the order of [`Settings::sizes`], the turn of every entry and, last, that of
@@ -360,8 +392,7 @@ pub fn measure_run(
             contestants.iter_mut().for_each(|contestant| contestant());
         }
         let runs = interleave(clock, &mut contestants, number..number + 1, &mut || true).expect("nobody stops it");
-        let turn = |runs: Runs| Turn { ticks: runs.ticks[0] as u64, migrated: runs.migrations > 0 };
-        let mut turns: Vec<Turn> = runs.into_iter().map(turn).collect();
+        let mut turns: Vec<Turn> = runs.iter().flat_map(turns).collect();
         let again = turns.remove(first + 1);
         turns.push(again);
         if !finished(turns) {
@@ -369,6 +400,25 @@ pub fn measure_run(
         }
     }
     Ok(())
+}
+
+/// The turns of a contestant, one a round.
+pub(super) fn turns(runs: &Runs) -> impl Iterator<Item = Turn> {
+    let turn =
+        |(ticks, taken): (&f64, &bool)| Turn { ticks: *ticks as u64, migrated: runs.migrations > 0, taken: *taken };
+    runs.ticks.iter().zip(&runs.taken).map(turn)
+}
+
+/// Which pairs of runs to judge by: those in which nobody else had the core, if they are enough, else all.
+pub(super) fn judged(taken: impl Iterator<Item = bool>) -> Vec<bool> {
+    let clean: Vec<bool> = taken.map(|taken| !taken).collect();
+    let count = clean.iter().filter(|clean| **clean).count();
+    if enough(count, clean.len()) { clean } else { vec![true; clean.len()] }
+}
+
+/// The values that are to be judged by.
+pub(super) fn kept<T: Copy>(values: &[T], judged: &[bool]) -> Vec<T> {
+    values.iter().zip(judged).filter(|(_, judged)| **judged).map(|(value, _)| *value).collect()
 }
 
 fn new_film(format: PixelFormat, pixels: usize) -> Result<Film, SpeedupError> {
@@ -447,17 +497,23 @@ impl Speedup {
 
         let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
         let (mut control_ratios, mut simd_ratios) = (vec![Vec::new(); runs.len()], vec![Vec::new(); runs.len()]);
+        let mut all_taken = Taken::default();
         for (index, size) in settings.sizes.iter().take(most).enumerate() {
             let size = &PAPER[*size];
             let of_entry = |entry: usize| Runs {
                 ticks: runs.iter().map(|run| run[index][entry].ticks as f64).collect(),
                 migrations: runs.iter().filter(|run| run[index][entry].migrated).count(),
+                taken: runs.iter().map(|run| run[index][entry].taken).collect(),
             };
+            let taken = |a: &Runs, b: &Runs| a.taken.iter().zip(&b.taken).map(|(a, b)| *a || *b).collect::<Vec<_>>();
             let baseline = of_entry(baseline);
             for (place, entry) in entries.iter().enumerate() {
                 let of_entry = of_entry(place);
-                let ratios = pairwise_ratios(&baseline.ticks, &of_entry.ticks);
+                let taken = taken(&baseline, &of_entry);
+                let judged = judged(taken.iter().copied());
+                let ratios = kept(&pairwise_ratios(&baseline.ticks, &of_entry.ticks), &judged);
                 let ratio = median_with_interval(ratios.chunks(1), &mut random);
+                let ticks = kept(&of_entry.ticks, &judged);
                 rows.push(Row {
                     width: size.width,
                     height: size.height,
@@ -466,30 +522,44 @@ impl Speedup {
                     precision: entry.engine.precision().name(),
                     output: entry.output.name(),
                     threads: 1,
-                    cycles_mean: mean(&of_entry.ticks),
-                    cycles_median: median(&of_entry.ticks),
-                    cycles_min: minimum(&of_entry.ticks),
+                    cycles_mean: mean(&ticks),
+                    cycles_median: median(&ticks),
+                    cycles_min: minimum(&ticks),
                     ratio_to_c: ratio.value,
                     ratio_low: ratio.low,
                     ratio_high: ratio.high,
                     migrations: of_entry.migrations,
+                    taken: taken.iter().filter(|taken| **taken).count(),
                     off: of_entry.off(),
                     samples: of_entry.ticks,
                 });
             }
             let (control, again) = (of_entry(control), of_entry(again));
             let ratios = pairwise_ratios(&control.ticks, &again.ticks);
-            let Estimate { value: ratio, low, high } = median_with_interval(ratios.chunks(1), &mut random);
+            let judged_ratios = kept(&ratios, &judged(taken(&control, &again).into_iter()));
+            let Estimate { value: ratio, low, high } = median_with_interval(judged_ratios.chunks(1), &mut random);
+            let (by_itself, by_c) = (taken(&control, &again), taken(&baseline, &control));
             let (width, height) = (size.width, size.height);
             control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks });
             let simd = pairwise_ratios(&baseline.ticks, &control.ticks);
-            for (run, (ratio, simd)) in ratios.into_iter().zip(simd).enumerate() {
-                control_ratios[run].push(ratio);
-                simd_ratios[run].push(simd);
+            all_taken.taken += by_c.iter().filter(|taken| **taken).count();
+            all_taken.of += by_c.len();
+            for run in 0..runs.len() {
+                control_ratios[run].push((ratios[run], by_itself[run]));
+                simd_ratios[run].push((simd[run], by_c[run]));
             }
         }
         // The sizes of a run share its process, and so are drawn together.
-        let mut overall = |ratios: &[Vec<f64>]| median_with_interval(ratios.iter().map(Vec::as_slice), &mut random);
+        let mut overall = |pairs: &[Vec<(f64, bool)>]| {
+            let judged = judged(pairs.iter().flatten().map(|(_, taken)| *taken));
+            let mut judged = judged.into_iter();
+            let of_run = |pairs: &Vec<(f64, bool)>| {
+                let judged: Vec<_> = judged.by_ref().take(pairs.len()).collect();
+                kept(&pairs.iter().map(|(ratio, _)| *ratio).collect::<Vec<_>>(), &judged)
+            };
+            let runs: Vec<_> = pairs.iter().map(of_run).filter(|run: &Vec<f64>| !run.is_empty()).collect();
+            median_with_interval(runs.iter().map(Vec::as_slice), &mut random)
+        };
         let noise_floor = control_rows.iter().map(|row| (row.ratio - 1.0).abs()).fold(0.0, f64::max);
         let Estimate { value, low, high } = overall(&simd_ratios);
         Ok(Speedup {
@@ -501,6 +571,7 @@ impl Speedup {
             control: control_rows,
             runs: runs.len(),
             asked: (settings.sizes.len(), settings.runs),
+            taken: all_taken,
         })
     }
 
@@ -600,8 +671,9 @@ mod tests {
     #[test]
     fn what_sets_runs_apart_is_in_the_interval_however_many_sizes_agree_in_each() {
         // Of two machines one is noisier from run to run, the other from size to size.
-        let ticks = [4000, 4100, 4200, 4300, 4400].map(|ticks| Turn { ticks, migrated: false });
-        let simd = Turn { ticks: 1000, migrated: false };
+        let turn = |ticks| Turn { ticks, migrated: false, taken: false };
+        let ticks = [4000, 4100, 4200, 4300, 4400].map(turn);
+        let simd = turn(1000);
         let settings = settings(&[0, 1, 2, 3, 4], 5);
         let by_run: Vec<Run> = ticks.iter().map(|c| vec![vec![*c, simd, simd]; 5]).collect();
         let by_size = vec![ticks.iter().map(|c| vec![*c, simd, simd]).collect::<Run>(); 5];
@@ -609,6 +681,31 @@ mod tests {
         assert_eq!((by_run.value, by_size.value), (4.2, 4.2));
         assert!(by_run.low <= 4.1 && by_run.high >= 4.3, "{by_run:?}");
         assert_eq!((by_size.low, by_size.high), (4.2, 4.2));
+    }
+
+    #[test]
+    fn runs_in_which_others_had_the_core_are_in_no_figure_unless_they_are_more_than_half() {
+        let settings = settings(&[0, 1], 5);
+        let turn = |ticks, taken| Turn { ticks, migrated: false, taken };
+        // The first runs of `c` are four times as long as the others.
+        let measured = |disturbed: usize| {
+            let run = |number| {
+                let c = if number < disturbed { turn(24_000, true) } else { turn(6000, false) };
+                vec![vec![c, turn(1000, false), turn(1000, false)]; 2]
+            };
+            Speedup::of(&settings, &(0..5).map(run).collect::<Vec<_>>()).unwrap()
+        };
+        for (disturbed, c, enough) in [(0, 6000.0, true), (2, 6000.0, true), (3, 24_000.0, false), (5, 24_000.0, false)]
+        {
+            let measured = measured(disturbed);
+            let (row, simd) = (&measured.rows[0], &measured.rows[1]);
+            assert_eq!((row.cycles_median, row.taken, simd.taken), (c, disturbed, disturbed));
+            assert_eq!((simd.ratio_to_c, measured.c_by_simd.value, row.samples.len()), (c / 1000.0, c / 1000.0, 5));
+            assert_eq!(measured.taken, Taken { taken: 2 * disturbed, of: 10 });
+            assert_eq!(measured.taken.leaves_enough(), enough);
+        }
+        let control = measured(2).control_overall;
+        assert_eq!((control.low, control.value, control.high), (1.0, 1.0, 1.0));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::accuracy::{AccuracyError, Contender, Judged, judge};
+use super::accuracy::{self, AccuracyError, Contender, Judged, judge};
 use crate::measure::Machine;
 use crate::render::{EngineError, Film, PixelFormat, Precision};
 use crate::scene::families::{Case, Family};
@@ -74,6 +74,9 @@ pub struct Cell {
     pub max_angle: Option<f64>,
     /// Pixels off by a level or more, in the worse of the outputs; of packets in f64 in the bytes.
     pub off_by_1: usize,
+    /// Of these, pixels that the estimates in their shade do not explain.
+    #[serde(skip)]
+    unexplained: usize,
     /// Pixels off by two or more.
     pub off_by_2: usize,
     /// The fastest run of one thread, floats, all variants together.
@@ -95,7 +98,7 @@ impl Cell {
     /// What has a limit.
     fn figures(&self) -> Figures {
         let share = |count: usize| count as f64 / self.rays.max(1) as f64;
-        let counts = [self.wrong_hits, self.holes, self.off_by_1, self.off_by_2].map(share);
+        let counts = [self.wrong_hits, self.holes, self.unexplained, self.off_by_2].map(share);
         figures([self.max_ulp, self.bound_share, self.max_angle], counts)
     }
 
@@ -108,8 +111,8 @@ impl Cell {
 /// In the order of [`limits::MEASURES`]: errors of t and of normals, where there are any, and shares of the rays.
 fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
     let [ulp, bound, angle] = errors.map(|error| error.unwrap_or(0.0));
-    let [wrong, holes, off_by_1, off_by_2] = shares;
-    [ulp, bound, angle, wrong, holes, off_by_1, off_by_2]
+    let [wrong, holes, unexplained, off_by_2] = shares;
+    [ulp, bound, angle, wrong, holes, unexplained, off_by_2]
 }
 
 /// One engine over a whole family.
@@ -145,9 +148,17 @@ pub struct Row {
     pub broken: Vec<Broken>,
     /// The case to look at.
     pub worst_case: usize,
-    /// The worst level's figures that have a limit, counts as shares of its rays, and the worst case by each.
+    /// What has a limit, in the order of [`limits::MEASURES`].
     #[serde(skip)]
-    worst_by: [(f64, usize); limits::MEASURES.len()],
+    worst_by: [Worst; limits::MEASURES.len()],
+}
+
+/// A figure of the worst level, counts as a share of its rays, and of that level's worst case.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    figure: f64,
+    case: usize,
+    of_case: f64,
 }
 
 /// Everything that was found.
@@ -179,6 +190,15 @@ pub struct Document {
 pub fn side(family: &Family, quick: bool) -> u32 {
     let rays = f64::from(RAYS[usize::from(!quick)]) / family.variants.len() as f64;
     rays.sqrt().ceil() as u32
+}
+
+/// The seconds that [`sweep`] may take.
+pub fn forecast(settings: &Settings) -> f64 {
+    let rays = |family: &&Family| {
+        let cases = if settings.case.is_some() { 1 } else { family.cases() };
+        u64::from(side(family, settings.quick)).pow(2) * cases as u64
+    };
+    accuracy::forecast(settings.families.iter().map(rays).sum(), settings.contenders.len())
 }
 
 /// Sweeps the families. `proceed` is told after each level of a family, and ends the sweep where it says no.
@@ -297,6 +317,7 @@ fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
         bound_share: None,
         max_angle: None,
         off_by_1: 0,
+        unexplained: 0,
         off_by_2: 0,
         ns_per_ray: None,
         slowdown: None,
@@ -319,6 +340,7 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     let seen: Vec<_> = judged.iter().filter(|judged| !coarse(judged)).collect();
     let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
     let (off_by_1, off_by_2) = (most(|judged| judged.errors.off_by_1), most(|judged| judged.errors.off_by_2));
+    let unexplained = most(|judged| judged.errors.unexplained);
     let holes = if case.covered { first.wrong_hits + first.wrong_hits_inside } else { 0 };
     cell.rays += first.rays;
     cell.in_margin += first.in_margin;
@@ -328,8 +350,9 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     cell.bound_share = largest(cell.bound_share, first.bound_share);
     cell.max_angle = largest(cell.max_angle, first.max_angle);
     cell.off_by_1 += off_by_1;
+    cell.unexplained += unexplained;
     cell.off_by_2 += off_by_2;
-    let shares = [wrong, holes, off_by_1, off_by_2].map(|count| count as f64 / first.rays as f64);
+    let shares = [wrong, holes, unexplained, off_by_2].map(|count| count as f64 / first.rays as f64);
     let found = figures([first.max_ulp, first.bound_share, first.max_angle], shares);
     for (worst, figure) in cell.worst_by.iter_mut().zip(found) {
         if figure > worst.0 {
@@ -405,8 +428,11 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
         let worst = own.iter().max_by(|a, b| badness(a).partial_cmp(&badness(b)).expect("shares are numbers"));
         let outwards = own.iter().filter(|cell| cell.breaks()).min_by_key(|cell| cell.level.abs_diff(family.ordinary));
         let worst_by = std::array::from_fn(|i| {
-            let cells = own.iter().map(|cell| (cell.figures()[i], cell.worst_by[i].1));
-            cells.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
+            let cells = own.iter().map(|cell| {
+                let (of_case, case) = cell.worst_by[i];
+                Worst { figure: cell.figures()[i], case, of_case }
+            });
+            cells.max_by(|a, b| a.figure.total_cmp(&b.figure)).unwrap_or_default()
         });
         Row {
             family: family.id,

@@ -194,6 +194,32 @@ pub fn page_faults() -> u64 {
     0
 }
 
+/// How often a thread has given a core away.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Switches {
+    /// Since it had to.
+    pub forced: u64,
+    /// To wait for something.
+    pub own: u64,
+}
+
+/// Those of the calling thread so far; none where they are not known thread by thread.
+#[cfg(target_os = "linux")]
+pub fn switches() -> Switches {
+    // SAFETY: numbers, for which all bits 0 are a value.
+    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
+    unsafe { libc::getrusage(libc::RUSAGE_THREAD, &mut usage) };
+    let count = |n: libc::c_long| n.try_into().unwrap_or(0);
+    Switches { forced: count(usage.ru_nivcsw), own: count(usage.ru_nvcsw) }
+}
+
+/// Switches are not known here.
+#[cfg(not(target_os = "linux"))]
+pub fn switches() -> Switches {
+    Switches::default()
+}
+
 /// The time that the calling thread has had a core for itself.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> std::time::Duration {

@@ -1,7 +1,8 @@
-//! The twin of the packet macros: one lane of them, where they take no estimates.
+//! The twin of the packet macros: one lane of them.
 //!
 //! These are the operations of `asm/include/{vec3,sphere,triangle,lambert}.inc`, in the same order. What belongs to a span is a
-//! function of j, its pixel. The names are those of `asm/include/layout.inc`, which says what each number is.
+//! function of j, its pixel. Where macros take an estimate of a root, it is what a [`Cosine`] of the caller's makes it: no two
+//! CPUs need have the same. The names are those of `asm/include/layout.inc`, which says what each number is.
 
 use super::Real;
 
@@ -123,6 +124,32 @@ pub enum Seen<T> {
     FromCamera([T; 3]),
 }
 
+/// How light falls on a surface: n / sqrt q, of n and q.
+pub trait Cosine<T> {
+    /// n / sqrt q.
+    fn over_root(&mut self, n: T, q: T) -> T;
+}
+
+/// Without an estimate.
+#[derive(Clone, Copy, Debug)]
+pub struct Exact;
+
+impl<T: Real> Cosine<T> for Exact {
+    fn over_root(&mut self, n: T, q: T) -> T {
+        n / q.sqrt()
+    }
+}
+
+/// VRSQRT: about 1 / sqrt x.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimated<F>(pub F);
+
+impl<T: Real, F: FnMut(T) -> T> Cosine<T> for Estimated<F> {
+    fn over_root(&mut self, n: T, q: T) -> T {
+        n * (self.0)(q)
+    }
+}
+
 /// VMAX: b where either is NaN.
 fn max<T: Real>(a: T, b: T) -> T {
     if a > b { a } else { b }
@@ -206,6 +233,24 @@ impl Rounding {
         sphere.weights.map(|weight| light * weight)
     }
 
+    /// SPHERE_LIT in f32 with estimates, which `rsqrt` gives. An edge packet takes p for `least` where it is less.
+    pub fn lit_by_estimates<T: Real>(
+        self,
+        (sphere, least): (&LitSphere<T>, T),
+        j: T,
+        edge: bool,
+        mut rsqrt: impl FnMut(T) -> T,
+    ) -> [T; 3] {
+        let u = j - sphere.m;
+        let p = self.fma(-u, u, sphere.a);
+        let over_root = rsqrt(if edge { max(p, least) } else { p });
+        let den = self.fma(self.affine(sphere.h, j), over_root, T::ONE);
+        let n = self.fma(self.affine(sphere.q, j), over_root, sphere.kn);
+        let e = self.fma(den, sphere.ke, -n) * den;
+        let light = max(Estimated(rsqrt).over_root(n, e), T::ZERO);
+        sphere.weights.map(|weight| light * weight)
+    }
+
     /// SPHERE_DEN: 1/t at pixel j, and sqrt D.
     fn den_and_root<T: Real>(self, [a, b, h]: [Linear<T>; 3], j: T) -> (T, T) {
         let root = max(self.affine(a, j) * self.affine(b, j), T::ZERO).sqrt();
@@ -226,8 +271,8 @@ impl Rounding {
     }
 
     /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
-    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        self.lights(lights, self.outside_normal(sphere, j), Seen::FromCentre)
+    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
+        self.lights(lights, self.outside_normal(sphere, j), Seen::FromCentre, cosine)
     }
 
     /// SPHERE_DEN: 1/t at pixel j.
@@ -248,8 +293,8 @@ impl Rounding {
     }
 
     /// SPHERE_NEAR and its lights: the colour at pixel j.
-    pub fn near<T: Real>(self, sphere: &Near<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        self.lights(lights, self.near_point(sphere, j), Seen::FromCamera(sphere.c))
+    pub fn near<T: Real>(self, sphere: &Near<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
+        self.lights(lights, self.near_point(sphere, j), Seen::FromCamera(sphere.c), cosine)
     }
 
     /// SPHERE_FAR_WALL: t at pixel j, and d.x.
@@ -280,8 +325,8 @@ impl Rounding {
     }
 
     /// SPHERE_INSIDE and its lights: the colour at pixel j.
-    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T) -> [T; 3] {
-        self.lights(lights, self.inside_point(sphere, j), Seen::FromCamera(sphere.c))
+    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
+        self.lights(lights, self.inside_point(sphere, j), Seen::FromCamera(sphere.c), cosine)
     }
 
     /// 1/t at pixel j.
@@ -290,13 +335,19 @@ impl Rounding {
     }
 
     /// TRIANGLE_PLANE and its lights: the colour at pixel j.
-    pub fn triangle<T: Real>(self, triangle: &Triangle<T>, lights: &[Light<T>], j: T) -> [T; 3] {
+    pub fn triangle<T: Real>(
+        self,
+        triangle: &Triangle<T>,
+        lights: &[Light<T>],
+        j: T,
+        cosine: impl Cosine<T>,
+    ) -> [T; 3] {
         let t = T::ONE / self.triangle_den(triangle, j);
-        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), Seen::OnPlane)
+        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), Seen::OnPlane, cosine)
     }
 
     /// LAMBERT3 of every light, on black: the colour of the point o.
-    pub fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>) -> [T; 3] {
+    pub fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>, mut cosine: impl Cosine<T>) -> [T; 3] {
         lights.iter().fold([T::ZERO; 3], |colour, light| {
             let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
             let numerator = match seen {
@@ -304,7 +355,7 @@ impl Rounding {
                 Seen::OnPlane => light.cosine,
                 Seen::FromCamera(c) => self.dot([0, 1, 2].map(|i| o[i] - c[i]), l),
             };
-            let cosine = min(max(numerator / self.dot(l, l).sqrt(), T::ZERO), T::ONE);
+            let cosine = min(max(cosine.over_root(numerator, self.dot(l, l)), T::ZERO), T::ONE);
             [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
         })
     }

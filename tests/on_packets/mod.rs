@@ -32,7 +32,7 @@ fn twin<E: Real>(op: &str, rounding: Rounding, a: [E; 3], b: &[E]) -> Vec<E> {
         }
         "lambert" => {
             let light = packet::Light { position: three(0), cosine: b[3], weights: three(4) };
-            rounding.lights(&[light], a, packet::Seen::FromCentre).to_vec()
+            rounding.lights(&[light], a, packet::Seen::FromCentre, packet::Exact).to_vec()
         }
         _ => panic!("the operation `{op}` on packets needs a twin"),
     }

@@ -31,6 +31,9 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     } else {
         print(&table::text(&document, false))?
     }
+    for reason in &document.disturbed {
+        say(&format!("warning: {reason}"));
+    }
     if !document.conditions.complete {
         say("warning: stopped early: only what was finished is in the results");
     }
@@ -129,14 +132,16 @@ fn measure(
         timed_share: machine.tsc_hz.map(|hz| clock.total as f64 / hz / seconds),
         taken_share: (cpu > 0.0).then(|| (1.0 - cpu / seconds).max(0.0)),
     };
-    let verdicts = claims::judge(&Evidence {
+    let evidence = Evidence {
         speedup: &measured,
         sweeps: sweeps.as_deref(),
         rungs: rungs.as_deref(),
         jumps: jumps.as_ref(),
         machine: &machine,
-    });
+    };
+    let (verdicts, disturbed) = (claims::judge(&evidence), claims::disturbed(&evidence));
     let mut document = Document::new(measured, machine, conditions);
+    document.disturbed = disturbed;
     document.verdicts = verdicts;
     document.jumps = jumps;
     document.sweeps = sweeps.unwrap_or_default();
@@ -185,7 +190,7 @@ fn runs(
                     settings.work_at(sizes.len() - 1)
                 }
                 Message::Rungs(of_run) => {
-                    measured.ticks += of_run.iter().flatten().sum::<f64>() as u64;
+                    measured.ticks += of_run.iter().flatten().map(|turn| turn.ticks).sum::<u64>();
                     measured.rungs.push(of_run);
                     rounds as u64 * ladder::WORK
                 }

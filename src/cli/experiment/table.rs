@@ -55,6 +55,13 @@ pub(super) fn preamble(document: &Document) -> String {
         nasm = nasm.unwrap_or("none"),
         floor = 100.0 * document.noise_floor,
     );
+    let (taken, all) = document.taken_runs();
+    if taken > 0 {
+        text += &format!(
+            "Of {all} pairs with `{BASELINE}`, others had the core in {taken}, each time that they were tried; they are in no \
+            figure where half of the pairs are left\n"
+        );
+    }
     if *runs == 1 {
         text += "One run has no spread: the intervals below are points\n";
     }
@@ -260,12 +267,20 @@ fn verdicts(document: &Document) -> String {
         .collect()
 }
 
+/// What this run cannot tell, and why: above all figures and below them.
+fn disturbed(document: &Document) -> Option<String> {
+    let reasons: String = document.disturbed.iter().map(|reason| format!("- {reason}\n")).collect();
+    (!reasons.is_empty())
+        .then(|| format!("Not all of it can be judged here; run it again on a quiet machine:\n\n{reasons}"))
+}
+
 /// All of it, as one text: what is printed, and with `full` what is written.
 pub(super) fn text(document: &Document, full: bool) -> String {
     let mut parts = vec![preamble(document)];
     if !document.conditions.complete {
         parts.push("Stopped early: only what was finished is here\n".into());
     }
+    parts.extend(disturbed(document));
     parts.push(paper_table(document));
     parts.push(headline(document));
     parts.push("Median cycles per pixel (times as fast as `c`; ≈1 within the noise floor):\n".into());
@@ -299,6 +314,7 @@ pub(super) fn text(document: &Document, full: bool) -> String {
         parts.push("The paper's claims:\n".into());
         parts.push(verdicts(document));
     }
+    parts.extend(disturbed(document));
     parts.join("\n")
 }
 
@@ -386,6 +402,7 @@ mod tests {
             gain_high: 1.1 * gain,
             gain_total: gain,
             samples: vec![cycles],
+            taken: vec![false],
             samples_per_run: 1,
         };
         document.ladder =
@@ -423,6 +440,20 @@ mod tests {
         snapshot("experiment_csv", &csv);
         let cells = |line: &str| line.split(',').count();
         assert!(csv.lines().all(|line| cells(line) == cells(csv.lines().next().unwrap())));
+    }
+
+    #[test]
+    fn what_cannot_be_judged_is_said_above_all_figures_and_below_them() {
+        let mut document = document();
+        document.disturbed = vec!["others had the core".into()];
+        document.rows[0].taken = 2;
+        let text = text(&document, false);
+        let said: Vec<_> = text.match_indices("\n- others had the core\n").map(|(at, _)| at).collect();
+        assert!(
+            said.len() == 2 && said[0] < text.find("| w×h").unwrap() && text.ends_with("- others had the core\n"),
+            "{text}"
+        );
+        assert!(text.contains("Of 18 pairs with `c`, others had the core in 2,"), "{text}");
     }
 
     #[test]

@@ -29,11 +29,17 @@ fn width(implementation: &str) -> usize {
 
 /// Two digits or three that mean something.
 pub fn short(cycles: f64) -> String {
-    if cycles < 9.95 { format!("{:.1}", cycles.max(0.0)) } else { format!("{cycles:.0}") }
+    if cycles < 9.95 { format!("{cycles:.1}") } else { format!("{cycles:.0}") }
 }
 
 fn pair(latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
     Some(format!("{}/{}", short(latency?), short(throughput?)))
+}
+
+/// The same of a row, where it was measured.
+fn measured(row: &Row, latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
+    let known = |cycles: Option<f64>| cycles.map_or("n/a".into(), short);
+    row.cost_of.map(|_| format!("{}/{}", known(latency), known(throughput)))
 }
 
 /// The whole text; `detail`: one operation alone, with kinds of instructions and paths.
@@ -58,11 +64,13 @@ pub fn text(report: &Report, detail: bool, executed: bool) -> String {
             _ => None,
         }));
     }
-    lines.push(("body cycles", |row| pair(row.latency, row.throughput).filter(|_| row.cost_of == Some("body"))));
+    lines.push(("body cycles", |row| {
+        measured(row, row.latency, row.throughput).filter(|_| row.cost_of == Some("body"))
+    }));
     if report.rows.iter().any(|row| row.model.is_some()) {
         lines.push(("llvm-mca", |row| row.model.as_ref().and_then(|m| pair(Some(m.cycles), Some(m.throughput)))));
     }
-    lines.push(("call cycles", |row| pair(row.call_latency, row.call_throughput)));
+    lines.push(("call cycles", |row| measured(row, row.call_latency, row.call_throughput)));
 
     for op in OPS {
         let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op).collect();
@@ -262,6 +270,11 @@ fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
     reasons.dedup();
     for (implementation, reason) in reasons {
         note(&format!("n/a       {implementation}: {reason}"));
+    }
+    let unknown: Vec<_> = report.rows.iter().filter(|row| row.no_cycles.is_some()).collect();
+    if let Some(reason) = unknown.first().and_then(|row| row.no_cycles) {
+        let rows: Vec<_> = unknown.iter().map(|row| format!("{} {}", row.op, row.implementation)).collect();
+        note(&format!("n/a       {reason}: {}", rows.join(", ")));
     }
     note(&format!("built by  {}; {}; {}", report.compilers.nasm, report.compilers.cc, report.compilers.rustc));
 }

@@ -94,6 +94,9 @@ pub struct Errors {
     pub rms_colour: Option<f64>,
     /// Pixels with a channel off by one 8-bit level or more.
     pub off_by_1: usize,
+    /// Of these, pixels that the estimates in their shade do not explain: see [`Tally::with_estimates`].
+    #[serde(skip)]
+    pub unexplained: usize,
     /// Pixels off by two or more.
     pub off_by_2: usize,
     /// The largest difference of levels.
@@ -133,6 +136,8 @@ pub struct Tally {
     u: f64,
     /// That of its camera.
     camera_u: f64,
+    /// How many levels its estimates may be off by.
+    estimates: f64,
     errors: Errors,
     ulps: Vec<f64>,
     t: Sum,
@@ -169,6 +174,7 @@ impl Tally {
         Tally {
             u,
             camera_u,
+            estimates: 0.0,
             errors: Errors::default(),
             ulps: Vec::new(),
             t: Sum::default(),
@@ -177,6 +183,12 @@ impl Tally {
             colours: Sum::default(),
             levels: Sum::default(),
         }
+    }
+
+    /// Of a shade with estimates that may be off by so many levels: a channel is then off by one where the true value is
+    /// as near to that level, and for no other reason.
+    pub fn with_estimates(self, levels: f64) -> Self {
+        Tally { estimates: levels, ..self }
     }
 
     /// Takes in a pixel: what is true, what the engine found, and what it wrote.
@@ -236,13 +248,17 @@ impl Tally {
                 self.colours.add(if error.is_nan() { f64::INFINITY } else { error });
             }
         }
-        let mut most = 0;
+        let (mut most, mut explained) = (0, true);
         for (v, truth) in written.levels().into_iter().zip(colour.to_array()) {
             let off = v.abs_diff(level(truth));
             self.levels.add(off.into());
             most = most.max(off);
+            // What is written has the values from v on, up to the next.
+            let (value, written) = (255.0 * truth.clamp(0.0, 1.0), f64::from(v));
+            explained &= off == 0 || (written - value).max(value - (written + 1.0)) < self.estimates;
         }
         self.errors.off_by_1 += usize::from(most >= 1);
+        self.errors.unexplained += usize::from(!explained);
         self.errors.off_by_2 += usize::from(most >= 2);
         self.errors.max_level = self.errors.max_level.max(most);
     }
@@ -414,6 +430,15 @@ mod tests {
         // 0.5 is level 127.
         let levels = one(FAR, Some(target(3.0)), Some(found(3.0)), Colour::Levels([126, 127, 127]));
         assert_eq!((levels.max_colour, levels.off_by_1, levels.off_by_2), (None, 1, 0));
+        // 0.5 is 127.5: half a level from 127, and from 128, which estimates may make of it if they may be off by more.
+        for (written, estimates, unexplained) in
+            [(127, 0.0, 0), (128, 0.0, 1), (128, 0.4, 1), (128, 0.6, 0), (126, 0.4, 1), (126, 0.6, 0), (125, 0.6, 1)]
+        {
+            let mut tally = Tally::new(Precision::Single, true).with_estimates(estimates);
+            let expected = Expected { hit: Some(target(3.0)), margin: FAR };
+            tally.add(&expected, Some(&found(3.0)), Colour::Levels([127, written, 127]));
+            assert_eq!(tally.errors().unexplained, unexplained, "{written} {estimates}");
+        }
         // Bright light is judged by its share.
         let bright = Target { colour: Some(DVec3::splat(200.0)), ..target(3.0) };
         let errors = one(FAR, Some(bright), Some(found(3.0)), Colour::Linear([202.0, 200.0, 200.0]));

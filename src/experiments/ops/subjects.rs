@@ -14,7 +14,7 @@ use crate::plan::{sphere_hit, triangle_hit};
 use crate::reference::aos as twin;
 
 /// Calls in a measurement.
-const CALLS: u32 = 1000;
+const CALLS: u64 = 1000;
 
 /// A function that can be called with operands for each of its paths.
 pub struct Subject {
@@ -24,8 +24,9 @@ pub struct Subject {
     pub paths: Vec<&'static str>,
     /// Calls it once with the operands of a path, and gives some bits of the result.
     pub run: Box<dyn Fn(usize) -> u32>,
-    /// Core cycles of a call on the first path: from result to result, and among independent calls.
-    pub cost: Box<dyn Fn() -> [f64; 2]>,
+    /// Core cycles of a call on the first path: from result to result, and among independent calls; None where none can be
+    /// right.
+    pub cost: Box<dyn Fn() -> [Option<f64>; 2]>,
 }
 
 impl Subject {
@@ -39,19 +40,21 @@ impl Subject {
             cost: Box::new(move || {
                 // The compiler must not know that a result selects the first operands whatever it is.
                 let nothing = black_box(0);
-                let latency = core_cycles(super::REPEATS, || {
+                let latency = core_cycles(super::REPEATS, super::LEAST_CYCLES, || {
                     let mut bits = 0;
                     for _ in 0..CALLS {
                         bits = cost((bits & nothing) as usize);
                     }
                     black_box(bits);
+                    CALLS
                 });
-                let throughput = core_cycles(super::REPEATS, || {
+                let throughput = core_cycles(super::REPEATS, super::LEAST_CYCLES, || {
                     for _ in 0..CALLS {
                         black_box(cost(nothing as usize));
                     }
+                    CALLS
                 });
-                [latency, throughput].map(|cycles| cycles / f64::from(CALLS))
+                [latency, throughput]
             }),
         }
     }

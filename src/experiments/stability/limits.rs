@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::Row;
+use super::{Row, Worst};
 
 /// `limits.csv`: what every engine may do on every family. `c` and `paper` are in it too: their limits say where the
 /// paper's formulas stop.
@@ -40,7 +40,7 @@ pub const MEASURES: [Measure; 7] = [
     Measure { column: "max_hole_share", words: "the share of holes", small: FEW, least: FEW, promised: 1.0 },
     Measure {
         column: "max_off_by_1_share",
-        words: "the share of pixels off by a level",
+        words: "the share of pixels off by a level, which estimates do not explain,",
         small: MANY,
         least: MANY,
         promised: 1.0,
@@ -54,7 +54,9 @@ pub const MEASURES: [Measure; 7] = [
     },
 ];
 const FEW: f64 = 1e-3;
-/// A level is what f32 and estimates of its roots may be off by; how often depends on the CPU.
+/// A level is what f32 may be off by, where a true value is that near to one. What estimates may do to it is more, differs from
+/// CPU to CPU and is not counted; [`Contender::levels_by_estimates`](super::super::accuracy::Contender::levels_by_estimates)
+/// is what they may not exceed on any.
 const MANY: f64 = 0.1;
 /// A number for each of [`MEASURES`].
 pub type Figures = [f64; MEASURES.len()];
@@ -134,10 +136,13 @@ impl Limits {
             return vec![Broken { why: "there is no limit for it".into(), case: row.worst_case }];
         };
         let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
-        let above = checks.filter(|((_, (found, _)), most)| found > most || found.is_nan());
-        let why = |((measure, (found, case)), most): ((&Measure, (f64, usize)), f64)| {
-            let why = format!("{} is {}, above {most}", measure.words, two_digits(found));
-            Broken { why, case }
+        let above = checks.filter(|((_, worst), most)| worst.figure > *most || worst.figure.is_nan());
+        let why = |((measure, worst), most): ((&Measure, Worst), f64)| {
+            let Worst { figure, case, of_case } = worst;
+            // What the command shows that repeats the case.
+            let [found, alone] = [figure, of_case].map(two_digits);
+            let alone = if alone == found { String::new() } else { format!(" ({alone} of case {case} alone)") };
+            Broken { why: format!("{} is {found}{alone}, above {most}", measure.words), case }
         };
         above.map(why).collect()
     }
@@ -146,9 +151,9 @@ impl Limits {
     pub fn tighter(&self, row: &Row) -> Option<String> {
         let limit = self.of(row)?;
         let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
-        let loose = checks.filter(|((measure, (found, _)), most)| *most > measure.small && *most > LOOSE * found);
+        let loose = checks.filter(|((measure, worst), most)| *most > measure.small && *most > LOOSE * worst.figure);
         let loose: Vec<_> = loose
-            .map(|((measure, (found, _)), most)| format!("{} {most} ({} found)", measure.column, two_digits(found)))
+            .map(|((measure, worst), most)| format!("{} {most} ({} found)", measure.column, two_digits(worst.figure)))
             .collect();
         let Row { family, engine, precision, .. } = row;
         (!loose.is_empty()).then(|| format!("{family} {engine} {precision}: {}", loose.join(", ")))
@@ -160,8 +165,8 @@ pub fn table(rows: &[Row]) -> String {
     let mut text = header() + "\n";
     for row in rows {
         let Row { family, engine, precision, .. } = row;
-        let limit = |(measure, (found, _)): (&Measure, (f64, usize))| {
-            let Measure { least, promised, .. } = *measure;
+        let limit = |(measure, worst): (&Measure, Worst)| {
+            let (Measure { least, promised, .. }, found) = (*measure, worst.figure);
             let room = if found > 0.0 { (ROOM * found).max(least) } else { 0.0 };
             two_digits(if found <= promised { room.min(promised) } else { room })
         };
@@ -193,9 +198,11 @@ mod tests {
 
     /// A row whose error of t is `worst` in case 7, and its share of wrong hits `wrong_share` in case 5.
     fn row(worst: f64, wrong_share: f64) -> Row {
-        let mut worst_by = [(0.0, 3); MEASURES.len()];
-        worst_by[..2].copy_from_slice(&[(worst, 7), (0.5, 7)]);
-        worst_by[WRONG] = (wrong_share, 5);
+        let of_case = |figure, case| Worst { figure, case, of_case: figure };
+        let mut worst_by = [of_case(0.0, 3); MEASURES.len()];
+        worst_by[..2].copy_from_slice(&[of_case(worst, 7), of_case(0.5, 7)]);
+        // Three cases, of which one has them all.
+        worst_by[WRONG] = Worst { of_case: 3.0 * wrong_share, ..of_case(wrong_share, 5) };
         Row {
             family: "S1",
             engine: "avx2",
@@ -226,7 +233,7 @@ mod tests {
         let broken = limits().broken(&row(8.5, 0.25));
         assert_eq!(broken.iter().map(|broken| broken.case).collect::<Vec<_>>(), [7, 5]);
         assert_eq!(broken[0].why, "the error of t in ulp is 8.5, above 8");
-        assert_eq!(broken[1].why, "the share of wrong hits is 0.25, above 0");
+        assert_eq!(broken[1].why, "the share of wrong hits is 0.25 (0.75 of case 5 alone), above 0");
         assert_eq!(limits().broken(&row(f64::NAN, 0.0)).len(), 1, "what is no number keeps no limit");
         assert_eq!(limits().broken(&Row { engine: "sse41", ..row(1.0, 0.0) }).len(), 1);
         let replay = row(8.5, 0.25).replay(5, 3, true);
@@ -250,7 +257,7 @@ mod tests {
         }
         for (found, limit) in [(0.5, 0.75), (0.9, 1.0), (2.0, 3.0)] {
             let mut row = row(1.0, 1e-6);
-            row.worst_by[1].0 = found;
+            row.worst_by[1].figure = found;
             let limits = Limits::parse(&table(&[row])).unwrap();
             assert_eq!((limits.0[0].most[1], limits.0[0].most[WRONG]), (limit, FEW));
         }

@@ -1,0 +1,69 @@
+//! Whether others had the core while something was timed.
+
+use std::time::{Duration, Instant};
+
+use crate::kernels::sys;
+
+/// Others had the core if they had it for more than this share of the time, and for longer than the looks at the clocks take.
+const SHARE: f64 = 0.01;
+const LOOKS: Duration = Duration::from_micros(20);
+
+/// A look at the calling thread's clocks, before what is timed.
+///
+/// What the hypervisor takes is seen where the system accounts for it, and what other threads do to the caches that they share
+/// is not seen at all.
+#[derive(Clone, Copy, Debug)]
+pub struct Watch {
+    switches: sys::Switches,
+    own: Duration,
+    start: Instant,
+}
+
+impl Watch {
+    /// Now.
+    pub fn start() -> Self {
+        Watch { switches: sys::switches(), own: sys::thread_cpu_time(), start: Instant::now() }
+    }
+
+    /// Whether others have had the core since. A thread that has only waited, for others that it works with, has not lost it.
+    pub fn taken(self) -> bool {
+        let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
+        let now = sys::switches();
+        let waited = now.own > self.switches.own && now.forced == self.switches.forced;
+        !waited && is_taken(all, own)
+    }
+}
+
+/// Whether who had `own` of `all` of the time lost more of it than it may. Where a thread's own time is not known, it is 0.
+fn is_taken(all: Duration, own: Duration) -> bool {
+    !own.is_zero() && all.saturating_sub(own) > all.mul_f64(SHARE) + LOOKS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_core_is_taken_where_a_hundredth_is_lost_and_more_than_a_look_at_the_clock() {
+        let [ms, us] = [Duration::from_millis, Duration::from_micros];
+        for (all, lost, taken) in [
+            (ms(100), us(900), false),
+            (ms(100), us(1100), true),
+            (us(100), us(20), false),
+            (us(100), us(30), true),
+            (ms(100), ms(0), false),
+        ] {
+            assert_eq!(is_taken(all, all - lost), taken, "{lost:?} of {all:?}");
+        }
+        assert!(!is_taken(ms(100), ms(0)), "a time of its own that nobody knows");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn who_sleeps_has_not_lost_the_core() {
+        let watch = Watch::start();
+        std::thread::sleep(Duration::from_millis(5));
+        let forced = sys::switches().forced > watch.switches.forced;
+        assert!(forced || !watch.taken());
+    }
+}
