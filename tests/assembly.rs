@@ -11,7 +11,8 @@ use std::process::Command;
 use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, OBJECTS};
+use rayo::kernels::harness::BROKEN;
+use rayo::kernels::{self, OBJECTS};
 
 /// What a unit of kernels may be made of.
 struct Unit {
