@@ -276,9 +276,6 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
                 .iter()
                 .find(|i| (i.ip()..i.next_ip()).contains(&offset))
                 .expect("an instruction that the relocation is in");
-            if instruction.flow_control() == FlowControl::Call {
-                continue;
-            }
             let (section, base) = match relocation.target() {
                 RelocationTarget::Symbol(index) => {
                     let symbol = code.file.symbol_by_index(index).unwrap();
