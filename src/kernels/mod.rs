@@ -59,8 +59,8 @@ pub use records::{
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounded, Bounds, Extremes, Farthest, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile,
-    SphereLooks, SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
+    Bounded, Bounds, Extremes, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, SphereLooks,
+    SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
 };
 pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
