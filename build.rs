@@ -1,15 +1,23 @@
 //! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
 
 use std::env;
+use std::fs;
+use std::path::PathBuf;
 use std::process::Command;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=asm/include");
     println!("cargo::rustc-check-cfg=cfg(rayo_asm)");
     println!("cargo::rustc-env=RAYO_RUSTC={}", first_line(env::var("RUSTC").unwrap(), "--version"));
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
+    let [paper, tiles] = ["layout.inc", "tile_layout.inc"].map(layout::Layout::read);
+    // C has no tiles.
+    fs::write(out.join("layout.h"), paper.to_c()).unwrap();
+    fs::write(out.join("layout.rs"), paper.to_rust() + &tiles.to_rust()).unwrap();
     #[cfg(feature = "asm")]
     if env::var("CARGO_CFG_TARGET_ARCH").as_deref() == Ok("x86_64") {
-        native::build();
+        native::build(&out);
     }
 }
 
@@ -94,28 +102,20 @@ mod native {
         or name another one in the variable CC; \
         or build the engines in Rust alone with --no-default-features";
 
-    pub fn build() {
-        let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
+    pub fn build(out: &Path) {
         println!("cargo::rerun-if-changed=asm");
         println!("cargo::rerun-if-changed=src/kernels/c");
         println!("cargo::rerun-if-env-changed=NASM");
         println!("cargo::rustc-cfg=rayo_asm");
 
-        let layout = layout::parse(&fs::read_to_string("asm/include/layout.inc").unwrap());
-        fs::write(out.join("layout.h"), layout::to_c(&layout)).unwrap();
-        // C has no tiles.
-        let tiles = fs::read_to_string("asm/include/tile_layout.inc").unwrap();
-        let all: Vec<_> = layout.into_iter().chain(layout::parse(&tiles)).collect();
-        fs::write(out.join("layout.rs"), layout::to_rust(&all) + &layout::numbers_to_rust(&tiles)).unwrap();
-
         let assembled = assemble();
-        let compiled = compile(&out);
-        let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(&out, level)).collect();
+        let compiled = compile(out);
+        let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(out, level)).collect();
         let objects = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
         let objects = objects.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
         fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
 
-        let rungs = compile_rungs(&out);
+        let rungs = compile_rungs(out);
         let objects = assembled.iter().chain(&compiled).chain(&levels).chain(&rungs);
         cc::Build::new().objects(objects).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
@@ -233,73 +233,112 @@ mod native {
         }
         std::process::exit(1);
     }
+}
 
-    /// Reads the `struc` blocks of layout.inc and writes their offsets for Rust and C.
-    mod layout {
-        use std::fmt::Write as _;
+/// Reads the `struc` blocks of asm/include and writes them as records for Rust, and their offsets for C.
+mod layout {
+    use std::fmt::Write as _;
+    use std::fs;
 
-        pub struct Struc {
-            name: String,
-            /// Whether offsets are in elements, f32 or f64, and not in bytes.
-            of_elements: bool,
-            /// Name and offset.
-            fields: Vec<(String, usize)>,
-            size: usize,
+    /// A file of structures and numbers.
+    pub struct Layout {
+        strucs: Vec<Struc>,
+        /// For Rust.
+        numbers: String,
+    }
+
+    struct Struc {
+        name: String,
+        comment: String,
+        fields: Vec<Field>,
+        size: usize,
+    }
+
+    struct Field {
+        name: String,
+        comment: String,
+        offset: usize,
+        /// 1, 4 or 8 bytes; where it is 1, the structure is of elements, f32 or f64, and so are offset and size.
+        unit: usize,
+        count: usize,
+    }
+
+    /// A line of documentation, if there is something to say.
+    fn doc(comment: &str) -> String {
+        if comment.is_empty() { String::new() } else { format!("#[doc = {comment:?}] ") }
+    }
+
+    impl Struc {
+        /// Its definition by a macro of src/kernels/records.rs; where its fields have types of their own, which Rust knows
+        /// better, their offsets for `layout_checks!`.
+        fn to_rust(&self) -> String {
+            let Struc { name, comment, fields, size } = self;
+            let (unit, count) = (fields[0].unit, fields[0].count);
+            let alike = fields.iter().all(|field| (field.unit, field.count) == (unit, count));
+            let (of, head) = match (unit, count) {
+                (1, 1) if alike => ("elements", name.clone()),
+                (8, 1) if alike => ("words", name.clone()),
+                (1, _) if alike => ("columns", format!("{name}<E>: E, {count}")),
+                (4, 64) if alike => ("columns", format!("{name}: u32, {count}")),
+                _ => {
+                    let fields = fields.iter().map(|field| format!("{}: {}, ", field.name, field.offset));
+                    return format!("layout_checks! {{ {name}, {size}, {{ {}}} }}\n", fields.collect::<String>());
+                }
+            };
+            let fields = fields.iter().map(|field| format!("    {}{},\n", doc(&field.comment), field.name));
+            format!("{of}! {{ {}{head} {{\n{}}} }}\n", doc(comment), fields.collect::<String>())
         }
+    }
 
-        pub fn parse(text: &str) -> Vec<Struc> {
-            let mut strucs: Vec<Struc> = Vec::new();
-            for (number, line) in text.lines().enumerate() {
-                let line = line.split(';').next().unwrap_or_default();
+    impl Layout {
+        /// A file of asm/include.
+        pub fn read(file: &str) -> Layout {
+            let path = format!("asm/include/{file}");
+            let mut layout = Layout { strucs: Vec::new(), numbers: String::new() };
+            // The lines of comment right above.
+            let mut above = Vec::new();
+            for (number, line) in fs::read_to_string(&path).unwrap().lines().enumerate() {
+                let (line, comment) = line.split_once(';').unwrap_or((line, ""));
+                let comment = comment.trim().to_owned();
                 match *line.split_whitespace().collect::<Vec<_>>() {
-                    [] | ["endstruc"] | ["%assign", ..] => {}
+                    [] if !comment.is_empty() => {
+                        above.push(comment);
+                        continue;
+                    }
+                    [] | ["endstruc"] => {}
+                    ["%assign", name, value] => {
+                        writeln!(layout.numbers, "{}pub const {name}: usize = {value};", doc(&comment)).unwrap();
+                    }
                     ["struc", name] => {
-                        strucs.push(Struc { name: name.into(), of_elements: false, fields: Vec::new(), size: 0 });
+                        let comment = above.join(" ");
+                        layout.strucs.push(Struc { name: name.into(), comment, fields: Vec::new(), size: 0 });
                     }
-                    [field, unit @ ("resb" | "resd" | "resq"), count] => {
-                        let struc = strucs.last_mut().expect("a field outside a struc");
-                        let name = field.trim_start_matches('.').trim_end_matches(':').to_owned();
-                        struc.fields.push((name, struc.size));
-                        struc.of_elements = unit == "resb";
+                    [name, unit @ ("resb" | "resd" | "resq"), count] => {
+                        let struc = layout.strucs.last_mut().expect("a field outside a struc");
+                        let name = name.trim_start_matches('.').trim_end_matches(':').to_owned();
                         let unit = [("resb", 1), ("resd", 4), ("resq", 8)].iter().find(|(u, _)| *u == unit).unwrap().1;
-                        struc.size += unit * count.parse::<usize>().expect("a number of units");
+                        let (offset, count) = (struc.size, count.parse().expect("a number of units"));
+                        struc.size += unit * count;
+                        struc.fields.push(Field { name, comment, offset, unit, count });
                     }
-                    _ => panic!("asm/include/layout.inc:{}: not a struc, a field or its end: {line}", number + 1),
+                    _ => panic!("{path}:{}: not a struc, a field or its end: {line}", number + 1),
                 }
+                above.clear();
             }
-            strucs
+            layout
         }
 
-        /// A list of checks for `layout_checks!` in src/kernels/types.rs.
-        pub fn to_rust(strucs: &[Struc]) -> String {
-            let mut text = String::from("layout_checks! {\n");
-            for Struc { name, of_elements, fields, size } in strucs {
-                let types = if *of_elements { vec![("<f32>", 4), ("<f64>", 8)] } else { vec![("", 1)] };
-                for (generic, unit) in types {
-                    let fields = fields.iter().map(|(field, offset)| format!("{field}: {}, ", offset * unit));
-                    writeln!(text, "    {name}{generic}, {}, {{ {}}};", size * unit, fields.collect::<String>())
-                        .unwrap();
-                }
-            }
-            text + "}\n"
-        }
-
-        /// An assertion for each number, `%assign NAME value`.
-        pub fn numbers_to_rust(text: &str) -> String {
-            let mut assertions = String::new();
-            for line in text.lines().filter(|line| line.starts_with("%assign")) {
-                let [_, name, value, ..] = line.split_whitespace().collect::<Vec<_>>()[..] else { panic!("{line}") };
-                writeln!(assertions, "const _: () = assert!(super::tiles::{name} == {value});").unwrap();
-            }
-            assertions
+        /// Its numbers and records.
+        pub fn to_rust(&self) -> String {
+            self.strucs.iter().fold(self.numbers.clone(), |text, struc| text + &struc.to_rust())
         }
 
         /// A macro that applies one check to every field and one to every size.
-        pub fn to_c(strucs: &[Struc]) -> String {
+        pub fn to_c(&self) -> String {
             let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
-            for Struc { name, fields, size, .. } in strucs.iter().filter(|struc| !struc.of_elements) {
+            for Struc { name, fields, size, .. } in self.strucs.iter().filter(|struc| struc.fields[0].unit > 1) {
                 let name = name.to_lowercase();
-                for (field, offset) in fields {
+                for Field { name: field, offset, .. } in fields {
                     write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();
                 }
                 write!(text, " \\\n    SIZE({name}, {size});").unwrap();

@@ -29,8 +29,10 @@ canary:     dq 0xcafe_0dd_ca7_5eed
 section .bss align=64
 upper:      resb 16 * 64                ; zmm0 to zmm15 as the kernel left them
 home:       resq 1                      ; rsp at the call: nothing else can be trusted after it
+registers:  resq 1                      ; where the arguments are, and the result goes
 vectors:    resq 1
-mxcsr:      resd 1
+mxcsr:      resd 1                      ; the caller's
+mxcsr_inside: resd 1                    ; the kernel's
 mxcsr_after: resd 1
 
 ; FAULT_IF - sets a bit of r10 where the flags say so.
@@ -44,10 +46,11 @@ mxcsr_after: resd 1
 %%fine:
 %endmacro
 
-; unsafe extern "sysv64" fn(kernel: *const (), args: *const [u64; 6], vectors: u64) -> u64
+; unsafe extern "sysv64" fn(kernel: Code, registers: *mut [u64; 6], vectors: u64, mxcsr: u64) -> u64
 ;
-;   Calls `kernel` with `args` in rdi, rsi, rdx, rcx, r8 and r9, and junk in every register that it must preserve.
-;   `vectors` says how wide the vectors of this CPU are in bytes: 16, 32 or 64. Gives the rules broken, one bit each.
+;   Calls `kernel` with `registers` in rdi, rsi, rdx, rcx, r8 and r9, and junk in every register that it must preserve;
+;   the first of them becomes its result. `vectors` says how wide the vectors of this CPU are in bytes: 16, 32 or 64.
+;   The bits of `mxcsr` are set in MXCSR while the kernel runs. Gives the rules broken, one bit each.
 ;   Not reentrant: one call at a time.
 FUNC checked_call
     push    rbx
@@ -58,8 +61,11 @@ FUNC checked_call
     push    r15
     sub     rsp, 8 * CANARIES + 8       ; aligned to 16 at the call
     mov     [home], rsp
+    mov     [registers], rsi
     mov     [vectors], rdx
     stmxcsr [mxcsr]
+    or      ecx, [mxcsr]
+    mov     [mxcsr_inside], ecx
 
     mov     rax, [canary]
 %assign i 0
@@ -71,6 +77,7 @@ FUNC checked_call
     je      .call
     vzeroupper
 .call:
+    ldmxcsr [mxcsr_inside]
     mov     rax, rdi
     mov     r10, rsi
     mov     rdi, [r10]
@@ -91,6 +98,8 @@ FUNC checked_call
     cmp     rsp, [home]
     FAULT_IF ne, FAULT_RSP
     mov     rsp, [home]
+    mov     rdx, [registers]
+    mov     [rdx], rax
     cmp     rbx, [junk]
     FAULT_IF ne, FAULT_RBX
     cmp     rbp, [junk + 8]
@@ -112,7 +121,7 @@ FUNC checked_call
 
     stmxcsr [mxcsr_after]
     mov     edx, [mxcsr_after]
-    xor     edx, [mxcsr]
+    xor     edx, [mxcsr_inside]
     test    edx, MXCSR_CONTROL
     FAULT_IF nz, FAULT_MXCSR
     ldmxcsr [mxcsr]

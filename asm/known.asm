@@ -2,7 +2,7 @@
 ;
 ; unsafe extern "sysv64" fn()
 ;
-;   The labels .body and .body_end enclose what the table in src/kernels/known.rs tells of. They need nothing, change
+;   The labels .body and .body_end enclose what the table in src/kernels/harness.rs tells of. They need nothing, change
 ;   rax, rcx, rsi and flags alone, and compute nothing.
 
 %define ISA sse41

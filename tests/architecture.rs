@@ -104,9 +104,14 @@ fn tokens(text: &str) -> Vec<&str> {
 
 /// What follows `crate::` in `code`: a name, or every first name of a list in braces.
 fn imports(code: &str) -> BTreeSet<String> {
+    named_after("crate", code)
+}
+
+/// The same of what follows `root::`.
+fn named_after(root: &str, code: &str) -> BTreeSet<String> {
     let tokens = tokens(code);
     let mut found = BTreeSet::new();
-    for (at, _) in tokens.windows(3).enumerate().filter(|(_, window)| *window == ["crate", ":", ":"]) {
+    for (at, _) in tokens.windows(3).enumerate().filter(|(_, window)| *window == [root, ":", ":"]) {
         let after = &tokens[at + 3..];
         if after.first() != Some(&"{") {
             found.extend(after.first().map(|name| name.to_string()));
@@ -165,6 +170,29 @@ fn every_layer_imports_only_from_those_below_it() {
         }
     }
     assert_eq!(seen.len(), LAYERS.len(), "only {seen:?}");
+}
+
+#[test]
+fn no_module_of_the_kernels_needs_one_that_needs_it() {
+    let kernels: BTreeMap<_, _> = sources(&["rs"])
+        .into_iter()
+        .filter_map(|(path, text)| Some((path.strip_prefix("src/kernels/")?.strip_suffix(".rs")?.to_owned(), text)))
+        .filter(|(module, _)| module != "mod")
+        .collect();
+    let modules: BTreeSet<_> = kernels.keys().cloned().collect();
+    let needs = |module: &str, text: &str| {
+        let named = ["super", "kernels"].map(|root| named_after(root, &code(text)));
+        named.into_iter().flatten().filter(|name| name != module && modules.contains(name)).collect::<BTreeSet<_>>()
+    };
+    let mut above: BTreeMap<_, _> =
+        kernels.iter().map(|(module, text)| (module.clone(), needs(module, text))).collect();
+    assert!(above.values().map(BTreeSet::len).sum::<usize>() > modules.len(), "{above:?}");
+    // Whoever needs nobody that is left goes, until nobody is left.
+    while let Some(lowest) = above.iter().find(|(_, needs)| needs.is_empty()).map(|(module, _)| module.clone()) {
+        above.remove(&lowest);
+        above.values_mut().for_each(|needs| _ = needs.remove(&lowest));
+    }
+    assert!(above.is_empty(), "these need each other: {above:?}");
 }
 
 #[test]

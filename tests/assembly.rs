@@ -11,7 +11,8 @@ use std::process::Command;
 use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
-use rayo::kernels::{self, BROKEN, OBJECTS};
+use rayo::kernels::harness::BROKEN;
+use rayo::kernels::{self, OBJECTS};
 
 /// What a unit of kernels may be made of.
 struct Unit {
@@ -275,9 +276,6 @@ fn constants_lie_in_rodata_and_are_aligned_to_the_width_that_they_are_read_with(
                 .iter()
                 .find(|i| (i.ip()..i.next_ip()).contains(&offset))
                 .expect("an instruction that the relocation is in");
-            if instruction.flow_control() == FlowControl::Call {
-                continue;
-            }
             let (section, base) = match relocation.target() {
                 RelocationTarget::Symbol(index) => {
                     let symbol = code.file.symbol_by_index(index).unwrap();

@@ -11,13 +11,12 @@ use std::ops::Range;
 
 use glam::Vec3;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
-use rayo::kernels::sys::{Guarded, Side, survives};
+use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
 use rayo::kernels::{
-    BROKEN, Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InsideSpan,
-    LIT_ROWS, Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain,
-    Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords,
-    SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, broken_read,
-    broken_write, hits_of_c, hits_of_paper,
+    Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS,
+    Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgb8,
+    Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres,
+    Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -122,6 +121,27 @@ fn every_broken_kernel_is_caught_with_the_one_rule_that_it_breaks() {
         let one = Vec4::new(1.0, 1.0, 1.0);
         assert_eq!(rayo::kernels::c().add.call_checked(&mut sum, &one, &one), Ok(()), "after {:?}", broken.breaks);
         assert_eq!(sum, Vec4::new(2.0, 2.0, 2.0));
+    }
+}
+
+#[test]
+fn without_denormals_a_kernel_sees_none_and_rust_does() {
+    let least = f32::from_bits(1);
+    let (tiny, zero) = (Vec4::new(least, -least, 2.0 * least), Vec4::default());
+    for (implementation, kernels) in implementations() {
+        let sum = || kernels.add.call(&tiny, &zero);
+        assert_eq!(sum(), tiny, "{implementation}");
+        let (sum, own) = without_denormals(|| (sum(), std::hint::black_box(least) + 0.0));
+        assert_eq!((sum, own), (zero, least), "{implementation}");
+        assert_eq!(kernels.add.call(&tiny, &zero), tiny, "{implementation} afterwards");
+    }
+    // What a kernel gives back comes through.
+    let far = Seen { near: 1.0, ..Seen::default() };
+    let near = Seen { near: 2.0, ..Seen::default() };
+    for (isa, kernels) in packet_kernels() {
+        let (mut nearer, mut farther) = ([Seen::default(); 3], [Seen::default(); 3]);
+        let count = without_denormals(|| kernels.nearer_half.call(&[near, far, near], &mut nearer, &mut farther));
+        assert_eq!((count, nearer[0], farther[0]), (2, near, far), "{isa}");
     }
 }
 
@@ -481,7 +501,12 @@ fn check_own<E: Element>(
 }
 
 /// All kernels of an object but those of the short form.
-fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mut span: impl FnMut(f64, usize) -> S) {
+fn check_bodies<S: Plain, E: Element>(
+    bodies: &Bodies<S, E>,
+    normals: Option<&Planes<S, E>>,
+    lits: &[Lit<E>],
+    mut span: impl FnMut(f64, usize) -> S,
+) {
     let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
     check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
     check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
@@ -500,7 +525,7 @@ fn check_bodies<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], mu
         bodies.depth.call(&spans[pixels], &mut row, x.clone());
         recoloured += check_planes(&bodies.planes, lits, &row, &spans[pixels], x.clone());
         recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x.clone());
-        if let Some(normals) = &bodies.normals {
+        if let Some(normals) = normals {
             recoloured += check_planes(normals, &[], &row, &spans[pixels], x);
         }
     }
@@ -536,14 +561,18 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let opposite = |l: Lit<E>| Lit { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
     let opposite = |l: Lit<E>| [l, Lit { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
     let lits: Vec<_> = lits.flat_map(opposite).collect();
-    check_bodies(&kernels.outside, &lits, |id, pixels| kernel_cases::outside_span(numbers, id, pixels, rng));
-    check_bodies(&kernels.near, &lits, |id, pixels| kernel_cases::near_span(numbers, id, pixels, rng));
-    check_bodies(&kernels.inside, &lits, |id, pixels| {
+    check_bodies(&kernels.outside, Some(&kernels.outside_normals), &lits, |id, pixels| {
+        kernel_cases::outside_span(numbers, id, pixels, rng)
+    });
+    check_bodies(&kernels.near, Some(&kernels.near_normals), &lits, |id, pixels| {
+        kernel_cases::near_span(numbers, id, pixels, rng)
+    });
+    check_bodies(&kernels.inside, Some(&kernels.inside_normals), &lits, |id, pixels| {
         // No root of what is below 0: it would be black.
         let span: InsideSpan<E> = kernel_cases::inside_span(numbers, id, pixels, rng);
         InsideSpan { g: E::from_f64(100.0), k: E::from_f64(span.k.to_f64().abs()), ..span }
     });
-    check_bodies(&kernels.triangle, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
+    check_bodies(&kernels.triangle, None, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
     for bodies in [&kernels.lit, &kernels.grey] {
         let sphere = kernel_cases::lit_sphere(numbers, rng);
         check_shade_rows(&bodies.f32x4, &sphere, rng);

@@ -15,7 +15,8 @@ use std::ops::Range;
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
     Bodies, Element, Frame, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, NearSpan, Objects,
-    OpRef, OutsideSpan, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan, Vec4,
+    OpRef, OutsideSpan, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle, TriangleSpan,
+    Vec4,
 };
 use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
 use rayo::reference::aos::{self, Form, Lanes};
@@ -575,6 +576,7 @@ fn shaded<S, E, P: Copy>(kernel: &Shade<S, E, P>, span: &S, lits: &[Lit<E>], pix
 /// Compares the exact kernels of one kind of object with their twin, over random records.
 fn check_bodies<S: Record<E>, E: Element + Real>(
     bodies: &Bodies<S, E>,
+    normals: Option<&Planes<S, E>>,
     rounding: Rounding,
     random: impl Fn(Numbers, usize, &mut Rng) -> S,
     rng: &mut Rng,
@@ -622,8 +624,8 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
             assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
             let mut owned = Row::new(pixels);
             bodies.depth.call(&span, &mut owned, 0..pixels);
-            assert_eq!(bodies.normals.is_some(), span.normal(rounding, j(i)).is_some());
-            if let (Some(kernel), Some(normal)) = (&bodies.normals, span.normal(rounding, j(i))) {
+            assert_eq!(normals.is_some(), span.normal(rounding, j(i)).is_some());
+            if let (Some(kernel), Some(normal)) = (normals, span.normal(rounding, j(i))) {
                 kernel.call(&span, &[], &mut owned, 0..pixels);
                 let found = [1, 2, 3].map(|plane| owned.plane(plane)[i]);
                 let expected = if den > zero { normal } else { [zero; 3] };
@@ -749,13 +751,43 @@ fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u6
         ("lit", check_lit(isa, kernels, rounding, rng)),
         (
             "outside",
-            check_bodies(&kernels.outside, rounding, |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng), rng),
+            check_bodies(
+                &kernels.outside,
+                Some(&kernels.outside_normals),
+                rounding,
+                |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng),
+                rng,
+            ),
         ),
-        ("near", check_bodies(&kernels.near, rounding, |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng), rng)),
-        ("inside", check_bodies(&kernels.inside, rounding, |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng), rng)),
+        (
+            "near",
+            check_bodies(
+                &kernels.near,
+                Some(&kernels.near_normals),
+                rounding,
+                |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng),
+                rng,
+            ),
+        ),
+        (
+            "inside",
+            check_bodies(
+                &kernels.inside,
+                Some(&kernels.inside_normals),
+                rounding,
+                |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng),
+                rng,
+            ),
+        ),
         (
             "triangle",
-            check_bodies(&kernels.triangle, rounding, |n, p, rng| kernel_cases::triangle_span(n, 2.0, p, rng), rng),
+            check_bodies(
+                &kernels.triangle,
+                None,
+                rounding,
+                |n, p, rng| kernel_cases::triangle_span(n, 2.0, p, rng),
+                rng,
+            ),
         ),
     ] {
         let Compared { all, ordinary } = compared;

@@ -3,7 +3,7 @@
 #![cfg(all(rayo_asm, target_os = "linux"))]
 
 mod executed {
-    use rayo::kernels::KNOWN;
+    use rayo::kernels::harness::KNOWN;
     use rayo::kernels::step::{count_function, count_instructions};
 
     #[test]
@@ -66,7 +66,7 @@ mod executed {
 }
 
 mod disassembled {
-    use rayo::kernels::KNOWN;
+    use rayo::kernels::harness::KNOWN;
     use rayo::measure::instructions::{Class, Code, Mix, Width, decode};
 
     #[test]
@@ -330,8 +330,9 @@ mod callgrind {
     use std::collections::BTreeMap;
     use std::process::Command;
 
+    use rayo::kernels::harness::KNOWN;
     use rayo::kernels::step::count_function;
-    use rayo::kernels::{self, Isa, KNOWN, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
+    use rayo::kernels::{self, Isa, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
     use rayo::measure::instructions::Code;
 
     /// Functions by their symbols: where each is, and a call of it.
@@ -364,7 +365,7 @@ mod callgrind {
                 let Shape { b_numbers, record, out_numbers } = op.shape;
                 let (a, b) = (vec![1.5; 6 * op.lanes], vec![0.5; 2 * b_numbers * op.lanes + record]);
                 let call = move || op.call(&mut vec![0.0; 2 * out_numbers * op.lanes], &a, &b);
-                functions.insert(op.symbol.into(), (op.address(), Box::new(call)));
+                functions.insert(op.symbol().into(), (op.address(), Box::new(call)));
             }
         }
         for known in KNOWN {

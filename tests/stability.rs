@@ -213,7 +213,7 @@ fn nothing_depends_on_denormal_numbers() {
         for case in cases(family) {
             for contender in contenders().iter().filter(|contender| is_packet(contender)) {
                 let found = picture(contender, &case.scene);
-                let without = rayo::kernels::sys::without_denormals(|| picture(contender, &case.scene));
+                let without = rayo::kernels::harness::without_denormals(|| picture(contender, &case.scene));
                 let what = format!("{} case {}, seed {SEED}", case.family, case.index);
                 assert!(found.1 == without.1, "{what}: bytes of {} in {}", contender.engine, contender.precision);
                 // A float may be denormal itself.

@@ -1,217 +1,280 @@
-//! The list of all kernels: their foreign declarations, a table of them per implementation, and safe calls.
+//! The list of all kernels: a line for each makes its foreign declaration, its place in a table, and its symbol.
 
-use std::ops::Range;
+use std::collections::BTreeSet;
 
-use super::checked::{self, Fault};
 use super::isa::Isa;
-use super::types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+use super::kernel::kernel;
+use super::packet::{Depth, Emit, F32x3, Fill, LitPlanes, Planes, Rgb8, Rgba8, RowSetup, Shade, ShadeRows};
+use super::paper::{Hits, Op, OpRef, Trace};
+use super::records::{
+    Ball, Element, Facet, InsideSpan, Lit, NearSpan, OutsideSpan, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes,
+    TriangleSpan,
+};
+use super::tiles::{Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp};
+use super::types::{Light, Sphere, Surface, Triangle, Vec4};
+use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
-/// A loop of Algorithm 1, which writes pixels of the type `P`.
-type Rows<P> = unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut P);
-
-/// An operation `out = op(a, b)` on single values.
-#[derive(Clone, Copy)]
-pub struct Op<A, B, O> {
-    code: unsafe extern "sysv64" fn(out: *mut O, a: *const A, b: *const B),
-}
-
-impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
-    /// The contract of `code` is that of [`Op::call_into`]: one value of each type, and a CPU that has been checked.
-    pub(super) const fn new(code: unsafe extern "sysv64" fn(*mut O, *const A, *const B)) -> Self {
-        Op { code }
-    }
-
-    /// The result for `a` and `b`.
-    pub fn call(self, a: &A, b: &B) -> O {
-        let mut out = O::ZERO;
-        self.call_into(&mut out, a, b);
-        out
-    }
-
-    /// Writes the result for `a` and `b` to `out`.
-    #[inline]
-    pub fn call_into(self, out: &mut O, a: &A, b: &B) {
-        // SAFETY: the references prove that the addresses are valid and aligned, and the kernel reads and writes one
-        // value of each type, any bits of which are a value of O. The table it came from was handed out by a function
-        // that had checked the CPU.
-        unsafe { (self.code)(out, a, b) }
-    }
-
-    /// Where its code is.
-    pub fn address(self) -> usize {
-        self.code as usize
-    }
-
-    /// As [`Op::call_into`], with a look at whether the kernel keeps the calling convention.
-    pub fn call_checked(self, out: &mut O, a: &A, b: &B) -> Result<(), Vec<Fault>> {
-        let args =
-            [std::ptr::from_mut(out) as u64, std::ptr::from_ref(a) as u64, std::ptr::from_ref(b) as u64, 0, 0, 0];
-        // SAFETY: as in call_into; these are the three arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
-    }
-}
-
-/// Algorithm 1 over whole rows of an image: of a [`Trace`] or of [`Hits`].
-pub struct RowsOf<P> {
-    code: Rows<P>,
-}
-
-/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not clamped.
-pub type Trace = RowsOf<Vec4>;
-
-/// The same, with what is hit in place of a colour. A pixel is the surface that is nearest, with t in the fourth lane of its
-/// point, or 0 where there is none.
-pub type Hits = RowsOf<Surface>;
-
-impl<P> Clone for RowsOf<P> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<P> Copy for RowsOf<P> {}
-
-impl<P: Plain> RowsOf<P> {
-    /// The contract of `code` is that of [`RowsOf::call`], on a CPU that has been checked.
-    pub(super) const fn new(code: Rows<P>) -> Self {
-        RowsOf { code }
-    }
-
-    /// Writes `rows` of the image to `out`, row by row.
-    ///
-    /// # Panics
-    /// Where `out` is not `frame.width` x the number of rows long.
-    pub fn call(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]) {
-        if Self::some_pixels(frame, &rows, out) {
-            let lists = Lists::from(objects);
-            // SAFETY: the references prove that the addresses are valid and aligned and the lists as long as they say;
-            // some_pixels() that there is a row, a column, and in `out` the place of each pixel. The CPU as in Op.
-            unsafe { (self.code)(frame, &lists, rows.start.into(), rows.end.into(), out.as_mut_ptr()) }
+/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
+/// those of f64 add that have estimates, once usually and once in the short form, and the lanes of a packet. After a name may
+/// stand `fast` or `lit_fast`, which add that, or another table.
+macro_rules! tables {
+    ($d:tt $(
+        $(#[$doc:meta])*
+        struct $table:ident $(<$($parameter:ident),+>)? $([$lanes:ident])? {
+            $($(#[$field_doc:meta])* $field:ident: $type:ty = $name:literal $($how:ident)?;)*
         }
-    }
-
-    /// Where its code is.
-    pub fn address(self) -> usize {
-        self.code as usize
-    }
-
-    /// As [`RowsOf::call`], with a look at whether the kernel keeps the calling convention.
-    pub fn call_checked(
-        self,
-        frame: &Frame,
-        objects: Objects<'_>,
-        rows: Range<u32>,
-        out: &mut [P],
-    ) -> Result<(), Vec<Fault>> {
-        if !Self::some_pixels(frame, &rows, out) {
-            return Ok(());
+    )*) => {$(
+        $(#[$doc])*
+        pub struct $table $(<$($parameter),+>)? {
+            $(
+                /// Rays in lockstep.
+                pub $lanes: usize,
+            )?
+            $($(#[$field_doc])* pub $field: $type,)*
         }
-        let lists = Lists::from(objects);
-        let args = [
-            std::ptr::from_ref(frame) as u64,
-            std::ptr::from_ref(&lists) as u64,
-            rows.start.into(),
-            rows.end.into(),
-            out.as_mut_ptr() as u64,
-            0,
-        ];
-        // SAFETY: as in call; these are the five arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
-    }
 
-    fn some_pixels(frame: &Frame, rows: &Range<u32>, out: &[P]) -> bool {
-        let pixels = u128::from(frame.width) * rows.len() as u128;
-        assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
-        pixels > 0
-    }
-}
+        impl $(<$($parameter),+>)? $table $(<$($parameter),+>)? {
+            fn symbols(&self) -> Vec<&'static str> {
+                [$(self.$field.symbols()),*].concat()
+            }
+        }
 
-/// One operation of a table, by the types it works on: what tests, counts and benches go through.
-#[derive(Clone, Copy)]
-pub enum OpRef {
-    /// (vector, vector) -> vector.
-    Vector(Op<Vec4, Vec4, Vec4>),
-    /// (vector, scalar) -> vector.
-    Scale(Op<Vec4, f32, Vec4>),
-    /// (vector, vector) -> scalar.
-    Scalar(Op<Vec4, Vec4, f32>),
-    /// (ray, sphere) -> t.
-    Sphere(Op<Vec4, Sphere, f32>),
-    /// (ray, triangle) -> t.
-    Triangle(Op<Vec4, Triangle, f32>),
-    /// (surface, light) -> colour.
-    Lambert(Op<Surface, Light, Vec4>),
-}
-
-/// Declares a table of kernels, a tracer among them, and one static of it per implementation, from one list.
-macro_rules! kernels {
-    ($(#[$doc:meta])* struct $table:ident $list:tt $($(#[$static_doc:meta])* static $static:ident = $prefix:literal;)*) => {
-        kernels!(@table [$(#[$doc])*] $table $list);
-        $(kernels!(@static [$(#[$static_doc])*] $table $static $prefix $list);)*
+        macro_rules! $table {
+            ($d prefix:expr, $d fast:literal, $d lit_fast:literal, $d lanes_of:expr) => {
+                $table {
+                    $($lanes: $d lanes_of,)?
+                    $($field: tables!(@make $d prefix, $d fast, $d lit_fast, $d lanes_of; $name $($how)?),)*
+                }
+            };
+        }
+    )*};
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal) => {
+        kernel!(concat!($prefix, $name))
     };
-    (@table [$($doc:tt)*] $table:ident {
-        $($(#[$op_doc:meta])* $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty,)*
-    }) => {
-        $($doc)*
-        pub struct $table {
-            $($(#[$op_doc])* pub $name: Op<$a, $b, $out>,)*
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal fast) => {
+        kernel!(concat!($prefix, $name, $fast))
+    };
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal lit_fast) => {
+        kernel!(concat!($prefix, $name, $lit_fast))
+    };
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal single) => {
+        SpanKernels!(concat!($prefix, $name), "_fast", "_fast", $lanes)
+    };
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal double) => {
+        SpanKernels!(concat!($prefix, $name), "", $lit_fast, $lanes / 2)
+    };
+    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal $table:ident) => {
+        $table!(concat!($prefix, $name), $fast, $lit_fast, $lanes)
+    };
+}
+
+tables! { $
+    /// What one kind of object has in all forms and outputs.
+    struct Bodies<S, E> {
+        /// To linear floats, four a pixel.
+        f32x4: Shade<S, E, Vec4> = "_f32x4";
+        /// The same with estimates (in f64: as `f32x4`).
+        f32x4_fast: Shade<S, E, Vec4> = "_f32x4" fast;
+        /// To linear floats, three a pixel.
+        f32x3: Shade<S, E, F32x3> = "_f32x3";
+        /// The same with estimates (in f64: as `f32x3`).
+        f32x3_fast: Shade<S, E, F32x3> = "_f32x3" fast;
+        /// To 8-bit levels (in f32: with estimates), four a pixel.
+        rgba8: Shade<S, E, Rgba8> = "_rgba8";
+        /// The same where all light together does not exceed white: not clamped.
+        rgba8_dim: Shade<S, E, Rgba8> = "_rgba8_dim";
+        /// To 8-bit levels, three a pixel.
+        rgb8: Shade<S, E, Rgb8> = "_rgb8";
+        /// The same where all light together does not exceed white: not clamped.
+        rgb8_dim: Shade<S, E, Rgb8> = "_rgb8_dim";
+        /// To a row of buffers.
+        planes: Planes<S, E> = "_planes";
+        /// To a row of buffers as `rgba8` (in f64: as `planes`).
+        planes_fast: Planes<S, E> = "_planes" fast;
+        /// Finds the nearest.
+        depth: Depth<S, E> = "_depth";
+    }
+
+    /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
+    struct LitBodies<E> {
+        /// To linear floats, four a pixel.
+        f32x4: ShadeRows<E, Vec4> = "_f32x4";
+        /// The same with estimates (in f64: as `f32x4`).
+        f32x4_fast: ShadeRows<E, Vec4> = "_f32x4" fast;
+        /// To linear floats, three a pixel.
+        f32x3: ShadeRows<E, F32x3> = "_f32x3";
+        /// The same with estimates (in f64: as `f32x3`).
+        f32x3_fast: ShadeRows<E, F32x3> = "_f32x3" fast;
+        /// To 8-bit levels (with estimates where there are good ones), four a pixel.
+        rgba8: ShadeRows<E, Rgba8> = "_rgba8";
+        /// The same, three a pixel.
+        rgb8: ShadeRows<E, Rgb8> = "_rgb8";
+    }
+
+    /// The kernels that trace in object order.
+    struct TileKernels<E> {
+        /// Triangles to planes.
+        set_up: SetUp<E> = "set_up";
+        /// The nearest of triangles.
+        nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
+        /// Spheres to planes.
+        sphere_set_up: SphereSetUp<E> = "sphere_set_up";
+        /// The nearest of spheres.
+        nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
+        /// Spheres to what shades them.
+        sphere_looks: SphereLooks<E> = "sphere_looks";
+        /// To linear floats, four a pixel.
+        f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
+        /// The same with estimates (in f64: as `f32x4`).
+        f32x4_fast: ShadeTile<E, Vec4> = "tile_f32x4" fast;
+        /// To linear floats, three a pixel.
+        f32x3: ShadeTile<E, F32x3> = "tile_f32x3";
+        /// The same with estimates (in f64: as `f32x3`).
+        f32x3_fast: ShadeTile<E, F32x3> = "tile_f32x3" fast;
+        /// To 8-bit levels (in f32: with estimates), four a pixel.
+        rgba8: ShadeTile<E, Rgba8> = "tile_rgba8";
+        /// The same, three a pixel.
+        rgb8: ShadeTile<E, Rgb8> = "tile_rgb8";
+        /// To levels, where no pixel is brighter than white.
+        rgba8_dim: ShadeTile<E, Rgba8> = "tile_rgba8_dim";
+        /// The same, three a pixel.
+        rgb8_dim: ShadeTile<E, Rgb8> = "tile_rgb8_dim";
+        /// To levels, where red, green and blue of every object and light are equal.
+        rgba8_grey: ShadeTile<E, Rgba8> = "tile_rgba8_grey";
+        /// The same, three a pixel.
+        rgb8_grey: ShadeTile<E, Rgb8> = "tile_rgb8_grey";
+    }
+
+    /// All packet kernels of an ISA for one element type.
+    struct SpanKernels<E> [lanes] {
+        /// The rows of a sphere from outside under one light, short form.
+        lit_rows: RowSetup<E> = "lit_rows";
+        /// Shades such rows.
+        lit: LitBodies<E> = "lit" LitBodies;
+        /// The same where the three weights are equal.
+        grey: LitBodies<E> = "grey" LitBodies;
+        /// Shades a span of such a row in a row of buffers. What finds the nearest is that of any sphere from outside.
+        lit_planes: LitPlanes<E> = "lit_planes";
+        /// The same as `rgba8` does.
+        lit_planes_fast: LitPlanes<E> = "lit_planes" lit_fast;
+        /// Spheres from outside.
+        outside: Bodies<OutsideSpan<E>, E> = "outside" Bodies;
+        /// To a row of buffers with the unit normal in place of the colour. (A triangle's is a constant.)
+        outside_normals: Planes<OutsideSpan<E>, E> = "outside_normals";
+        /// Spheres from outside at less than sqrt 2 radii.
+        near: Bodies<NearSpan<E>, E> = "near" Bodies;
+        /// Their normals.
+        near_normals: Planes<NearSpan<E>, E> = "near_normals";
+        /// Spheres from inside.
+        inside: Bodies<InsideSpan<E>, E> = "inside" Bodies;
+        /// Their normals.
+        inside_normals: Planes<InsideSpan<E>, E> = "inside_normals";
+        /// Triangles.
+        triangle: Bodies<TriangleSpan<E>, E> = "triangle" Bodies;
+        /// A row of buffers to linear floats, four a pixel.
+        emit_f32x4: Emit<E, Vec4> = "emit_f32x4";
+        /// The same, three a pixel.
+        emit_f32x3: Emit<E, F32x3> = "emit_f32x3";
+        /// A row of buffers to 8-bit levels, four a pixel.
+        emit_rgba8: Emit<E, Rgba8> = "emit_rgba8";
+        /// The same, three a pixel.
+        emit_rgb8: Emit<E, Rgb8> = "emit_rgb8";
+        /// Many objects, tile by tile.
+        tiles: TileKernels<E> = "" TileKernels;
+    }
+
+    /// All packet kernels of an ISA.
+    struct PacketKernels {
+        /// On f32.
+        single: SpanKernels<f32> = "single_" single;
+        /// On f64.
+        double: SpanKernels<f64> = "double_" double;
+        /// What no ray hits.
+        fill: Fill = "fill";
+        /// Which pixels triangles can cover.
+        bounds: Bounds<Facet> = "bounds";
+        /// Which pixels spheres can cover.
+        sphere_bounds: Bounds<Ball> = "sphere_bounds";
+        /// Which objects of a tile go first.
+        nearer_half: NearerHalf = "nearer_half";
+    }
+}
+
+/// By [`Isa`], with the lanes of f32. AVX-512 alone has estimates in f64, for the short form.
+static PACKETS: [PacketKernels; 3] = [
+    PacketKernels!("rayo_sse41_", "", "", 4),
+    PacketKernels!("rayo_avx2_", "", "", 8),
+    PacketKernels!("rayo_avx512_", "", "_fast", 16),
+];
+
+/// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
+pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {
+    isa.usable().then(|| &PACKETS[isa as usize])
+}
+
+/// The symbols of all packet kernels in this build, whether this CPU runs them or not.
+pub fn packet_symbols() -> BTreeSet<&'static str> {
+    PACKETS.iter().flat_map(PacketKernels::symbols).collect()
+}
+
+/// Declares the table of the kernels that hold one vector in one register, and makes one from what their symbols begin with.
+macro_rules! operations {
+    ($d:tt $($(#[$doc:meta])* $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty;)*) => {
+        /// Kernels that hold one vector in one register: the paper's operations, its intersections, its tracer.
+        pub struct AosKernels {
+            $($(#[$doc])* pub $name: Op<$a, $b, $out>,)*
             /// Algorithm 1: rows of four floats a pixel.
             pub trace: Trace,
         }
 
-        impl $table {
+        impl AosKernels {
             /// Every operation with its name, in the order of the list.
             pub fn ops(&self) -> impl Iterator<Item = (&'static str, OpRef)> {
                 [$((stringify!($name), OpRef::$kind(self.$name))),*].into_iter()
             }
         }
-    };
-    (@static [$($doc:tt)*] $table:ident $static:ident $prefix:literal {
-        $($(#[$op_doc:meta])* $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty,)*
-    }) => {
-        $($doc)*
-        static $static: $table = {
-            unsafe extern "sysv64" {
-                $(#[link_name = concat!($prefix, stringify!($name))]
-                fn $name(out: *mut $out, a: *const $a, b: *const $b);)*
-                #[link_name = concat!($prefix, "trace")]
-                fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
-            }
-            $table { $($name: Op { code: $name },)* trace: Trace::new(trace) }
-        };
+
+        macro_rules! aos_kernels {
+            ($d prefix:literal) => {
+                AosKernels {
+                    $($name: kernel!(concat!($d prefix, stringify!($name))),)*
+                    trace: kernel!(concat!($d prefix, "trace")),
+                }
+            };
+        }
     };
 }
 
-kernels! {
-    /// Kernels that hold one vector in one register: the paper's operations, its intersections, its tracer.
-    struct AosKernels {
-        /// a + b.
-        add: Vector(Vec4, Vec4) -> Vec4,
-        /// a - b.
-        sub: Vector(Vec4, Vec4) -> Vec4,
-        /// a times the scalar b.
-        scale: Scale(Vec4, f32) -> Vec4,
-        /// a . b.
-        dot: Scalar(Vec4, Vec4) -> f32,
-        /// ||a||; b is not read.
-        norm: Scalar(Vec4, Vec4) -> f32,
-        /// a x b, with w = 0 where a and b have it.
-        cross: Vector(Vec4, Vec4) -> Vec4,
-        /// a / ||a||; b is not read.
-        normalise: Vector(Vec4, Vec4) -> Vec4,
-        /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none: eq. 5.
-        sphere: Sphere(Vec4, Sphere) -> f32,
-        /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
-        triangle: Triangle(Vec4, Triangle) -> f32,
-        /// What the light b adds to the surface a on the side of its normal: eq. 11.
-        lambert: Lambert(Surface, Light) -> Vec4,
-        /// The same where the surface has two sides.
-        lambert2: Lambert(Surface, Light) -> Vec4,
-    }
-    static C = "rayo_c_";
-    static PAPER = "rayo_paper_";
-    static AOS = "rayo_aos_";
+operations! { $
+    /// a + b.
+    add: Vector(Vec4, Vec4) -> Vec4;
+    /// a - b.
+    sub: Vector(Vec4, Vec4) -> Vec4;
+    /// a times the scalar b.
+    scale: Scale(Vec4, f32) -> Vec4;
+    /// a . b.
+    dot: Scalar(Vec4, Vec4) -> f32;
+    /// ||a||; b is not read.
+    norm: Scalar(Vec4, Vec4) -> f32;
+    /// a x b, with w = 0 where a and b have it.
+    cross: Vector(Vec4, Vec4) -> Vec4;
+    /// a / ||a||; b is not read.
+    normalise: Vector(Vec4, Vec4) -> Vec4;
+    /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none: eq. 5.
+    sphere: Sphere(Vec4, Sphere) -> f32;
+    /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
+    triangle: Triangle(Vec4, Triangle) -> f32;
+    /// What the light b adds to the surface a on the side of its normal: eq. 11.
+    lambert: Lambert(Surface, Light) -> Vec4;
+    /// The same where the surface has two sides.
+    lambert2: Lambert(Surface, Light) -> Vec4;
 }
+
+static C: AosKernels = aos_kernels!("rayo_c_");
+static PAPER: AosKernels = aos_kernels!("rayo_paper_");
+static AOS: AosKernels = aos_kernels!("rayo_aos_");
+static C_HITS: Hits = kernel!("rayo_c_hits");
+static PAPER_HITS: Hits = kernel!("rayo_paper_hits");
 
 /// The paper's C, as the compiler makes it at -O3.
 pub fn c() -> &'static AosKernels {
@@ -223,23 +286,127 @@ pub fn paper() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&PAPER)
 }
 
+/// The same kernels with the best forms of dot, norm and cross that we know. None where the CPU lacks SSE4.1.
+pub fn aos() -> Option<&'static AosKernels> {
+    Isa::Sse41.usable().then_some(&AOS)
+}
+
 /// What the tracer of [`c()`] hits.
 pub fn hits_of_c() -> Hits {
-    unsafe extern "sysv64" {
-        fn rayo_c_hits(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Surface);
-    }
-    Hits::new(rayo_c_hits)
+    C_HITS
 }
 
 /// What the tracer of [`paper`] hits. None where the CPU lacks SSE4.1.
 pub fn hits_of_paper() -> Option<Hits> {
-    unsafe extern "sysv64" {
-        fn rayo_paper_hits(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Surface);
-    }
-    Isa::Sse41.usable().then_some(Hits::new(rayo_paper_hits))
+    Isa::Sse41.usable().then_some(PAPER_HITS)
 }
 
-/// The same kernels with the best forms of dot, norm and cross that we know. None where the CPU lacks SSE4.1.
-pub fn aos() -> Option<&'static AosKernels> {
-    Isa::Sse41.usable().then_some(&AOS)
+/// Numbers of a record.
+const fn numbers<R>() -> usize {
+    size_of::<R>() / size_of::<f32>()
+}
+
+/// Makes macros for tables of operations: `packet_ops`, from what their symbols begin with and the lanes of a packet, and
+/// `chains`, from what theirs begin with and what follows the operation's name.
+macro_rules! operations_on_packets {
+    ($d:tt $($name:literal: $b:literal, $record:expr => $out:literal;)*) => {
+        macro_rules! packet_ops {
+            ($d prefix:literal, $d lanes:literal) => {
+                [$(PacketOp {
+                    name: $name,
+                    lanes: $d lanes,
+                    shape: Shape { b_numbers: $b, record: $record, out_numbers: $out },
+                    kernel: kernel!(concat!($d prefix, $name, "3")),
+                }),*]
+            };
+        }
+
+        macro_rules! chains {
+            ($d prefix:expr, $d after:literal) => {
+                [$(Chains {
+                    op: $name,
+                    latency: kernel!(concat!($d prefix, $name, $d after, "_latency")),
+                    throughput: kernel!(concat!($d prefix, $name, $d after, "_throughput")),
+                }),*]
+            };
+        }
+    };
+}
+
+// Their names; numbers of b for each vector, and of its record; and numbers of the result for each vector.
+operations_on_packets! { $
+    "add": 3, 0 => 3;
+    "sub": 3, 0 => 3;
+    "scale": 1, 0 => 3;
+    "dot": 3, 0 => 1;
+    "norm": 0, 0 => 1;
+    "cross": 3, 0 => 3;
+    "normalise": 0, 0 => 3;
+    "sphere": 0, numbers::<SphereHit<f32>>() => 1;
+    "triangle": 0, numbers::<TriangleHit<f32>>() => 1;
+    "lambert": 0, numbers::<Lit<f32>>() => 3;
+}
+
+/// By [`Isa`].
+static SINGLE: [[PacketOp<f32>; OPS]; 3] =
+    [packet_ops!("rayo_sse41_single_", 4), packet_ops!("rayo_avx2_single_", 8), packet_ops!("rayo_avx512_single_", 16)];
+static DOUBLE: [[PacketOp<f64>; OPS]; 3] =
+    [packet_ops!("rayo_sse41_double_", 2), packet_ops!("rayo_avx2_double_", 4), packet_ops!("rayo_avx512_double_", 8)];
+
+macro_rules! packet_chains {
+    ($prefix:literal) => {
+        PacketChains { chains: chains!($prefix, "3"), feedback: kernel!(concat!($prefix, "feedback_latency")) }
+    };
+}
+
+static PACKET_CHAINS: [PacketChains; 3] =
+    [packet_chains!("rayo_sse41_single_"), packet_chains!("rayo_avx2_single_"), packet_chains!("rayo_avx512_single_")];
+static PAPER_CHAINS: [Chains; OPS] = chains!("rayo_paper_", "");
+static AOS_CHAINS: [Chains; OPS] = chains!("rayo_aos_", "");
+
+/// What leads a result back to an operand in the chains of latency of one vector, alone. It needs no more than x86-64 has.
+pub static FEEDBACK: Chain = kernel!("rayo_feedback_latency");
+
+/// An element type that has operations on packets.
+pub trait PacketElement: Element {
+    /// Those of an ISA, whether this CPU runs it or not.
+    #[doc(hidden)]
+    fn table(isa: Isa) -> &'static [PacketOp<Self>];
+}
+
+impl PacketElement for f32 {
+    fn table(isa: Isa) -> &'static [PacketOp<f32>] {
+        &SINGLE[isa as usize]
+    }
+}
+
+impl PacketElement for f64 {
+    fn table(isa: Isa) -> &'static [PacketOp<f64>] {
+        &DOUBLE[isa as usize]
+    }
+}
+
+/// The packet operations of an ISA. None where the CPU or the operating system does not run it.
+pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> {
+    isa.usable().then(|| E::table(isa))
+}
+
+/// The symbols of all packet operations in this build, whether this CPU runs them or not.
+pub fn packet_op_symbols() -> impl Iterator<Item = &'static str> {
+    SINGLE.iter().flatten().map(PacketOp::symbol).chain(DOUBLE.iter().flatten().map(PacketOp::symbol))
+}
+
+/// Chains of the operations on packets. None where the CPU or the operating system does not run the ISA.
+pub fn chains_of_packets(isa: Isa) -> Option<&'static PacketChains> {
+    isa.usable().then(|| &PACKET_CHAINS[isa as usize])
+}
+
+/// Chains of the forms that the paper counts. None where the CPU lacks SSE4.1.
+pub fn chains_of_paper() -> Option<&'static [Chains]> {
+    Isa::Sse41.usable().then_some(&PAPER_CHAINS)
+}
+
+/// Chains of the best forms. None where the CPU lacks SSE4.1.
+pub fn chains_of_aos() -> Option<&'static [Chains]> {
+    Isa::Sse41.usable().then_some(&AOS_CHAINS)
 }

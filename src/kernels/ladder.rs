@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use super::ffi::Trace;
 use super::isa::Isa;
-use super::types::{Frame, Lists, Objects, Vec4};
+use super::kernel::kernel;
+use super::paper::Trace;
+use super::types::{Frame, Objects, Vec4};
 
 /// A level of x86-64 that a rung was compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,22 +69,16 @@ macro_rules! rungs {
         pub const MOST: usize = $most;
 
         /// Every variant of the paper's C, in the order of the ladder; not each is [`Rung::usable`] everywhere.
-        pub static C: &[Rung] = &[$({
-            unsafe extern "sysv64" {
-                #[link_name = concat!("rayo_ladder_", $name)]
-                fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
-            }
-            Rung { name: $name, flags: $flags, level: Level::$level, trace: Trace::new(trace) }
+        pub static C: &[Rung] = &[$(Rung {
+            name: $name,
+            flags: $flags,
+            level: Level::$level,
+            trace: kernel!(concat!("rayo_ladder_", $name)),
         }),*];
     };
 }
 include!(concat!(env!("OUT_DIR"), "/rungs.rs"));
 
 /// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out of line.
-pub static PAPER_CALLS: Rung = {
-    unsafe extern "sysv64" {
-        #[link_name = "rayo_calls_trace"]
-        fn trace(frame: *const Frame, lists: *const Lists<'_>, row: u64, end: u64, out: *mut Vec4);
-    }
-    Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, trace: Trace::new(trace) }
-};
+pub static PAPER_CALLS: Rung =
+    Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, trace: kernel!("rayo_calls_trace") };

@@ -5,22 +5,28 @@
 #[cfg(rayo_asm)]
 mod by_value;
 #[cfg(rayo_asm)]
-mod chains;
-#[cfg(rayo_asm)]
 mod checked;
 mod code;
 #[cfg(rayo_asm)]
 mod ffi;
+#[cfg(all(rayo_asm, unix))]
+mod guarded;
+#[cfg(rayo_asm)]
+#[doc(hidden)]
+pub mod harness;
 mod isa;
 #[cfg(rayo_asm)]
-mod known;
+mod kernel;
 #[cfg(rayo_asm)]
 pub mod ladder;
 #[cfg(rayo_asm)]
 mod packet;
-mod spans;
+#[cfg(rayo_asm)]
+mod paper;
+mod records;
 pub mod step;
 pub mod sys;
+#[cfg(rayo_asm)]
 mod tiles;
 mod types;
 #[cfg(rayo_asm)]
@@ -29,36 +35,36 @@ mod vec3;
 #[cfg(rayo_asm)]
 pub use by_value::{ByValue, Ray, by_value};
 #[cfg(rayo_asm)]
-pub use chains::{Chain, Chains, FEEDBACK, PacketChains, chains_of_aos, chains_of_packets, chains_of_paper};
-#[cfg(rayo_asm)]
-pub use checked::{BROKEN, Broken, Fault, broken_read, broken_write};
+pub use checked::Fault;
 pub use code::code_at;
 #[cfg(rayo_asm)]
-pub use ffi::{AosKernels, Hits, Op, OpRef, RowsOf, Trace, aos, c, hits_of_c, hits_of_paper, paper};
+pub use ffi::{
+    AosKernels, Bodies, FEEDBACK, LitBodies, PacketElement, PacketKernels, SpanKernels, TileKernels, aos, c,
+    chains_of_aos, chains_of_packets, chains_of_paper, hits_of_c, hits_of_paper, packet_op_symbols, packet_ops,
+    packet_symbols, packets, paper,
+};
 pub use isa::Isa;
 #[cfg(rayo_asm)]
-pub use known::{KNOWN, Known};
+pub use kernel::Kernel;
 #[cfg(rayo_asm)]
-pub use packet::{
-    Bodies, Depth, Emit, F32x3, Fill, LitBodies, LitPlanes, PacketKernels, Planes, Rgb8, Rgba8, Row, RowSetup, Shade,
-    ShadeRows, SpanKernels, TileKernels, packet_symbols, packets,
+pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Planes, Rgb8, Rgba8, Row, RowSetup, Shade, ShadeRows};
+#[cfg(rayo_asm)]
+pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
+pub use records::{
+    Ball, BoundsView, CHUNK, Element, Facet, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, Seen,
+    ShortLit, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
+    TileSphere, TileView, TriangleHit, TriangleSpan,
 };
-pub use spans::{
-    Element, InsideSpan, LIT_ROWS, Lit, LitRow, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit,
-    TriangleHit, TriangleSpan,
-};
-pub use tiles::{
-    Ball, Balls, BoundsView, CHUNK, Corners, Facet, Seen, ShortLit, SpherePlanes, SphereView, TILE_HEIGHT, TILE_WIDTH,
-    TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
-};
+#[cfg(rayo_asm)]
+pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounded, Bounds, Extremes, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, SphereLooks, SphereRecords,
-    SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
+    Bounded, Bounds, Extremes, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, SphereLooks,
+    SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
 };
-pub use types::{Frame, Light, Lists, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
-pub use vec3::{PacketElement, PacketOp, Shape, packet_op_symbols, packet_ops};
+pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
 #[cfg(rayo_asm)]

@@ -1,9 +1,9 @@
-//! What measuring and testing ask of the CPU and the operating system: the time-stamp counter, pinning, guard pages.
+//! What measuring asks of the CPU and the operating system: the time-stamp counter, pinning, fresh pages.
 
 use std::alloc::{self, Layout};
 use std::io;
 
-use super::Plain;
+use super::types::Plain;
 
 /// The time-stamp counter before what is to be timed: everything earlier is done, nothing later has begun.
 #[cfg(target_arch = "x86_64")]
@@ -285,8 +285,6 @@ pub fn multiply_in_chain(rounds: u32) {
 
 #[cfg(unix)]
 pub use fresh::Fresh;
-#[cfg(unix)]
-pub use guarded::{Guarded, Side, survives};
 
 #[cfg(unix)]
 mod fresh {
@@ -294,7 +292,7 @@ mod fresh {
     use std::ops::{Deref, DerefMut};
     use std::ptr::NonNull;
 
-    use crate::kernels::Plain;
+    use super::super::types::Plain;
 
     /// A slice in pages that nobody has touched: the first write to each is a page fault.
     pub struct Fresh<T: Plain> {
@@ -341,140 +339,4 @@ mod fresh {
             unsafe { libc::munmap(self.first.as_ptr().cast(), self.len * size_of::<T>()) };
         }
     }
-}
-
-#[cfg(unix)]
-mod guarded {
-    use std::io;
-    use std::ops::{Deref, DerefMut};
-    use std::panic::{self, AssertUnwindSafe};
-    use std::ptr::NonNull;
-
-    use crate::kernels::Plain;
-
-    /// Where the inaccessible page lies.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Side {
-        /// Right before the first element.
-        Before,
-        /// Right after the last element.
-        After,
-    }
-
-    /// A slice that begins or ends at a page that must not be touched: reading or writing outside faults at once.
-    pub struct Guarded<T: Plain> {
-        mapping: NonNull<libc::c_void>,
-        bytes: usize,
-        first: NonNull<T>,
-        len: usize,
-    }
-
-    impl<T: Plain> Guarded<T> {
-        /// A copy of `values` with an inaccessible page on each side, flush with the one on `side`.
-        pub fn new(values: &[T], side: Side) -> io::Result<Self> {
-            // SAFETY: a question without arguments that matter to memory.
-            let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
-            let inside = size_of_val(values).next_multiple_of(page).max(page);
-            let bytes = inside + 2 * page;
-            let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
-            // SAFETY: a new mapping at no given address takes nothing from anybody.
-            let mapping = unsafe { libc::mmap(std::ptr::null_mut(), bytes, libc::PROT_NONE, flags, -1, 0) };
-            if mapping == libc::MAP_FAILED {
-                return Err(io::Error::last_os_error());
-            }
-            let mapping = NonNull::new(mapping).ok_or_else(io::Error::last_os_error)?;
-            // SAFETY: one page into a mapping of `inside` + 2 pages.
-            let middle = unsafe { mapping.byte_add(page) };
-            let skipped = match side {
-                Side::Before => 0,
-                Side::After => inside - size_of_val(values),
-            };
-            // SAFETY: `skipped` is at most `inside`. A page and the size of T are multiples of T's alignment, so that the
-            // first element is aligned whichever side it is flush with.
-            let first = unsafe { middle.byte_add(skipped) }.cast::<T>();
-            let guarded = Guarded { mapping, bytes, first, len: values.len() };
-            // SAFETY: the pages between the two guards are ours.
-            if unsafe { libc::mprotect(middle.as_ptr(), inside, libc::PROT_READ | libc::PROT_WRITE) } != 0 {
-                return Err(io::Error::last_os_error());
-            }
-            assert!(first.is_aligned(), "the size of an element must be a multiple of its alignment");
-            // SAFETY: both have room for `len` elements, and new memory overlaps with none.
-            unsafe { first.copy_from_nonoverlapping(NonNull::from(values).cast(), values.len()) };
-            Ok(guarded)
-        }
-    }
-
-    impl<T: Plain> Deref for Guarded<T> {
-        type Target = [T];
-        fn deref(&self) -> &[T] {
-            // SAFETY: new() made room for `len` aligned elements and wrote them; they live as long as self.
-            unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
-        }
-    }
-
-    impl<T: Plain> DerefMut for Guarded<T> {
-        fn deref_mut(&mut self) -> &mut [T] {
-            // SAFETY: as in deref, and self is borrowed alone.
-            unsafe { std::slice::from_raw_parts_mut(self.first.as_ptr(), self.len) }
-        }
-    }
-
-    impl<T: Plain> Drop for Guarded<T> {
-        fn drop(&mut self) {
-            // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
-            unsafe { libc::munmap(self.mapping.as_ptr(), self.bytes) };
-        }
-    }
-
-    /// Whether a copy of this process comes back from `action`; false where a fault ends it.
-    ///
-    /// `action` must only compute: in the copy no other thread runs, so that a lock may never be released.
-    pub fn survives(action: impl FnOnce()) -> io::Result<bool> {
-        // SAFETY: the child does nothing but `action`, which by this function's contract computes only, and _exit.
-        match unsafe { libc::fork() } {
-            -1 => Err(io::Error::last_os_error()),
-            0 => {
-                let fine = panic::catch_unwind(AssertUnwindSafe(action)).is_ok();
-                // SAFETY: ends the child at once, with nothing of the parent's run twice.
-                unsafe { libc::_exit(if fine { 0 } else { 1 }) }
-            }
-            child => {
-                let mut status = 0;
-                // SAFETY: our own child, and a status that is ours to write.
-                if unsafe { libc::waitpid(child, &mut status, 0) } != child {
-                    return Err(io::Error::last_os_error());
-                }
-                Ok(libc::WIFEXITED(status) && libc::WEXITSTATUS(status) == 0)
-            }
-        }
-    }
-}
-
-/// Does `work` with denormal numbers switched off, in and out (DAZ and FTZ of MXCSR), on this thread alone: for who shows that
-/// nothing depends on them. Of what is computed in Rust meanwhile, only the value of numbers below 2^-126 (f64: 2^-1022) may
-/// differ.
-#[cfg(rayo_asm)]
-pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
-    /// FTZ and DAZ.
-    const OFF: u32 = 0x8040;
-    /// Puts MXCSR back, after a panic too.
-    struct Restore(u32);
-    impl Drop for Restore {
-        fn drop(&mut self) {
-            set_mxcsr(self.0);
-        }
-    }
-    fn set_mxcsr(value: u32) {
-        // SAFETY: it reads four bytes that live on; the value is one that the register had, or that with FTZ and DAZ, so no
-        // exception is unmasked and rounding stays to nearest.
-        unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &value, options(nostack, readonly)) }
-    }
-    let mut found = 0u32;
-    // SAFETY: it writes four bytes to a place that is ours.
-    unsafe { std::arch::asm!("stmxcsr [{}]", in(reg) &mut found, options(nostack)) }
-    let restore = Restore(found);
-    set_mxcsr(found | OFF);
-    let result = work();
-    drop(restore);
-    result
 }

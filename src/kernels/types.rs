@@ -1,6 +1,4 @@
-//! The packed types that Rust, C and NASM share; layout.inc has their offsets, asserted here at compile time.
-
-use std::marker::PhantomData;
+//! The packed types that Rust, C and NASM share; layout.inc has their offsets, which records.rs asserts.
 
 /// Types made of numbers alone: every bit pattern is a value, and there is no padding.
 ///
@@ -102,33 +100,6 @@ pub struct Objects<'a> {
     pub triangles: &'a [Triangle],
 }
 
-/// [`Objects`] as kernels see them: addresses and lengths.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub struct Lists<'a> {
-    lights: *const Light,
-    light_count: u64,
-    spheres: *const Sphere,
-    sphere_count: u64,
-    triangles: *const Triangle,
-    triangle_count: u64,
-    borrowed: PhantomData<Objects<'a>>,
-}
-
-impl<'a> From<Objects<'a>> for Lists<'a> {
-    fn from(objects: Objects<'a>) -> Self {
-        Lists {
-            lights: objects.lights.as_ptr(),
-            light_count: objects.lights.len() as u64,
-            spheres: objects.spheres.as_ptr(),
-            sphere_count: objects.spheres.len() as u64,
-            triangles: objects.triangles.as_ptr(),
-            triangle_count: objects.triangles.len() as u64,
-            borrowed: PhantomData,
-        }
-    }
-}
-
 impl Vec4 {
     /// A vector of three.
     pub fn new(x: f32, y: f32, z: f32) -> Self {
@@ -156,7 +127,7 @@ impl From<glam::Vec3> for Vec4 {
 macro_rules! plain {
     ($($type:ty = $zero:expr),* $(,)?) => {
         $(
-            // SAFETY: made of numbers that fill its size, as the offsets asserted below show.
+            // SAFETY: made of numbers that fill its size, as the offsets asserted in records.rs show.
             unsafe impl Plain for $type {
                 const ZERO: Self = $zero;
             }
@@ -181,25 +152,3 @@ plain! {
     Triangle = Triangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },
     Surface = Surface { point: ORIGIN, normal: ORIGIN, colour: ORIGIN },
 }
-
-#[cfg(rayo_asm)]
-macro_rules! layout_checks {
-    ($($type:ty, $size:literal, { $($field:ident: $offset:literal,)* };)*) => {
-        $(
-            $(const _: () = assert!(std::mem::offset_of!($type, $field) == $offset);)*
-            const _: () = assert!(size_of::<$type>() == $size);
-        )*
-    };
-}
-#[cfg(rayo_asm)]
-use super::spans::{
-    InsideSpan, Lit, LitRows, LitSetup, LitSphere, NearSpan, OutsideSpan, Span, SphereHit, TriangleHit, TriangleSpan,
-};
-#[cfg(rayo_asm)]
-use super::tiles::{
-    Ball, Balls, BoundsFound, BoundsTask, BoundsView, Corners, Facet, HalfTask, NearestTask, Seen, SetupTask,
-    ShadeTask, ShortLit, SpherePlanes, SphereView, Tile, TileLight, TileRays, TileShade, TileSphere, TileView,
-    TrianglePlanes,
-};
-#[cfg(rayo_asm)]
-include!(concat!(env!("OUT_DIR"), "/layout.rs"));

@@ -1,8 +1,8 @@
-//! The paper's operations on packets: a table of them per ISA and element type, and safe calls.
+//! What operations on packets of vectors take, and chains of operations by which to measure how long one takes.
 
-use super::checked::{self, Fault};
-use super::isa::Isa;
-use super::spans::{Element, Lit, SphereHit, TriangleHit};
+use super::checked::{Fault, Registers};
+use super::kernel::{Kernel, kinds, reads, writes};
+use super::records::Element;
 
 /// What an operation on packets takes beside its vectors, and what it gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,132 +24,80 @@ pub struct PacketOp<E> {
     pub lanes: usize,
     /// Of what `b` and the result are made.
     pub shape: Shape,
-    /// The symbol of its code.
-    pub symbol: &'static str,
-    code: unsafe extern "sysv64" fn(out: *mut E, a: *const E, b: *const E, n: usize),
+    /// Takes (out, a, b, packets), as `lanes` and `shape` say.
+    pub(super) kernel: Kernel<E>,
 }
 
 impl<E: Element> PacketOp<E> {
+    /// The symbol of its code.
+    pub fn symbol(&self) -> &'static str {
+        self.kernel.symbol()
+    }
+
+    /// Where its code is.
+    pub fn address(&self) -> usize {
+        self.kernel.address()
+    }
+
     /// Writes the results for all packets of `a` and for `b` to `out`.
     ///
     /// # Panics
     /// Where the lengths are not those of the same number of whole packets, and of a record where there is one.
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
-        let packets = self.packets(out, a, b);
-        // SAFETY: packets() proves that all three have so many packets and `b` a record; the kernel asks for no alignment,
-        // reads and writes those alone, and any bits are elements. The table it came from was handed out by a function that
-        // had checked the CPU.
-        unsafe { (self.code)(out.as_mut_ptr(), a.as_ptr(), b.as_ptr(), packets) }
+        let registers = self.registers(out, a, b);
+        // SAFETY: registers() proves that all three have so many packets and `b` a record; the kernel asks for no alignment,
+        // reads and writes those alone, and any bits are elements.
+        unsafe { self.kernel.enter(registers) };
     }
 
     /// As [`PacketOp::call`], with a look at whether the kernel keeps the calling convention.
     pub fn call_checked(&self, out: &mut [E], a: &[E], b: &[E]) -> Result<(), Vec<Fault>> {
-        let packets = self.packets(out, a, b);
-        let args = [out.as_mut_ptr() as u64, a.as_ptr() as u64, b.as_ptr() as u64, packets as u64, 0, 0];
-        // SAFETY: as in call; these are the four arguments of its signature.
-        unsafe { checked::call(self.code as *const (), args) }
+        let registers = self.registers(out, a, b);
+        // SAFETY: as in call.
+        unsafe { self.kernel.enter_checked(registers) }.1
     }
 
-    /// Where its code is.
-    pub fn address(&self) -> usize {
-        self.code as usize
-    }
-
-    fn packets(&self, out: &[E], a: &[E], b: &[E]) -> usize {
+    fn registers(&self, out: &mut [E], a: &[E], b: &[E]) -> Registers {
         let packets = a.len() / (3 * self.lanes);
         let vectors = packets * self.lanes;
         let Shape { b_numbers, record, out_numbers } = self.shape;
         let fits =
             a.len() == 3 * vectors && b.len() == b_numbers * vectors + record && out.len() == out_numbers * vectors;
         assert!(fits, "{} takes whole packets of {}, as many in each", self.name, self.lanes);
-        packets
+        [writes(out), reads(a), reads(b), packets as u64, 0, 0]
     }
 }
 
-/// Operations in a table.
-const OPS: usize = 10;
+kinds! {
+    /// A loop of operations.
+    Chain
 
-/// Numbers of a record.
-const fn numbers<R>() -> usize {
-    size_of::<R>() / size_of::<f32>()
-}
-
-macro_rules! packet_ops {
-    ($($static:ident: $element:ty = $prefix:literal, $lanes:literal;)*) => {
-        $(static $static: [PacketOp<$element>; OPS] = [
-            packet_ops!(@op $element, $prefix, $lanes, "add", 3, 0, 3),
-            packet_ops!(@op $element, $prefix, $lanes, "sub", 3, 0, 3),
-            packet_ops!(@op $element, $prefix, $lanes, "scale", 1, 0, 3),
-            packet_ops!(@op $element, $prefix, $lanes, "dot", 3, 0, 1),
-            packet_ops!(@op $element, $prefix, $lanes, "norm", 0, 0, 1),
-            packet_ops!(@op $element, $prefix, $lanes, "cross", 3, 0, 3),
-            packet_ops!(@op $element, $prefix, $lanes, "normalise", 0, 0, 3),
-            packet_ops!(@op $element, $prefix, $lanes, "sphere", 0, numbers::<SphereHit<f32>>(), 1),
-            packet_ops!(@op $element, $prefix, $lanes, "triangle", 0, numbers::<TriangleHit<f32>>(), 1),
-            packet_ops!(@op $element, $prefix, $lanes, "lambert", 0, numbers::<Lit<f32>>(), 3),
-        ];)*
-    };
-    (@op $element:ty, $prefix:literal, $lanes:literal, $name:literal, $b:literal, $record:expr, $out:literal) => {{
-        unsafe extern "sysv64" {
-            #[link_name = concat!("rayo_", $prefix, "_", $name, "3")]
-            fn kernel(out: *mut $element, a: *const $element, b: *const $element, n: usize);
-        }
-        PacketOp {
-            name: $name,
-            lanes: $lanes,
-            shape: Shape { b_numbers: $b, record: $record, out_numbers: $out },
-            symbol: concat!("rayo_", $prefix, "_", $name, "3"),
-            code: kernel,
-        }
-    }};
-}
-
-packet_ops! {
-    SSE41_SINGLE: f32 = "sse41_single", 4;
-    SSE41_DOUBLE: f64 = "sse41_double", 2;
-    AVX2_SINGLE: f32 = "avx2_single", 8;
-    AVX2_DOUBLE: f64 = "avx2_double", 4;
-    AVX512_SINGLE: f32 = "avx512_single", 16;
-    AVX512_DOUBLE: f64 = "avx512_double", 8;
-}
-
-/// An element type that has operations on packets.
-pub trait PacketElement: Element {
-    /// Those of an ISA, whether this CPU runs it or not.
-    #[doc(hidden)]
-    fn table(isa: Isa) -> &'static [PacketOp<Self>];
-}
-
-impl PacketElement for f32 {
-    fn table(isa: Isa) -> &'static [PacketOp<f32>] {
-        match isa {
-            Isa::Sse41 => &SSE41_SINGLE,
-            Isa::Avx2 => &AVX2_SINGLE,
-            Isa::Avx512 => &AVX512_SINGLE,
-        }
+    /// Runs it for so many rounds, at least one, and says how many operations that were.
+    fn run(rounds: u64) -> u64; |enter| {
+        // It reads constants of its own alone.
+        let rounds = rounds.max(1);
+        rounds * enter([rounds, 0, 0, 0, 0, 0])
     }
 }
 
-impl PacketElement for f64 {
-    fn table(isa: Isa) -> &'static [PacketOp<f64>] {
-        match isa {
-            Isa::Sse41 => &SSE41_DOUBLE,
-            Isa::Avx2 => &AVX2_DOUBLE,
-            Isa::Avx512 => &AVX512_DOUBLE,
-        }
-    }
+/// The two chains of an operation.
+pub struct Chains {
+    /// The operation.
+    pub op: &'static str,
+    /// Each operation needs the result of the one before, led back by as many feedbacks.
+    pub latency: Chain,
+    /// No operation needs another; each loads its operands.
+    pub throughput: Chain,
 }
 
-/// The packet operations of an ISA. None where the CPU or the operating system does not run it.
-pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> {
-    isa.usable().then(|| E::table(isa))
-}
+/// Operations that packets have, and chains.
+pub(super) const OPS: usize = 10;
 
-/// The symbols of all packet operations in this build, whether this CPU runs them or not.
-pub fn packet_op_symbols() -> impl Iterator<Item = &'static str> {
-    fn of<E: PacketElement>(isa: Isa) -> impl Iterator<Item = &'static str> {
-        E::table(isa).iter().map(|op| op.symbol)
-    }
-    Isa::ALL.into_iter().flat_map(|isa| of::<f32>(isa).chain(of::<f64>(isa)))
+/// Chains of the operations on packets of f32.
+pub struct PacketChains {
+    /// Of each operation.
+    pub chains: [Chains; OPS],
+    /// What leads a result back to an operand in them, alone.
+    pub feedback: Chain,
 }

@@ -1,5 +1,6 @@
 //! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
 
+mod farthest;
 mod normals;
 
 use std::ops::Range;
@@ -8,6 +9,7 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use self::farthest::Farthest;
 use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
@@ -410,7 +412,7 @@ impl<E: Element> TileTracer<'_, E> {
         let near = self.packets.nearer_half.call(seen, before, behind);
         let far = seen.len() - near;
         nearest(&before[..near], buffers);
-        let farthest = buffers.farthest(self.kernels.lanes);
+        let farthest = Farthest::of(buffers, self.kernels.lanes);
         let mut left = 0;
         for i in 0..far {
             behind[left] = behind[i];

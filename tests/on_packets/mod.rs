@@ -58,10 +58,10 @@ fn check<E: PacketElement + Real>(
     let mut b = many(shape.b_numbers * vectors);
     b.extend(record);
     let mut out = many(shape.out_numbers * vectors);
-    assert_eq!(op.call_checked(&mut out, &a, &b), Ok(()), "{}", op.symbol);
+    assert_eq!(op.call_checked(&mut out, &a, &b), Ok(()), "{}", op.symbol());
     let mut again = many(out.len());
     op.call(&mut again, &a, &b);
-    assert!(same(&again, &out), "{}", op.symbol);
+    assert!(same(&again, &out), "{}", op.symbol());
     for vector in 0..vectors {
         let of = |numbers: &[E], count: usize| -> Vec<E> {
             (0..count).map(|i| numbers[(vector / lanes * count + i) * lanes + vector % lanes]).collect()
@@ -69,7 +69,7 @@ fn check<E: PacketElement + Real>(
         let ray: [E; 3] = of(&a, 3).try_into().unwrap();
         let own = if record.is_empty() { of(&b, shape.b_numbers) } else { record.to_vec() };
         let (found, expected) = (of(&out, shape.out_numbers), twin(op.name, rounding(isa), ray, &own));
-        assert!(same(&found, &expected), "{}: {found:?} instead of {expected:?} of {ray:?} and {own:?}", op.symbol);
+        assert!(same(&found, &expected), "{}: {found:?} instead of {expected:?} of {ray:?} and {own:?}", op.symbol());
     }
 }
 

@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::PacketTracer;
-use crate::kernels::{Bodies, Element, InsideSpan, LitRow, NearSpan, OutsideSpan, Row, SpanKernels, TriangleSpan};
+use crate::kernels::{
+    Bodies, Element, InsideSpan, LitRow, NearSpan, OutsideSpan, Planes, Row, SpanKernels, TriangleSpan,
+};
 use crate::plan::{RowSpans, ShortForm, UseRecord, Way};
 use crate::render::{Distance, Found};
 
@@ -27,8 +29,8 @@ struct Asked<'a, E: 'static> {
 }
 
 impl<E: Element> Asked<'_, E> {
-    fn ask<S>(self, bodies: &Bodies<S, E>, record: &S) {
-        match (self.question, &bodies.normals) {
+    fn ask<S>(self, bodies: &Bodies<S, E>, normals: Option<&Planes<S, E>>, record: &S) {
+        match (self.question, normals) {
             (Question::Depth, _) => bodies.depth.call(record, self.row, self.x),
             (Question::Normals, Some(normals)) => normals.call(record, &[], self.row, self.x),
             (Question::Normals, None) => {}
@@ -43,20 +45,20 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
         unreachable!("the short form has neither t nor a normal, and is not asked");
     }
     fn outside(self, record: &OutsideSpan<E>) {
-        let bodies = &self.kernels.outside;
-        self.ask(bodies, record);
+        let kernels = self.kernels;
+        self.ask(&kernels.outside, Some(&kernels.outside_normals), record);
     }
     fn near(self, record: &NearSpan<E>) {
-        let bodies = &self.kernels.near;
-        self.ask(bodies, record);
+        let kernels = self.kernels;
+        self.ask(&kernels.near, Some(&kernels.near_normals), record);
     }
     fn inside(self, record: &InsideSpan<E>) {
-        let bodies = &self.kernels.inside;
-        self.ask(bodies, record);
+        let kernels = self.kernels;
+        self.ask(&kernels.inside, Some(&kernels.inside_normals), record);
     }
     fn triangle(self, record: &TriangleSpan<E>) {
         let bodies = &self.kernels.triangle;
-        self.ask(bodies, record);
+        self.ask(bodies, None, record);
     }
 }
 

@@ -1,0 +1,119 @@
+//! What tests try the kernels and the checks on: kernels that break the rules, functions to count, and guard pages.
+
+use super::checked::{Fault, vector_bytes};
+#[cfg(unix)]
+pub use super::guarded::{Guarded, Side, survives};
+pub use super::kernel::without_denormals;
+use super::kernel::{Kernel, kernel};
+use super::paper::Op;
+use super::types::Vec4;
+
+/// A kernel without arguments that breaks one rule on purpose.
+pub struct Broken {
+    kernel: Kernel<()>,
+    /// The one rule it breaks.
+    pub breaks: Fault,
+}
+
+impl Broken {
+    /// Whether its instructions are there: one of them needs AVX.
+    pub fn usable(&self) -> bool {
+        self.breaks != Fault::Upper || vector_bytes() > 16
+    }
+
+    /// What a checked call finds.
+    ///
+    /// # Panics
+    /// Where it is not [`usable`](Broken::usable).
+    pub fn call_checked(&self) -> Result<(), Vec<Fault>> {
+        assert!(self.usable());
+        // SAFETY: it has no arguments, and what it breaks is put right by the checked call.
+        unsafe { self.kernel.enter_checked([0; 6]) }.1
+    }
+}
+
+macro_rules! broken {
+    ($($symbol:literal breaks $fault:ident;)*) => {
+        /// A kernel for every [`Fault`].
+        pub static BROKEN: &[Broken] = &[$(Broken { kernel: kernel!($symbol), breaks: Fault::$fault }),*];
+    };
+}
+
+broken! {
+    "rayo_broken_rbx" breaks Rbx;
+    "rayo_broken_rbp" breaks Rbp;
+    "rayo_broken_r12" breaks R12;
+    "rayo_broken_r13" breaks R13;
+    "rayo_broken_r14" breaks R14;
+    "rayo_broken_r15" breaks R15;
+    "rayo_broken_rsp" breaks Rsp;
+    "rayo_broken_stack" breaks Stack;
+    "rayo_broken_direction" breaks Direction;
+    "rayo_broken_mxcsr" breaks Mxcsr;
+    "rayo_broken_upper" breaks Upper;
+}
+
+/// An operation that reads one vector past `a`.
+///
+/// # Safety
+/// For a call that is expected to fault, in a process of its own: what lies behind `a` must not be there.
+pub unsafe fn broken_read() -> Op<Vec4, Vec4, Vec4> {
+    kernel!("rayo_broken_read")
+}
+
+/// An operation that writes one vector past `out`.
+///
+/// # Safety
+/// For a call that is expected to fault, in a process of its own: what lies behind `out` must not be there.
+pub unsafe fn broken_write() -> Op<Vec4, Vec4, Vec4> {
+    kernel!("rayo_broken_write")
+}
+
+/// A function without arguments, and what there is to count in it.
+pub struct Known {
+    /// Its symbol.
+    pub symbol: &'static str,
+    kernel: Kernel<()>,
+    /// Instructions between its labels `.body` and `.body_end`.
+    pub body: u64,
+    /// How many of those are executed in a call.
+    pub executed: u64,
+    /// Instructions that other functions execute in a call.
+    pub elsewhere: u64,
+}
+
+impl Known {
+    /// Calls it.
+    pub fn call(&self) {
+        // SAFETY: it takes nothing and keeps to the convention; it needs no more than x86-64 has.
+        unsafe { self.kernel.enter([0; 6]) };
+    }
+
+    /// Where it is.
+    pub fn address(&self) -> usize {
+        self.kernel.address()
+    }
+}
+
+macro_rules! known {
+    ($($symbol:literal: $body:literal, executed $executed:literal, elsewhere $elsewhere:literal;)*) => {
+        /// All of them. Each has `endbr64` and `ret` around its body.
+        pub static KNOWN: &[Known] = &[$(Known {
+            symbol: $symbol,
+            kernel: kernel!($symbol),
+            body: $body,
+            executed: $executed,
+            elsewhere: $elsewhere,
+        }),*];
+    };
+}
+
+known! {
+    "rayo_known_0": 0, executed 0, elsewhere 0;
+    "rayo_known_1": 1, executed 1, elsewhere 0;
+    "rayo_known_7": 7, executed 7, elsewhere 0;
+    "rayo_known_1000": 1000, executed 1000, elsewhere 0;
+    "rayo_known_loop": 3, executed 21, elsewhere 0;
+    "rayo_known_repeat": 3, executed 3, elsewhere 0;
+    "rayo_known_call": 2, executed 2, elsewhere 9;
+}

@@ -1,0 +1,76 @@
+//! What the paper's kernels take: its operations, and its Algorithm 1 over rows.
+
+use std::ops::Range;
+
+use super::kernel::{kinds, reads, writes};
+use super::records::Lists;
+use super::types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+
+kinds! {
+    /// An operation `out = op(a, b)` on single values.
+    Op<A: Plain, B: Plain, O: Plain>
+
+    /// Writes the result for `a` and `b` to `out`.
+    fn call_into(out: &mut O, a: &A, b: &B); |enter| {
+        // One value of each type, any bits of which are one.
+        enter([writes(out), reads(a), reads(b), 0, 0, 0]);
+    }
+
+    /// Algorithm 1 over whole rows of an image: of a [`Trace`] or of [`Hits`].
+    RowsOf<P: Plain>
+
+    /// Writes `rows` of the image to `out`, row by row.
+    ///
+    /// # Panics
+    /// Where `out` is not `frame.width` x the number of rows long.
+    fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |enter| {
+        let pixels = u128::from(frame.width) * rows.len() as u128;
+        assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
+        if pixels > 0 {
+            // The lists are as long as they say. There is a row, a column, and in `out` the place of each pixel.
+            let Objects { lights, spheres, triangles } = objects;
+            let lists = Lists {
+                lights: reads(lights),
+                light_count: lights.len() as u64,
+                spheres: reads(spheres),
+                sphere_count: spheres.len() as u64,
+                triangles: reads(triangles),
+                triangle_count: triangles.len() as u64,
+            };
+            enter([reads(frame), reads(&lists), rows.start.into(), rows.end.into(), writes(out), 0]);
+        }
+    }
+}
+
+impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
+    /// The result for `a` and `b`.
+    pub fn call(self, a: &A, b: &B) -> O {
+        let mut out = O::ZERO;
+        self.call_into(&mut out, a, b);
+        out
+    }
+}
+
+/// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not clamped.
+pub type Trace = RowsOf<Vec4>;
+
+/// The same, with what is hit in place of a colour. A pixel is the surface that is nearest, with t in the fourth lane of its
+/// point, or 0 where there is none.
+pub type Hits = RowsOf<Surface>;
+
+/// One operation of a table, by the types it works on: what tests, counts and benches go through.
+#[derive(Clone, Copy)]
+pub enum OpRef {
+    /// (vector, vector) -> vector.
+    Vector(Op<Vec4, Vec4, Vec4>),
+    /// (vector, scalar) -> vector.
+    Scale(Op<Vec4, f32, Vec4>),
+    /// (vector, vector) -> scalar.
+    Scalar(Op<Vec4, Vec4, f32>),
+    /// (ray, sphere) -> t.
+    Sphere(Op<Vec4, Sphere, f32>),
+    /// (ray, triangle) -> t.
+    Triangle(Op<Vec4, Triangle, f32>),
+    /// (surface, light) -> colour.
+    Lambert(Op<Surface, Light, Vec4>),
+}

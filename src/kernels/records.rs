@@ -1,0 +1,240 @@
+//! The records of the packet kernels, in f32 or f64, and of the tile kernels: as `asm/include/layout.inc` and `tile_layout.inc` define them.
+
+use glam::Vec3;
+
+use super::types::Plain;
+#[cfg(rayo_asm)]
+use super::types::{Frame, Light, Sphere, Surface, Triangle, Vec4};
+
+/// An element of the packet kernels: f32 (`single`) or f64 (`double`).
+pub trait Element: Plain + Default + PartialOrd + Send + Sync {
+    /// From 1 to the next number: twice the largest relative error of a rounding.
+    const EPSILON: f64;
+    /// Rounded to nearest.
+    fn from_f64(x: f64) -> Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
+    /// Of an integer from 0 to 2^24.
+    fn to_index(self) -> usize;
+}
+
+impl Element for f32 {
+    const EPSILON: f64 = f32::EPSILON as f64;
+    fn from_f64(x: f64) -> Self {
+        x as f32
+    }
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+    fn to_index(self) -> usize {
+        self as i32 as usize
+    }
+}
+
+impl Element for f64 {
+    const EPSILON: f64 = f64::EPSILON;
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    fn to_f64(self) -> f64 {
+        self
+    }
+    fn to_index(self) -> usize {
+        self as i32 as usize
+    }
+}
+
+/// Defines a record of elements, and its rounding from f64.
+macro_rules! elements {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        #[repr(C)]
+        #[allow(missing_docs, reason = "the fields say what they are where the assembly does")]
+        pub struct $name<E> {
+            $($(#[$field_doc])* pub $field: E,)*
+        }
+
+        impl $name<f64> {
+            /// Every field rounded once.
+            pub fn round<E: Element>(self) -> $name<E> {
+                $name { $($field: E::from_f64(self.$field)),* }
+            }
+        }
+
+        impl<E: Copy> $name<E> {
+            /// Its fields, in their order.
+            pub fn numbers(&self) -> Vec<E> {
+                vec![$(self.$field),*]
+            }
+        }
+
+        // SAFETY: nothing but elements, all of one size, which fill it.
+        unsafe impl<E: Element> Plain for $name<E> {
+            const ZERO: Self = $name { $($field: E::ZERO),* };
+        }
+    };
+}
+
+/// Defines many records turned round: all numbers of one field after those of another. Words of 32 bits may be floats.
+macro_rules! columns {
+    ($(#[$doc:meta])* $name:ident $(<$element:ident>)?: $type:ty, $len:literal {
+        $($(#[$field_doc:meta])* $field:ident,)*
+    }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align(64))]
+        #[cfg(rayo_asm)]
+        #[allow(missing_docs, reason = "the fields say what they are where the assembly does")]
+        pub struct $name $(<$element>)? {
+            $($(#[$field_doc])* pub $field: [$type; $len],)*
+        }
+
+        #[cfg(rayo_asm)]
+        const _: () = assert!($len % 16 == 0, "a field of numbers of 32 bits or more fills its 64 bytes");
+
+        // SAFETY: nothing but numbers, all of one size, which fill it, as just asserted.
+        #[cfg(rayo_asm)]
+        unsafe impl $(<$element: Element>)? Plain for $name $(<$element>)? {
+            const ZERO: Self = $name { $($field: [<$type as Plain>::ZERO; $len]),* };
+        }
+    };
+}
+
+/// Defines what a kernel is handed in memory where it takes more than registers hold: addresses, counts and numbers in f64, by
+/// their bits.
+macro_rules! words {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
+        $(#[$doc])*
+        #[derive(Default)]
+        #[repr(C)]
+        #[cfg(rayo_asm)]
+        pub(super) struct $name {
+            $($(#[$field_doc])* pub $field: u64,)*
+        }
+    };
+}
+
+/// Asserts the offsets of a record whose fields have types of their own.
+macro_rules! layout_checks {
+    ($type:ty, $size:literal, { $($field:ident: $offset:literal,)* }) => {
+        #[cfg(rayo_asm)]
+        const _: () = {
+            $(assert!(std::mem::offset_of!($type, $field) == $offset);)*
+            assert!(size_of::<$type>() == $size);
+        };
+    };
+}
+
+include!(concat!(env!("OUT_DIR"), "/layout.rs"));
+
+/// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Facet {
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The three corners, in the camera's frame and in the file's order.
+    pub vertices: [Vec3; 3],
+}
+
+// SAFETY: twelve floats that fill it, as the offsets asserted below show.
+unsafe impl Plain for Facet {
+    const ZERO: Self = Facet { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
+}
+
+/// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds it, where set-up reads it in
+/// place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Ball {
+    /// Greater than 0.
+    pub radius: f32,
+    /// Red, green, blue, each at least 0.
+    pub colour: Vec3,
+    /// The centre, in the camera's frame.
+    pub centre: Vec3,
+}
+
+// SAFETY: seven floats that fill it, as the offsets asserted below show.
+unsafe impl Plain for Ball {
+    const ZERO: Self = Ball { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
+}
+
+/// An object that a tile may see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub struct Seen {
+    /// Its number in the scene.
+    pub id: u32,
+    /// The columns of the picture where it may be: the first, and the one past the last in the upper 16 bits.
+    pub columns: u32,
+    /// The rows.
+    pub rows: u32,
+    /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any.
+    pub near: f32,
+}
+
+impl Seen {
+    /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which no
+    /// kernel traces.
+    pub const ANY: f32 = f32::MAX;
+}
+
+// SAFETY: four numbers that fill it, as the offsets asserted below show.
+unsafe impl Plain for Seen {
+    const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, near: 0.0 };
+}
+
+/// The rows that [`LitRows`] has room for.
+#[cfg(rayo_asm)]
+pub const LIT_ROWS: usize = 64;
+
+/// Defines one of the rows that [`LitRows`] has.
+macro_rules! lit_row {
+    ($($field:ident)*) => {
+        elements! {
+            /// A row of a [`LitSphere`].
+            LitRow { $($field,)* }
+        }
+
+        #[cfg(rayo_asm)]
+        impl<E: Element> LitRows<E> {
+            /// A row.
+            pub fn row(&self, row: usize) -> LitRow<E> {
+                LitRow { $($field: self.$field[row]),* }
+            }
+
+            /// Sets a row.
+            pub fn set_row(&mut self, row: usize, of: &LitRow<E>) {
+                $(self.$field[row] = of.$field;)*
+            }
+        }
+    };
+}
+lit_row! { start end j stop m a h0 q0 id }
+
+#[cfg(rayo_asm)]
+impl<E: Element> Default for LitRows<E> {
+    fn default() -> Self {
+        Self::ZERO
+    }
+}
+
+/// Where a light stands, seen from the camera, and a 0.
+pub type TilePoint<E> = [E; 4];
+
+/// More elements than any register has.
+#[cfg(rayo_asm)]
+pub(super) const MOST_LANES: usize = 16;
+
+/// As bounds writes it.
+#[cfg(rayo_asm)]
+#[repr(C)]
+pub(super) struct BoundsFound {
+    pub most: [u32; MOST_LANES],
+    pub least: [u32; MOST_LANES],
+    pub brightest: [u32; MOST_LANES],
+    pub coloured: [u32; MOST_LANES],
+    pub count: u64,
+}
