@@ -236,5 +236,6 @@ pub(super) struct BoundsFound {
     pub least: [u32; MOST_LANES],
     pub brightest: [u32; MOST_LANES],
     pub coloured: [u32; MOST_LANES],
+    pub nearest: [u32; MOST_LANES],
     pub count: u64,
 }

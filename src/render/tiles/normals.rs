@@ -12,7 +12,7 @@ use crate::render::{FilmMut, Found, Tracer};
 use crate::scene::{Light, Object, Scene, Sphere, Triangle};
 
 /// So far away that all points of a scene see it in the same direction.
-const FAR: f32 = 1e30;
+const FAR: f32 = 1e38;
 
 impl<E: Element> TileTracer<'_, E> {
     /// Adds the normals to what was `found` in `rows`. The kernels keep them in registers; but the cosine to a light along an
