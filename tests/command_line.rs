@@ -624,12 +624,12 @@ fn a_picture_that_can_hardly_be_meant_is_warned_of() {
                   scene? try `--film 35`\n";
     let light = "1 1 1 1 1 5 5 0";
     for (scene, arguments, warning) in [
-        (format!("1  0  1 1 1 1 1 0 0 5  0"), "", black.to_owned()),
-        (format!("1  1 0 1 1 1 5 5 0  1 1 1 1 1 0 0 5  0"), "", black.to_owned()),
-        (format!("1  1 1 0 0 0 5 5 0  1 1 1 1 1 0 0 5  0"), "", black.to_owned()),
+        ("1  0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 0 1 1 1 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 1 0 0 0 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
         (format!("1  {light}  1 1 1 1 1 0 0 -5  0"), "", behind.to_owned()),
         (format!("1  {light}  1 6 1 1 1 0 0 -5  0"), "", String::new()),
-        (format!("1  0  0  1 1 1 1 0 0 -1 1 0 -1 0 1 0"), "", format!("{black}{behind}")),
+        ("1  0  0  1 1 1 1 0 0 -1 1 0 -1 0 1 0".to_owned(), "", format!("{black}{behind}")),
         (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "", filled.to_owned()),
         (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "--film 35", String::new()),
         (format!("50  {light}  1 1 1 1 1 0 0 500  0"), "", String::new()),

@@ -685,8 +685,7 @@ fn exr_shows_what_of_its_data_is_in_its_display_window() {
 
 #[test]
 fn a_compression_that_the_libraries_do_not_undo_safely_is_refused() {
-    for (name, what) in
-        [("image_exr/half_b44.exr", "compressed by B44"), ("image_tiff/jpeg.tiff", "of this compression")]
+    for (name, what) in [("image_exr/half_b44.exr", "compression by B44"), ("image_tiff/jpeg.tiff", "this compression")]
     {
         let error = read(&of_corpus(name)).unwrap_err();
         assert!(matches!(error, ImageError::OtherKind { .. }), "{error}");

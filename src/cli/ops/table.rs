@@ -190,14 +190,14 @@ fn paths(text: &mut String, op: &str, rows: &[&Row], columns: usize) {
     for part in parts(&rows, columns.saturating_sub(23), width) {
         let mut heading = format!("{:<23}", "");
         for row in part {
-            write!(heading, "{:>width$}", row.implementation, width = width(&row)).unwrap();
+            write!(heading, "{:>width$}", row.implementation, width = width(row)).unwrap();
         }
         writeln!(text, "{heading}").unwrap();
         for path in &longest.paths {
             write!(text, "{:<23}", path.path).unwrap();
             for row in part {
                 let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
-                write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(&row)).unwrap();
+                write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(row)).unwrap();
             }
             writeln!(text).unwrap();
         }

@@ -65,7 +65,7 @@ impl<R: BufRead + Seek> ExrDecoder<R> {
         // Beside tiles, long names, deep data and several parts nothing is known.
         let [tiled, several] = [0x02, 0x10].map(|flag| flags & flag != 0);
         if version != 2 || flags & !0x1e != 0 || zeros != [0, 0] {
-            return Err(unsupported("of a later version"));
+            return Err(unsupported("a later version"));
         }
         let (mut chosen, mut before) = (None, 0);
         for number in 0.. {
@@ -296,7 +296,7 @@ impl Channel {
                 _ => return Err(damaged("a channel is of no known type")),
             };
             if (word(&fields, 8)?, word(&fields, 12)?) != (1, 1) {
-                return Err(unsupported("with channels of fewer samples than pixels"));
+                return Err(unsupported("channels of fewer samples than pixels"));
             }
             channels.push(Channel { name, samples });
             if channels.len() > MAX_CHANNELS {
@@ -318,9 +318,9 @@ impl Packing {
             [4] => (Compression::PIZ, 512),
             // Of four bytes deflate gets three.
             [5] => (Compression::PXR24, super::read::DEFLATE_EXPANSION * 4 / 3),
-            [6 | 7] => return Err(unsupported("compressed by B44")),
-            [8 | 9] => return Err(unsupported("compressed by DWA")),
-            _ => return Err(unsupported("of an unknown compression")),
+            [6 | 7] => return Err(unsupported("compression by B44")),
+            [8 | 9] => return Err(unsupported("compression by DWA")),
+            _ => return Err(unsupported("an unknown compression")),
         };
         Ok(Packing { compression, expansion })
     }

@@ -272,7 +272,7 @@ fn tiff_pixels(reader: &mut (impl BufRead + Seek), length: u64) -> image::ImageR
         4 => FAX_PIXELS / 8,
         // Of these JPEG is the one that there is: its decoder takes memory on the word of a second header.
         _ => {
-            let kind = UnsupportedErrorKind::GenericFeature("of this compression".into());
+            let kind = UnsupportedErrorKind::GenericFeature("this compression".into());
             return Err(image::ImageError::Unsupported(UnsupportedError::from_format_and_kind(hint(), kind)));
         }
     };
