@@ -2,18 +2,26 @@
 
 use std::path::Path;
 
+use rayo::render::{ImageError, ImageFile};
 use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml};
 
 /// What takes any bytes.
 pub type Target = fn(&[u8]);
 
 /// The targets by their names, which are those of the folders in fuzz/corpus.
-pub const TARGETS: [(&str, Target); 5] = [
+pub const TARGETS: [(&str, Target); 12] = [
     ("scene_in", scene_in),
     ("scene_toml", scene_toml),
     ("mesh_obj", mesh_obj),
     ("mesh_ply", mesh_ply),
     ("mesh_stl", mesh_stl),
+    ("image_exr", image),
+    ("image_hdr", image),
+    ("image_pfm", image),
+    ("image_png", image),
+    ("image_pnm", image),
+    ("image_qoi", image),
+    ("image_tiff", image),
 ];
 
 /// The paper's scene format.
@@ -67,6 +75,29 @@ fn mesh(source: &[u8], format: MeshFormat) {
             let text = error.to_string();
             assert!(text.starts_with("fuzz") && text.len() < 4000 && !text.contains(['\n', '\x1b']), "{text:?}");
         }
+    }
+}
+
+/// As many pixels as the other picture of a comparison has: none of another size is decoded.
+const OTHER_PICTURE: u64 = 1 << 16;
+
+/// Image files, whose content tells the format.
+pub fn image(source: &[u8]) {
+    let read = ImageFile::of_bytes(Path::new("fuzz"), source.to_vec()).and_then(|file| {
+        let (width, height) = file.size();
+        assert!(width > 0 && height > 0);
+        if u64::from(width) * u64::from(height) > OTHER_PICTURE {
+            return Ok(());
+        }
+        let picture = file.read()?;
+        assert_eq!((picture.width, picture.height), (width, height));
+        assert_eq!(picture.pixels.len() as u64, u64::from(width) * u64::from(height));
+        Ok(())
+    });
+    if let Err(error) = read {
+        assert!(!matches!(error, ImageError::Read { .. }), "bytes in memory can be read: {error}");
+        let text = error.to_string();
+        assert!(text.starts_with("fuzz ") && text.len() < 1000 && !text.contains(['\n', '\x1b']), "{text:?}");
     }
 }
 

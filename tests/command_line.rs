@@ -179,7 +179,7 @@ fn what_is_mistyped_is_met_with_a_suggestion() {
 #[test]
 fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
     let place = Place::new();
-    let size = "expected width and height in pixels, as in 1632x1224";
+    let size = "expected width and height in pixels, as in 1632x1224, or one of them, as in 800x or x600";
     let threads = "expected a whole number from 1 to 4096";
     let film = "error: the film diagonal must be a finite number greater than 0, not";
     let focal = "error: the focal distance must be a finite number greater than 0, not";
@@ -189,7 +189,12 @@ fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
         ("--size 1000000x1000000", "error: an image of 1000000x1000000 has more than 2147483648 pixels".into()),
         ("--size axb", invalid("axb", "--size <WxH>", size)),
         ("--size 5", invalid("5", "--size <WxH>", size)),
-        ("--size 5x", invalid("5x", "--size <WxH>", size)),
+        ("--size x", invalid("x", "--size <WxH>", size)),
+        ("--size 5xx", invalid("5xx", "--size <WxH>", size)),
+        (
+            "--size x1000001",
+            "error: each side of an image must be from 1 to 1000000 pixels, not 1333335x1000001".into(),
+        ),
         ("--size -1x5", invalid("-1x5", "--size <WxH>", size)),
         ("--size 4294967296x1", invalid("4294967296x1", "--size <WxH>", size)),
         ("--film -1", format!("{film} -1")),
@@ -323,6 +328,18 @@ fn what_is_no_scene_file_is_named() {
     place.refuses("render none.in", 2, "error: there is no scene file `none.in`");
     place.refuses("render .", 2, "error: `.` is a directory, and a scene is a file");
     place.write("empty.in", "");
+    // By its content: a name alone says little.
+    assert_eq!(place.run("render scene.in --quiet").status, 0);
+    let message = "error: `picture.png` is a picture, and a scene is expected: `-o picture.png` is how the picture to be \
+                   written is named";
+    place.refuses("render picture.png", 2, message);
+    place.refuses("plan picture.png", 2, message);
+    for format in ["ppm", "pgm", "pfm", "exr", "hdr", "tiff", "qoi"] {
+        assert_eq!(place.run(&format!("render scene.in --quiet -o a.{format}")).status, 0);
+        assert!(place.run(&format!("render a.{format}")).stderr.contains("is a picture"), "{format}");
+        fs::remove_file(place.path(&format!("a.{format}"))).unwrap();
+    }
+    fs::remove_file(place.path("picture.png")).unwrap();
     let empty = place.run("render empty.in");
     assert_eq!(empty.status, 2);
     assert!(empty.stderr.starts_with("error: the file is empty\n --> empty.in:1:1\n"), "{}", empty.stderr);
@@ -479,6 +496,79 @@ fn a_result_that_cannot_be_printed_is_told() {
     }
 }
 
+/// Runs the program with something on its standard input.
+fn run_with(place: &Place, arguments: &str, input: &[u8]) -> (Option<i32>, Vec<u8>, String) {
+    let output = place.command().args(arguments.split(' ')).write_stdin(input).output().unwrap();
+    (output.status.code(), output.stdout, String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_dash_is_standard_output_in_any_format() {
+    let place = Place::new();
+    for (name, file) in [("-", "a.png"), ("ppm:-", "a.ppm"), ("EXR:-", "a.exr"), ("pgm:-", "a.pgm")] {
+        assert_eq!(place.run(&format!("render scene.in --quiet -o {file}")).status, 0);
+        let (status, stdout, stderr) = run_with(&place, &format!("render scene.in -o {name}"), b"");
+        assert_eq!(status, Some(0), "{stderr}");
+        assert!(stdout == fs::read(place.path(file)).unwrap(), "{name}");
+        assert!(stderr.starts_with("/dev/stdout: 16x12 by "), "{stderr}");
+        fs::remove_file(place.path(file)).unwrap();
+    }
+    let message = "error: the picture goes to standard output, where --stats and --json would print into it: leave \
+                   them out, or name a file with -o";
+    place.refuses("render scene.in -o - --json", 2, message);
+    assert_eq!(place.run("render scene.in -o gif:-").status, 2);
+    // What is only called so is a file.
+    assert_eq!(place.run("render scene.in --quiet -o ./-").status, 0);
+    assert_eq!(place.files(), ["-", "scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn no_picture_is_written_to_a_terminal() {
+    let place = Place::new();
+    let rayo = assert_cmd::cargo::cargo_bin!("rayo").display().to_string();
+    // `script` gives the program a terminal, and prints what it says there.
+    for (name, refused) in [("-", true), ("/dev/stdout", true), ("pgm:-", false)] {
+        let mut command = std::process::Command::new("script");
+        command.args(["-qec", &format!("'{rayo}' render scene.in --size 2x1 -o {name}"), "/dev/null"]);
+        let output = command.current_dir(&place.directory).stdin(std::process::Stdio::null()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        let message = "the picture goes to standard output, and that is a terminal: name a file with -o";
+        assert_eq!(output.status.code(), Some(if refused { 2 } else { 0 }), "{said}");
+        assert_eq!(said.contains(message), refused, "{said}");
+        assert_eq!(said.contains("P3"), !refused, "{said}");
+    }
+}
+
+#[test]
+fn a_dash_is_a_scene_from_standard_input_in_either_format() {
+    let place = Place::new();
+    assert_eq!(place.run("render scene.in --quiet -o file.png").status, 0);
+    let toml = "# in TOML\n\n[image]\nwidth = 16\nheight = 12\n[camera]\nfocal = 1\n[[light]]\nposition = [5, 5, 0]\n\
+                [[sphere]]\nradius = 0.5\ncentre = [0, 0, 5]\n[[triangle]]\ncolour = [1, 0, 0]\n\
+                vertices = [[1, -9, -9], [9, 9, -9], [9, 0, 9]]\n";
+    place.write("scene.toml", toml);
+    assert_eq!(
+        place.run("render scene.toml --quiet -o toml.png").status,
+        0,
+        "{}",
+        place.run("render scene.toml").stderr
+    );
+    for (source, file) in [(SCENE, "file.png"), (toml, "toml.png")] {
+        let (status, _, stderr) = run_with(&place, "render - --quiet -o piped.png", source.as_bytes());
+        assert_eq!((status, stderr.as_str()), (Some(0), ""));
+        assert!(fs::read(place.path("piped.png")).unwrap() == fs::read(place.path(file)).unwrap(), "{file}");
+    }
+    let (status, _, stderr) = run_with(&place, "render -", b"x.png 1 one");
+    assert_eq!(status, Some(2));
+    assert!(stderr.starts_with("error: the height is not a whole number\n --> standard input:1:9\n"), "{stderr}");
+    let (status, _, stderr) = run_with(&place, "render -", b"[image]\nwidth = true");
+    assert!(status == Some(2) && stderr.contains("--> standard input:2:9"), "{stderr}");
+    assert!(run_with(&place, "plan -", SCENE.as_bytes()).0 == Some(0));
+    assert_eq!(place.files(), ["file.png", "piped.png", "scene.in", "scene.toml", "toml.png"]);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_picture_can_go_to_standard_output() {
@@ -514,6 +604,42 @@ fn size_film_and_focal_distance_take_the_place_of_the_scenes() {
     assert_eq!(place.picture("scaled.pfm"), plain);
     assert_ne!(place.picture("wide.pfm"), plain);
     assert_eq!(size(&place.picture("small.pfm")), (7, 3));
+}
+
+#[test]
+fn one_side_of_the_size_keeps_the_shape() {
+    let place = Place::new();
+    for (given, expected) in [("800x", "800x600"), ("x600", "800x600"), ("7x", "7x5"), ("x1", "1x1"), ("1x", "1x1")] {
+        let run = place.run(&format!("render scene.in --size {given} -o out.ppm"));
+        assert!(run.summary().starts_with(&format!("out.ppm: {expected} by ")), "{given}: {}", run.summary());
+    }
+}
+
+#[test]
+fn a_picture_that_can_hardly_be_meant_is_warned_of() {
+    let place = Place::new();
+    let black = "warning: the scene has no light: whatever is seen is black\n";
+    let behind = "warning: nothing is in front of the camera, which looks along +z from the origin\n";
+    let filled = "warning: every ray hits, as through a long lens: is the focal distance of 50 meant for the film of an old \
+                  scene? try `--film 35`\n";
+    let light = "1 1 1 1 1 5 5 0";
+    for (scene, arguments, warning) in [
+        ("1  0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 0 1 1 1 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 1 0 0 0 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        (format!("1  {light}  1 1 1 1 1 0 0 -5  0"), "", behind.to_owned()),
+        (format!("1  {light}  1 6 1 1 1 0 0 -5  0"), "", String::new()),
+        ("1  0  0  1 1 1 1 0 0 -1 1 0 -1 0 1 0".to_owned(), "", format!("{black}{behind}")),
+        (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "", filled.to_owned()),
+        (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "--film 35", String::new()),
+        (format!("50  {light}  1 1 1 1 1 0 0 500  0"), "", String::new()),
+        (format!("50  {light}  0  1 1 1 1 -9 -9 9 9 -9 9 0 9 9"), "", filled.to_owned()),
+        (format!("5  {light}  1 1 1 1 1 0 0 5  0"), "", String::new()),
+    ] {
+        place.write("scene.in", &format!("x.png 16 12 {scene}\n"));
+        let run = place.run(&format!("render scene.in --quiet --force {arguments}"));
+        assert_eq!((run.status, run.stderr), (0, warning), "{scene} {arguments}");
+    }
 }
 
 #[test]
@@ -601,8 +727,12 @@ fn stats_count_the_rays_that_hit() {
     let place = Place::new();
     // Over everything, over nothing.
     for (triangle, hits) in [("-99 -99 9  99 -99 9  0 99 9", 192), ("-99 -99 -9  99 -99 -9  0 99 -9", 0)] {
-        place.write("scene.in", &format!("x.png 16 12 1  0  0  1  1 1 1 {triangle}"));
-        assert_eq!(place.run("render scene.in --json --force").json()["hits"], hits, "{triangle}");
+        place.write("scene.in", &format!("x.png 16 12 1  1 1 1 1 1 0 5 0  0  1  1 1 1 {triangle}"));
+        let run = place.run("render scene.in --json --force");
+        let warning = "warning: nothing is in front of the camera, which looks along +z from the origin\n";
+        assert_eq!(run.stderr, if hits == 0 { warning } else { "" });
+        let run = Run { stderr: String::new(), ..run };
+        assert_eq!(run.json()["hits"], hits, "{triangle}");
     }
 }
 
@@ -758,7 +888,7 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
 #[test]
 fn triangles_of_no_area_are_told_wherever_a_scene_is_read() {
     let place = Place::new();
-    place.write("flat.in", "picture.png 16 12 1  0 0 1\n1 1 1  0 0 5  1 0 5  3 0 5\n");
+    place.write("flat.in", "picture.png 16 12 1  1  1 1 1 1 0 5 0  0 1\n1 1 1  0 0 5  1 0 5  3 0 5\n");
     let warning = "warning: flat.in:2: triangle 1 has no area, and no ray hits it: its corners are on one line\n";
     for command in ["render flat.in --quiet", "plan flat.in", "convert flat.in flat.toml"] {
         assert_eq!(place.run(command).stderr, warning, "{command}");
@@ -962,8 +1092,34 @@ fn diff_writes_the_picture_of_the_differences() {
     let place = images();
     let run = place.run("diff a.ppm b.ppm -o out.png");
     assert_eq!((run.status, run.stderr.as_str()), (1, ""));
-    assert!(run.stdout.ends_with("\nout.png: the differences, 64 times as bright\n"), "{}", run.stdout);
-    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0; 3], [0, 192, 0]]));
+    assert!(run.stdout.ends_with("\nout.png: the differences, white where they are largest\n"), "{}", run.stdout);
+    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0; 3], [0, 255, 0]]));
+}
+
+#[test]
+fn the_least_difference_is_seen_beside_the_largest() {
+    let place = Place::new();
+    place.write("a.ppm", "P3 3 1 255  10 20 30  1 2 3  0 0 0");
+    place.write("b.ppm", "P3 3 1 255  10 20 31  1 2 3  255 0 0");
+    assert_eq!(place.run("diff a.ppm b.ppm -o out.png").status, 1);
+    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0, 0, 65], [0; 3], [255, 0, 0]]));
+}
+
+#[test]
+fn diff_refuses_what_claims_another_size_before_it_is_decoded() {
+    let place = images();
+    // A picture that says that it is large, and is damaged: that is not found out.
+    place.write("large.ppm", &format!("P6 300 30 255\n{}", "x".repeat(27_000)));
+    let damaged = fs::read(place.path("large.ppm")).unwrap();
+    fs::write(place.path("large.ppm"), &damaged[..26_000]).unwrap();
+    let sizes = "error: cannot compare a.ppm with large.ppm: the first picture has 2x1 pixels and the second 300x30: \
+                 only pictures of one size can be compared";
+    place.refuses("diff a.ppm large.ppm", 2, sizes);
+    let run = place.run("diff large.ppm large.ppm");
+    assert_eq!(
+        (run.status, run.stderr.as_str()),
+        (2, "error: large.ppm is damaged or incomplete: it ends too early\n")
+    );
 }
 
 #[test]

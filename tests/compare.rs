@@ -1,6 +1,6 @@
 //! Two pictures compared: statistics against cases computed by hand.
 
-use rayo::measure::compare::{AMPLIFICATION, CompareError, Unit, compare, difference_image};
+use rayo::measure::compare::{CompareError, Unit, compare, difference_image};
 use rayo::measure::picture::{Picture, Pixels};
 
 fn levels(width: u32, height: u32, pixels: &[[u8; 3]]) -> Picture {
@@ -97,14 +97,18 @@ fn different_sizes_and_kinds_are_errors() {
 }
 
 #[test]
-fn the_difference_picture_shows_one_level_and_saturates() {
+fn the_difference_picture_shows_the_least_difference_and_is_white_where_it_is_largest() {
     let a = levels(2, 1, &[[0, 10, 255], [3, 0, 0]]);
     let b = levels(2, 1, &[[1, 10, 0], [0, 4, 0]]);
-    let one = AMPLIFICATION as u8;
-    assert_eq!(difference_image(&a, &b).unwrap(), levels(2, 1, &[[one, 0, 255], [3 * one, 255, 0]]));
+    assert_eq!(difference_image(&a, &b).unwrap(), levels(2, 1, &[[65, 0, 255], [66, 67, 0]]));
+    let b = levels(2, 1, &[[1, 10, 255], [3, 0, 0]]);
+    assert_eq!(difference_image(&a, &b).unwrap(), levels(2, 1, &[[255, 0, 0], [0; 3]]));
+    assert_eq!(difference_image(&a, &a).unwrap(), levels(2, 1, &[[0; 3]; 2]));
     let a = floats(2, 1, &[[0.0, 1e-30, f32::NAN], [-1.0, 0.0, f32::NAN]]);
     let b = floats(2, 1, &[[1.0, 0.0, f32::NAN], [-1.0, 0.0, 2.0]]);
-    assert_eq!(difference_image(&a, &b).unwrap(), levels(2, 1, &[[255, 1, 0], [0, 0, 255]]));
+    assert_eq!(difference_image(&a, &b).unwrap(), levels(2, 1, &[[255, 64, 0], [0, 0, 255]]));
+    let (a, b) = (floats(1, 1, &[[1.0, 1.0, 0.0]]), floats(1, 1, &[[1.0 + 1e-7, 1.0, f32::INFINITY]]));
+    assert_eq!(difference_image(&a, &b).unwrap(), levels(1, 1, &[[255, 0, 255]]));
 }
 
 #[test]

@@ -190,13 +190,14 @@ fn an_interrupt_keeps_what_is_finished_and_says_so() {
         return;
     }
     match output.status.code() {
-        Some(0) => {
+        Some(130) if !output.stdout.is_empty() => {
             let document: Value = serde_json::from_slice(&output.stdout).unwrap();
             assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
             assert_eq!(document["conditions"]["complete"], false);
-            assert!(message.contains("stopped early"), "{message}");
+            let runs = format!("error: stopped early: {} of 3 runs, in ", document["conditions"]["runs"]);
+            assert!(message.contains(&runs) && message.contains("are finished and kept in "), "{message}");
         }
-        Some(1) => assert!(message.contains("before the first size was finished"), "{message}"),
+        Some(130) => assert!(message.contains("before the first size was finished"), "{message}"),
         other => panic!("{other:?}: {message}"),
     }
 }

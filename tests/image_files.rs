@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rayo::measure::picture::{Picture, Pixels};
-use rayo::render::{Format, ImageError, ImageWriter, OutputError, read};
+use rayo::render::{Format, ImageError, ImageFile, ImageWriter, OutputError, read};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -621,6 +621,97 @@ fn nonsense_is_an_error() {
         assert!(matches!(error, ImageError::Malformed { .. }), "{error}");
     }
     assert!(matches!(read(Path::new("/nowhere/at/all.png")), Err(ImageError::Read { .. })));
+}
+
+/// A file of the fuzzing corpus.
+fn of_corpus(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name)
+}
+
+#[test]
+fn exr_of_other_programs_is_read_as_the_library_reads_it() {
+    use exr::prelude::*;
+    for name in [
+        "half_none",
+        "half_rle",
+        "half_zips",
+        "half_zip",
+        "half_piz",
+        "half_pxr24",
+        "tiles_zip",
+        "tiles_piz",
+        "two_parts",
+        "written_here",
+    ] {
+        let path = of_corpus(&format!("image_exr/{name}.exr"));
+        let set =
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at: Vec2<usize>, (r, g, b, _): (f32, f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b];
+            };
+        let image = read_first_rgba_layer_from_file(
+            &path,
+            |size: Vec2<usize>, _| (size.width(), vec![[0.0; 3]; size.area()]),
+            set,
+        )
+        .unwrap();
+        let (width, pixels) = image.layer_data.channel_data.pixels;
+        let height = pixels.len() / width;
+        assert!(pixels.iter().any(|pixel| *pixel != pixels[0]), "{name}");
+        let expected = Picture::new(width as u32, height as u32, Pixels::Rgb32F(pixels));
+        assert!(sound(&path) == expected, "{name}");
+    }
+}
+
+/// What a good file holds.
+fn sound(path: &Path) -> Picture {
+    rayo::render::read(path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn exr_shows_what_of_its_data_is_in_its_display_window() {
+    use exr::prelude::*;
+    // Data of 4x3 pixels at (-1, 1), in a picture of 3x3 at (0, 0).
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 1.0_f32));
+    let mut image = Image::from_channels((4, 3), channels);
+    image.layer_data.attributes.layer_position = Vec2(-1, 1);
+    image.attributes.display_window = IntegerBounds::new((0, 0), (3, 3));
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.exr");
+    image.write().to_file(&path).unwrap();
+    let row = |y| [[1.0, y, 1.0], [2.0, y, 1.0], [3.0, y, 1.0]];
+    let expected = [[[0.0; 3]; 3], row(0.0), row(1.0)].concat();
+    assert_eq!(sound(&path), Picture::new(3, 3, Pixels::Rgb32F(expected)));
+}
+
+#[test]
+fn a_compression_that_the_libraries_do_not_undo_safely_is_refused() {
+    for (name, what) in [("image_exr/half_b44.exr", "compression by B44"), ("image_tiff/jpeg.tiff", "this compression")]
+    {
+        let error = read(&of_corpus(name)).unwrap_err();
+        assert!(matches!(error, ImageError::OtherKind { .. }), "{error}");
+        assert!(
+            error.to_string().contains(what) && error.to_string().ends_with("convert it to PNG or PFM first"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn what_a_file_says_takes_no_more_memory_than_the_file_can_mean() {
+    for name in [
+        "image_exr/an_attribute_of_gigabytes.exr",
+        "image_exr/lines_of_gigabytes.exr",
+        "image_exr/tiles_of_gigabytes.exr",
+        "image_exr/windows_of_gigapixels.exr",
+        "image_png/claims_more_than_it_has.png",
+        "image_tiff/tiles_of_gigapixels.tiff",
+        "image_tiff/values_of_megabytes.tiff",
+    ] {
+        let error = read(&of_corpus(name)).unwrap_err();
+        assert!(matches!(error, ImageError::Malformed { .. }), "{name}: {error}");
+    }
+    // That this one really has so many pixels is all that is known until it is compared with another.
+    assert_eq!(ImageFile::open(&of_corpus("image_png/bomb.png")).unwrap().size(), (8000, 1000));
 }
 
 #[test]

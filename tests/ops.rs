@@ -157,7 +157,11 @@ mod table {
     use rayo::kernels::step;
 
     fn count(op: Option<&str>, executed: bool) -> Report {
-        ops::run(&Options { op: op.map(str::to_owned), executed, ..Options::default() }, &mut |_, _| ()).unwrap()
+        ops::run(
+            &Options { wanted: op.map(str::to_owned).into_iter().collect(), executed, ..Options::default() },
+            &mut |_, _| (),
+        )
+        .unwrap()
     }
 
     #[test]
@@ -247,7 +251,7 @@ mod table {
 
     #[test]
     fn costs_are_there_and_positive_where_something_runs() {
-        let options = Options { op: Some("norm".into()), cost: true, ..Options::default() };
+        let options = Options { wanted: vec!["norm".into()], cost: true, ..Options::default() };
         let report = ops::run(&options, &mut |_, _| ()).unwrap();
         assert!(report.core_cycles_per_tick.is_some_and(|cycles| cycles > 0.0));
         for row in report.rows {
@@ -535,6 +539,35 @@ mod command {
         let document: Value = serde_json::from_str(&text(&run(&["--json"]))).unwrap();
         assert_eq!(document["rows"][0]["executed"], Value::Null);
         assert_eq!(document["rows"][0]["function"], 6);
+    }
+
+    #[test]
+    fn several_operations_are_asked_for_in_a_list() {
+        let table = text(&run(&["--op", "norm,dot", "--engine", "aos,glam"]));
+        let heads: Vec<_> = table.lines().filter(|line| line.ends_with("  needs")).map(|line| &line[..4]).collect();
+        assert_eq!(heads, ["dot ", "norm"], "{table}");
+        assert!(!table.contains("cross"), "{table}");
+        let refused = run(&["--op", "norm,dost"]);
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no operation `dost`; there are: add, "));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_tables_fit_a_terminal_of_80_columns() {
+        let ops = format!("stty rows 24 cols 80; '{}' ops --op dot,triangle", env!("CARGO_BIN_EXE_rayo"));
+        for arguments in ["", " --asm"] {
+            let mut script = Command::new("script");
+            script.args(["-qec", &format!("{ops}{arguments}"), "/dev/null"]).stdin(std::process::Stdio::null());
+            let shown = text(&script.output().unwrap());
+            // What a progress bar has drawn over itself is not there.
+            let lines: Vec<_> =
+                shown.lines().filter_map(|line| line.trim_end_matches('\r').rsplit('\r').next()).collect();
+            assert!(lines.iter().any(|line| line.contains("aos")), "{shown}");
+            for line in lines.iter().filter(|line| !line.contains('\u{1b}')) {
+                assert!(line.chars().count() <= 80, "{line}");
+            }
+        }
     }
 
     #[test]

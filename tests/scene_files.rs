@@ -568,3 +568,39 @@ proptest! {
         survives(tokens.join(" ").as_bytes());
     }
 }
+
+/// What is said of the first line that does not fit, in the help of the first error.
+fn misfit(source: &str) -> Option<String> {
+    let error = parse(source.as_bytes(), "a scene of this test").unwrap_err();
+    let help = error.diagnostics()[0].help.clone()?;
+    let said = help.strip_suffix(": look there first")?;
+    Some(said.rsplit("; ").next().unwrap().to_owned())
+}
+
+#[test]
+fn where_lines_and_counts_disagree_the_first_line_that_does_not_fit_is_named() {
+    let scene = "x.png\n9 9\n1\n2 # lights\n1  1 1 1  0 5 0\n1  1 1 1  0 5 0\n\n1\n2  1 1 1  0 0 9\n0\n";
+    assert!(parse(scene.as_bytes(), "a scene of this test").is_ok());
+    let said = |line: &str, of_line: &str| Some(format!("line {line} has {of_line}"));
+    for (from, to, expected) in [
+        // A number missing, in the first light and in the last.
+        ("1  1 1 1  0 5 0\n1 ", "1  1 1 1  0 5\n1 ", said("5", "6 of the 7 numbers of light 1")),
+        ("0 5 0\n\n", "0 5\n\n", said("6", "6 of the 7 numbers of light 2")),
+        // One too many.
+        ("1  1 1 1  0 5 0\n1 ", "1  1 1 1  0 5 0 0\n1 ", said("5", "8 numbers, and a light takes 7")),
+        // One light more and one less than announced.
+        ("2 # lights", "3 # lights", said("8", "1 of the 7 numbers of light 3")),
+        ("2  1 1 1  0 0 9", "2  1 1 1  0 0", said("9", "6 of the 7 numbers of sphere 1")),
+        // With the line ends of elsewhere, and after a comment.
+        ("1  1 1 1  0 5 0\n1 ", "# 1 2 3\r\n1  1 1 1  0 5\r\n1 ", said("6", "6 of the 7 numbers of light 1")),
+        // A bad number is where it is.
+        ("0 5 0\n1 ", "0 5 x\n1 ", None),
+        // What is written in several lines by intention.
+        ("2 # lights\n1  1 1 1  0 5 0\n1  1 1 1  0 5 0\n\n1\n", "2\n1 1 1 1\n0 5 0\n1 1 1 1\n0 5 0\n\nmany\n", None),
+    ] {
+        assert!(scene.contains(from), "{from}");
+        assert_eq!(misfit(&scene.replacen(from, to, 1)), expected, "{from:?} to {to:?}");
+        // A byte order mark counts for nothing.
+        assert_eq!(misfit(&format!("\u{feff}{}", scene.replacen(from, to, 1))), expected, "{from:?} to {to:?}");
+    }
+}

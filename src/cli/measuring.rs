@@ -51,9 +51,13 @@ fn duration(seconds: f64) -> String {
 /// A bar on standard error, if that is a terminal.
 pub fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    let style = ProgressStyle::with_template("{bar:40} {percent} %, {eta} left");
-    bar.set_style(style.expect("the template is well formed"));
+    bar.set_style(bar_style("{percent} %, {eta} left"));
     bar
+}
+
+/// A bar that takes what `rest` leaves of the line.
+pub fn bar_style(rest: &str) -> ProgressStyle {
+    ProgressStyle::with_template(&format!("{{wide_bar}} {rest}")).expect("the template is well formed")
 }
 
 /// Where the files go.

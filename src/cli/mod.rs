@@ -5,6 +5,7 @@ mod convert;
 mod diff;
 mod engine;
 mod experiment;
+mod fit;
 mod info;
 mod make;
 mod measuring;
@@ -19,6 +20,7 @@ use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use terminal_size::{Width, terminal_size_of};
 
 use crate::render::remove_unfinished;
 
@@ -148,8 +150,16 @@ fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
         .map_err(|error| unprinted(&error))
 }
 
-/// Prints text to standard output.
+/// As many characters as a line of standard output has, if that is a terminal.
+fn terminal_width() -> Option<usize> {
+    let (Width(width), _) = terminal_size_of(io::stdout())?;
+    Some(width.into())
+}
+
+/// Prints text to standard output, and to a terminal so that it fits.
 fn print(text: &str) -> Result<(), Failure> {
+    let fitted = terminal_width().map(|width| fit::fit(text, width));
+    let text = fitted.as_deref().unwrap_or(text);
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| unprinted(&error))
 }

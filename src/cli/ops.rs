@@ -19,10 +19,10 @@ use super::Failure;
 /// program. The document docs/instruction-counts.md is what `rayo ops --executed --markdown` prints.
 #[derive(Debug, Args)]
 pub struct OpsArgs {
-    /// One operation, with the kinds of its instructions: add, sub, scale, dot, norm, cross, normalise, sphere, triangle
-    /// or lambert
-    #[arg(long, value_name = "NAME")]
-    op: Option<String>,
+    /// Some operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm, cross,
+    /// normalise, sphere, triangle, lambert
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    op: Vec<String>,
     /// Some implementations, separated by commas: printed-c, printed-simd, c-O0 to c-O3, c-native, rust, glam, paper, aos,
     /// sse41, avx2, avx512; `c` is all of C, `printed` both of the paper's columns
     #[arg(long, value_name = "E", value_delimiter = ',')]
@@ -44,7 +44,7 @@ pub struct OpsArgs {
 /// Counts and prints.
 #[cfg(rayo_asm)]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    use super::{print, print_json};
+    use super::{print, print_json, terminal_width};
     use crate::experiments::ops::{self, Options, Report};
 
     #[derive(serde::Serialize)]
@@ -55,7 +55,7 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     }
 
     let options = Options {
-        op: args.op.clone(),
+        wanted: args.op.clone(),
         implementations: implementations(&args.engine)?,
         executed: args.executed,
         cost: !args.asm,
@@ -67,14 +67,15 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     });
     bar.finish_and_clear();
     let report = report.map_err(Failure::input)?;
+    let width = terminal_width().unwrap_or(120);
     if args.json {
         print_json(&Document { schema: 1, report })?;
     } else if args.asm {
-        print(&listing::text(&report))?;
+        print(&listing::text(&report, width))?;
     } else if args.markdown {
         print(&markdown::text(&report))?;
     } else {
-        print(&table::text(&report, args.op.is_some(), args.executed))?;
+        print(&table::text(&report, !args.op.is_empty(), args.executed, width))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,15 +1,17 @@
 //! `rayo render`: a scene file in, a picture out.
 
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 
 use super::engine::EngineArgs;
+use super::measuring::bar_style;
 use super::view::{ViewArgs, tell};
 use super::{Failure, print, print_json, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
@@ -27,10 +29,12 @@ const MAX_THREADS: usize = 4096;
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
+    /// standard input
     scene: PathBuf,
     /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
-    /// with linear floats. Replaces what is there. Default: the name in the scene, in this directory
+    /// with linear floats. Replaces what is there; - is standard output, as PNG, and ppm:- and the like in another format.
+    /// Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -101,6 +105,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let scene = tell(opened, args.quiet);
     let camera = args.view.camera(&scene.camera)?;
     let (path, format) = output(args, &scene)?;
+    scene.doubts(&camera).iter().for_each(|doubt| say(&format!("warning: {doubt}")));
     // Before the plan: who cannot have a file need not wait for it.
     remove_part_files_on_signals()?;
     let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
@@ -147,7 +152,16 @@ fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure
         None => bare_name(&scene.name)?,
     };
     let format = Format::from_path(&path).map_err(Failure::input)?;
-    Ok((path, format))
+    if !is_standard_output(&path) {
+        return Ok((path, format));
+    }
+    if format != Format::PpmText && io::stdout().is_terminal() {
+        return Err(Failure::input(
+            "the picture goes to standard output, and that is a terminal: name a file with -o, or send it on to a program",
+        ));
+    }
+    // As errors name it.
+    Ok(("/dev/stdout".into(), format))
 }
 
 /// What is left of a scene's image name without its directories: scenes come from anywhere and must not choose one.
@@ -239,8 +253,7 @@ struct Progress {
 impl Progress {
     fn new(rows: u32, quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(Some(rows.into()), ProgressDrawTarget::hidden());
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} rows, {eta} left");
-        bar.set_style(style.expect("the template is well formed"));
+        bar.set_style(bar_style("{pos}/{len} rows, {eta} left"));
         Progress { start: Instant::now(), bar, shown: OnceLock::new(), quiet }
     }
 

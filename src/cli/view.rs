@@ -17,35 +17,57 @@ pub struct ViewArgs {
     /// The focal distance, in place of the scene's
     #[arg(long, value_name = "DISTANCE", allow_negative_numbers = true)]
     focal: Option<f32>,
-    /// The size in pixels, in place of the scene's
+    /// The size in pixels, in place of the scene's; 800x or x600 keeps the shape
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<Size>,
 }
 
-/// Width and height, as in 1632x1224.
+/// Width and height, as in 1632x1224, or one of them, as in 800x and x600.
 #[derive(Clone, Copy, Debug)]
-struct Size {
-    width: u32,
-    height: u32,
+enum Size {
+    Both(u32, u32),
+    Width(u32),
+    Height(u32),
 }
 
 impl FromStr for Size {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-        let (width, height) = sides.ok_or("expected width and height in pixels, as in 1632x1224")?;
-        Ok(Size { width, height })
+        let size = text.split_once('x').and_then(|(width, height)| {
+            Some(match (width, height) {
+                (width, "") => Size::Width(width.parse().ok()?),
+                ("", height) => Size::Height(height.parse().ok()?),
+                (width, height) => Size::Both(width.parse().ok()?, height.parse().ok()?),
+            })
+        });
+        size.ok_or("expected width and height in pixels, as in 1632x1224, or one of them, as in 800x or x600")
+    }
+}
+
+impl Size {
+    /// Width and height, of which the one that is not given keeps the shape of `camera`.
+    fn of(self, camera: &Camera) -> (u32, u32) {
+        // To the nearest, and 1 at least; what is too large stays too large.
+        let other = |side: u32, of: u32, to: u32| {
+            let doubled = 2 * u64::from(side) * u64::from(to) / u64::from(of);
+            u32::try_from(doubled.div_ceil(2)).unwrap_or(u32::MAX).max(1)
+        };
+        match self {
+            Size::Both(width, height) => (width, height),
+            Size::Width(width) => (width, other(width, camera.width(), camera.height())),
+            Size::Height(height) => (other(height, camera.height(), camera.width()), height),
+        }
     }
 }
 
 impl ViewArgs {
     /// `camera` with what the arguments replace.
     pub(super) fn camera(&self, camera: &Camera) -> Result<Camera, Failure> {
-        let size = self.size.unwrap_or(Size { width: camera.width(), height: camera.height() });
+        let (width, height) = self.size.unwrap_or(Size::Both(camera.width(), camera.height())).of(camera);
         let focal = self.focal.unwrap_or(camera.focal());
         let film = self.film.unwrap_or(camera.film());
-        Camera::new(size.width, size.height, focal, film).map_err(Failure::input)
+        Camera::new(width, height, focal, film).map_err(Failure::input)
     }
 
     /// The scene of a file; a mesh alone is seen by a camera with these options.

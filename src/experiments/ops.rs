@@ -63,8 +63,8 @@ const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 /// What to count.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// One of [`OPS`]; None for all.
-    pub op: Option<String>,
+    /// Some of [`OPS`]; none for all.
+    pub wanted: Vec<String>,
     /// Some of [`IMPLEMENTATIONS`]; None for all.
     pub implementations: Option<Vec<String>>,
     /// Whether to count executed instructions too.
@@ -217,8 +217,8 @@ const FRAME_WORK: usize = 25;
 
 /// Counts, and measures where that is asked for, with the calling thread on one core.
 pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, UnknownOp> {
-    if let Some(op) = options.op.as_deref().filter(|op| !OPS.contains(op)) {
-        return Err(UnknownOp(op.into()));
+    if let Some(op) = options.wanted.iter().find(|op| !OPS.contains(&op.as_str())) {
+        return Err(UnknownOp(op.clone()));
     }
     let mut executed_unavailable = None;
     let mut step = options.executed;
@@ -238,11 +238,12 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
         Some(wanted) => wanted.iter().any(|w| w == implementation),
         None => true,
     };
-    let ops = OPS.into_iter().filter(|op| options.op.as_ref().is_none_or(|wanted| wanted == op));
+    let ops =
+        OPS.into_iter().filter(|op| options.wanted.is_empty() || options.wanted.iter().any(|wanted| wanted == op));
     let cells: Vec<_> =
         ops.flat_map(|op| IMPLEMENTATIONS.into_iter().filter(wanted).map(move |name| (op, name))).collect();
     let engines: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).collect();
-    let engines = if step && options.op.is_none() { &engines[..] } else { &[] };
+    let engines = if step && options.wanted.is_empty() { &engines[..] } else { &[] };
     let work = cells.len() + FRAME_WORK * engines.len();
     let mut rows = Vec::new();
     for (op, implementation) in cells {

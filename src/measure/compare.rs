@@ -4,9 +4,8 @@ use super::picture::{Picture, Pixels};
 use serde::Serialize;
 use thiserror::Error;
 
-/// How much brighter than the difference itself [`difference_image`] shows it: one level becomes 64,
-/// four or more become 255.
-pub const AMPLIFICATION: u32 = 64;
+/// How bright [`difference_image`] shows the least difference, of 255.
+pub const LEAST_SHADE: f64 = 64.0;
 
 /// Why two pictures cannot be compared.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -106,9 +105,8 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
     }
 }
 
-/// Shows where two pictures differ: an 8-bit picture of |a - b| per channel, [`AMPLIFICATION`] times as bright.
-///
-/// A float difference `d` counts as `255 d` levels. What differs at all is never quite black.
+/// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from [`LEAST_SHADE`] for what
+/// differs at all to 255 for the largest finite difference of any channel, and for an infinite one. What is equal is black.
 ///
 /// # Errors
 /// If the sizes differ, or if one has levels and the other floats.
@@ -116,15 +114,22 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
 /// # Panics
 /// If a picture does not have the number of pixels that it claims.
 pub fn difference_image(a: &Picture, b: &Picture) -> Result<Picture, CompareError> {
-    // A cast from float to integer saturates, so an infinite difference is white.
-    let shade = |levels: f64| (levels * f64::from(AMPLIFICATION)).ceil() as u8;
     let pixels = match pair(a, b)? {
-        Pair::Rgb8(p, q) => p.iter().zip(q).map(|(p, q)| level_differences(p, q).map(shade)).collect(),
-        Pair::Rgb32F(p, q) => {
-            p.iter().zip(q).map(|(p, q)| linear_differences(p, q).map(|d| shade(255.0 * d))).collect()
-        }
+        Pair::Rgb8(p, q) => shades(|| p.iter().zip(q).map(|(p, q)| level_differences(p, q))),
+        Pair::Rgb32F(p, q) => shades(|| p.iter().zip(q).map(|(p, q)| linear_differences(p, q))),
     };
     Ok(Picture::new(a.width, a.height, Pixels::Rgb8(pixels)))
+}
+
+/// The differences, gone through twice, relative to the largest.
+fn shades<I: Iterator<Item = [f64; 3]>>(differences: impl Fn() -> I) -> Vec<[u8; 3]> {
+    let largest = differences().flatten().filter(|d| d.is_finite()).fold(0.0, f64::max);
+    let shade = |d: f64| match d {
+        0.0 => 0,
+        // A cast from float to integer saturates, so an infinite difference is white.
+        _ => (LEAST_SHADE + (255.0 - LEAST_SHADE) * (d / largest)).round() as u8,
+    };
+    differences().map(|pixel| pixel.map(shade)).collect()
 }
 
 /// Two lists of pixels of one kind and length.

@@ -1,13 +1,15 @@
 //! Image files: written band by band, so that no image needs to be in memory whole, and read back.
 
 mod encode;
+mod exr;
+mod pfm;
 mod read;
 mod threaded;
 
 use super::PixelFormat;
 use super::output::{self, Destination, Existing, OutputError};
 use encode::Encode;
-pub use read::read;
+pub use read::{ImageFile, read};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -52,12 +54,14 @@ impl Format {
         ("qoi", Format::Qoi),
     ];
 
-    /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none.
+    /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none. Before `:-`,
+    /// which is standard output, the extension stands alone.
     ///
     /// # Errors
     /// If the name has an unknown extension; the message lists those that there are.
     pub fn from_path(path: &Path) -> Result<Format, ImageError> {
-        let Some(extension) = path.extension() else { return Ok(Format::Png) };
+        let extension = output::format_of_standard_output(path).or(path.extension());
+        let Some(extension) = extension else { return Ok(Format::Png) };
         let known = Format::EXTENSIONS.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
         known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
     }
@@ -121,6 +125,13 @@ pub enum ImageError {
     Malformed {
         path: PathBuf,
         /// What is wrong with it.
+        what: String,
+    },
+    /// An image of a kind that the decoders do not know, or not safely.
+    #[error("{path} is of a kind that is not read here: {what}; convert it to PNG or PFM first", path = path.display())]
+    OtherKind {
+        path: PathBuf,
+        /// What it is.
         what: String,
     },
     /// A sound image of a kind that could not be held without loss.

@@ -20,7 +20,7 @@ pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Colour, Film, FilmMut, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings, Stats, render};
 pub use hits::{Distance, Found};
-pub use image_file::{Format, ImageError, ImageWriter, read};
+pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
 pub use output::{Existing, OutputError, OutputFile, is_standard_output, remove_unfinished};
 pub use truth::{TrueHit, TruePixel, Truth};
 

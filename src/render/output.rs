@@ -1,5 +1,6 @@
 //! A file that appears whole or not at all: a hidden one beside the target, or the target where it cannot be renamed over.
 
+use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -71,7 +72,7 @@ fn advice(error: &io::Error) -> &'static str {
 ///
 /// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; what is no regular
 /// file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the name
-/// `/dev/stdout`.
+/// `-` or `/dev/stdout`.
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
@@ -166,10 +167,15 @@ pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(De
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
-/// Whether a name is that of the program's own standard output.
+/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a path of the system's.
 pub fn is_standard_output(path: &Path) -> bool {
-    let names = ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
-    cfg!(unix) && names.iter().any(|name| path == Path::new(name))
+    let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+    cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())
+}
+
+/// The extension that stands before `:-`, which gives standard output a format.
+pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
+    path.to_str()?.strip_suffix(":-").map(OsStr::new)
 }
 
 /// The open target, if it is something to write to directly: no regular file, or one reached through a descriptor.

@@ -74,6 +74,12 @@ pub enum SceneError {
         /// How many more there were beyond those that are kept.
         more: usize,
     },
+    /// The file is a picture.
+    #[error("{}", self.render(false))]
+    Picture {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file is a mesh, and no good one.
     #[error("{}", self.render(false))]
     Mesh(MeshError),
@@ -126,7 +132,7 @@ impl SceneError {
     /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
-            SceneError::Read { .. } | SceneError::Mesh(_) => &[],
+            SceneError::Read { .. } | SceneError::Picture { .. } | SceneError::Mesh(_) => &[],
             SceneError::Invalid { diagnostics, .. } => diagnostics,
         }
     }
@@ -135,6 +141,7 @@ impl SceneError {
     pub fn lines(&self) -> Vec<String> {
         match self {
             SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
+            SceneError::Picture { path } => vec![picture(&path.to_string_lossy())],
             SceneError::Mesh(error) => vec![error.to_string()],
             SceneError::Invalid { name, diagnostics, more } => {
                 let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
@@ -154,6 +161,10 @@ impl SceneError {
         match self {
             SceneError::Read { path, cause } => {
                 let message = unreadable(&path.to_string_lossy(), cause);
+                parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+            }
+            SceneError::Picture { path } => {
+                let message = picture(&path.to_string_lossy());
                 parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
             }
             SceneError::Mesh(error) => {
@@ -230,6 +241,11 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
 pub(super) fn printable(text: &str) -> String {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
+}
+
+fn picture(path: &str) -> String {
+    let path = printable(path);
+    format!("`{path}` is a picture, and a scene is expected: `-o {path}` is how the picture to be written is named")
 }
 
 fn unreadable(path: &str, cause: &io::Error) -> String {

@@ -2,9 +2,11 @@
 
 mod camera;
 mod diagnostic;
+mod doubts;
 pub mod families;
 mod log;
 pub mod mesh;
+mod misfit;
 mod open;
 mod parse;
 mod random;

@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::diagnostic::printable;
+use super::log::is_line_end;
 use super::parse::parse_with_warnings;
 use super::{Camera, Mesh, MeshError, MeshFormat, Scene, SceneError, Setting, Triangle, parse_toml};
 
@@ -16,6 +17,10 @@ const MAX_FILE: u64 = 4 << 30;
 pub const MAX_TOML: u64 = 32 << 20;
 /// The most that is read of what has no length of its own: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
+/// What is said of a scene that is longer.
+const FOR_A_SCENE: &str = "too many for a scene";
+/// The name of standard input.
+const STANDARD_INPUT: &str = "-";
 
 /// A scene, and what its reader should say about how it came to be.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,7 +90,7 @@ impl SceneFormat {
 }
 
 /// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format
-/// otherwise.
+/// otherwise. `-` is standard input, which is TOML if its first line that says something is a table or a key.
 ///
 /// `camera` is for a mesh alone, which brings none: it is put where it sees the whole mesh, under one light, in white.
 ///
@@ -93,21 +98,60 @@ impl SceneFormat {
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
 /// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
-    let read = || contents(path).map_err(|cause| SceneError::Read { path: path.to_owned(), cause });
+    let unread = |cause| SceneError::Read { path: path.to_owned(), cause };
+    if path == Path::new(STANDARD_INPUT) {
+        let source = within(io::stdin().lock(), MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
+        let parse = if is_toml(&source) {
+            |source: &[u8], name: &str| parse_toml(source, name, Path::new(""))
+        } else {
+            parse_with_warnings
+        };
+        return parse(&source, "standard input").map_err(|error| no_picture(error, path, &source));
+    }
     let name = path.to_string_lossy();
     match SceneFormat::from_path(path) {
         Some(SceneFormat::Toml) => {
             let folder = path.parent().unwrap_or(Path::new(""));
-            let read = contents_within(
-                path,
-                MAX_TOML,
-                "too many for TOML: put its triangles into a mesh file, which [[mesh]] names",
-            );
-            parse_toml(&read.map_err(|cause| SceneError::Read { path: path.to_owned(), cause })?, &name, folder)
+            let advice = "too many for TOML: put its triangles into a mesh file, which [[mesh]] names";
+            parse_toml(&contents_within(path, MAX_TOML, advice).map_err(unread)?, &name, folder)
         }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
-        Some(SceneFormat::In) | None => parse_with_warnings(&read()?, &name),
+        Some(SceneFormat::In) | None => {
+            let source = contents(path).map_err(unread)?;
+            parse_with_warnings(&source, &name).map_err(|error| no_picture(error, path, &source))
+        }
     }
+}
+
+/// Whether a text without a name is TOML: its first line that says something begins a table or gives a key its value.
+fn is_toml(source: &[u8]) -> bool {
+    let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
+    let lines = source.split(|byte| is_line_end(*byte)).map(<[u8]>::trim_ascii);
+    let first = lines.into_iter().find(|line| !line.is_empty() && !line.starts_with(b"#"));
+    first.is_some_and(|line| line.starts_with(b"[") || !line.starts_with(b"//") && line.contains(&b'='))
+}
+
+/// The error of what is no scene; if it is a picture, then that says it best.
+fn no_picture(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
+    const BEGINNINGS: [&[u8]; 13] = [
+        b"\x89PNG",
+        b"\xff\xd8\xff",
+        b"GIF8",
+        b"II*\0",
+        b"II+\0",
+        b"MM\0*",
+        b"MM\0+",
+        b"v/1\x01",
+        b"#?R",
+        b"qoif",
+        b"P3",
+        b"P6",
+        b"PF",
+    ];
+    if BEGINNINGS.iter().any(|beginning| source.starts_with(beginning)) {
+        return SceneError::Picture { path: path.to_owned() };
+    }
+    error
 }
 
 /// Reads a scene file as [`open`] does, a mesh alone as 800 x 600 pixels.
@@ -170,7 +214,7 @@ pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
 
 /// A file's bytes, so many at most as make sense.
 pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
-    contents_within(path, MAX_FILE, "too many for a scene")
+    contents_within(path, MAX_FILE, FOR_A_SCENE)
 }
 
 /// A file's bytes, if they are at most `limit`, or else `advice`.
@@ -180,15 +224,20 @@ fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>>
         return Err(ErrorKind::IsADirectory.into());
     }
     let limit = if metadata.is_file() { limit } else { limit.min(MAX_STREAM) };
-    let too_large = || {
-        let size = limit >> 20;
-        io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, {advice}"))
-    };
     if metadata.len() > limit {
-        return Err(too_large());
+        return Err(too_large(limit, advice));
     }
     // The length is only what the file system says: what is read is held to the limit, too.
+    within(File::open(path)?, limit, advice)
+}
+
+fn within(reader: impl Read, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let mut source = Vec::new();
-    File::open(path)?.take(limit + 1).read_to_end(&mut source)?;
-    if source.len() as u64 > limit { Err(too_large()) } else { Ok(source) }
+    reader.take(limit + 1).read_to_end(&mut source)?;
+    if source.len() as u64 > limit { Err(too_large(limit, advice)) } else { Ok(source) }
+}
+
+fn too_large(limit: u64, advice: &str) -> io::Error {
+    let size = limit >> 20;
+    io::Error::new(ErrorKind::FileTooLarge, format!("it has more than {size} MiB, {advice}"))
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use super::log::{Log, is_line_end};
+use super::misfit::{List, first_misfit};
 use super::open::{NoArea, Opened};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 
@@ -32,10 +33,32 @@ pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, S
     let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
         let (log, no_area) = (&mut log, &mut no_area);
-        Parser { name, text, at: start, last: start..start, announced: None, log, no_area }.scene().ok()
+        let last = start..start;
+        Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
     });
     let scene = log.finish(scene, name)?;
     Ok(Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
+}
+
+/// The first token at or after a place.
+pub(super) fn next_token(bytes: &[u8], mut at: usize) -> Option<Range<usize>> {
+    let comment = |at: usize| bytes[at] == b'#' || bytes[at..].starts_with(b"//");
+    while at < bytes.len() {
+        if is_space(bytes[at]) {
+            at += 1;
+        } else if comment(at) {
+            while at < bytes.len() && !is_line_end(bytes[at]) {
+                at += 1;
+            }
+        } else {
+            let start = at;
+            while at < bytes.len() && !is_space(bytes[at]) && !comment(at) {
+                at += 1;
+            }
+            return Some(start..at);
+        }
+    }
+    None
 }
 
 /// Whether `byte` separates tokens.
@@ -68,12 +91,12 @@ struct Field {
 }
 
 /// The three lists of a scene.
-struct Kind {
-    one: &'static str,
+pub(super) struct Kind {
+    pub(super) one: &'static str,
     many: &'static str,
     count: &'static str,
     /// Tokens of an item.
-    tokens: usize,
+    pub(super) tokens: usize,
 }
 
 const LIGHTS: Kind = Kind { one: "light", many: "lights", count: "the light count", tokens: 7 };
@@ -91,7 +114,11 @@ struct Parser<'a, 'b> {
     at: usize,
     /// The last token, in bytes of the text.
     last: Range<usize>,
-    /// The list that was begun last.
+    /// Tokens so far.
+    tokens: usize,
+    /// The lists that were begun.
+    lists: Vec<List>,
+    /// The one that was begun last.
     announced: Option<Announced>,
     log: &'b mut Log<'a>,
     no_area: &'b mut NoArea,
@@ -114,6 +141,14 @@ impl<'a> Parser<'a, '_> {
         };
         let name = &self.text[name];
         let scene = self.after_name(name);
+        // Before the errors are told: what may be their cause.
+        if let Some(line) = self.log.first_mut().map(|first| first.line)
+            && let Some(misfit) = first_misfit(self.text, &self.lists, line)
+            && let Some(first) = self.log.first_mut()
+        {
+            let help = first.help.take().map_or_else(String::new, |help| format!("{help}; "));
+            first.help = Some(format!("{help}{misfit}: look there first"));
+        }
         if let Some(first) = self.log.first_mut()
             && name.parse::<f64>().is_ok()
         {
@@ -163,27 +198,14 @@ impl<'a> Parser<'a, '_> {
 
     /// The next token's place in the text, or `None` at the end of the file.
     fn token(&mut self) -> Option<Range<usize>> {
-        let bytes = self.text.as_bytes();
-        let comment = |at: usize| bytes[at] == b'#' || bytes[at..].starts_with(b"//");
-        loop {
-            if self.at == bytes.len() {
-                return None;
-            } else if is_space(bytes[self.at]) {
-                self.at += 1;
-            } else if comment(self.at) {
-                while self.at < bytes.len() && !is_line_end(bytes[self.at]) {
-                    self.at += 1;
-                }
-            } else {
-                break;
-            }
-        }
-        let start = self.at;
-        while self.at < bytes.len() && !is_space(bytes[self.at]) && !comment(self.at) {
-            self.at += 1;
-        }
-        self.last = start..self.at;
-        Some(self.last.clone())
+        let Some(token) = next_token(self.text.as_bytes(), self.at) else {
+            self.at = self.text.len();
+            return None;
+        };
+        self.at = token.end;
+        self.tokens += 1;
+        self.last = token.clone();
+        Some(token)
     }
 
     /// The next token, which must be there.
@@ -248,6 +270,7 @@ impl<'a> Parser<'a, '_> {
             // A token and the white space before it take two bytes or more.
             Ok(count) if count <= ((self.text.len() - self.at) / 2 / kind.tokens) as u64 => {
                 let line = self.log.line(place.start);
+                self.lists.push(List { kind, count, first: self.tokens });
                 self.announced = Some(Announced { line, count, kind });
                 return Ok(count);
             }

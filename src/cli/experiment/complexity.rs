@@ -5,10 +5,10 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use super::ExperimentArgs;
-use super::run::{Prepared, failure, prepare, settings};
+use super::run::{Prepared, failure, interrupted, prepare, settings};
 use crate::cli::measuring::{bar, write_file};
 use crate::cli::table::Table;
-use crate::cli::{Failure, print, print_json, say};
+use crate::cli::{Failure, print, print_json};
 use crate::experiments::claims::Axis;
 use crate::experiments::complexity::{self, Document, Row, SCHEMA, Settings, ZEROS, lines, plot, slopes};
 
@@ -31,7 +31,8 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let complete = complete.map_err(failure)?;
     bar.finish_and_clear();
     if rows.is_empty() {
-        return Err(Failure::output("stopped before the first picture was finished: there is nothing to show"));
+        let message = "stopped before the first picture was finished: there is nothing to show".into();
+        return Err(Failure { message, status: 130 });
     }
     let slopes = slopes(&rows);
     let document = Document { schema: SCHEMA, machine, runs: settings.runs, complete, rows, slopes };
@@ -45,11 +46,12 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
         print_json(&document)?;
     } else {
         print(&tables(&document))?;
+        print(&format!("\nThe files are in {}\n", args.out.display()))?;
     }
-    if !document.complete {
-        say("warning: stopped early: only what was finished is in the results");
+    if document.complete {
+        return Ok(ExitCode::SUCCESS);
     }
-    Ok(ExitCode::SUCCESS)
+    Err(interrupted(&format!("{} pictures", document.rows.len()), &args.out))
 }
 
 /// docs/complexity.md.

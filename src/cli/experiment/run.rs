@@ -29,15 +29,23 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     if args.json {
         print_json(&document)?
     } else {
-        print(&table::text(&document, false))?
+        print(&table::printed(&document, args.full, &args.out))?
     }
     for reason in &document.disturbed {
         say(&format!("warning: {reason}"));
     }
-    if !document.conditions.complete {
-        say("warning: stopped early: only what was finished is in the results");
+    let Conditions { complete, runs, .. } = document.conditions;
+    if complete {
+        return Ok(ExitCode::SUCCESS);
     }
-    Ok(ExitCode::SUCCESS)
+    let kept = format!("{runs} of {} runs, in {} sizes", settings.runs, document.sizes().count());
+    Err(interrupted(&kept, &args.out))
+}
+
+/// What Ctrl-C has ended, and what it has left.
+pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
+    let directory = directory.display();
+    Failure { message: format!("stopped early: {kept}, are finished and kept in {directory}"), status: 130 }
 }
 
 /// What every measurement needs, once nothing can be refused any more.
@@ -109,7 +117,10 @@ fn measure(
     let measured = runs(args, settings, core, cores, rounds, &mut proceed)?;
     clock.total += measured.ticks;
     let of_rungs = measured.rungs;
-    let measured = Speedup::of(settings, &measured.sizes).map_err(failure)?;
+    let measured = Speedup::of(settings, &measured.sizes).map_err(|error| match error {
+        SpeedupError::Nothing if stop.load(Ordering::Relaxed) => Failure { status: 130, ..failure(error) },
+        error => failure(error),
+    })?;
     let mut complete = measured.complete() && of_rungs.len() == settings.runs;
     let rungs = instructions.filter(|_| complete).map(|counts| ladder::of(args.ladder, cores, &counts, &of_rungs));
     let mut sweeps = None;
@@ -204,7 +215,7 @@ fn runs(
 }
 
 fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
-    write_file(directory, "table.md", table::text(document, true).as_bytes())?;
+    write_file(directory, "table.md", table::text(document).as_bytes())?;
     write_file(directory, "table.csv", table::csv(document).as_bytes())?;
     let json = serde_json::to_vec_pretty(document).map_err(Failure::output)?;
     write_file(directory, "results.json", &json)?;

@@ -1,11 +1,12 @@
 //! The tables of the experiment, in Markdown that reads well as it is, and as CSV.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use crate::cli::table::Table;
 use crate::experiments::document::{Conditions, Document};
 use crate::experiments::jumps::Jumps;
-use crate::experiments::ladder::{self, AgainstCompiler, Explanation};
+use crate::experiments::ladder::{AgainstCompiler, Explanation, SIZE};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
@@ -21,6 +22,10 @@ fn grouped(number: f64) -> String {
         text.push(digit);
     }
     text
+}
+
+fn counted(cores: usize) -> String {
+    if cores == 1 { "1 core".into() } else { format!("{cores} cores") }
 }
 
 fn interval(estimate: &Estimate) -> String {
@@ -41,7 +46,7 @@ pub(super) fn preamble(document: &Document) -> String {
     let (timed, taken) = (percent(timed_share), percent(taken_share));
     let mut text = format!(
         "rayo {version}\n\
-        CPU: {cpu}, {cores} cores; {core}; time stamps {clock}, {promise}\n\
+        CPU: {cpu}, {cores}; {core}; time stamps {clock}, {promise}\n\
         C: {cc}; {cflags}\n\
         NASM: {nasm}; Rust: {rustc}\n\
         Runs: {runs} of each size, each in a process of its own, interleaved; of {all} pictures {migrated} migrated to \
@@ -50,6 +55,7 @@ pub(super) fn preamble(document: &Document) -> String {
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
         cpu = cpu.clone().unwrap_or_else(unknown),
+        cores = counted(*cores),
         cc = cc.unwrap_or("none"),
         cflags = cflags.unwrap_or("none"),
         nasm = nasm.unwrap_or("none"),
@@ -154,6 +160,18 @@ pub(super) fn full_table(document: &Document) -> String {
         ]);
     }
     table.text()
+}
+
+/// The ladder, and what it is held against.
+fn ladder(document: &Document) -> String {
+    let (width, height) = SIZE;
+    let heading = "an aside in brackets, which the next rung does not build on";
+    let mut parts = vec![format!("The ladder, {width}×{height}; {heading}:\n"), ladder_table(document)];
+    parts.push(against_compiler(document));
+    if let Some(reason) = &document.uncounted {
+        parts.push(format!("Instructions are not counted: {reason}\n"));
+    }
+    parts.join("\n")
 }
 
 /// The ladder, a rung a line.
@@ -274,8 +292,45 @@ fn disturbed(document: &Document) -> Option<String> {
         .then(|| format!("Not all of it can be judged here; run it again on a quiet machine:\n\n{reasons}"))
 }
 
-/// All of it, as one text: what is printed, and with `full` what is written.
-pub(super) fn text(document: &Document, full: bool) -> String {
+/// What is printed: the result in some ten lines, with `full` all tables too, the ladder where somebody climbed it, and
+/// where the files are.
+pub(super) fn printed(document: &Document, full: bool, directory: &Path) -> String {
+    let mut parts: Vec<_> = disturbed(document).into_iter().chain([summary(document)]).collect();
+    if full {
+        parts.push(text(document));
+    } else if !document.ladder.is_empty() {
+        parts.push(ladder(document));
+    }
+    // Of the whole text it is the end already.
+    parts.extend(disturbed(document).filter(|_| !full));
+    let tables = if full { "" } else { "; --full prints the tables" };
+    parts.push(format!("The files are in {}: table.md has all of it{tables}\n", directory.display()));
+    parts.join("\n")
+}
+
+/// The factor, and a verdict on each claim, whose figure is in the tables.
+fn summary(document: &Document) -> String {
+    let Estimate { value, low, high } = document.c_by_simd;
+    let Machine { cpu, cores, .. } = &document.machine;
+    let mut text = format!(
+        "C takes {value:.2} [{low:.2}, {high:.2}] times the cycles of SIMD; in the paper {:.2}\n\
+        {}, {}; noise floor {:.2} %\n",
+        paper_mean_ratio(),
+        cpu.as_deref().unwrap_or("unknown CPU"),
+        counted(*cores),
+        100.0 * document.noise_floor,
+    );
+    if !document.conditions.complete {
+        text += "Stopped early: only what was finished is here\n";
+    }
+    for claim in &document.verdicts {
+        writeln!(text, "- {}: {}", claim.claim, claim.verdict).expect("a String takes all");
+    }
+    text
+}
+
+/// All of it, as one text: what is written, and but for the summary printed with `--full`.
+pub(super) fn text(document: &Document) -> String {
     let mut parts = vec![preamble(document)];
     if !document.conditions.complete {
         parts.push("Stopped early: only what was finished is here\n".into());
@@ -285,29 +340,17 @@ pub(super) fn text(document: &Document, full: bool) -> String {
     parts.push(headline(document));
     parts.push("Median cycles per pixel (times as fast as `c`; ≈1 within the noise floor):\n".into());
     parts.push(engine_table(document));
-    if full {
-        parts.push("All figures, in TSC cycles of a picture:\n".into());
-        parts.push(full_table(document));
-    }
+    parts.push("All figures, in TSC cycles of a picture:\n".into());
+    parts.push(full_table(document));
     if !document.ladder.is_empty() {
-        let (width, height) = ladder::SIZE;
-        parts.push(format!(
-            "The ladder, {width}×{height}; an aside in brackets, which the next rung does not build on:\n"
-        ));
-        parts.push(ladder_table(document));
-        parts.push(against_compiler(document));
-        if let Some(reason) = &document.uncounted {
-            parts.push(format!("Instructions are not counted: {reason}\n"));
-        }
+        parts.push(ladder(document));
     }
     if !document.explanations.is_empty() {
         parts.push(explanation(document));
     }
     if let Some(jumps) = &document.jumps {
         parts.push("The two jumps:\n".into());
-        if full {
-            parts.push(jumps_table(jumps));
-        }
+        parts.push(jumps_table(jumps));
         parts.push(jumps.text());
     }
     if !document.verdicts.is_empty() {
@@ -431,7 +474,30 @@ mod tests {
 
     #[test]
     fn the_text_is_laid_out_as_agreed() {
-        snapshot("experiment_text", &text(&document(), true));
+        snapshot("experiment_text", &text(&document()));
+    }
+
+    #[test]
+    fn what_is_printed_begins_with_the_result_and_ends_with_where_the_files_are() {
+        let mut document = document();
+        document.ladder.clear();
+        document.verdicts = vec![document.verdicts[0].clone(); 8];
+        let files = "The files are in some/where: table.md has all of it";
+        let printed = printed(&document, false, Path::new("some/where"));
+        let lines: Vec<_> = printed.lines().collect();
+        assert!(
+            lines[0].starts_with("C takes 6.35 [") && lines[0].ends_with(" the cycles of SIMD; in the paper 6.34"),
+            "{}",
+            lines[0]
+        );
+        assert!(lines[1].starts_with("a CPU, 4 cores; noise floor "), "{}", lines[1]);
+        assert_eq!(lines[2..10], ["- All is well: not testable here"; 8]);
+        assert_eq!(lines[10..], ["", &format!("{files}; --full prints the tables")]);
+        let full = super::printed(&document, true, Path::new("some/where"));
+        assert!(full.starts_with(lines[0]) && full.contains(&text(&document)) && full.ends_with(&format!("{files}\n")));
+        // One core is one core.
+        document.machine.cores = 1;
+        assert!(super::printed(&document, true, Path::new("x")).contains("CPU: a CPU, 1 core; "));
     }
 
     #[test]
@@ -447,20 +513,25 @@ mod tests {
         let mut document = document();
         document.disturbed = vec!["others had the core".into()];
         document.rows[0].taken = 2;
-        let text = text(&document, false);
+        let text = text(&document);
         let said: Vec<_> = text.match_indices("\n- others had the core\n").map(|(at, _)| at).collect();
         assert!(
             said.len() == 2 && said[0] < text.find("| w×h").unwrap() && text.ends_with("- others had the core\n"),
             "{text}"
         );
         assert!(text.contains("Of 18 pairs with `c`, others had the core in 2,"), "{text}");
+        for full in [false, true] {
+            let printed = printed(&document, full, Path::new("x"));
+            assert!(printed.starts_with("Not all of it can be judged here"), "{printed}");
+            assert!(printed.matches("\n- others had the core\n").count() == if full { 3 } else { 2 }, "{printed}");
+        }
     }
 
     #[test]
     fn a_run_that_was_stopped_says_so_above_its_table() {
         let mut document = document();
         document.conditions.complete = false;
-        let text = text(&document, false);
+        let text = text(&document);
         let (warning, table) = (text.find("Stopped early").unwrap(), text.find("| w×h").unwrap());
         assert!(warning < table);
     }

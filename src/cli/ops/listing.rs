@@ -4,13 +4,11 @@ use std::fmt::Write as _;
 
 use crate::experiments::ops::{Line, OPS, Report, Row};
 
-/// Characters of a line.
-const WIDTH: usize = 120;
 /// The least and the most columns beside each other.
 const ABREAST: (usize, usize) = (2, 4);
 
-/// The listing of each operation.
-pub fn text(report: &Report) -> String {
+/// The listing of each operation, in lines of so many characters.
+pub fn text(report: &Report, width: usize) -> String {
     let mut text = String::new();
     for op in OPS {
         let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty()).collect();
@@ -19,14 +17,14 @@ pub fn text(report: &Report) -> String {
         let others: Vec<_> = rows.iter().filter(|row| row.implementation != base.implementation).collect();
         writeln!(text, "{op}").unwrap();
         if others.is_empty() {
-            band(&mut text, base, &[], WIDTH);
+            band(&mut text, base, &[], width);
         }
         // As many as fit without cutting a line off, as far as that goes.
         let lines = rows.iter().flat_map(|row| &row.listing);
         let longest = lines.map(|line| cell(line, true).chars().count()).max().unwrap_or(0);
-        let abreast = (WIDTH / (longest + 1)).clamp(ABREAST.0, ABREAST.1).min(rows.len());
+        let abreast = (width / (longest + 1)).clamp(ABREAST.0, ABREAST.1).min(rows.len());
         for others in others.chunks((abreast - 1).max(1)) {
-            band(&mut text, base, others, WIDTH / abreast);
+            band(&mut text, base, others, width / abreast);
         }
     }
     text += "|  part of the body     *  not in the first column, or not in that order\n";

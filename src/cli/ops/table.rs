@@ -1,4 +1,4 @@
-//! The table of `rayo ops` for a terminal of 120 columns.
+//! The tables of `rayo ops`, in as many parts as the width of a terminal takes.
 
 use std::fmt::Write as _;
 
@@ -42,15 +42,15 @@ fn measured(row: &Row, latency: Option<f64>, throughput: Option<f64>) -> Option<
     row.cost_of.map(|_| format!("{}/{}", known(latency), known(throughput)))
 }
 
-/// The whole text; `detail`: one operation alone, with kinds of instructions and paths.
-pub fn text(report: &Report, detail: bool, executed: bool) -> String {
+/// The whole text, in lines of some `columns` characters; `detail`: some operations alone, with kinds of instructions and
+/// paths.
+pub fn text(report: &Report, detail: bool, executed: bool, columns: usize) -> String {
     let has: fn(&Row) -> bool = |row| row.body.or(row.function).is_some();
     let any =
         |name: &str, what: fn(&Row) -> bool| report.rows.iter().any(|row| row.implementation == name && what(row));
-    let (columns, empty): (Vec<&str>, Vec<&str>) =
+    let (implementations, empty): (Vec<&str>, Vec<&str>) =
         IMPLEMENTATIONS.into_iter().filter(|name| any(name, |_| true)).partition(|name| any(name, has));
     let mut text = String::new();
-    head(&mut text, &columns);
 
     let mut lines: Vec<(&str, Cell)> =
         vec![("body", |row| row.body.map(|n| n.to_string())), ("function", |row| row.function.map(|n| n.to_string()))];
@@ -72,26 +72,28 @@ pub fn text(report: &Report, detail: bool, executed: bool) -> String {
     }
     lines.push(("call cycles", |row| measured(row, row.call_latency, row.call_throughput)));
 
-    for op in OPS {
-        let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op).collect();
-        if rows.is_empty() {
-            continue;
-        }
-        writeln!(text, "{op}").unwrap();
-        for (label, cell) in &lines {
-            let cells: Vec<_> = columns
-                .iter()
-                .map(|name| rows.iter().find(|row| row.implementation == *name).and_then(|row| cell(row)))
-                .collect();
-            if cells.iter().any(Option::is_some) {
-                let cells = columns.iter().zip(cells).map(|(name, cell)| (width(name), cell));
-                line(&mut text, &format!(" {label}"), cells);
+    let ops = || OPS.into_iter().filter(|op| report.rows.iter().any(|row| row.op == *op));
+    for (number, now) in parts(&implementations, columns - LABEL.min(columns), |name| width(name)).iter().enumerate() {
+        text += if number > 0 { "\n" } else { "" };
+        head(&mut text, now);
+        for op in ops() {
+            writeln!(text, "{op}").unwrap();
+            for (label, cell) in &lines {
+                let row = |name: &&str| report.rows.iter().find(|row| row.op == op && row.implementation == *name);
+                let cells: Vec<_> = now.iter().map(|name| row(name).and_then(cell)).collect();
+                if cells.iter().any(Option::is_some) {
+                    let cells = now.iter().zip(cells).map(|(name, cell)| (width(name), cell));
+                    line(&mut text, &format!(" {label}"), cells);
+                }
             }
         }
     }
     if detail {
-        kinds(&mut text, report);
-        paths(&mut text, report);
+        for op in ops() {
+            let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op).collect();
+            kinds(&mut text, op, &rows, columns);
+            paths(&mut text, op, &rows, columns);
+        }
     }
     critical_paths(&mut text, report);
     frames(&mut text, report);
@@ -119,29 +121,62 @@ fn head(text: &mut String, columns: &[&str]) {
     line(text, "", columns.iter().map(|name| (width(name), Some(heading(name).1.to_owned()))));
 }
 
+/// Columns in parts that fit beside a label, one at least in each.
+fn parts<T>(columns: &[T], most: usize, width: impl Fn(&T) -> usize) -> Vec<&[T]> {
+    let mut taken = 0;
+    let mut first = 0;
+    let mut parts = Vec::new();
+    for (at, column) in columns.iter().enumerate() {
+        if at > first && taken + width(column) > most {
+            parts.push(&columns[first..at]);
+            (first, taken) = (at, 0);
+        }
+        taken += width(column);
+    }
+    parts.push(&columns[first..]);
+    parts
+}
+
+/// A kind of instructions: its name, the width of its column, and how many there are.
+type Kind = (&'static str, usize, fn(&Mix) -> usize);
+
+const KINDS: [Kind; 12] = [
+    ("all", 6, |mix| mix.instructions),
+    ("bytes", 6, |mix| mix.bytes),
+    ("arith", 7, |mix| mix.arithmetic),
+    ("shuffle", 8, |mix| mix.shuffle),
+    ("load", 6, |mix| mix.load),
+    ("store", 6, |mix| mix.store),
+    ("branch", 7, |mix| mix.branch),
+    ("move", 6, |mix| mix.r#move),
+    ("other", 6, |mix| mix.other),
+    ("scalar", 8, |mix| mix.scalar),
+    ("packed", 7, |mix| mix.packed),
+    ("reads", 6, |mix| mix.reads),
+];
+/// Before them, and after the last of them.
+const KINDS_LABEL: usize = 18;
+const NEEDS: usize = 18;
+
 /// The kinds of instructions of one operation.
-fn kinds(text: &mut String, report: &Report) {
-    writeln!(
-        text,
-        "\n{:<18}{:>6}{:>6}{:>7}{:>8}{:>6}{:>6}{:>7}{:>6}{:>6} {:>7}{:>7}{:>6}  needs",
-        "", "all", "bytes", "arith", "shuffle", "load", "store", "branch", "move", "other", "scalar", "packed", "reads"
-    )
-    .unwrap();
-    for row in &report.rows {
-        for (what, mix) in [("body", &row.body_mix), ("function", &row.function_mix)] {
-            let Some(m) = mix else { continue };
-            let Mix { instructions, bytes, arithmetic, shuffle, load, store, branch, r#move, other, .. } = m;
-            writeln!(
-                text,
-                "{:<18}{instructions:>6}{bytes:>6}{arithmetic:>7}{shuffle:>8}{load:>6}{store:>6}{branch:>7}{move:>6}{other:>6} \
-                 {:>7}{:>7}{:>6}  {}",
-                format!("{} {what}", row.implementation),
-                m.scalar,
-                m.packed,
-                m.reads,
-                m.features.iter().filter(|name| beyond_x86_64(name)).cloned().collect::<Vec<_>>().join(" "),
-            )
-            .unwrap();
+fn kinds(text: &mut String, op: &str, rows: &[&Row], columns: usize) {
+    // Where not all fit, what an implementation needs is beside the last of them.
+    let most = columns.saturating_sub(KINDS_LABEL + NEEDS);
+    let parts = parts(&KINDS, most, |(_, width, _)| *width);
+    for (number, part) in parts.iter().enumerate() {
+        let last = number + 1 == parts.len();
+        write!(text, "\n{:<KINDS_LABEL$}", if number == 0 { op } else { "" }).unwrap();
+        part.iter().for_each(|(name, width, _)| write!(text, "{name:>width$}").unwrap());
+        writeln!(text, "{}", if last { "  needs" } else { "" }).unwrap();
+        for row in rows {
+            for (what, mix) in [("body", &row.body_mix), ("function", &row.function_mix)] {
+                let Some(mix) = mix else { continue };
+                write!(text, "{:<KINDS_LABEL$}", format!("{} {what}", row.implementation)).unwrap();
+                part.iter().for_each(|(_, width, count)| write!(text, "{:>width$}", count(mix)).unwrap());
+                let needs = mix.features.iter().filter(|name| last && beyond_x86_64(name)).cloned();
+                let needs = needs.collect::<Vec<_>>().join(" ");
+                writeln!(text, "{}{needs}", if last { "  " } else { "" }).unwrap();
+            }
         }
     }
 }
@@ -153,25 +188,27 @@ fn beyond_x86_64(feature: &str) -> bool {
 }
 
 /// Executed instructions of one operation, by path.
-fn paths(text: &mut String, report: &Report) {
-    let Some(longest) = report.rows.iter().max_by_key(|row| row.paths.len()).filter(|row| row.paths.len() > 1) else {
+fn paths(text: &mut String, op: &str, rows: &[&Row], columns: usize) {
+    let Some(longest) = rows.iter().max_by_key(|row| row.paths.len()).filter(|row| row.paths.len() > 1) else {
         return;
     };
-    writeln!(text, "\nexecuted in a call, by path").unwrap();
-    let rows: Vec<_> = report.rows.iter().filter(|row| !row.paths.is_empty()).collect();
-    let width = |row: &Row| (row.implementation.len() + 1).max(8);
-    let mut heading = format!("{:<23}", "");
-    for row in &rows {
-        write!(heading, "{:>width$}", row.implementation, width = width(row)).unwrap();
-    }
-    writeln!(text, "{heading}").unwrap();
-    for path in &longest.paths {
-        write!(text, "{:<23}", path.path).unwrap();
-        for row in &rows {
-            let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
-            write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(row)).unwrap();
+    writeln!(text, "\nexecuted in a call of {op}, by path").unwrap();
+    let rows: Vec<_> = rows.iter().filter(|row| !row.paths.is_empty()).collect();
+    let width = |row: &&&Row| (row.implementation.len() + 1).max(8);
+    for part in parts(&rows, columns.saturating_sub(23), width) {
+        let mut heading = format!("{:<23}", "");
+        for row in part {
+            write!(heading, "{:>width$}", row.implementation, width = width(row)).unwrap();
         }
-        writeln!(text).unwrap();
+        writeln!(text, "{heading}").unwrap();
+        for path in &longest.paths {
+            write!(text, "{:<23}", path.path).unwrap();
+            for row in part {
+                let executed = row.paths.iter().find(|p| p.path == path.path).map(|p| p.executed.to_string());
+                write!(text, "{:>width$}", executed.as_deref().unwrap_or("-"), width = width(row)).unwrap();
+            }
+            writeln!(text).unwrap();
+        }
     }
 }
 

@@ -1,50 +1,155 @@
 //! Image files read into memory, whoever wrote them: nothing in a file is believed before it is checked.
 
 use super::ImageError;
+use super::exr::ExrDecoder;
+use super::pfm::PfmDecoder;
 use crate::measure::picture::{Picture, Pixels};
-use image::codecs::{
-    hdr::HdrDecoder, openexr::OpenExrDecoder, png::PngDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder,
-};
-use image::{ColorType, ImageDecoder, Limits};
+use image::codecs::{hdr::HdrDecoder, png::PngDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
+use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
+use image::{ColorType, ImageDecoder, ImageFormat, Limits};
+use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
-use std::path::Path;
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::panic::{self, AssertUnwindSafe};
+use std::path::{Path, PathBuf};
+use std::sync::Once;
+use tiff::tags::Tag;
 
 /// The most memory that the pixels of one picture may take, and the longest file that is read from a pipe.
 pub(super) const MAX_BYTES: u64 = 2 << 30;
 
 /// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
-const DEFLATE_EXPANSION: u64 = 1032;
-/// As many pixels at most as a byte of EXR or TIFF stands for, in any of their compressions of a picture.
-const MOST_EXPANSION: u64 = 4096;
-/// The same for HDR: 127 equal pixels take two bytes for each of four channels.
-const HDR_EXPANSION: u64 = 16;
-/// The same for QOI: 62 equal pixels take one.
-const QOI_EXPANSION: u64 = 62;
+pub(super) const DEFLATE_EXPANSION: u64 = 1032;
+/// The same of LZW in TIFF: twelve bits can repeat as many bytes as its table has words.
+const LZW_EXPANSION: u64 = 4096 * 8 / 12;
+/// The same of TIFF's runs: two bytes can repeat one up to 128 times.
+const RUN_EXPANSION: u64 = 64;
+/// As many pixels as a byte of a fax may stand for: a white row of any length takes one bit, but no page is that white.
+const FAX_PIXELS: u64 = 4096;
+/// As many pixels as a byte of HDR stands for: 127 equal pixels take two bytes for each of four channels.
+const HDR_PIXELS: u64 = 16;
+/// The same of QOI: 62 equal pixels take one.
+const QOI_PIXELS: u64 = 62;
 
-/// Reads a PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF or QOI file; its content tells the format, not its name.
-///
-/// Grey becomes R = G = B. Alpha is dropped where it is opaque everywhere. A PPM whose largest level is below 255 is
-/// stretched to it; the scale of a PFM, beyond its sign, is ignored.
+/// Reads an image file, as [`ImageFile::open`] and [`ImageFile::read`] do.
 ///
 /// # Errors
-/// If the file cannot be read, is no such image, is damaged, would lose something as [`Pixels`] (16 bits,
-/// transparency), or has more pixels than fit into 2 GiB.
+/// As theirs.
 pub fn read(path: &Path) -> Result<Picture, ImageError> {
-    let failed = |error| ImageError::Read { path: path.into(), error };
-    let file = File::open(path).map_err(failed)?;
-    let metadata = file.metadata().map_err(failed)?;
-    let mut reader = BufReader::with_capacity(1 << 16, file);
-    if metadata.is_file() {
-        return decode(path, reader, metadata.len());
+    ImageFile::open(path)?.read()
+}
+
+/// A PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF or QOI file of which the header has been read: its size is known,
+/// and it is one that a file of this length can have. Its content tells the format, not its name.
+pub struct ImageFile {
+    path: PathBuf,
+    decoder: Box<dyn ImageDecoder>,
+    width: u32,
+    height: u32,
+}
+
+impl ImageFile {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no such image, is damaged or cannot hold what it claims, would lose something as
+    /// [`Pixels`] (more than 8 bits that are no floats), is of a kind that is not read here, or has more pixels than fit
+    /// into 2 GiB.
+    pub fn open(path: &Path) -> Result<Self, ImageError> {
+        let failed = |error| ImageError::Read { path: path.into(), error };
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        let mut reader = BufReader::with_capacity(1 << 16, file);
+        if metadata.is_file() {
+            return Self::of_reader(path, reader, metadata.len());
+        }
+        // A pipe: its length must be known and it must be rewound, so it is read whole, but only if it begins like an image.
+        let start = reader.fill_buf().map_err(failed)?;
+        Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
+        let mut bytes = Vec::new();
+        reader.take(MAX_BYTES).read_to_end(&mut bytes).map_err(failed)?;
+        Self::of_bytes(path, bytes)
     }
-    // A pipe: its length must be known and it must be rewound, so it is read whole, but only if it begins like an image.
-    let start = reader.fill_buf().map_err(failed)?;
-    Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
-    let mut bytes = Vec::new();
-    reader.take(MAX_BYTES).read_to_end(&mut bytes).map_err(failed)?;
-    let length = bytes.len() as u64;
-    decode(path, Cursor::new(bytes), length)
+
+    /// The same of a file's bytes; `path` is for messages alone.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn of_bytes(path: &Path, bytes: Vec<u8>) -> Result<Self, ImageError> {
+        let length = bytes.len() as u64;
+        Self::of_reader(path, Cursor::new(bytes), length)
+    }
+
+    fn of_reader(path: &Path, reader: impl BufRead + Seek + 'static, length: u64) -> Result<Self, ImageError> {
+        contained(path, || {
+            let (decoder, most) = decoder(path, reader, length)?;
+            let (width, height) = decoder.dimensions();
+            let count = u64::from(width) * u64::from(height);
+            if count == 0 || count > most {
+                let what = format!("it claims {width}x{height} pixels, which it cannot hold");
+                return Err(ImageError::Malformed { path: path.into(), what });
+            }
+            let color = decoder.color_type();
+            let levels = matches!(color, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8);
+            if !levels && !is_float(color) {
+                return Err(ImageError::Unsupported { path: path.into(), what: "more than 8 bits per channel" });
+            }
+            if count > MAX_BYTES / u64::from(color.bytes_per_pixel().max(3)) {
+                return Err(ImageError::TooLarge { path: path.into(), width, height });
+            }
+            Ok(ImageFile { path: path.into(), decoder, width, height })
+        })
+    }
+
+    /// Pixels in a row, and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Decodes the pixels.
+    ///
+    /// Grey becomes R = G = B. Alpha is dropped where it is opaque everywhere. A PPM whose largest level is below 255 is
+    /// stretched to it; the scale of a PFM, beyond its sign, is ignored.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is damaged, or has transparency, which would be lost.
+    pub fn read(self) -> Result<Picture, ImageError> {
+        let ImageFile { path, decoder, width, height } = self;
+        let pixels = contained(&path, || {
+            if is_float(decoder.color_type()) { floats(&path, decoder) } else { levels(&path, decoder) }
+        })?;
+        Ok(Picture::new(width, height, pixels))
+    }
+}
+
+fn is_float(color: ColorType) -> bool {
+    matches!(color, ColorType::Rgb32F | ColorType::Rgba32F)
+}
+
+thread_local! {
+    /// Whether a decoder is at work in this thread, whose panics are told as errors.
+    static CONTAINED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// The last line of defence: where a decoder panics in spite of all, the file is damaged, and nobody reads of a bug.
+fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let tell = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            if !CONTAINED.get() {
+                tell(info);
+            }
+        }));
+    });
+    CONTAINED.set(true);
+    // What a panic leaves half done is dropped unseen.
+    let result = panic::catch_unwind(AssertUnwindSafe(decode));
+    CONTAINED.set(false);
+    result.unwrap_or_else(|_| {
+        let what = "its decoder gave up on it".into();
+        Err(ImageError::Malformed { path: path.into(), what })
+    })
 }
 
 /// What a file's first bytes say that it is.
@@ -77,155 +182,179 @@ impl Magic {
     }
 }
 
-/// Decodes an image of `length` bytes; `path` is for messages alone.
-fn decode(path: &Path, mut reader: impl BufRead + Seek, length: u64) -> Result<Picture, ImageError> {
+/// The decoder of an image of `length` bytes, and as many pixels as it can hold at most.
+fn decoder(
+    path: &Path,
+    mut reader: impl BufRead + Seek + 'static,
+    length: u64,
+) -> Result<(Box<dyn ImageDecoder>, u64), ImageError> {
     let start = reader.fill_buf().map_err(|error| ImageError::Read { path: path.into(), error })?;
     let magic = Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
-    let damaged = |error: image::ImageError| malformed(path, error);
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(MAX_BYTES);
-    match magic {
+    let bits = png_bits(start);
+    by_magic(magic, reader, length, bits).map_err(|error| malformed(path, error))
+}
+
+fn by_magic(
+    magic: Magic,
+    mut reader: impl BufRead + Seek + 'static,
+    length: u64,
+    png_bits: u64,
+) -> image::ImageResult<(Box<dyn ImageDecoder>, u64)> {
+    let by_deflate = length.saturating_mul(DEFLATE_EXPANSION);
+    Ok(match magic {
         Magic::Png => {
-            let decoder = PngDecoder::with_limits(reader, limits).map_err(damaged)?;
-            // Its smallest pixel is one bit before compression.
-            decode_with(path, decoder, length.saturating_mul(8 * DEFLATE_EXPANSION))
+            let mut limits = Limits::default();
+            // Rows and what stands beside the pixels.
+            limits.max_alloc = Some(by_deflate.saturating_add(1 << 20).min(MAX_BYTES));
+            (Box::new(PngDecoder::with_limits(reader, limits)?), by_deflate.saturating_mul(8) / png_bits)
         }
         Magic::Exr => {
-            let decoder = OpenExrDecoder::new(reader).map_err(damaged)?;
-            decode_with(path, decoder, length.saturating_mul(MOST_EXPANSION))
+            let decoder = ExrDecoder::new(reader, length)?;
+            let most = decoder.most();
+            (Box::new(decoder), most)
         }
-        Magic::Hdr => {
-            let decoder = HdrDecoder::new(reader).map_err(damaged)?;
-            decode_with(path, decoder, length.saturating_mul(HDR_EXPANSION))
-        }
+        Magic::Hdr => (Box::new(HdrDecoder::new(reader)?), length.saturating_mul(HDR_PIXELS)),
         Magic::Tiff => {
-            let mut decoder = TiffDecoder::new(reader).map_err(damaged)?;
-            decoder.set_limits(limits).map_err(damaged)?;
-            decode_with(path, decoder, length.saturating_mul(MOST_EXPANSION))
+            let most = tiff_pixels(&mut reader, length)?;
+            reader.rewind()?;
+            let mut decoder = TiffDecoder::new(reader)?;
+            let mut limits = Limits::default();
+            // Its pixels, which may have a fourth channel that is dropped, and the longest strip.
+            limits.max_alloc = Some(decoder.total_bytes().saturating_mul(2).saturating_add(length));
+            decoder.set_limits(limits)?;
+            (Box::new(decoder), most)
         }
-        Magic::Qoi => {
-            let decoder = QoiDecoder::new(reader).map_err(damaged)?;
-            decode_with(path, decoder, length.saturating_mul(QOI_EXPANSION))
+        Magic::Qoi => (Box::new(QoiDecoder::new(reader)?), length.saturating_mul(QOI_PIXELS)),
+        Magic::PnmText => (Box::new(PnmDecoder::new(reader)?), length / 2),
+        Magic::PnmBinary => (Box::new(PnmDecoder::new(reader)?), length),
+        Magic::Pfm => {
+            let decoder = PfmDecoder::new(reader)?;
+            let most = length / decoder.bytes_per_pixel() as u64;
+            (Box::new(decoder), most)
         }
-        Magic::PnmText => decode_with(path, PnmDecoder::new(reader).map_err(damaged)?, length / 2),
-        Magic::PnmBinary => decode_with(path, PnmDecoder::new(reader).map_err(damaged)?, length),
-        Magic::Pfm => decode_pfm(path, reader, length),
-    }
+    })
 }
 
-/// Decodes levels or floats from a file that cannot hold more than `most` pixels.
-fn decode_with(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
-    match decoder.color_type() {
-        ColorType::Rgb32F | ColorType::Rgba32F => decode_floats(path, decoder, most),
-        _ => decode_8bit(path, decoder, most),
-    }
+/// Bits of a pixel of the PNG that begins so; 1 where it has no such header, which its decoder will say.
+fn png_bits(start: &[u8]) -> u64 {
+    let channels = |color| match color {
+        2 => 3,
+        4 => 2,
+        6 => 4,
+        _ => 1,
+    };
+    let header = start.get(24..26).map(|header| u64::from(header[0]) * channels(header[1]));
+    header.filter(|bits| *bits > 0).unwrap_or(1)
 }
 
-fn decode_floats(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
-    let (width, height) = decoder.dimensions();
+/// As many pixels as a TIFF of `length` bytes can hold at most, once it is clear that no value and no tile of it is larger
+/// than the file can make them: the decoder takes memory for these before it reads them.
+fn tiff_pixels(reader: &mut (impl BufRead + Seek), length: u64) -> image::ImageResult<u64> {
+    let hint = || ImageFormatHint::Exact(ImageFormat::Tiff);
+    let damaged = |what: &str| image::ImageError::Decoding(DecodingError::new(hint(), what));
+    if !tiff_values_fit(reader, length)? {
+        return Err(damaged("values are longer than the file"));
+    }
+    reader.rewind()?;
+    let mut tiff = tiff::decoder::Decoder::new(reader).map_err(|error| damaged(&error.to_string()))?;
+    let mut number = |tag| tiff.find_tag_unsigned::<u64>(tag).map_err(|error| damaged(&error.to_string()));
+    let compression = number(Tag::Compression)?.unwrap_or(1);
+    let samples = number(Tag::SamplesPerPixel)?.unwrap_or(1);
+    let width = number(Tag::ImageWidth)?.unwrap_or_default();
+    let tile =
+        number(Tag::TileWidth)?.unwrap_or(width).max(width).saturating_mul(number(Tag::TileLength)?.unwrap_or(1));
+    let bits = tiff.colortype().map_err(|error| damaged(&error.to_string()))?.bit_depth();
+    let expansion = match compression {
+        1 => 1,
+        5 => LZW_EXPANSION,
+        8 | 32946 => DEFLATE_EXPANSION,
+        32773 => RUN_EXPANSION,
+        4 => FAX_PIXELS / 8,
+        // Of these JPEG is the one that there is: its decoder takes memory on the word of a second header.
+        _ => {
+            let kind = UnsupportedErrorKind::GenericFeature("this compression".into());
+            return Err(image::ImageError::Unsupported(UnsupportedError::from_format_and_kind(hint(), kind)));
+        }
+    };
+    let most = length.saturating_mul(8 * expansion) / (samples.max(1) * u64::from(bits.max(1)));
+    if tile > most {
+        return Err(damaged("a tile is larger than the file can hold"));
+    }
+    Ok(most)
+}
+
+/// Whether the values of a TIFF's first directory are together no longer than the file.
+fn tiff_values_fit(reader: &mut (impl Read + Seek), length: u64) -> io::Result<bool> {
+    let mut head = [0; 16];
+    reader.read_exact(&mut head[..8])?;
+    let big_endian = head[0] == b'M';
+    let number = |bytes: &[u8]| {
+        let append = |number, byte: &u8| number << 8 | u64::from(*byte);
+        if big_endian { bytes.iter().fold(0, append) } else { bytes.iter().rev().fold(0, append) }
+    };
+    // BigTIFF has numbers of 8 bytes, in the count of entries too.
+    let (size, count) = if number(&head[2..4]) == 43 {
+        reader.read_exact(&mut head[8..])?;
+        (8, 8)
+    } else {
+        (4, 2)
+    };
+    let directory = number(if size == 8 { &head[8..] } else { &head[4..8] });
+    reader.seek(SeekFrom::Start(directory))?;
+    let mut bytes = [0; 20];
+    reader.read_exact(&mut bytes[..count])?;
+    let mut together = 0_u64;
+    for _ in 0..number(&bytes[..count]) {
+        let entry = &mut bytes[..4 + 2 * size];
+        reader.read_exact(entry)?;
+        let each = match number(&entry[2..4]) {
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16..=18 => 8,
+            _ => 1,
+        };
+        together = together.saturating_add(number(&entry[4..4 + size]).saturating_mul(each));
+        if together > length {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+fn floats(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageError> {
     let color = decoder.color_type();
-    let count = checked_count(path, (width, height), color.bytes_per_pixel().into(), most)?;
-    let mut bytes = vec![0; count * usize::from(color.bytes_per_pixel())];
+    let mut bytes = vec![0; decoder.total_bytes() as usize];
     decoder.read_image(&mut bytes).map_err(|error| malformed(path, error))?;
     let values = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect::<Vec<_>>();
-    let mut pixels = Vec::with_capacity(count);
-    for pixel in bytes.chunks_exact(color.bytes_per_pixel().into()) {
+    let size = usize::from(color.bytes_per_pixel());
+    let mut pixels = Vec::with_capacity(bytes.len() / size);
+    for pixel in bytes.chunks_exact(size) {
         match values(pixel)[..] {
             [r, g, b] | [r, g, b, 1.0] => pixels.push([r, g, b]),
             _ => return Err(ImageError::Unsupported { path: path.into(), what: "transparency" }),
         }
     }
-    Ok(Picture::new(width, height, Pixels::Rgb32F(pixels)))
+    Ok(Pixels::Rgb32F(pixels))
 }
 
-fn decode_8bit(path: &Path, decoder: impl ImageDecoder, most: u64) -> Result<Picture, ImageError> {
-    let unsupported = |what| ImageError::Unsupported { path: path.into(), what };
-    let (width, height) = decoder.dimensions();
+fn levels(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageError> {
     let color = decoder.color_type();
-    if !matches!(color, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8) {
-        return Err(unsupported("more than 8 bits per channel"));
-    }
-    let count = checked_count(path, (width, height), u64::from(color.bytes_per_pixel().max(3)), most)?;
+    let bytes_of_all = decoder.total_bytes() as usize;
     if color == ColorType::Rgb8 {
-        let mut pixels = vec![[0; 3]; count];
+        let mut pixels = vec![[0; 3]; bytes_of_all / 3];
         decoder.read_image(pixels.as_flattened_mut()).map_err(|error| malformed(path, error))?;
-        return Ok(Picture::new(width, height, Pixels::Rgb8(pixels)));
+        return Ok(Pixels::Rgb8(pixels));
     }
-    let mut bytes = vec![0; count * usize::from(color.bytes_per_pixel())];
+    let mut bytes = vec![0; bytes_of_all];
     decoder.read_image(&mut bytes).map_err(|error| malformed(path, error))?;
     if color.has_alpha() && bytes.chunks_exact(color.bytes_per_pixel().into()).any(|pixel| pixel.last() != Some(&255)) {
-        return Err(unsupported("transparency"));
+        return Err(ImageError::Unsupported { path: path.into(), what: "transparency" });
     }
-    let pixels = match color {
+    Ok(Pixels::Rgb8(match color {
         ColorType::L8 => bytes.into_iter().map(|grey| [grey; 3]).collect(),
         ColorType::La8 => bytes.as_chunks().0.iter().map(|&[grey, _]| [grey; 3]).collect(),
         _ => bytes.as_chunks().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
-    };
-    Ok(Picture::new(width, height, Pixels::Rgb8(pixels)))
-}
-
-/// Decodes floats: `PF` (colour) or `Pf` (grey), width, height, a scale whose sign tells the byte order (negative is
-/// little endian), one white space, and then the rows from the bottom.
-fn decode_pfm(path: &Path, mut reader: impl BufRead, length: u64) -> Result<Picture, ImageError> {
-    let damaged = |what: String| ImageError::Malformed { path: path.into(), what };
-    let io = |error: io::Error| malformed(path, error.into());
-
-    let channels = if token(&mut reader).map_err(io)? == "PF" { 3 } else { 1 };
-    let mut side = |name| {
-        let text = token(&mut reader).map_err(io)?;
-        text.parse::<u32>().map_err(|_| damaged(format!("its {name} is \"{}\"", text.escape_default())))
-    };
-    let (width, height) = (side("width")?, side("height")?);
-    let text = token(&mut reader).map_err(io)?;
-    let scale = text.parse::<f32>().ok().filter(|scale| scale.is_finite() && *scale != 0.0);
-    let scale = scale.ok_or_else(|| damaged(format!("its scale is \"{}\"", text.escape_default())))?;
-    let value = if scale < 0.0 { f32::from_le_bytes } else { f32::from_be_bytes };
-
-    let per_pixel = channels * size_of::<f32>();
-    let count = checked_count(path, (width, height), size_of::<[f32; 3]>() as u64, length / per_pixel as u64)?;
-    let mut pixels = vec![[0.0; 3]; count];
-    let mut row = vec![0; width as usize * per_pixel];
-    for pixels in pixels.chunks_exact_mut(width as usize).rev() {
-        reader.read_exact(&mut row).map_err(io)?;
-        for (pixel, bytes) in pixels.iter_mut().zip(row.chunks_exact(per_pixel)) {
-            // Grey has one value, which cycles through the channels.
-            for (channel, &bytes) in pixel.iter_mut().zip(bytes.as_chunks().0.iter().cycle()) {
-                *channel = value(bytes);
-            }
-        }
-    }
-    Ok(Picture::new(width, height, Pixels::Rgb32F(pixels)))
-}
-
-/// The next word of a PFM header, with the one white space that ends it taken off the reader.
-fn token(reader: &mut impl BufRead) -> io::Result<String> {
-    // Longer than any number that makes sense, and short enough for a message.
-    const LONGEST: usize = 32;
-    let mut token = String::new();
-    while token.len() < LONGEST {
-        let mut byte = [0];
-        reader.read_exact(&mut byte)?;
-        match byte[0] {
-            white if white.is_ascii_whitespace() && token.is_empty() => {}
-            white if white.is_ascii_whitespace() => break,
-            other => token.push(other.into()),
-        }
-    }
-    Ok(token)
-}
-
-/// The number of pixels, once it is clear that there are some, that the file can hold them (`most`, from its length),
-/// and that they fit into [`MAX_BYTES`] at `per_pixel` bytes.
-fn checked_count(path: &Path, (width, height): (u32, u32), per_pixel: u64, most: u64) -> Result<usize, ImageError> {
-    let count = u64::from(width) * u64::from(height);
-    if count == 0 || count > most {
-        let what = format!("it claims {width}x{height} pixels, which it cannot hold");
-        return Err(ImageError::Malformed { path: path.into(), what });
-    }
-    if count > MAX_BYTES / per_pixel {
-        return Err(ImageError::TooLarge { path: path.into(), width, height });
-    }
-    Ok(count as usize)
+    }))
 }
 
 /// A decoder's error in our words where it is about reading.
@@ -235,7 +364,34 @@ fn malformed(path: &Path, error: image::ImageError) -> ImageError {
         image::ImageError::IoError(error) if error.raw_os_error().is_some() => {
             return ImageError::Read { path: path.into(), error };
         }
-        error => error.to_string(),
+        image::ImageError::Unsupported(error)
+            if matches!(error.format_hint(), ImageFormatHint::Exact(ImageFormat::OpenExr | ImageFormat::Tiff)) =>
+        {
+            return ImageError::OtherKind { path: path.into(), what: printable(&error.to_string()) };
+        }
+        error => printable(&error.to_string()),
     };
     ImageError::Malformed { path: path.into(), what }
+}
+
+/// A decoder's words, which may repeat what a file says, so that they neither steer a terminal nor fill it.
+fn printable(text: &str) -> String {
+    const LONGEST: usize = 300;
+    let cut = if text.chars().nth(LONGEST).is_some() { "..." } else { "" };
+    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().take(LONGEST).map(spell).chain([cut.to_owned()]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decoder_that_panics_has_met_a_damaged_file() {
+        let result: Result<(), _> = contained(Path::new("a.png"), || panic!("index out of bounds"));
+        let error = result.unwrap_err().to_string();
+        assert_eq!(error, "a.png is damaged or incomplete: its decoder gave up on it");
+        // And what panics elsewhere is told as ever.
+        assert!(!CONTAINED.get());
+    }
 }

@@ -1,0 +1,46 @@
+//! What a picture of a scene can hardly be meant to be, as far as that is seen without tracing it.
+
+use glam::DVec3;
+
+use super::{Camera, Scene};
+use crate::reference::geometry;
+
+/// At more than this focal distance the format's film, whose diagonal is 1, sees less than 6 degrees.
+const LONG: f32 = 10.0;
+
+impl Scene {
+    /// What is hardly meant in a picture of the scene by `camera`, a line each: costs as much as a few rays at most.
+    pub fn doubts(&self, camera: &Camera) -> Vec<String> {
+        let mut doubts = Vec::new();
+        if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
+            doubts.push("the scene has no light: whatever is seen is black".to_owned());
+        }
+        if !self.reaches_in_front() {
+            doubts.push("nothing is in front of the camera, which looks along +z from the origin".to_owned());
+        } else if camera.film() == 1.0 && camera.focal() > LONG && self.covers_corners(camera) {
+            doubts.push(format!(
+                "every ray hits, as through a long lens: is the focal distance of {} meant for the film of an old scene? try \
+                 `--film 35`",
+                camera.focal(),
+            ));
+        }
+        doubts
+    }
+
+    fn reaches_in_front(&self) -> bool {
+        self.spheres.iter().any(|sphere| sphere.centre.z + sphere.radius > 0.0)
+            || self.triangles.iter().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
+    }
+
+    /// Whether each of the rays at the corners hits something: then, but for a frame, all do.
+    fn covers_corners(&self, camera: &Camera) -> bool {
+        let grid = camera.grid::<f64>();
+        let (right, bottom) = (camera.width() - 1, camera.height() - 1);
+        [(0, 0), (0, right), (bottom, 0), (bottom, right)].into_iter().all(|(row, column)| {
+            let ray = DVec3::from_array(grid.ray(row, column)).normalize();
+            let sphere = |centre: DVec3, radius| geometry::sphere(ray, centre, radius).is_some();
+            self.spheres.iter().any(|s| sphere(s.centre.as_dvec3(), s.radius.into()))
+                || self.triangles.iter().any(|t| geometry::triangle(ray, t.vertices.map(|v| v.as_dvec3())).is_some())
+        })
+    }
+}
