@@ -1,4 +1,4 @@
-//! A kernel and its calls, checked and not: what a kind of kernel takes, and how that gets into registers, is one entry of `kinds!`.
+//! A kernel and its calls, checked and not: an entry of `kinds!` says what a kind takes, and how that gets into registers.
 
 use std::cell::Cell;
 use std::marker::PhantomData;
@@ -55,7 +55,7 @@ impl<K> Kernel<K> {
     pub(super) unsafe fn enter(&self, registers: Registers) -> u64 {
         if WITHOUT_DENORMALS.get() {
             // SAFETY: as here.
-            return unsafe { self.enter_without_denormals(registers) };
+            return unsafe { enter_without_denormals(self.code, self.symbol, registers) };
         }
         let [a, b, c, d, e, f] = registers;
         // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
@@ -70,14 +70,19 @@ impl<K> Kernel<K> {
         // SAFETY: as in enter.
         unsafe { checked::call(self.code, registers, WITHOUT_DENORMALS.get()) }
     }
+}
 
-    #[cold]
-    unsafe fn enter_without_denormals(&self, registers: Registers) -> u64 {
-        // SAFETY: as in enter.
-        let (result, kept) = unsafe { self.enter_checked(registers) };
-        assert_eq!(kept, Ok(()), "{}", self.symbol);
-        result
-    }
+/// As [`Kernel::enter`], of any kind: one copy of what is hardly ever done.
+///
+/// # Safety
+/// As that of [`Kernel::enter`].
+#[cold]
+#[inline(never)]
+unsafe fn enter_without_denormals(code: Code, symbol: &'static str, registers: Registers) -> u64 {
+    // SAFETY: as in enter.
+    let (result, kept) = unsafe { checked::call(code, registers, true) };
+    assert_eq!(kept, Ok(()), "{symbol}");
+    result
 }
 
 /// Does `work` with all kernels that this thread calls in it checked, and with denormal numbers switched off in them, in and out

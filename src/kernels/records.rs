@@ -1,4 +1,4 @@
-//! The records of the packet kernels, in f32 or f64, and of the tile kernels: as `asm/include/layout.inc` and `tile_layout.inc` define them.
+//! The records of the packet and the tile kernels, in f32 or f64, as the `struc` blocks of asm/include define them.
 
 use glam::Vec3;
 
