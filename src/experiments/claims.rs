@@ -607,7 +607,7 @@ mod tests {
             machine: &machine,
         };
         assert_eq!(disturbed(&evidence(&clean)), Vec::<String>::new());
-        none_of(&evidence(&clean), &[], "the core");
+        none_of(&evidence(&clean), &[], "others had the core");
         // Half of the pairs are enough.
         for (taken, claims) in
             [(10, &[][..]), (11, &["about 6", "the size", "in pixels", "calls matter", "calls explain", "the cache"])]

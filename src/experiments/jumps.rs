@@ -32,10 +32,10 @@ const RUNS: usize = 5;
 const QUICK_RUNS: usize = 2;
 /// What a pixel of every contestant costs, touched and not.
 const ROUND_WORK: u64 = 270;
-/// A run in which others had the core for more than this share of it is made again, at most so often; where they still have it
-/// for more than a few of these, they have the caches too.
+/// A run in which others had the core for more than this share of it is made once more, the largest being long; where they
+/// still have it for more than a few of these, they have the caches too.
 const TAKEN: f64 = 0.01;
-const AGAIN: usize = 3;
+const AGAIN: usize = 1;
 const MUCH_TAKEN: f64 = 0.05;
 /// A change of less than this is none.
 const STEADY: f64 = 0.10;
