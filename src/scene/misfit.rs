@@ -1,5 +1,6 @@
-//! The first line of a scene file that holds more or fewer numbers than an object: where a count and its lines disagree,
-//! that is the place to look, and the error shows further down.
+//! The first line of a scene file that does not hold the numbers of an object.
+//!
+//! Where a count and its lines disagree, that is the place to look, and the error shows further down.
 
 use super::log::is_line_end;
 use super::parse::{Kind, next_token};
