@@ -53,7 +53,8 @@ impl<'a, E: Element> TileTracer<'a, E> {
         (keep, threads): (Keep, usize),
     ) -> Self {
         let plan = Tiles::new(scene, camera, packets, keep, threads);
-        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None }
+        let wide = plan.any_wide().then(|| Box::new(TileTracer::double(packets, scene, camera, (keep, threads))));
+        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide }
     }
 
     /// See [`Tiles::is_valid`].
@@ -71,9 +72,7 @@ impl<'a> TileTracer<'a, f32> {
         camera: &Camera,
         planning: (Keep, usize),
     ) -> Self {
-        let tracer = Self::planned(packets, &packets.single, scene, camera, planning);
-        let wide = || Box::new(TileTracer::double(packets, scene, camera, planning));
-        TileTracer { fast, wide: tracer.plan.any_wide().then(wide), ..tracer }
+        TileTracer { fast, ..Self::planned(packets, &packets.single, scene, camera, planning) }
     }
 }
 

@@ -20,6 +20,8 @@ const FAR: f64 = 1e-4;
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// A light nearer to the surface than this share of the surface's distance lies in a direction that f32 cannot tell.
 const AT_THE_SURFACE: f64 = 1e-4;
+/// A cosine of less than this is the terminator's: for f32 it may be 0.
+const AT_THE_TERMINATOR: f64 = 1e-4;
 /// What is told of a hit has errors below this, as shares: less than f64 could tell.
 const SURE: f64 = f64::EPSILON / 64.0;
 
@@ -44,6 +46,8 @@ pub struct TrueHit {
     pub normal: [Split; 3],
     /// L . N of each light, on a sphere below 0 where it is behind the surface; 0 for a light on the surface.
     pub cosines: Vec<f64>,
+    /// Whether it is at the terminator of a light so bright that what f32 rounds there is the step from black to white.
+    pub dazzled: bool,
     /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
@@ -283,11 +287,17 @@ impl Truth {
         let cosines: Vec<f64> = lit.into_iter().map(|(cosine, _)| sides(cosine)).collect();
         let lights = cosines.iter().zip(&self.lights);
         let colour: DVec3 = lights.map(|(cosine, light)| cosine.max(0.0) * light.radiance * body.colour).sum();
+        let dazzling = |(cosine, light): (&f64, &Light)| {
+            let brightest = (light.radiance * body.colour).max_element();
+            cosine.abs() < AT_THE_TERMINATOR && AT_THE_TERMINATOR * brightest > 1.0
+        };
+        let dazzled = cosines.iter().zip(&self.lights).any(dazzling);
         TrueHit {
             object: body.object,
             t,
             normal,
             cosines,
+            dazzled,
             colour: (!near_light).then_some(colour),
             bound: meeting.bound,
             lever: meeting.slant * longest_over_this,

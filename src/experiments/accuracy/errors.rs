@@ -49,7 +49,7 @@ impl From<&TruePixel> for Expected {
             object: hit.object,
             t: hit.t,
             normal: hit.normal,
-            colour: hit.colour,
+            colour: hit.colour.filter(|_| !hit.dazzled),
             bound: hit.bound,
             lever: hit.lever,
         });

@@ -402,6 +402,7 @@ mod tests {
             t: zero,
             normal: [zero; 3],
             cosines: vec![cosine],
+            dazzled: false,
             colour,
             bound: 1.0,
             lever: 1.0,

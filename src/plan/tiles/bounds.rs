@@ -127,9 +127,10 @@ where
         let mut wide = Vec::new();
         let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
         // A NaN is not known to be less than anything.
-        if extremes.is_some_and(|extremes| !(extremes.nearest <= narrow)) {
+        let is_sure = |near: f32| near <= narrow;
+        if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
             let is_wide = |seen: &mut Seen| {
-                !(seen.near <= narrow) && (self.form)(&objects[(seen.id - first_id) as usize], seen) == Form::Wide
+                !is_sure(seen.near) && (self.form)(&objects[(seen.id - first_id) as usize], seen) == Form::Wide
             };
             wide.extend(seen.extract_if(.., |seen| is_wide(seen) && self.in_f32));
             wide.retain(|seen| covered(seen.columns, seen.rows) > 0);

@@ -99,8 +99,9 @@ impl Forms {
     /// Whether a triangle may have a [near corner](geometry::NEAR_CORNER), if these are the extremes of all.
     pub(super) fn may_have_near_corners(&self, extremes: &Extremes) -> bool {
         let nearest = self.extent() / f64::from(extremes.most) / geometry::NEAR_CORNER;
+        let have_none = f64::from(extremes.nearest) < nearest;
         // A NaN may mean anything.
-        !(f64::from(extremes.nearest) < nearest)
+        !have_none
     }
 
     /// That of a sphere. What its 1/t cannot exceed is set right, since f32 may not have held that.
