@@ -520,7 +520,10 @@ fn twin_of_lit<E: Element>(s: &LitSphere<E>, row: &LitRow<E>) -> packet::LitSphe
 
 /// The pixel of a colour in floats: f64 is rounded once more.
 fn float_pixel<E: Element>(colour: [E; 3]) -> Lanes<f32> {
-    let [r, g, b] = colour.map(|x| x.to_f64() as f32);
+    // Of f64 what is beyond f32 is its largest number, and so is a NaN: VMIN.
+    let most = f64::from(f32::MAX);
+    let narrow = |x: f64| if size_of::<E>() == 8 && (x.is_nan() || x >= most) { f32::MAX } else { x as f32 };
+    let [r, g, b] = colour.map(|x| narrow(x.to_f64()));
     [r, g, b, 0.0]
 }
 

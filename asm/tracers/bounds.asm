@@ -11,8 +11,8 @@
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
 ;               r9 the next id, r10 seen, r11 packets to go, r15 the last facet
-;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the bits in
-;               which channels differ, and after them the greatest of what 1/t cannot exceed
+;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the bits
+;               in which channels differ, and after them the greatest of what 1/t cannot exceed
 ;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
 ;               all triangles together, for who judges the scene's numbers, those in BoundsFound

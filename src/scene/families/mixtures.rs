@@ -1,5 +1,4 @@
-//! Random scenes that mix what is hard in all families, on both sides of the number of objects from which on the packets go
-//! by tiles.
+//! Random scenes that mix what is hard in all families, of few objects and of many: by spans and by tiles.
 
 use glam::{DVec3, Vec3, dvec3};
 
