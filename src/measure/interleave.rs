@@ -153,7 +153,7 @@ impl Runs {
 }
 
 /// Times each of `contestants` once in each of `rounds`; none is dropped. Rounds of odd numbers go backwards, so that each
-/// follows its neighbour as often as it precedes it. A run in which others had the core is made again, up to [`AGAIN`] times.
+/// follows its neighbour as often as it precedes it. A run in which others had the core is made again, up to `AGAIN` times.
 ///
 /// `proceed` is asked after each round; where it says no, the result is None.
 pub fn interleave(

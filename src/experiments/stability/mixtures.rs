@@ -4,7 +4,7 @@
 //! - Outside of the margin of the engine's precision no hit where there is none, none where there is one, and no other
 //!   object than the nearest; the first in order of those that tie exactly.
 //! - Of bytes, no level off by two in `single` and `fast`, none by one in `double`. There the truth may lie at a level's edge:
-//!   what is within [`EDGE`] of it is either level.
+//!   what is within `EDGE` of it is either level.
 //! - Floats within 1e-4 (`single`), 1e-3 (`fast`) or 1.5e-7 (`double`) of 1 or of what all lights together could add, whichever
 //!   is more. Where lights are brighter than white, this is the promise for bytes too, light by light: the level of a sum
 //!   whose cosines are off by that share of 1.
