@@ -101,7 +101,8 @@
 ;            (dy), v12 (dxx), v4 (dxy), v9 (dyy). Clobbers all registers.
 ;
 ;   D = d.d - |c x d|^2, over k and the radius: quadratic in the pixel, and no difference of large numbers for a far
-;   sphere. Pixels count from an origin in the picture, so that its terms are no larger than what the picture shows of it:
+;   sphere. Pixels count from an origin in the picture, so that its terms are no larger than what the picture shows
+;   of it:
 ;   where that is a piece of the limb, D is small and has all its digits.
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + Balls.radius]
