@@ -410,9 +410,9 @@ fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_t
     let (status, text) = mixtures(&["--engine", "reference"]);
     assert_eq!((status, text.as_str()), (Some(0), "3 mixtures, seeds 4 to 6: 0 fail\n"));
     // f32 without care for what it loses.
-    let (status, text) = mixtures(&["--engine", "c"]);
+    let (status, text) = mixtures(&["--engine", "rust"]);
     assert_eq!(status, Some(1), "{text}");
-    let (status, json) = mixtures(&["--engine", "c", "--json"]);
+    let (status, json) = mixtures(&["--engine", "rust", "--json"]);
     let document: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!((status, &document["schema"], &document["mixtures"]), (Some(1), &1.into(), &3.into()));
     let failing = document["failing"].as_array().unwrap();
@@ -424,8 +424,8 @@ fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_t
         let left = ["in", "toml"].map(file).into_iter().find(|path| path.exists()).expect("the scene");
         let (left, whole) = (scene::read(&left).unwrap(), mixture(seed).scene);
         assert!(left.spheres.len() + left.triangles.len() < whole.spheres.len() + whole.triangles.len(), "{left:?}");
-        let c: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.name() == "c").collect();
-        assert!(!failures(&left, &c).unwrap().is_empty(), "what is left fails too");
+        let rust: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.name() == "rust").collect();
+        assert!(!failures(&left, &rust).unwrap().is_empty(), "what is left fails too");
     }
 }
 
