@@ -615,6 +615,7 @@ const PACKET_SNIPPETS: [Snippet; 176] = [
     ("SILHOUETTE", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("SPHERE_BOX", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9"),
     ("GATHER4", "", "0, 1, 2, 3, 4, 5, 6, rdi, rsi, ax"),
+    ("NARROW_COLOUR", "in f64", "0"),
 ];
 
 /// The bytes of the packets' elements, f32 and f64.

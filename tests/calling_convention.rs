@@ -921,7 +921,8 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
             let least = radii().fold(f32::MAX, f32::min);
             let coloured = balls.iter().any(|sphere| has_colour(sphere.colour));
             let nearest = extremes.nearest;
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest }, "{what}");
+            let longest = 0.0;
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
             let nears = checked[..found].iter().map(|seen| seen.near);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
@@ -974,10 +975,15 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
                 (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
             let coloured = facets.iter().any(|facet| has_colour(facet.colour));
             let nearest = extremes.nearest;
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest }, "{what}");
+            let longest = extremes.longest;
+            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
             let nears = checked[..found].iter().map(|seen| seen.near);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
+            let side = |bounds: u32| (bounds >> 16).saturating_sub(bounds & 0xffff);
+            let sides = checked[..found].iter().map(|seen| [side(seen.columns), side(seen.rows)]);
+            let sides = sides.filter(|sides| !sides.contains(&0)).flatten();
+            assert_eq!(longest, sides.max().unwrap_or(0) as f32, "{what}");
             // Every corner's own pixel is within the bounds, and what is not seen has no pixel.
             let mut of = checked[..found].iter().peekable();
             for (id, facet) in (5..).zip(facets.iter()) {

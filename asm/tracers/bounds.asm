@@ -310,8 +310,15 @@ FUNC ISA %+ _bounds
     VMOV    v4, [r8 + Corners.rows]
     LENGTH  0, 3
     LENGTH  1, 4
+    VMOV    v5, v0
+    VMAX    v5, v5, v1
     VMIN    v0, v0, v1
     MASK_GREATER v0, [PACKET(zeros)]
+    MASK_KEEP v5
+    mov     r13, [rsi + BoundsTask.found]
+    VLOAD   v1, [r13 + BoundsFound.longest]
+    IOP     pmaxud, v1, v1, v5
+    VSTORE  [r13 + BoundsFound.longest], v1
     MASK_BITS eax
     or      eax, [rsi + BoundsTask.keep_all]
     VSPREAD_INTEGER 2, r9

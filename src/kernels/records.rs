@@ -237,5 +237,6 @@ pub(super) struct BoundsFound {
     pub brightest: [u32; MOST_LANES],
     pub coloured: [u32; MOST_LANES],
     pub nearest: [u32; MOST_LANES],
+    pub longest: [u32; MOST_LANES],
     pub count: u64,
 }

@@ -229,6 +229,8 @@ pub struct Extremes {
     pub coloured: bool,
     /// The greatest [`Seen::near`] of those in front of the camera.
     pub nearest: f32,
+    /// The longest side of a triangle's bounds, in pixels of the picture.
+    pub longest: f32,
 }
 
 impl Extremes {
@@ -241,6 +243,7 @@ impl Extremes {
             brightest: most(self.brightest, other.brightest),
             coloured: self.coloured | other.coloured,
             nearest: most(self.nearest, other.nearest),
+            longest: most(self.longest, other.longest),
         }
     }
 }
@@ -253,6 +256,7 @@ impl BoundsFound {
         brightest: [0; MOST_LANES],
         coloured: [0; MOST_LANES],
         nearest: [0; MOST_LANES],
+        longest: [0; MOST_LANES],
         count: 0,
     };
 
@@ -266,6 +270,7 @@ impl BoundsFound {
             brightest: most(&self.brightest),
             coloured,
             nearest: most(&self.nearest),
+            longest: most(&self.longest),
         }
     }
 }

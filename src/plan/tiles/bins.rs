@@ -93,7 +93,7 @@ pub(super) fn tiles_of(seen: &[Seen], picture: Picture) -> Vec<bool> {
 }
 
 /// From pixels to tiles; not empty.
-fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
+pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
 }
 

@@ -5,8 +5,8 @@ use std::panic::resume_unwind;
 use std::thread;
 
 use super::bins::{Bins, roomy};
-use super::covered;
-use super::forms::Form;
+use super::forms::{Form, LONG};
+use super::{covered, range};
 use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
@@ -90,6 +90,8 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) surely_narrow: &'a (dyn Fn(&Extremes) -> f32 + Sync),
     /// The form of an object.
     pub(super) form: &'a (dyn Fn(&T, &mut Seen) -> Form + Sync),
+    /// Adds the tiles where an object with these bounds is [steep](super::forms::Forms::steep_tiles); asked of long ones.
+    pub(super) steep: &'a (dyn Fn(&T, &Seen, &mut Vec<Seen>) + Sync),
     /// One in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
     /// As many are put in the order of their nearness, more stay in the scene's.
@@ -135,6 +137,12 @@ where
             wide.extend(seen.extract_if(.., |seen| is_wide(seen) && self.in_f32));
             wide.retain(|seen| covered(seen.columns, seen.rows) > 0);
         }
+        if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= LONG as f32) {
+            let is_long = |seen: &&Seen| range(seen.columns).len().max(range(seen.rows).len()) >= LONG;
+            for seen in seen.iter().filter(is_long) {
+                (self.steep)(&objects[(seen.id - first_id) as usize], seen, &mut wide);
+            }
+        }
         if seen.len() <= self.most_sorted {
             // Not negative, so that they are in the order of their bits.
             seen.sort_unstable_by_key(|seen| Reverse((seen.near.to_bits(), seen.id)));
@@ -153,7 +161,7 @@ where
 #[derive(Default)]
 pub(super) struct Planned {
     pub(super) bins: Vec<Bins>,
-    /// Those that are traced in f64, within their true bounds.
+    /// Those that are traced in f64, within their true bounds, and those tiles of others where they are.
     pub(super) wide: Vec<Seen>,
     /// None where there are no objects.
     pub(super) extremes: Option<Extremes>,

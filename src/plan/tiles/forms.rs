@@ -11,17 +11,27 @@
 //!   k radii: that product is at least [`LEAST`].
 //! - **lights keep their directions.** Those that are brought nearer, to [`FAR`], still are 2^26 times as far as the object:
 //!   w is at least [`LEAST_INVERSE`].
+//! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y, with
+//!   an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. Where it is not, the
+//!   tile is traced in f64, and others may be in f32. This is asked of triangles whose bounds have a side of [`LONG`] pixels.
+//!   Of shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
 //! - **the light of all lights together is a number**, in levels too.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
+use super::bins::tile_range;
 use super::bounds::near_of_sphere;
-use crate::kernels::{Extremes, Seen};
+use super::range;
+use crate::kernels::{Extremes, Seen, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
 use crate::reference::geometry;
 use crate::scene::{Grid, Light, Sphere, Triangle};
 
 const OUTLINE: f64 = 4.0;
+const STEEPEST: f64 = 16.0;
+pub(super) const LONG: usize = 16;
 const MOST: f64 = (1u64 << 60) as f64;
 const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
@@ -147,6 +157,47 @@ impl Forms {
             && self.extent() / farthest >= LEAST_INVERSE
             && light::is_in_f32(triangle.colour.as_dvec3() * self.radiance);
         if narrow { Form::Narrow } else { Form::Wide }
+    }
+
+    /// Adds the tiles where f32 does not hold the w of a triangle with these bounds, each with the pixels there that it may
+    /// have.
+    pub(super) fn steep_tiles(&self, triangle: &Triangle, seen: &Seen, tiles: &mut Vec<Seen>) {
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let Some(volume) = geometry::triangle_volume(corners) else { return };
+        let Grid { step, half_width, half_height, focal } = self.grid;
+        let n = geometry::triangle_plane(corners) * (self.scale / volume);
+        let [tx, ty] = [n.x * step, -n.y * step];
+        let error = |x: f64, y: f64| 4.0 * tx.abs() * x + 5.0 * ty.abs() * y;
+        let is_exact = |error: f64, w: f64| error <= (STEEPEST - 3.0) * w;
+        let farthest = self.extent() / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
+        let (half_columns, half_rows) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
+        if is_exact(error(half_columns, half_rows), farthest) {
+            return;
+        }
+        let (columns, rows) = (range(seen.columns), range(seen.rows));
+        for down in tile_range(rows.clone(), TILE_HEIGHT) {
+            for across in tile_range(columns.clone(), TILE_WIDTH) {
+                // From the middle of the tile to the first and the last pixel in it.
+                let ends = |pixels: &Range<u32>, first: u32, side: usize| {
+                    let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
+                    let middle = f64::from(first) + side as f64 / 2.0;
+                    ((start | end << 16), [f64::from(start) - middle, f64::from(end) - 1.0 - middle])
+                };
+                let (x, y) = (across * TILE_WIDTH as u32, down * TILE_HEIGHT as u32);
+                let (of_columns, [left, right]) = ends(&columns, x, TILE_WIDTH);
+                let (of_rows, [top, bottom]) = ends(&rows, y, TILE_HEIGHT);
+                let d = DVec3::new(
+                    step * (f64::from(x) + half_columns + 0.5) - half_width,
+                    half_height - step * (f64::from(y) + half_rows + 0.5),
+                    focal,
+                );
+                let least = n.dot(d) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
+                let most_error = error(left.abs().max(right.abs()), top.abs().max(bottom.abs()));
+                if !is_exact(most_error, least.max(farthest)) {
+                    tiles.push(Seen { columns: of_columns, rows: of_rows, ..*seen });
+                }
+            }
+        }
     }
 }
 
