@@ -10,6 +10,7 @@ mod forms;
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -58,15 +59,8 @@ pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
-    /// The scene's triangles, those that have a near corner turned round.
-    triangles: Cow<'a, [Triangle]>,
     camera: Camera,
-    /// The camera's, times `unit`.
-    grid: Grid<f64>,
-    /// A power of two that makes the longest sides of the grid about 1.
-    unit: f64,
-    /// A power of two that brings 1/t to size.
-    scale: f64,
+    frame: Frame,
     keep: Keep,
     /// Where the lights stand, those that are too far for f32 brought nearer.
     points: Vec<TilePoint<E>>,
@@ -74,8 +68,28 @@ pub struct Tiles<'a, E> {
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
     levels: Weighted,
-    sphere_bins: Vec<Bins>,
-    triangle_bins: Vec<Bins>,
+    binned: Arc<Binned<'a>>,
+}
+
+/// The rays, brought to size, as what is traced is.
+#[derive(Clone, Copy)]
+struct Frame {
+    /// The camera's, times `unit`.
+    grid: Grid<f64>,
+    /// A power of two that makes the longest sides of the grid about 1.
+    unit: f64,
+    /// How far the scene reaches.
+    extent: f64,
+    /// A power of two that brings 1/t to size.
+    scale: f64,
+}
+
+/// Where all objects are, which f32 and f64 share.
+struct Binned<'a> {
+    /// The scene's triangles, those that have a near corner turned round.
+    triangles: Cow<'a, [Triangle]>,
+    of_spheres: Vec<Bins>,
+    of_triangles: Vec<Bins>,
     /// The tiles, row by row, that have an object whose numbers are beyond f32, if there are any.
     wide: Vec<bool>,
     /// Of all objects; None where there are none.
@@ -108,43 +122,43 @@ impl TilePlace {
     }
 }
 
-impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene` for `camera` on so many threads, by kernels that find bounds, without the omissions in `keep`.
-    pub fn new(scene: &'a Scene, camera: &Camera, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
+impl Frame {
+    fn new(scene: &Scene, camera: &Camera) -> Self {
         let grid = camera.grid::<f64>();
         let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
         let grid = grid.scaled(unit);
         let extent = extent(scene);
-        let scale = power_of_two(extent / grid.focal);
-        let in_f32 = size_of::<E>() == 4;
-        let (far, far_in_radii) = if in_f32 { (extent * forms::FAR, forms::FAR_IN_RADII) } else { (f64::MAX, 1e30) };
-        // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
-        let lights = light::lights(scene, Keep::NOTHING);
-        let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
-        let points = positions.iter().map(|l| *l / scale);
-        let points = points.map(|l| [l.x, l.y, l.z, 0.0].map(E::from_f64)).collect();
-        let light = |DVec3 { x, y, z }: DVec3, radiance: DVec3| TileLight {
-            x,
-            y,
-            z,
-            red: radiance.x,
-            green: radiance.y,
-            blue: radiance.z,
-        };
-        let picture = Picture { width: camera.width(), height: camera.height() };
-        let weighted = |white: f64, bytes: bool| Weighted {
-            lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
-            spheres: sphere_view(&grid, scale, picture, far_in_radii, white),
-            bytes,
-        };
-        let (linear, levels) = (weighted(1.0, false), weighted(255.0, true));
-        let forms = Forms::new(grid, scale, &lights, far);
+        Frame { grid, unit, extent, scale: power_of_two(extent / grid.focal) }
+    }
+}
+
+fn is_f32<E>() -> bool {
+    size_of::<E>() == 4
+}
+
+/// Lights that are further away are brought nearer.
+fn far<E>(extent: f64) -> f64 {
+    if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
+}
+
+impl<'a> Binned<'a> {
+    /// For kernels in f32, or for those in f64.
+    fn new(
+        scene: &'a Scene,
+        camera: &Camera,
+        &Frame { grid, extent, scale, .. }: &Frame,
+        kernels: &PacketKernels,
+        (keep, threads): (Keep, usize),
+        in_f32: bool,
+    ) -> Self {
+        let picture = Picture::of(camera);
+        let forms = Forms::new(grid, scale, &light::lights(scene, Keep::NOTHING), far::<f32>(extent));
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
         // No object is in so few tiles where each is to be in all.
         let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
         let spheres = Planning {
             kernel: &kernels.sphere_bounds,
-            view: sphere_view(&grid, scale, picture, far_in_radii, 1.0),
+            view: sphere_view(&grid, scale, picture, forms::FAR_IN_RADII, 1.0),
             picture,
             widening: &widening,
             unseen: Frustum::unseen_sphere,
@@ -171,24 +185,68 @@ impl<'a, E: Element> Tiles<'a, E> {
         let (of_spheres, of_triangles) =
             (spheres.plan(&scene.spheres, threads), triangles.plan(&scene.triangles, threads));
         let wide = [of_spheres.wide, of_triangles.wide].concat();
-        let wide = if !wide.is_empty() { tiles_of(&wide, picture) } else { Vec::new() };
         let near_corners = of_triangles.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
+        Binned {
+            triangles: if near_corners { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
+            of_spheres: of_spheres.bins,
+            of_triangles: of_triangles.bins,
+            wide: if wide.is_empty() { Vec::new() } else { tiles_of(&wide, picture) },
+            extremes: of_spheres.extremes.into_iter().chain(of_triangles.extremes).reduce(Extremes::and),
+        }
+    }
+}
+
+impl<'a, E: Element> Tiles<'a, E> {
+    /// Plans `scene` for `camera` on so many threads, by kernels that find bounds, without the omissions in `keep`.
+    pub fn new(scene: &'a Scene, camera: &Camera, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
+        let frame = Frame::new(scene, camera);
+        let binned = Binned::new(scene, camera, &frame, kernels, (keep, threads), is_f32::<E>());
+        Self::of(scene, camera, frame, keep, Arc::new(binned))
+    }
+
+    /// The same plan for f64.
+    pub fn in_f64(&self, kernels: &PacketKernels, threads: usize) -> Tiles<'a, f64> {
+        let &Tiles { scene, ref camera, frame, keep, ref binned, .. } = self;
+        let binned = if keep == Keep::NOTHING {
+            Arc::clone(binned)
+        } else {
+            Arc::new(Binned::new(scene, camera, &frame, kernels, (keep, threads), false))
+        };
+        Tiles::of(scene, camera, frame, keep, binned)
+    }
+
+    fn of(scene: &'a Scene, camera: &Camera, frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
+        let Frame { grid, extent, scale, .. } = frame;
+        let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
+        // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
+        let lights = light::lights(scene, Keep::NOTHING);
+        let far = far::<E>(extent);
+        let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
+        let points = positions.iter().map(|l| *l / scale);
+        let points = points.map(|l| [l.x, l.y, l.z, 0.0].map(E::from_f64)).collect();
+        let light = |DVec3 { x, y, z }: DVec3, radiance: DVec3| TileLight {
+            x,
+            y,
+            z,
+            red: radiance.x,
+            green: radiance.y,
+            blue: radiance.z,
+        };
+        let weighted = |white: f64, bytes: bool| Weighted {
+            lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
+            spheres: sphere_view(&grid, scale, Picture::of(camera), far_in_radii, white),
+            bytes,
+        };
         Tiles {
             scene,
-            triangles: if near_corners { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
             camera: *camera,
-            grid,
-            unit,
-            scale,
+            frame,
             keep,
             points,
             sphere_lights: lights.iter().map(|of| light(of.position.as_dvec3(), of.radiance())).collect(),
-            linear,
-            levels,
-            sphere_bins: of_spheres.bins,
-            triangle_bins: of_triangles.bins,
-            wide,
-            extremes: of_spheres.extremes.into_iter().chain(of_triangles.extremes).reduce(Extremes::and),
+            linear: weighted(1.0, false),
+            levels: weighted(255.0, true),
+            binned,
         }
     }
 
@@ -199,25 +257,25 @@ impl<'a, E: Element> Tiles<'a, E> {
             // As bits, -0 is more than all that is not negative: nothing is known of the others then.
             most.is_finite() && least > 0.0 && brightest.is_sign_positive() && brightest.is_finite()
         };
-        self.extremes.is_none_or(valid)
+        self.binned.extremes.is_none_or(valid)
     }
 
     /// Whether any tile has an object whose numbers are beyond f32.
     pub fn any_wide(&self) -> bool {
-        !self.wide.is_empty()
+        !self.binned.wide.is_empty()
     }
 
     /// Whether this one has: all of it is to be traced in f64.
     pub fn is_wide(&self, tile: TilePlace) -> bool {
         let [across, _] = self.tiles();
-        self.any_wide() && self.wide[(tile.down * across + tile.across) as usize]
+        self.any_wide() && self.binned.wide[(tile.down * across + tile.across) as usize]
     }
 
     /// Whether red, green and blue of every object and of every light are equal, and two of them are left out.
     pub fn is_grey(&self) -> bool {
         let grey = |light: DVec3| light.x == light.y && light.y == light.z;
         !self.keep.has(Omission::Channels)
-            && self.extremes.is_none_or(|extremes| !extremes.coloured)
+            && self.binned.extremes.is_none_or(|extremes| !extremes.coloured)
             && self.linear.lights.iter().all(|light| grey(radiance(light)))
     }
 
@@ -228,7 +286,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         let dim = |Extremes { brightest, .. }: Extremes| {
             brightest.is_sign_positive() && light.max_element() * f64::from(brightest) <= 1.0
         };
-        !self.keep.has(Omission::Clamp) && self.extremes.is_none_or(dim)
+        !self.keep.has(Omission::Clamp) && self.binned.extremes.is_none_or(dim)
     }
 
     /// What is planned.
@@ -243,7 +301,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// All triangles.
     pub fn facets(&self) -> &[Triangle] {
-        &self.triangles
+        &self.binned.triangles
     }
 
     /// All spheres.
@@ -253,7 +311,8 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Those of them that are in the list of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Seen> {
-        let mut seen: Vec<_> = self.sphere_bins.iter().flat_map(|bins| bins.seen.iter().chain(&bins.large)).collect();
+        let mut seen: Vec<_> =
+            self.binned.of_spheres.iter().flat_map(|bins| bins.seen.iter().chain(&bins.large)).collect();
         seen.sort_unstable_by_key(|seen| seen.id);
         seen.dedup_by_key(|seen| seen.id);
         seen.into_iter().copied()
@@ -261,12 +320,12 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// The bounds of all spheres, empty of those that no ray can hit.
     pub fn sphere_bounds(&self) -> PixelBounds {
-        bounds_in(&self.sphere_bins, self.scene.spheres.len())
+        bounds_in(&self.binned.of_spheres, self.scene.spheres.len())
     }
 
     /// The bounds of all triangles, empty of those that no ray can hit.
     pub fn triangle_bounds(&self) -> PixelBounds {
-        bounds_in(&self.triangle_bins, self.scene.triangles.len())
+        bounds_in(&self.binned.of_triangles, self.scene.triangles.len())
     }
 
     /// The lights as spheres see them, for set-up.
@@ -296,7 +355,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Who is seen from where, to say why something is not.
     pub(super) fn frustum(&self) -> Frustum {
-        Frustum::new(&self.grid)
+        Frustum::new(&self.frame.grid)
     }
 
     /// Pixels of the picture.
@@ -311,28 +370,28 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// A power of two: the tile's 1/t is this over t, along the rays of [`Tiles::ray`].
     pub fn scale(&self) -> f64 {
-        self.scale
+        self.frame.scale
     }
 
     /// The same along the camera's rays.
     pub fn inverse_unit(&self) -> f64 {
-        self.scale * self.unit
+        self.frame.scale * self.frame.unit
     }
 
     /// The ray through a pixel: the camera's, times a power of two.
     pub fn ray(&self, row: u32, column: u32) -> DVec3 {
-        self.grid.ray(row, column).into()
+        self.frame.grid.ray(row, column).into()
     }
 
     /// The grid of these rays.
     pub fn grid(&self) -> TileGrid {
-        let Grid { step, half_width, half_height, focal } = self.grid;
+        let Grid { step, half_width, half_height, focal } = self.frame.grid;
         TileGrid { step, half_width, half_height, focal }
     }
 
     /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
-        for bins in &self.sphere_bins {
+        for bins in &self.binned.of_spheres {
             spheres.extend(bins.large_in(tile));
             spheres.extend_from_slice(bins.of_tile(tile, self.camera.width()));
         }
@@ -342,7 +401,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// one list.
     pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
         let width = self.camera.width();
-        if let [bins] = &*self.triangle_bins
+        if let [bins] = &*self.binned.of_triangles
             && bins.is_one_list()
         {
             return bins.of_tile(tile, width).chunks(MOST_AT_ONCE).for_each(say);
@@ -359,7 +418,7 @@ impl<'a, E: Element> Tiles<'a, E> {
                 seen = others;
             }
         };
-        for bins in &self.triangle_bins {
+        for bins in &self.binned.of_triangles {
             bins.large_in(tile).for_each(|large| add(&[large]));
             add(bins.of_tile(tile, width));
         }
@@ -372,7 +431,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn view(&self, tile: TilePlace) -> (TileView<f64>, TileRays<E>) {
         let (column, row) = tile.first();
         let DVec3 { x: dx, y: dy, z: dz } = self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
-        let Grid { step, half_width, half_height, focal } = self.grid;
+        let Grid { step, half_width, half_height, focal } = self.frame.grid;
         // Of edges in the tile's elements, from the origin: three roundings of each constant and product, and some more
         // for safety. Of what set-up and the reference round in f64: a few units of the largest d there is.
         let unit = if size_of::<E>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
@@ -384,7 +443,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             dz,
             step,
             down: -step,
-            scale: self.scale,
+            scale: self.frame.scale,
             bound_x: exact * 2.0 * half_width + relative * half * step,
             bound_y: exact * 2.0 * half_height + relative * half * step,
             bound_z: exact * focal,

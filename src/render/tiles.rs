@@ -53,8 +53,12 @@ impl<'a, E: Element> TileTracer<'a, E> {
         (keep, threads): (Keep, usize),
     ) -> Self {
         let plan = Tiles::new(scene, camera, packets, keep, threads);
-        let wide = plan.any_wide().then(|| Box::new(TileTracer::double(packets, scene, camera, (keep, threads))));
-        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide }
+        let wide = || Box::new(TileTracer::of(packets, &packets.double, plan.in_f64(packets, threads)));
+        TileTracer { wide: plan.any_wide().then(wide), ..Self::of(packets, kernels, plan) }
+    }
+
+    fn of(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>, plan: Tiles<'a, E>) -> Self {
+        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None }
     }
 
     /// See [`Tiles::is_valid`].

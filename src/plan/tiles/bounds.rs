@@ -10,7 +10,7 @@ use super::{covered, range};
 use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
-use crate::scene::Grid;
+use crate::scene::{Camera, Grid};
 
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
@@ -23,6 +23,10 @@ pub(super) struct Picture {
 }
 
 impl Picture {
+    pub(super) fn of(camera: &Camera) -> Self {
+        Picture { width: camera.width(), height: camera.height() }
+    }
+
     /// The bounds of an object that may be anywhere.
     pub(super) fn whole(self) -> [u32; 2] {
         [self.width << 16, self.height << 16]
@@ -96,7 +100,7 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) most_tiles: Option<usize>,
     /// As many are put in the order of their nearness, more stay in the scene's.
     pub(super) most_sorted: usize,
-    /// Whether it is for kernels in f32: what is beyond them is then in no tile of theirs, whatever is kept.
+    /// Whether it is for kernels in f32: what is beyond them is in no tile of theirs, even if it is kept.
     pub(super) in_f32: bool,
 }
 
@@ -131,11 +135,13 @@ where
         // A NaN is not known to be less than anything.
         let is_sure = |near: f32| near <= narrow;
         if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
-            let is_wide = |seen: &mut Seen| {
-                !is_sure(seen.near) && (self.form)(&objects[(seen.id - first_id) as usize], seen) == Form::Wide
+            let mut is_wide = |seen: &mut Seen| {
+                let object = &objects[(seen.id - first_id) as usize];
+                let is_wide = !is_sure(seen.near) && (self.form)(object, seen) == Form::Wide && self.in_f32;
+                wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
+                is_wide
             };
-            wide.extend(seen.extract_if(.., |seen| is_wide(seen) && self.in_f32));
-            wide.retain(|seen| covered(seen.columns, seen.rows) > 0);
+            seen.retain_mut(|seen| !(is_wide(seen) && all));
         }
         if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= LONG as f32) {
             let is_long = |seen: &&Seen| range(seen.columns).len().max(range(seen.rows).len()) >= LONG;
