@@ -31,7 +31,7 @@ use crate::scene::{Grid, Light, Sphere, Triangle};
 
 const OUTLINE: f64 = 4.0;
 const STEEPEST: f64 = 16.0;
-pub(super) const LONG: usize = 16;
+pub(super) const LONG: usize = 32;
 const MOST: f64 = (1u64 << 60) as f64;
 const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
@@ -163,17 +163,21 @@ impl Forms {
     /// have.
     pub(super) fn steep_tiles(&self, triangle: &Triangle, seen: &Seen, tiles: &mut Vec<Seen>) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
-        let Some(volume) = geometry::triangle_volume(corners) else { return };
         let Grid { step, half_width, half_height, focal } = self.grid;
-        let n = geometry::triangle_plane(corners) * (self.scale / volume);
-        let [tx, ty] = [n.x * step, -n.y * step];
-        let error = |x: f64, y: f64| 4.0 * tx.abs() * x + 5.0 * ty.abs() * y;
-        let is_exact = |error: f64, w: f64| error <= (STEEPEST - 3.0) * w;
-        let farthest = self.extent() / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
         let (half_columns, half_rows) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
-        if is_exact(error(half_columns, half_rows), farthest) {
+        let farthest = focal / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
+        // Nearly all are not steep, whatever the rounding of their planes.
+        let [v, a, b] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
+        let n = a.cross(b);
+        let rounding = 8.0 * f64::EPSILON * a.abs().max_element() * b.abs().max_element();
+        let most = n.abs() + rounding;
+        let error = step * (4.0 * half_columns * most.x + 5.0 * half_rows * most.y);
+        if error <= (STEEPEST - 3.0) * farthest * (v.dot(n).abs() - 4.0 * rounding * v.abs().max_element()) {
             return;
         }
+        let Some(volume) = geometry::triangle_volume(corners) else { return };
+        let n = geometry::triangle_plane(corners) / volume;
+        let [tx, ty] = [n.x * step, -n.y * step];
         let (columns, rows) = (range(seen.columns), range(seen.rows));
         for down in tile_range(rows.clone(), TILE_HEIGHT) {
             for across in tile_range(columns.clone(), TILE_WIDTH) {
@@ -192,8 +196,9 @@ impl Forms {
                     focal,
                 );
                 let least = n.dot(d) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
-                let most_error = error(left.abs().max(right.abs()), top.abs().max(bottom.abs()));
-                if !is_exact(most_error, least.max(farthest)) {
+                let error = 4.0 * tx.abs() * left.abs().max(right.abs()) + 5.0 * ty.abs() * top.abs().max(bottom.abs());
+                let is_exact = error <= (STEEPEST - 3.0) * least.max(farthest);
+                if !is_exact {
                     tiles.push(Seen { columns: of_columns, rows: of_rows, ..*seen });
                 }
             }
