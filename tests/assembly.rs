@@ -438,7 +438,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 177] = [
+const PACKET_SNIPPETS: [Snippet; 174] = [
     ("ELEMENT", "", "ELEM"),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
@@ -503,9 +503,7 @@ const PACKET_SNIPPETS: [Snippet; 177] = [
     ("PIXELS_SINCE", "", "RGBA8, rax, rcx, LANES"),
     ("PIXELS_SINCE", "of RGB8", "RGB8, rax, rcx, LANES"),
     ("PIXELS_SINCE", "of F32X3", "F32X3, rax, rcx, LANES"),
-    ("PACK_RGB8", "", "0, 2, 3, 0, 1"),
-    ("PACK_RGB8", "with the clamp", "0, 2, 3, 1, 1"),
-    ("PACK_RGB8", "in rows of a block", "0, 2, 3, 0, 0"),
+    ("PACK_RGB8", "", "0, 2, 3"),
     ("GREY_RGB8", "", "0"),
     ("SIDE_BY_SIDE", "", "0"),
     ("SHUFFLE", "", "v0, v0, v1, 0"),
@@ -543,7 +541,6 @@ const PACKET_SNIPPETS: [Snippet; 177] = [
     ("STORE_OWN", "", "rdi, rax, rcx, v0, v1, v2, v3"),
     ("STORE_RGBA8", "", "rdi, 0, movups"),
     ("STORE_RGB8", "", "rdi, 0, movups"),
-    ("STORE_ROW_RGB8", "", "rdi, 0"),
     ("STORE_F32X3", "", "rdi, 0, movups"),
     ("STORE_F32X3", "past the cache", "rdi, 0, movntps"),
     ("STORE_F32X4", "", "rdi, 0, movups"),

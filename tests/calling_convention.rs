@@ -9,14 +9,14 @@ mod kernel_cases;
 use std::fmt::Debug;
 use std::ops::Range;
 
-use glam::Vec3;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
 use rayo::kernels::{
-    Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InsideSpan, LIT_ROWS,
-    Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Objects, Op, OpRef, PacketKernels, Plain, Planes, Rgb8,
-    Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres,
-    Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
+    Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InRow, InsideSpan,
+    LIT_ROWS, Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, Objects, Op, OpRef, PacketKernels,
+    Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords,
+    SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c,
+    hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -399,9 +399,10 @@ fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[Lit<E>], rng: 
     let mut recoloured = 0;
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
-        let mut row = row(&kernels.outside, lits, &kernel_cases::outside_span(Numbers::Ordinary, 1.0, WIDTH, rng));
+        let mut row =
+            row(&kernels.outside_in_row, lits, &kernel_cases::outside_span(Numbers::Ordinary, 1.0, WIDTH, rng));
         let nearer = kernel_cases::outside_span(Numbers::Ordinary, 2.0, pixels, rng);
-        kernels.outside.depth.call(&nearer, &mut row, x.clone());
+        kernels.outside_in_row.depth.call(&nearer, &mut row, x.clone());
         let sphere = kernel_cases::lit_sphere(Numbers::Ordinary, rng);
         let lit_row = LitRow { id: nearer.id, ..kernel_cases::lit_row(Numbers::Ordinary, pixels, rng) };
         let mut rows = Guarded::new(&[LitRows::default()], Side::After).unwrap();
@@ -439,7 +440,7 @@ fn planes<E: Element>(row: &Row<E>) -> [Vec<u64>; 5] {
 }
 
 /// A row in which the object 1 is, seen and shaded, in some places.
-fn row<S: Plain, E: Element>(bodies: &Bodies<S, E>, lits: &[Lit<E>], first: &S) -> Row<E> {
+fn row<S: Plain, E: Element>(bodies: &InRow<S, E>, lits: &[Lit<E>], first: &S) -> Row<E> {
     let mut row = Row::new(WIDTH);
     bodies.depth.call(first, &mut row, 0..WIDTH);
     bodies.planes.call(first, lits, &mut row, 0..WIDTH);
@@ -502,20 +503,18 @@ fn check_own<E: Element>(
 
 /// All kernels of an object but those of the short form.
 fn check_bodies<S: Plain, E: Element>(
-    bodies: &Bodies<S, E>,
+    alone: Option<&Bodies<S, E>>,
+    bodies: &InRow<S, E>,
     normals: Option<&Planes<S, E>>,
     lits: &[Lit<E>],
     mut span: impl FnMut(f64, usize) -> S,
 ) {
     let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
-    check_shade(&bodies.f32x4, |pixels| spans[pixels], lits);
-    check_shade(&bodies.f32x4_fast, |pixels| spans[pixels], lits);
-    check_shade(&bodies.f32x3, |pixels| spans[pixels], lits);
-    check_shade(&bodies.f32x3_fast, |pixels| spans[pixels], lits);
-    check_shade(&bodies.rgba8, |pixels| spans[pixels], lits);
-    check_shade(&bodies.rgba8_dim, |pixels| spans[pixels], lits);
-    check_shade(&bodies.rgb8, |pixels| spans[pixels], lits);
-    check_shade(&bodies.rgb8_dim, |pixels| spans[pixels], lits);
+    if let Some(alone) = alone {
+        check_shade(&alone.f32x4, |pixels| spans[pixels], lits);
+        check_shade(&alone.f32x4_fast, |pixels| spans[pixels], lits);
+        check_shade(&alone.rgba8, |pixels| spans[pixels], lits);
+    }
     let (mut won, mut recoloured, mut tried) = (0, 0, 0);
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -561,18 +560,21 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let opposite = |l: Lit<E>| Lit { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
     let opposite = |l: Lit<E>| [l, Lit { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
     let lits: Vec<_> = lits.flat_map(opposite).collect();
-    check_bodies(&kernels.outside, Some(&kernels.outside_normals), &lits, |id, pixels| {
+    let (outside, triangle) = (Some(&kernels.outside), Some(&kernels.triangle));
+    check_bodies(outside, &kernels.outside_in_row, Some(&kernels.outside_normals), &lits, |id, pixels| {
         kernel_cases::outside_span(numbers, id, pixels, rng)
     });
-    check_bodies(&kernels.near, Some(&kernels.near_normals), &lits, |id, pixels| {
+    check_bodies(None, &kernels.near_in_row, Some(&kernels.near_normals), &lits, |id, pixels| {
         kernel_cases::near_span(numbers, id, pixels, rng)
     });
-    check_bodies(&kernels.inside, Some(&kernels.inside_normals), &lits, |id, pixels| {
+    check_bodies(None, &kernels.inside_in_row, Some(&kernels.inside_normals), &lits, |id, pixels| {
         // No root of what is below 0: it would be black.
         let span: InsideSpan<E> = kernel_cases::inside_span(numbers, id, pixels, rng);
         InsideSpan { g: E::from_f64(100.0), k: E::from_f64(span.k.to_f64().abs()), ..span }
     });
-    check_bodies(&kernels.triangle, None, &lits, |id, pixels| kernel_cases::triangle_span(numbers, id, pixels, rng));
+    check_bodies(triangle, &kernels.triangle_in_row, None, &lits, |id, pixels| {
+        kernel_cases::triangle_span(numbers, id, pixels, rng)
+    });
     for bodies in [&kernels.lit, &kernels.grey] {
         let sphere = kernel_cases::lit_sphere(numbers, rng);
         check_shade_rows(&bodies.f32x4, &sphere, rng);
@@ -590,7 +592,7 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let row = (0..20).map(|_| {
         let mut span = kernel_cases::outside_span(numbers, 1.0, WIDTH, rng);
         span.near = E::from_f64(1.0);
-        row(&kernels.outside, &[light], &span)
+        row(&kernels.outside_in_row, &[light], &span)
     });
     let coloured = |row: &Row<E>| row.plane(1).iter().filter(|x| x.to_f64() > 1.0).count();
     let row = row.max_by_key(coloured).unwrap();
@@ -599,8 +601,6 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
         let [r, g, b] = c.map(|x| x as f32);
         Vec4::new(r, g, b)
     });
-    check_emit(&kernels.emit_f32x3, &row, |c| c.map(|x| x as f32));
-    check_emit(&kernels.emit_rgb8, &row, |c| c.map(|x| x.min(255.0) as u8));
     check_emit(&kernels.emit_rgba8, &row, |c| {
         let [r, g, b] = c.map(|x| x.min(255.0) as u8);
         [r, g, b, 255]
@@ -614,6 +614,33 @@ fn every_packet_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_al
         check_span_kernels(&kernels.single, &mut Rng::new(seed));
         check_span_kernels(&kernels.double, &mut Rng::new(seed));
         check_fill(&kernels.fill);
+        check_narrow(&kernels.narrow_rgb8, |i| [i, i + 1, i + 2, 255], |[r, g, b, _]| [r, g, b]);
+        let four = |i: u8| Vec4::new(i.into(), f32::from(i) + 0.5, f32::MAX);
+        check_narrow(&kernels.narrow_f32x3, four, |four| [four.x, four.y, four.z]);
+    }
+}
+
+/// Pixels of four channels, made from numbers, and of three, made from those.
+fn check_narrow<Four: Plain, P: Pixel>(kernel: &Narrow<Four, P>, four: impl Fn(u8) -> Four, three: impl Fn(Four) -> P) {
+    let four: Vec<_> = (0..COUNTS.end).map(|i| four(i as u8)).collect();
+    check_writes(
+        kernel.symbol(),
+        |_, out| kernel.call_checked(&four[..out.len()], out),
+        |_, out| kernel.call(&four[..out.len()], out),
+    );
+    let mut out = vec![P::CANARY; four.len()];
+    kernel.call(&four, &mut out);
+    for (four, out) in four.into_iter().zip(out) {
+        assert_eq!(out.bits(), three(four).bits(), "{}", kernel.symbol());
+    }
+    for side in SIDES {
+        let four = Guarded::new(&vec![Four::ZERO; 37], side).unwrap();
+        let mut out = [P::CANARY; 37];
+        assert!(
+            survives(|| kernel.call(&four, &mut out)).unwrap(),
+            "{}: the guard page {side:?} is touched",
+            kernel.symbol()
+        );
     }
 }
 
@@ -812,14 +839,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 };
                 check_shade_tile(&kernels.f32x4, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.f32x4_fast, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.f32x3, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.f32x3_fast, &plan, &checked, looks, &window);
                 check_shade_tile(&kernels.rgba8, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgb8, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgba8_dim, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgb8_dim, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgba8_grey, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgb8_grey, &plan, &checked, looks, &window);
             }
         }
     }
@@ -868,20 +888,6 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
     }
 }
 
-/// Whether red, green and blue differ.
-fn has_colour(colour: Vec3) -> bool {
-    colour.min_element() != colour.max_element()
-}
-
-/// Some scenes are grey but for the objects from some place on.
-fn colour_of(i: usize, count: usize, colour: Vec3) -> Vec3 {
-    match count {
-        1 | 63 => Vec3::splat(colour.x),
-        64 | 65 if i + 1 < count => Vec3::splat(colour.y),
-        _ => colour,
-    }
-}
-
 fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
     let (width, height) = (64.0, 32.0);
     let view = SphereView {
@@ -900,9 +906,6 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
         let mut scene = scene::many(count, 0, seed);
         scene.spheres.iter_mut().skip(3).step_by(5).for_each(|sphere| sphere.centre.z = -sphere.centre.z);
         scene.spheres.iter_mut().skip(4).step_by(7).for_each(|sphere| sphere.centre.z = 0.1);
-        for (i, sphere) in scene.spheres.iter_mut().enumerate() {
-            sphere.colour = colour_of(i, count, sphere.colour);
-        }
         for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             let balls = Guarded::new(&scene.spheres, side).unwrap();
             let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
@@ -919,10 +922,9 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
             let most = balls.iter().map(|sphere| sphere.centre.abs().max_element()).chain(radii()).fold(0.0, f32::max);
             let brightest = balls.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
             let least = radii().fold(f32::MAX, f32::min);
-            let coloured = balls.iter().any(|sphere| has_colour(sphere.colour));
             let nearest = extremes.nearest;
             let longest = 0.0;
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest, longest }, "{what}");
+            assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
             let nears = checked[..found].iter().map(|seen| seen.near);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
@@ -953,10 +955,7 @@ fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
 fn check_bounds(kernels: &PacketKernels, seed: u64) {
     let view = bounds_view(64, 32);
     for count in [1, 2, 3, 5, 63, 64, 65, 200] {
-        let mut scene = scene::many(0, count, seed);
-        for (i, triangle) in scene.triangles.iter_mut().enumerate() {
-            triangle.colour = colour_of(i, count, triangle.colour);
-        }
+        let scene = scene::many(0, count, seed);
         for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             let facets = Guarded::new(&scene.triangles, side).unwrap();
             let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
@@ -973,10 +972,9 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
             let brightest = facets.iter().map(|facet| facet.colour.max_element()).fold(0.0, f32::max);
             let (most, least) =
                 (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
-            let coloured = facets.iter().any(|facet| has_colour(facet.colour));
             let nearest = extremes.nearest;
             let longest = extremes.longest;
-            assert_eq!(extremes, Extremes { most, least, brightest, coloured, nearest, longest }, "{what}");
+            assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
             let nears = checked[..found].iter().map(|seen| seen.near);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");

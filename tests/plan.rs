@@ -297,11 +297,11 @@ fn what_depends_on_kinds_colours_and_overlap_is_counted() {
     let two = report(lamp, "0  2  1 1 0  -9 -9 20  9 -9 20  0 9 20  1 0 0  -90 -90 200  90 -90 200  0 90 200");
     assert_eq!(count(&two, Omission::Depths), count(&two, Omission::Hidden), "{two:?}");
     assert_eq!(count(&two, Omission::Misses) + 2 * count(&two, Omission::Hidden), 2 * 160 * 120);
-    for (omission, expected) in [(Omission::SphereCode, 1), (Omission::Clamp, 2), (Omission::Channels, 0)] {
+    for (omission, expected) in [(Omission::SphereCode, 1), (Omission::Channels, 0)] {
         assert_eq!(count(&two, omission), expected, "{omission:?}: {two:?}");
     }
     let bright = report("1  2 1 1 1  -9 9 0", "1  2 1 1 1  0 0 20  0");
-    assert_eq!([Omission::Clamp, Omission::Loop].map(|it| count(&bright, it)), [0, 0], "{bright:?}");
+    assert_eq!(count(&bright, Omission::Loop), 0, "{bright:?}");
 }
 
 #[test]
@@ -387,7 +387,6 @@ fn what_tiles_leave_out_is_counted() {
         (Omission::Constants, FILLERS as u64),
         (Omission::Loop, FILLERS as u64),
         (Omission::Channels, 0),
-        (Omission::Clamp, FILLERS as u64),
         (Omission::FloatImage, 160 * 120),
         (Omission::Occluded, 0),
         (Omission::Unseen, 0),
@@ -406,41 +405,6 @@ fn what_tiles_leave_out_is_counted() {
     let all = tile_report(lamps, &["1  1 1 1  -90 0 20"], &triangles, Keep::all());
     assert_eq!((all.kept.spheres, all.kept.triangles, all.kept.lights), (FILLERS + 1, 100, 1), "{all:?}");
     assert!(all.left_out.iter().all(|line| line.switch != Switch::Work), "{all:?}");
-}
-
-#[test]
-fn tiles_leave_out_two_channels_of_grey_scenes_and_the_clamp_of_dim_ones() {
-    let grey = |intensity: f32| {
-        let mut scene = many(20, 20, 1);
-        scene.spheres.iter_mut().for_each(|sphere| sphere.colour = Vec3::splat(0.5));
-        scene.triangles.iter_mut().for_each(|triangle| triangle.colour = Vec3::ONE);
-        scene.lights.iter_mut().for_each(|light| (light.colour, light.intensity) = (Vec3::ONE, intensity));
-        scene
-    };
-    let with = |change: fn(&mut Scene)| {
-        let mut scene = grey(0.5);
-        change(&mut scene);
-        scene
-    };
-    let objects = 40;
-    for (what, scene, keep, channels, clamp) in [
-        ("grey", grey(0.5), Keep::NOTHING, objects, 0),
-        ("grey and bright", grey(2.0), Keep::NOTHING, objects, 0),
-        ("grey, but kept", grey(0.5), Keep::only(Omission::Channels), 0, objects),
-        ("a coloured sphere", with(|scene| scene.spheres[19].colour.y = 0.25), Keep::NOTHING, 0, objects),
-        ("a coloured triangle", with(|scene| scene.triangles[3].colour.z = 0.25), Keep::NOTHING, 0, objects),
-        ("a coloured light", with(|scene| scene.lights[1].colour.x = 0.25), Keep::NOTHING, 0, objects),
-        ("a bright triangle", with(|scene| scene.triangles[3].colour.z = 1.125), Keep::NOTHING, 0, 0),
-        ("a bright light", with(|scene| scene.lights[1].colour.x = 1.125), Keep::NOTHING, 0, 0),
-        ("dim, but kept", with(|scene| scene.lights[1].colour.x = 0.25), Keep::only(Omission::Clamp), 0, 0),
-    ] {
-        let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep, ..Purpose::default() };
-        let report = Engine::fastest().report(purpose, &scene, &scene.camera).unwrap();
-        let kept = (report.kept.spheres + report.kept.triangles) as u64;
-        assert_eq!(kept, objects, "{what}");
-        let counts = [Omission::Channels, Omission::Clamp].map(|omission| count(&report, omission));
-        assert_eq!(counts, [channels, clamp], "{what}: {report:?}");
-    }
 }
 
 /// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f, 160)` the ray of row and col

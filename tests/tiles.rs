@@ -109,44 +109,6 @@ fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_the
     }
 }
 
-#[test]
-fn a_grey_or_a_dim_scene_has_the_bytes_of_a_coloured_and_bright_one() {
-    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (60, 200, 3), (5000, 9, 4)] {
-        let mut scene = scattered(spheres, triangles, seed, camera(203, 97));
-        let mut tint = |of_objects: Vec3, of_lights: Vec3, intensity: f32| {
-            for (i, colour) in colours(&mut scene).enumerate() {
-                *colour = of_objects * if i % 2 == 0 { 1.0 } else { 0.5 };
-            }
-            scene.lights.iter_mut().for_each(|light| {
-                light.colour = of_lights;
-                light.intensity = intensity;
-            });
-            scene.clone()
-        };
-        let lights = if seed % 2 == 0 { 1.0 } else { 2.0 };
-        for (what, scene) in [
-            ("grey and bright", tint(Vec3::splat(0.9), Vec3::ONE, 3.0)),
-            ("grey and dim", tint(Vec3::ONE, Vec3::ONE, 1.0 / lights)),
-            ("coloured objects", tint(Vec3::new(1.0, 0.9, 0.8), Vec3::ONE, 1.0 / lights)),
-            ("coloured lights", tint(Vec3::ONE, Vec3::new(0.7, 0.9, 1.0), 1.0 / lights)),
-            ("a little too bright", tint(Vec3::ONE, Vec3::new(0.7, 0.9, 1.0), 1.01 / lights)),
-        ] {
-            for contender in packets() {
-                for format in [PixelFormat::Rgba8, PixelFormat::Rgb8] {
-                    let differing = differing_by_force(&contender, &scene, format);
-                    assert_eq!(differing, 0, "{contender}, {format:?}, {what}: {spheres}, {triangles}");
-                }
-            }
-        }
-    }
-}
-
-/// Those of all objects.
-fn colours(scene: &mut Scene) -> impl Iterator<Item = &mut Vec3> {
-    let triangles = scene.triangles.iter_mut().map(|triangle| &mut triangle.colour);
-    scene.spheres.iter_mut().map(|sphere| &mut sphere.colour).chain(triangles)
-}
-
 /// Red, green and blue of each pixel, made in bytes by tiles.
 fn bytes(contender: &Contender, scene: &Scene) -> Vec<[u8; 3]> {
     let picture = film(tiles(contender, scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8);

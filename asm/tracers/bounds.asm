@@ -11,8 +11,8 @@
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
 ;               r9 the next id, r10 seen, r11 packets to go, r15 the last facet
-;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the bits
-;               in which channels differ, and after them the greatest of what 1/t cannot exceed
+;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the
+;               greatest of what 1/t cannot exceed
 ;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
 ;               all triangles together, for who judges the scene's numbers, those in BoundsFound
@@ -94,24 +94,11 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
-; COLOURED - adds to those at SCRATCH the bits in which channels differ of as many colours as a register has f32.
-%macro COLOURED 3
-%define %%turned %1     ; [in]       Corners or Balls, at r8
-%define %%s %2          ; [clobbered] number of a register
-%define %%t %3          ; [clobbered] number of a register
-    VMOV    v%[%%s], [r8 + %%turned %+ .red]
-    VXOR    v%[%%t], v%[%%s], [r8 + %%turned %+ .green]
-    VXOR    v%[%%s], v%[%%s], [r8 + %%turned %+ .blue]
-    IOR     v%[%%s], v%[%%s], v%[%%t]
-    IOR     v%[%%s], v%[%%s], [SCRATCH]
-    VMOV_TO [SCRATCH], v%[%%s]
-%endmacro
-
-; NEARNESS - makes those after SCRATCH the greater of themselves and of what 1/t cannot exceed, as bits.
+; NEARNESS - makes those at SCRATCH the greater of themselves and of what 1/t cannot exceed, as bits.
 %macro NEARNESS 1
 %define %%near %1       ; [clobbered] number of a register: f32, or 0
-    IOP     pmaxud, v%[%%near], v%[%%near], [SCRATCH + VBYTES]
-    VMOV_TO [SCRATCH + VBYTES], v%[%%near]
+    IOP     pmaxud, v%[%%near], v%[%%near], [SCRATCH]
+    VMOV_TO [SCRATCH], v%[%%near]
 %endmacro
 
 ; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
@@ -133,7 +120,6 @@
     VMOV    v13, %%greatest
     VZERO   v14
     VMOV_TO [SCRATCH], v14
-    VMOV_TO [SCRATCH + VBYTES], v14
 .chunk:
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
@@ -161,8 +147,6 @@
     VSTORE  [r8 + BoundsFound.least], v13
     VSTORE  [r8 + BoundsFound.brightest], v14
     VMOV    v0, [SCRATCH]
-    VSTORE  [r8 + BoundsFound.coloured], v0
-    VMOV    v0, [SCRATCH + VBYTES]
     VSTORE  [r8 + BoundsFound.nearest], v0
     sub     r10, [rsi + BoundsTask.seen]
     shr     r10, 4                      ; Seen_size is 16
@@ -202,7 +186,6 @@ FUNC ISA %+ _bounds
     IOP     pmaxud, w14, w14, [r8 + Corners.red]
     IOP     pmaxud, w14, w14, [r8 + Corners.green]
     IOP     pmaxud, w14, w14, [r8 + Corners.blue]
-    COLOURED Corners, 6, 7
     VMIN    v3, v0, v1
     VMIN    v3, v3, v2
     VMAX    v4, v0, v1

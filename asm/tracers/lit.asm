@@ -82,7 +82,7 @@
 
 ; LIT_PIXELS_LIT_RGB8 - the pixels of LIT_BODY_LIT in w1 and w2.
 %macro LIT_PIXELS_LIT_RGB8 0
-    PACK_RGB8 1, 2, 3, 0, 1
+    PACK_RGB8 1, 2, 3
 %endmacro
 
 ; LIT_PIXELS_GREY_F32X4 - the pixels of LIT_BODY_GREY in w4 and up.

@@ -7,7 +7,8 @@
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
-;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(span, lits, lit_count, out, pixels, streaming)
+;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(span, lits, lit_count, out, pixels, streaming), of a
+;                                   sphere from outside or a triangle
 ;   rayo_<p>_<object>_planes        unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
 ;   rayo_<p>_<object>_normals       unsafe extern "sysv64" fn(span, lits, lit_count, row, pixels, stride)
 ;   rayo_<p>_<object>_depth         unsafe extern "sysv64" fn(span, row, pixels, stride)
@@ -18,10 +19,7 @@
 ;               inside      a sphere from inside
 ;               triangle    a triangle
 ;   <output>    f32x4       linear red, green, blue, 0
-;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
-;               rgb8        levels of red, green, blue
-;               rgba8_dim, rgb8_dim     the same without the clamp, for colours that are known not to exceed white
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
@@ -30,7 +28,7 @@
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them
 ;   out         *mut of the first pixel; pixels >= 1 of them are written and nothing else
-;   streaming   u64: not 0 for stores that go past the cache; not rgb8
+;   streaming   u64: not 0 for stores that go past the cache
 ;   row         *mut element: five planes of `stride` bytes each: who (0 for nobody, else the span's id), red, green,
 ;               blue, 1/t. It points to the span's first pixel, and up to LANES - 1 elements past its last are read and
 ;               written back unchanged (depth) or in pixels that are the span's own (planes)
@@ -122,29 +120,9 @@
     TURN_F32X4 1, 2, 3, 4, 8, 9
 %endmacro
 
-; PIXELS_F32X3 - from colours in v1, v2, v3 to pixels in w4 and up.
-%macro PIXELS_F32X3 0
-    TURN_F32X3 1, 2, 3, 4, 8
-%endmacro
-
 ; PIXELS_RGBA8 - from colours in v1, v2, v3 to pixels in w1, none brighter than white.
 %macro PIXELS_RGBA8 0
     PACK_RGBA8 1, 2, 3, 1
-%endmacro
-
-; PIXELS_RGBA8_DIM - the same where none is brighter than white to begin with.
-%macro PIXELS_RGBA8_DIM 0
-    PACK_RGBA8 1, 2, 3, 0
-%endmacro
-
-; PIXELS_RGB8 - from colours in v1, v2, v3 to pixels in w1 and w2, none brighter than white.
-%macro PIXELS_RGB8 0
-    PACK_RGB8 1, 2, 3, 1, 1
-%endmacro
-
-; PIXELS_RGB8_DIM - the same where none is brighter than white to begin with.
-%macro PIXELS_RGB8_DIM 0
-    PACK_RGB8 1, 2, 3, 0, 1
 %endmacro
 
 ; SHADE - a function that shades the pixels of a span one packet after another.
@@ -154,13 +132,12 @@
 ;   the span's own pixels are stored.
 ;
 ;   r10 first lane of the packet that is stored, r8 the lane past the last (beyond LANES where more packets follow)
-%macro SHADE 6
+%macro SHADE 5
 %define %%object %1     ; [in]       part of the function's name
 %define %%output %2     ; [in]       part of the function's name
 %define %%body %3       ; [in]       BODY_<body>
-%define %%pixels %4     ; [in]       PIXELS_<pixels>
-%define %%format %5     ; [in]       F32X4, F32X3, RGBA8 or RGB8
-%define %%constants %6  ; [in]       fields of the span record
+%define %%format %4     ; [in]       F32X4 or RGBA8
+%define %%constants %5  ; [in]       fields of the span record
 FUNC NAME(%%object, %%output)
     CONSTANTS %%constants
     PIXELS_SINCE %%format, r10, rcx, %[%%format]_PERIOD
@@ -174,15 +151,13 @@ FUNC NAME(%%object, %%output)
 align 16
 .packet:
     BODY_ %+ %%body
-    PIXELS_ %+ %%pixels
+    PIXELS_ %+ %%format
     cmp     r8, LANES
     jb      .part
     test    r10d, r10d
     jnz     .part
-%if %[%%format]_STREAMS
     test    r9d, r9d
     jnz     .stream
-%endif
     STORE_ %+ %%format rcx, %[%%format]_FIRST, movups
 .next:
     add     rcx, LANES * %%format %+ _BYTES
@@ -191,11 +166,9 @@ align 16
     ja      .packet
     UNCONSTANTS
     ret
-%if %[%%format]_STREAMS
 .stream:
     STORE_ %+ %%format rcx, %[%%format]_FIRST, movntps
     jmp     .next
-%endif
 .part:
     mov     r11d, LANES
     cmp     r8, r11
@@ -265,7 +238,7 @@ ENDFUNC
 ; EMIT - a function that writes a row of buffers out.
 %macro EMIT 2
 %define %%output %1     ; [in]       part of the function's name
-%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %2     ; [in]       F32X4 or RGBA8
 FUNC NAME(emit, %%output)
     mov     r8, rcx                     ; pixels
     mov     rcx, rdx                    ; out
@@ -295,7 +268,7 @@ ENDFUNC
 
 ; STORE_NATURAL - all pixels of a packet whose lanes are in the natural order.
 %macro STORE_NATURAL 2
-%define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %1     ; [in]       F32X4 or RGBA8
 %define %%m %2          ; [in]       address
 %ifidn %%format, F32X4
     STORE_NATURAL_F32X4 %%m, F32X4_FIRST
@@ -304,15 +277,12 @@ ENDFUNC
 %endif
 %endmacro
 
-; SHADES - the functions that shade spans of each object to one output.
-%macro SHADES 3
+; SHADES - the functions that shade spans of the usual objects to one output; the others go by way of a row of buffers.
+%macro SHADES 2
 %define %%output %1     ; [in]       part of the functions' names
-%define %%pixels %2     ; [in]       PIXELS_<pixels>
-%define %%format %3     ; [in]       F32X4, F32X3, RGBA8 or RGB8
-    SHADE   outside, %%output, OUTSIDE, %%pixels, %%format, 19
-    SHADE   near, %%output, NEAR, %%pixels, %%format, 17
-    SHADE   inside, %%output, INSIDE, %%pixels, %%format, 15
-    SHADE   triangle, %%output, TRIANGLE, %%pixels, %%format, 12
+%define %%format %2     ; [in]       F32X4 or RGBA8
+    SHADE   outside, %%output, OUTSIDE, %%format, 19
+    SHADE   triangle, %%output, TRIANGLE, %%format, 12
 %endmacro
 
 ; ALL_PLANES - the functions that shade each object's pixels in a row of buffers.
@@ -325,31 +295,24 @@ ENDFUNC
 %endmacro
 
 %assign ESTIMATE 0
-    SHADES  f32x4, F32X4, F32X4
-    SHADES  f32x3, F32X3, F32X3
+    SHADES  f32x4, F32X4
     ALL_PLANES planes
     DEPTH   outside, OUTSIDE, 19
     DEPTH   near, NEAR, 17
     DEPTH   inside, INSIDE, 15
     DEPTH   triangle, TRIANGLE, 12
     EMIT    f32x4, F32X4
-    EMIT    f32x3, F32X3
     EMIT    rgba8, RGBA8
-    EMIT    rgb8, RGB8
     PLANES  outside, normals, OUTSIDE_NORMAL, 19
     PLANES  near, normals, NEAR_NORMAL, 17
     PLANES  inside, normals, INSIDE_NORMAL, 15
 %if ELEM == 4
 %assign ESTIMATE 1
-    SHADES  f32x4_fast, F32X4, F32X4
-    SHADES  f32x3_fast, F32X3, F32X3
+    SHADES  f32x4_fast, F32X4
     ALL_PLANES planes_fast
 %endif
 %assign ESTIMATE ELEM == 4
-    SHADES  rgba8, RGBA8, RGBA8
-    SHADES  rgba8_dim, RGBA8_DIM, RGBA8
-    SHADES  rgb8, RGB8, RGB8
-    SHADES  rgb8_dim, RGB8_DIM, RGB8
+    SHADES  rgba8, RGBA8
 
 ; This file is assembled once per element type.
 %unmacro LIGHTS 2
@@ -363,13 +326,9 @@ ENDFUNC
 %unmacro DEN_INSIDE 0
 %unmacro DEN_TRIANGLE 0
 %unmacro PIXELS_F32X4 0
-%unmacro PIXELS_F32X3 0
 %unmacro PIXELS_RGBA8 0
-%unmacro PIXELS_RGBA8_DIM 0
-%unmacro PIXELS_RGB8 0
-%unmacro PIXELS_RGB8_DIM 0
-%unmacro SHADE 6
-%unmacro SHADES 3
+%unmacro SHADE 5
+%unmacro SHADES 2
 %unmacro PLANES 4
 %unmacro ALL_PLANES 1
 %unmacro DEPTH 3

@@ -52,7 +52,6 @@ FUNC ISA %+ _sphere_bounds
     IOP     pmaxud, v14, v14, [r8 + Balls.red]
     IOP     pmaxud, v14, v14, [r8 + Balls.green]
     IOP     pmaxud, v14, v14, [r8 + Balls.blue]
-    COLOURED Balls, 0, 1
     add     r8, VBYTES
     dec     r11d
     jnz     .sizes
@@ -118,6 +117,5 @@ FUNC ISA %+ _sphere_bounds
 
 %unmacro PIXELS_BETWEEN 3
 %unmacro BEGIN_BOUNDS 4
-%unmacro COLOURED 3
 %unmacro NEARNESS 1
 %unmacro END_BOUNDS 0

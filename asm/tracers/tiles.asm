@@ -1027,10 +1027,8 @@ align 16
     VMUL    v7, v7, v0
     COSINE  v7, v11, v12
     VFMA    v1, v7, v8, v15
-%if ONE_CHANNEL == 0
     VFMA    v2, v7, v9, v15
     VFMA    v3, v7, v10, v15
-%endif
 %endmacro
 
 ; NEXT_SHADE - goes on to the next light and what it does to triangles, of which there are rcx.
@@ -1058,51 +1056,9 @@ align 16
 %endrep
 %endmacro
 
-; PIXELS_OUT_F32X3 - the same in three floats a pixel.
-%macro PIXELS_OUT_F32X3 0
-    ROWS_F32X3 1, 2, 3, 7, 8
-%assign %%c 0
-%rep BLOCK_HEIGHT
-%if LANES == 2
-    STORE_F32X3 r9, 7, movups
-%else
-    STORE128 [r9], w, 7, %%c
-    STORE128 [r9 + 16], w, 8, %%c
-    STORE128 [r9 + 32], w, 9, %%c
-%endif
-    add     r9, r10
-%assign %%c %%c + 1
-%endrep
-%endmacro
-
-; PIXELS_OUT_RGB8 - the same in three bytes a pixel.
-%macro PIXELS_OUT_RGB8 0
-%if ONE_CHANNEL
-    VMIN    v1, v1, [PACKET(white)]
-    LEVELS  1
-    IOP     pshufb, w1, w1, [PACKET(grey_rows)]
-%else
-    PACK_RGB8 1, 2, 3, CLAMPED, 0
-%endif
-    STORE_ROW_RGB8 r9, 1
-    add     r9, r10
-%assign %%c 1
-%rep BLOCK_HEIGHT - 1
-    STORE128 x2, w, 1, %%c
-    STORE_ROW_RGB8 r9, 2
-    add     r9, r10
-%assign %%c %%c + 1
-%endrep
-%endmacro
-
 ; PIXELS_OUT_RGBA8 - the same in four bytes a pixel.
 %macro PIXELS_OUT_RGBA8 0
-%if ONE_CHANNEL
-    VMIN    v1, v1, [PACKET(white)]
-    GREY_RGBA8 1
-%else
-    PACK_RGBA8 1, 2, 3, CLAMPED
-%endif
+    PACK_RGBA8 1, 2, 3, 1
 %assign %%c 0
 %rep BLOCK_HEIGHT
 %if LANES == 2
@@ -1123,7 +1079,7 @@ align 16
 ;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
 %macro SHADE_TILE 2
 %define %%output %1     ; [in]       part of the function's name
-%define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
+%define %%format %2     ; [in]       F32X4 or RGBA8
 FUNC NAME(tile, %%output)
     push    rbp
     mov     rbp, rsp
@@ -1182,10 +1138,8 @@ align 16
     VLOAD   v0, [r8]
     VLOAD   v6, [r8 + WHO]
     VZERO   v1
-%if ONE_CHANNEL == 0
     VZERO   v2
     VZERO   v3
-%endif
     MASK_GREATER v6, [PACKET(zeros)]
     MASK_BITS r15d
     test    r15d, r15d
@@ -1219,10 +1173,8 @@ align 16
 .same:
     VSPREAD v7, [r10 + ELEM * TileShade.cosine]
     VSPREAD v8, [r10 + ELEM * TileShade.red]
-%if ONE_CHANNEL == 0
     VSPREAD v9, [r10 + ELEM * TileShade.green]
     VSPREAD v10, [r10 + ELEM * TileShade.blue]
-%endif
     TRIANGLE_LIGHT
     NEXT_SHADE .same
     jmp     .shaded
@@ -1322,11 +1274,7 @@ align 16
     mov     eax, BLOCK_WIDTH
     cmp     ecx, eax
     cmovg   ecx, eax
-%if %[%%format]_UNIT == 0
-    imul    ecx, ecx, %%format %+ _BYTES            ; bytes in a row
-%else
     imul    ecx, ecx, %%format %+ _BYTES / 4        ; numbers of 32 bits in a row
-%endif
     xor     r11d, r11d                  ; row of the block
 .part_row:
     lea     eax, [r12 + r11]
@@ -1342,13 +1290,8 @@ align 16
     add     r10, rsp
     xor     r13d, r13d
 .number:
-%if %[%%format]_UNIT == 0
-    mov     al, [r10 + r13]
-    mov     [r9 + r13], al
-%else
     mov     eax, [r10 + 4 * r13]
     mov     [r9 + 4 * r13], eax
-%endif
     inc     r13d
     cmp     r13d, ecx
     jb      .number
@@ -1416,12 +1359,10 @@ align 16
     MASK_KEEP %%cosine
     ELEMENT_OPERAND [r13 + ELEM * %%record %+ .red], %%s
     VFMA    v1, %%cosine, ONE, %%t
-%if ONE_CHANNEL == 0
     ELEMENT_OPERAND [r13 + ELEM * %%record %+ .green], %%s
     VFMA    v2, %%cosine, ONE, %%t
     ELEMENT_OPERAND [r13 + ELEM * %%record %+ .blue], %%s
     VFMA    v3, %%cosine, ONE, %%t
-%endif
 %endmacro
 
 ; SPHERE_LIGHT - adds what the Lit at r13 does to the colours v1, v2, v3 of the lanes whose who is that at r11, with
@@ -1468,24 +1409,13 @@ align 16
     ADD_LIGHT v9, ShortLit, v10, v12
 %endmacro
 
-%assign ONE_CHANNEL 0
-%assign CLAMPED 1
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4
-    SHADE_TILE f32x3, F32X3
 %if ELEM == 4
 %assign ESTIMATE 1
     SHADE_TILE f32x4_fast, F32X4
-    SHADE_TILE f32x3_fast, F32X3
 %endif
     SHADE_TILE rgba8, RGBA8
-    SHADE_TILE rgb8, RGB8
-%assign CLAMPED 0
-    SHADE_TILE rgba8_dim, RGBA8
-    SHADE_TILE rgb8_dim, RGB8
-%assign ONE_CHANNEL 1
-    SHADE_TILE rgba8_grey, RGBA8
-    SHADE_TILE rgb8_grey, RGB8
 
 %unmacro SD 3
 %unmacro IF_BELOW 3
@@ -1533,9 +1463,7 @@ align 16
 %unmacro TRIANGLE_LIGHT 0
 %unmacro NEXT_SHADE 1
 %unmacro PIXELS_OUT_F32X4 0
-%unmacro PIXELS_OUT_F32X3 0
 %unmacro PIXELS_OUT_RGBA8 0
-%unmacro PIXELS_OUT_RGB8 0
 %undef COLUMNS
 %undef ONE
 %unmacro ELEMENT_OPERAND 2

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::isa::Isa;
 use super::kernel::kernel;
-use super::packet::{Depth, Emit, F32x3, Fill, LitPlanes, Planes, Rgb8, Rgba8, RowSetup, Shade, ShadeRows};
+use super::packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, RowSetup, Shade, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{
     Ball, Element, Facet, InsideSpan, Lit, NearSpan, OutsideSpan, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes,
@@ -69,24 +69,18 @@ macro_rules! tables {
 }
 
 tables! { $
-    /// What one kind of object has in all forms and outputs.
+    /// What shades one kind of object where it is alone.
     struct Bodies<S, E> {
-        /// To linear floats, four a pixel.
+        /// To linear floats.
         f32x4: Shade<S, E, Vec4> = "_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
         f32x4_fast: Shade<S, E, Vec4> = "_f32x4" fast;
-        /// To linear floats, three a pixel.
-        f32x3: Shade<S, E, F32x3> = "_f32x3";
-        /// The same with estimates (in f64: as `f32x3`).
-        f32x3_fast: Shade<S, E, F32x3> = "_f32x3" fast;
-        /// To 8-bit levels (in f32: with estimates), four a pixel.
+        /// To 8-bit levels (in f32: with estimates).
         rgba8: Shade<S, E, Rgba8> = "_rgba8";
-        /// The same where all light together does not exceed white: not clamped.
-        rgba8_dim: Shade<S, E, Rgba8> = "_rgba8_dim";
-        /// To 8-bit levels, three a pixel.
-        rgb8: Shade<S, E, Rgb8> = "_rgb8";
-        /// The same where all light together does not exceed white: not clamped.
-        rgb8_dim: Shade<S, E, Rgb8> = "_rgb8_dim";
+    }
+
+    /// What traces one kind of object in a row of buffers.
+    struct InRow<S, E> {
         /// To a row of buffers.
         planes: Planes<S, E> = "_planes";
         /// To a row of buffers as `rgba8` (in f64: as `planes`).
@@ -123,26 +117,12 @@ tables! { $
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
         /// Spheres to what shades them.
         sphere_looks: SphereLooks<E> = "sphere_looks";
-        /// To linear floats, four a pixel.
+        /// To linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
         f32x4_fast: ShadeTile<E, Vec4> = "tile_f32x4" fast;
-        /// To linear floats, three a pixel.
-        f32x3: ShadeTile<E, F32x3> = "tile_f32x3";
-        /// The same with estimates (in f64: as `f32x3`).
-        f32x3_fast: ShadeTile<E, F32x3> = "tile_f32x3" fast;
-        /// To 8-bit levels (in f32: with estimates), four a pixel.
+        /// To 8-bit levels (in f32: with estimates).
         rgba8: ShadeTile<E, Rgba8> = "tile_rgba8";
-        /// The same, three a pixel.
-        rgb8: ShadeTile<E, Rgb8> = "tile_rgb8";
-        /// To levels, where no pixel is brighter than white.
-        rgba8_dim: ShadeTile<E, Rgba8> = "tile_rgba8_dim";
-        /// The same, three a pixel.
-        rgb8_dim: ShadeTile<E, Rgb8> = "tile_rgb8_dim";
-        /// To levels, where red, green and blue of every object and light are equal.
-        rgba8_grey: ShadeTile<E, Rgba8> = "tile_rgba8_grey";
-        /// The same, three a pixel.
-        rgb8_grey: ShadeTile<E, Rgb8> = "tile_rgb8_grey";
     }
 
     /// All packet kernels of an ISA for one element type.
@@ -159,26 +139,26 @@ tables! { $
         lit_planes_fast: LitPlanes<E> = "lit_planes" lit_fast;
         /// Spheres from outside.
         outside: Bodies<OutsideSpan<E>, E> = "outside" Bodies;
+        /// Triangles.
+        triangle: Bodies<TriangleSpan<E>, E> = "triangle" Bodies;
+        /// Spheres from outside, in a row of buffers.
+        outside_in_row: InRow<OutsideSpan<E>, E> = "outside" InRow;
         /// To a row of buffers with the unit normal in place of the colour. (A triangle's is a constant.)
         outside_normals: Planes<OutsideSpan<E>, E> = "outside_normals";
         /// Spheres from outside at less than sqrt 2 radii.
-        near: Bodies<NearSpan<E>, E> = "near" Bodies;
+        near_in_row: InRow<NearSpan<E>, E> = "near" InRow;
         /// Their normals.
         near_normals: Planes<NearSpan<E>, E> = "near_normals";
         /// Spheres from inside.
-        inside: Bodies<InsideSpan<E>, E> = "inside" Bodies;
+        inside_in_row: InRow<InsideSpan<E>, E> = "inside" InRow;
         /// Their normals.
         inside_normals: Planes<InsideSpan<E>, E> = "inside_normals";
         /// Triangles.
-        triangle: Bodies<TriangleSpan<E>, E> = "triangle" Bodies;
-        /// A row of buffers to linear floats, four a pixel.
+        triangle_in_row: InRow<TriangleSpan<E>, E> = "triangle" InRow;
+        /// A row of buffers to linear floats.
         emit_f32x4: Emit<E, Vec4> = "emit_f32x4";
-        /// The same, three a pixel.
-        emit_f32x3: Emit<E, F32x3> = "emit_f32x3";
-        /// A row of buffers to 8-bit levels, four a pixel.
+        /// A row of buffers to 8-bit levels.
         emit_rgba8: Emit<E, Rgba8> = "emit_rgba8";
-        /// The same, three a pixel.
-        emit_rgb8: Emit<E, Rgb8> = "emit_rgb8";
         /// Many objects, tile by tile.
         tiles: TileKernels<E> = "" TileKernels;
     }
@@ -191,6 +171,10 @@ tables! { $
         double: SpanKernels<f64> = "double_" double;
         /// What no ray hits.
         fill: Fill = "fill";
+        /// From four bytes a pixel to three.
+        narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
+        /// From four floats a pixel to three.
+        narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
         /// Which pixels triangles can cover.
         bounds: Bounds<Facet> = "bounds";
         /// Which pixels spheres can cover.

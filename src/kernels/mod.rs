@@ -39,7 +39,7 @@ pub use checked::Fault;
 pub use code::code_at;
 #[cfg(rayo_asm)]
 pub use ffi::{
-    AosKernels, Bodies, FEEDBACK, LitBodies, PacketElement, PacketKernels, SpanKernels, TileKernels, aos, c,
+    AosKernels, Bodies, FEEDBACK, InRow, LitBodies, PacketElement, PacketKernels, SpanKernels, TileKernels, aos, c,
     chains_of_aos, chains_of_packets, chains_of_paper, hits_of_c, hits_of_paper, packet_op_symbols, packet_ops,
     packet_symbols, packets, paper,
 };
@@ -47,7 +47,7 @@ pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use kernel::Kernel;
 #[cfg(rayo_asm)]
-pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Planes, Rgb8, Rgba8, Row, RowSetup, Shade, ShadeRows};
+pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, Row, RowSetup, Shade, ShadeRows};
 #[cfg(rayo_asm)]
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{

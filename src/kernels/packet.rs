@@ -110,6 +110,20 @@ kinds! {
         }
     }
 
+    /// Leaves out the fourth channel.
+    Narrow<Four, Three>
+
+    /// Makes the pixels of `three` from those of `four`.
+    ///
+    /// # Panics
+    /// Where these are not as many.
+    fn call(four: &[Four], three: &mut [Three]); |enter| {
+        assert_eq!(four.len(), three.len(), "each pixel is made from one");
+        if !three.is_empty() {
+            enter([reads(four), writes(three), three.len() as u64, 0, 0, 0]);
+        }
+    }
+
     /// Writes one pattern over many pixels.
     Fill
 

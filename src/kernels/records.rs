@@ -235,7 +235,6 @@ pub(super) struct BoundsFound {
     pub most: [u32; MOST_LANES],
     pub least: [u32; MOST_LANES],
     pub brightest: [u32; MOST_LANES],
-    pub coloured: [u32; MOST_LANES],
     pub nearest: [u32; MOST_LANES],
     pub longest: [u32; MOST_LANES],
     pub count: u64,

@@ -225,8 +225,6 @@ pub struct Extremes {
     pub least: f32,
     /// The greatest number in a colour, or a negative one.
     pub brightest: f32,
-    /// Whether red, green and blue differ in any bit of some colour.
-    pub coloured: bool,
     /// The greatest [`Seen::near`] of those in front of the camera.
     pub nearest: f32,
     /// The longest side of a triangle's bounds, in pixels of the picture.
@@ -241,7 +239,6 @@ impl Extremes {
             most: most(self.most, other.most),
             least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
             brightest: most(self.brightest, other.brightest),
-            coloured: self.coloured | other.coloured,
             nearest: most(self.nearest, other.nearest),
             longest: most(self.longest, other.longest),
         }
@@ -254,7 +251,6 @@ impl BoundsFound {
         most: [0; MOST_LANES],
         least: [u32::MAX; MOST_LANES],
         brightest: [0; MOST_LANES],
-        coloured: [0; MOST_LANES],
         nearest: [0; MOST_LANES],
         longest: [0; MOST_LANES],
         count: 0,
@@ -263,12 +259,10 @@ impl BoundsFound {
     fn extremes(&self) -> Extremes {
         let most = |of: &[u32]| f32::from_bits(of.iter().fold(0, |a, b| a.max(*b)));
         let least = f32::from_bits(self.least.iter().fold(u32::MAX, |a, b| a.min(*b)));
-        let coloured = self.coloured.iter().any(|bits| *bits != 0);
         Extremes {
             most: most(&self.most),
             least,
             brightest: most(&self.brightest),
-            coloured,
             nearest: most(&self.nearest),
             longest: most(&self.longest),
         }

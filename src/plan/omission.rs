@@ -35,8 +35,6 @@ pub enum Omission {
     Hidden,
     /// The shading of those objects of a tile that are nearest at none of its pixels.
     Unseen,
-    /// The clamp to white of what cannot exceed it.
-    Clamp,
     /// The second and third channel where all three are equal.
     Channels,
     /// The loop over lights, and the point and the normal, where one light reaches a sphere.
@@ -64,7 +62,7 @@ pub enum Switch {
 
 impl Omission {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Omission; 23] = [
+    pub const ALL: [Omission; 22] = [
         Omission::Behind,
         Omission::Outside,
         Omission::NoArea,
@@ -86,7 +84,6 @@ impl Omission {
         Omission::Constants,
         Omission::Loop,
         Omission::Channels,
-        Omission::Clamp,
         Omission::FloatImage,
     ];
 
@@ -114,7 +111,6 @@ impl Omission {
             Omission::Constants => "constant terms",
             Omission::Loop => "loops over lights",
             Omission::Channels => "equal channels",
-            Omission::Clamp => "clamping to white",
             Omission::FloatImage => "float image",
         }
     }
@@ -155,7 +151,6 @@ impl Omission {
                 "one light, no brighter than white, reaches the sphere: its cosine in closed form, without point, normal and clamp"
             }
             Omission::Channels => "one light reaches the sphere, and its red, green and blue are equal on it",
-            Omission::Clamp => "all lights together do not exceed white",
             Omission::FloatImage => "the file has 8 bits: colours become levels in registers",
         }
     }
@@ -176,7 +171,7 @@ impl Omission {
             Omission::Misses => "rays against objects",
             Omission::Search | Omission::Depths | Omission::FloatImage => "pixels",
             Omission::Hidden => "hits",
-            Omission::Loop | Omission::Channels | Omission::Clamp => "objects",
+            Omission::Loop | Omission::Channels => "objects",
         }
     }
 

@@ -100,12 +100,6 @@ impl LeftOut {
                 reason: "every ray leaves the origin: a sphere's terms are made once, a triangle's planes once in each tile",
                 ..self
             },
-            Omission::Channels => {
-                LeftOut { reason: "red, green and blue are equal of each object and each light of the scene", ..self }
-            }
-            Omission::Clamp => {
-                LeftOut { reason: "all lights together do not exceed white on the brightest object", ..self }
-            }
             Omission::Loop => LeftOut {
                 what: "points and normals",
                 reason: "of spheres: each light's cosine in closed form, where it loses less than half of the bits of f32",
@@ -148,7 +142,7 @@ impl Report {
             Omission::SphereCode => (kept.spheres == 0).into(),
             Omission::TriangleCode => (kept.triangles == 0).into(),
             Omission::Constants => (kept.spheres + kept.triangles) as u64,
-            Omission::Channels | Omission::Clamp | Omission::FloatImage if !bytes => 0,
+            Omission::Channels | Omission::FloatImage if !bytes => 0,
             Omission::FloatImage => spans.pixels(),
             _ => spans.left_out(omission),
         };

@@ -108,8 +108,6 @@ struct Rows {
 pub struct Shading {
     /// All of it: no light reaches the object.
     pub unlit: bool,
-    /// The clamp of bytes to white.
-    pub dim: bool,
     /// Two channels of three, where the form is short.
     pub grey: bool,
 }
@@ -405,8 +403,6 @@ impl<E: Element> Spans<E> {
         let mut made = |omission, possible| possible && self.leave_out(omission, 1);
         let shading = Shading {
             unlit: made(Omission::Unlit, !lit),
-            // The short form has no clamp to leave out.
-            dim: made(Omission::Clamp, lit && !short && light.max_element() <= 1.0),
             grey: made(Omission::Channels, short && light.x == light.y && light.y == light.z),
         };
         let start = self.lits[scales[0] as usize].len();

@@ -167,8 +167,6 @@ impl Report {
             Omission::Unseen => survey.unseen,
             Omission::Constants => both.kept,
             Omission::Loop if bytes => survey.short,
-            Omission::Channels if bytes && tiles.is_grey() => both.kept,
-            Omission::Clamp if bytes && !tiles.is_grey() && tiles.is_dim() => both.kept,
             Omission::FloatImage if bytes => pixels,
             _ => 0,
         };

@@ -271,24 +271,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.any_wide() && self.binned.wide[(tile.down * across + tile.across) as usize]
     }
 
-    /// Whether red, green and blue of every object and of every light are equal, and two of them are left out.
-    pub fn is_grey(&self) -> bool {
-        let grey = |light: DVec3| light.x == light.y && light.y == light.z;
-        !self.keep.has(Omission::Channels)
-            && self.binned.extremes.is_none_or(|extremes| !extremes.coloured)
-            && self.linear.lights.iter().all(|light| grey(radiance(light)))
-    }
-
-    /// Whether all lights together on the brightest object do not exceed white, and clamping to it is left out.
-    pub fn is_dim(&self) -> bool {
-        let light: DVec3 = self.linear.lights.iter().map(radiance).sum();
-        // Of a colour that is not valid, nothing is known of the others.
-        let dim = |Extremes { brightest, .. }: Extremes| {
-            brightest.is_sign_positive() && light.max_element() * f64::from(brightest) <= 1.0
-        };
-        !self.keep.has(Omission::Clamp) && self.binned.extremes.is_none_or(dim)
-    }
-
     /// What is planned.
     pub fn scene(&self) -> &Scene {
         self.scene
@@ -477,11 +459,6 @@ fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     } else {
         Cow::Borrowed(triangles)
     }
-}
-
-/// What a light radiates.
-fn radiance(light: &TileLight<f64>) -> DVec3 {
-    DVec3::new(light.red, light.green, light.blue)
 }
 
 /// The power of two below a positive number.

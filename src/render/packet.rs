@@ -10,8 +10,9 @@ use super::film::with_pixels;
 use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, F32x3, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, NearSpan,
-    OutsideSpan, PacketKernels, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan, Vec4,
+    Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, Narrow,
+    NearSpan, OutsideSpan, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan,
+    Vec4,
 };
 use crate::measure::caches;
 use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
@@ -30,6 +31,9 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     let most = third.map_or(MOST, |bytes| if format.is_8bit() { bytes } else { MOST.min(bytes / 8) });
     pixels * format.bytes() as u64 > most
 }
+
+/// As many bytes of four channels are made at a time on the way to three: they stay in a core's caches.
+const BYTES_OF_FOUR: usize = 1 << 16;
 
 /// Of each format, whether its pictures are stored past the caches.
 #[derive(Clone, Copy)]
@@ -129,7 +133,7 @@ impl PacketTracer<f64> {
 }
 
 /// What differs between the outputs.
-trait Output<E: 'static>: Copy {
+trait Output<E: 'static>: Pixel {
     /// What full light is.
     const SCALE: Scale;
     /// Whether the tracer's picture is stored past the caches.
@@ -137,17 +141,21 @@ trait Output<E: 'static>: Copy {
     fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
     /// The kernel that makes rows of a sphere in the short form.
     fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self>;
+}
+
+/// What differs between those of four channels, which all kernels make.
+trait FourChannels<E: 'static>: Output<E> + Plain {
     /// The kernel that shades a span that is alone.
-    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self>;
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self>;
     /// The kernels that shade where spans overlap.
-    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E>;
+    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a InRow<S, E>) -> &'a Planes<S, E>;
     fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E>;
     fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self>;
 }
 
 /// An output of floats: estimates are asked for.
 macro_rules! floats {
-    ($pixel:ty, $field:ident, $fast:ident, $emit:ident) => {
+    ($pixel:ty, $field:ident, $fast:ident) => {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Linear;
 
@@ -162,29 +170,13 @@ macro_rules! floats {
             fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
                 if tracer.fast { &bodies.$fast } else { &bodies.$field }
             }
-
-            fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>, _: Shading) -> &'a Shade<S, E, Self> {
-                if tracer.fast { &bodies.$fast } else { &bodies.$field }
-            }
-
-            fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
-                if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
-            }
-
-            fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
-                if tracer.fast { &tracer.spans.lit_planes_fast } else { &tracer.spans.lit_planes }
-            }
-
-            fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
-                &tracer.spans.$emit
-            }
         }
     };
 }
 
-/// An output of bytes: there are estimates wherever they are good enough, and a clamp where it is needed.
+/// An output of bytes: there are estimates wherever they are good enough.
 macro_rules! bytes {
-    ($pixel:ty, $field:ident, $dim:ident, $emit:ident) => {
+    ($pixel:ty, $field:ident) => {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Levels;
 
@@ -199,47 +191,54 @@ macro_rules! bytes {
             fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
                 &bodies.$field
             }
-
-            fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>, shading: Shading) -> &'a Shade<S, E, Self> {
-                if shading.dim { &bodies.$dim } else { &bodies.$field }
-            }
-
-            fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Planes<S, E> {
-                &bodies.planes_fast
-            }
-
-            fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
-                &tracer.spans.lit_planes_fast
-            }
-
-            fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
-                &tracer.spans.$emit
-            }
         }
     };
 }
 
-floats!(Vec4, f32x4, f32x4_fast, emit_f32x4);
-floats!(F32x3, f32x3, f32x3_fast, emit_f32x3);
-bytes!(Rgba8, rgba8, rgba8_dim, emit_rgba8);
-bytes!(Rgb8, rgb8, rgb8_dim, emit_rgb8);
+floats!(Vec4, f32x4, f32x4_fast);
+floats!(F32x3, f32x3, f32x3_fast);
+bytes!(Rgba8, rgba8);
+bytes!(Rgb8, rgb8);
+
+impl<E: Element> FourChannels<E> for Vec4 {
+    fn shade<'a, S>(tracer: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
+        if tracer.fast { &bodies.f32x4_fast } else { &bodies.f32x4 }
+    }
+
+    fn planes<'a, S>(tracer: &PacketTracer<E>, bodies: &'a InRow<S, E>) -> &'a Planes<S, E> {
+        if tracer.fast { &bodies.planes_fast } else { &bodies.planes }
+    }
+
+    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+        if tracer.fast { &tracer.spans.lit_planes_fast } else { &tracer.spans.lit_planes }
+    }
+
+    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+        &tracer.spans.emit_f32x4
+    }
+}
+
+impl<E: Element> FourChannels<E> for Rgba8 {
+    fn shade<'a, S>(_: &PacketTracer<E>, bodies: &'a Bodies<S, E>) -> &'a Shade<S, E, Self> {
+        &bodies.rgba8
+    }
+
+    fn planes<'a, S>(_: &PacketTracer<E>, bodies: &'a InRow<S, E>) -> &'a Planes<S, E> {
+        &bodies.planes_fast
+    }
+
+    fn lit_planes(tracer: &PacketTracer<E>) -> &LitPlanes<E> {
+        &tracer.spans.lit_planes_fast
+    }
+
+    fn emit(tracer: &PacketTracer<E>) -> &Emit<E, Self> {
+        &tracer.spans.emit_rgba8
+    }
+}
 
 /// What full light is in a format.
 fn scale_of(format: PixelFormat) -> Scale {
     if format.is_8bit() { Scale::Levels } else { Scale::Linear }
-}
-
-/// What `call` does, for each kind of record with the kernels of its kind.
-macro_rules! each_by_its_bodies {
-    () => {
-        each_by_its_bodies! { outside(OutsideSpan), near(NearSpan), inside(InsideSpan), triangle(TriangleSpan) }
-    };
-    ($($kind:ident($record:ident)),*) => {
-        $(fn $kind(self, record: &$record<E>) {
-            let bodies = &self.tracer.spans.$kind;
-            self.call(bodies, record);
-        })*
-    };
 }
 
 /// Shades a span that is alone in its pixels.
@@ -247,67 +246,118 @@ struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
     shading: Shading,
     lits: &'a [Lit<E>],
-    /// Where the row of a short form is put.
-    lit_rows: &'a mut LitRows<E>,
+    buffers: &'a mut Buffers<E>,
     out: &'a mut [P],
 }
 
-impl<E: Element, P: Output<E>> Alone<'_, E, P> {
+impl<E: Element, P: FourChannels<E>> Alone<'_, E, P> {
     fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
-        let kernel = P::shade(self.tracer, bodies, self.shading);
-        kernel.call(record, self.lits, self.out, P::streaming(self.tracer));
+        P::shade(self.tracer, bodies).call(record, self.lits, self.out, P::streaming(self.tracer));
+    }
+
+    /// By way of a row of buffers, in which all pixels are nobody's, as the record is.
+    fn call_in_row<S>(self, bodies: &InRow<S, E>, record: &S) {
+        let (row, x) = (self.buffers.row(self.tracer.width), 0..self.out.len());
+        row.clear(x.clone());
+        P::planes(self.tracer, bodies).call(record, self.lits, row, x);
+        P::emit(self.tracer).call(row, 0, self.out);
     }
 }
 
-impl<E: Element, P: Output<E>> UseRecord<E> for Alone<'_, E, P> {
+impl<E: Element, P: FourChannels<E>> UseRecord<E> for Alone<'_, E, P> {
     type Result = ();
 
     fn lit(self, form: &ShortForm, row: &LitRow<E>) {
-        self.lit_rows.set_row(0, row);
+        self.buffers.lit_rows.set_row(0, row);
         let kernel = self.tracer.lit::<P>(self.shading);
         let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
-        kernel.call(&sphere, self.lit_rows, self.out, width, P::streaming(self.tracer));
+        kernel.call(&sphere, &self.buffers.lit_rows, self.out, width, P::streaming(self.tracer));
     }
-    each_by_its_bodies!();
+
+    fn outside(self, record: &OutsideSpan<E>) {
+        let bodies = &self.tracer.spans.outside;
+        self.call(bodies, record);
+    }
+
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.tracer.spans.near_in_row;
+        self.call_in_row(bodies, record);
+    }
+
+    fn inside(self, record: &InsideSpan<E>) {
+        let bodies = &self.tracer.spans.inside_in_row;
+        self.call_in_row(bodies, record);
+    }
+
+    fn triangle(self, record: &TriangleSpan<E>) {
+        let bodies = &self.tracer.spans.triangle;
+        self.call(bodies, record);
+    }
 }
 
 /// What is in cache while spans that overlap are traced.
 struct Buffers<E> {
-    row: Row<E>,
+    /// Made when it is needed.
+    row: Option<Row<E>>,
     /// Where the row of a short form is put.
     lit_rows: LitRows<E>,
+}
+
+impl<E: Element> Buffers<E> {
+    fn row(&mut self, width: usize) -> &mut Row<E> {
+        self.row.get_or_insert_with(|| Row::new(width))
+    }
 }
 
 /// Finds the nearest, or shades it, along one of several spans that overlap.
 struct Overlapping<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
-    row: &'a mut Row<E>,
+    buffers: &'a mut Buffers<E>,
     x: Range<usize>,
     /// None: find the nearest. Some: shade it under these lights.
     lits: Option<&'a [Lit<E>]>,
-    /// Where the row of a short form is put.
-    lit_rows: &'a mut LitRows<E>,
     output: PhantomData<P>,
 }
 
-impl<E: Element, P: Output<E>> Overlapping<'_, E, P> {
-    fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
+impl<E: Element, P: FourChannels<E>> Overlapping<'_, E, P> {
+    fn call<S>(self, bodies: &InRow<S, E>, record: &S) {
+        let row = self.buffers.row(self.tracer.width);
         match self.lits {
-            None => bodies.depth.call(record, self.row, self.x),
-            Some(lits) => P::planes(self.tracer, bodies).call(record, lits, self.row, self.x),
+            None => bodies.depth.call(record, row, self.x),
+            Some(lits) => P::planes(self.tracer, bodies).call(record, lits, row, self.x),
         }
     }
 }
 
-impl<E: Element, P: Output<E>> UseRecord<E> for Overlapping<'_, E, P> {
+impl<E: Element, P: FourChannels<E>> UseRecord<E> for Overlapping<'_, E, P> {
     type Result = ();
 
     fn lit(self, form: &ShortForm, row: &LitRow<E>) {
-        self.lit_rows.set_row(0, row);
-        let sphere = form.sphere(P::SCALE).round();
-        P::lit_planes(self.tracer).call(&sphere, self.lit_rows, self.row, self.x);
+        self.buffers.lit_rows.set_row(0, row);
+        let Buffers { row, lit_rows } = self.buffers;
+        let row = row.get_or_insert_with(|| Row::new(self.tracer.width));
+        P::lit_planes(self.tracer).call(&form.sphere(P::SCALE).round(), lit_rows, row, self.x);
     }
-    each_by_its_bodies!();
+
+    fn outside(self, record: &OutsideSpan<E>) {
+        let bodies = &self.tracer.spans.outside_in_row;
+        self.call(bodies, record);
+    }
+
+    fn near(self, record: &NearSpan<E>) {
+        let bodies = &self.tracer.spans.near_in_row;
+        self.call(bodies, record);
+    }
+
+    fn inside(self, record: &InsideSpan<E>) {
+        let bodies = &self.tracer.spans.inside_in_row;
+        self.call(bodies, record);
+    }
+
+    fn triangle(self, record: &TriangleSpan<E>) {
+        let bodies = &self.tracer.spans.triangle_in_row;
+        self.call(bodies, record);
+    }
 }
 
 impl<E: Element> PacketTracer<E> {
@@ -326,15 +376,43 @@ impl<E: Element> PacketTracer<E> {
         }
     }
 
-    fn trace<P: Output<E>>(&self, rows: Range<u32>, out: &mut [P]) {
-        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+    /// Three channels by way of four, some rows at a time, unless kernels write them.
+    fn trace_three<P: Output<E>, Four: FourChannels<E>>(
+        &self,
+        rows: Range<u32>,
+        out: &mut [P],
+        narrow: &Narrow<Four, P>,
+    ) {
+        if let Some((form, shading)) = self.one_lit(&rows) {
+            return self.trace_lit(form, shading, rows, out);
+        }
+        let together = (BYTES_OF_FOUR / size_of::<Four>() / self.width.max(1)).clamp(1, rows.len().max(1));
+        let mut four = vec![Four::ZERO; together * self.width];
+        for (first, out) in rows.step_by(together).zip(out.chunks_mut(together * self.width)) {
+            let four = &mut four[..out.len()];
+            self.trace(first..first + (out.len() / self.width) as u32, four);
+            narrow.call(four, out);
+        }
+    }
+
+    /// The one object of these rows, if it is a sphere in the short form that some light reaches.
+    fn one_lit(&self, rows: &Range<u32>) -> Option<(&ShortForm, Shading)> {
+        let object = self.plan.alone(&self.plan.seen_in(rows))?;
+        let shading = self.plan.shading(object);
+        self.plan.short_form(object).filter(|_| !shading.unlit).map(|form| (form, shading))
+    }
+
+    fn trace<P: FourChannels<E>>(&self, rows: Range<u32>, out: &mut [P]) {
+        if let Some((form, shading)) = self.one_lit(&rows) {
+            return self.trace_lit(form, shading, rows, out);
+        }
         let plan = &self.plan;
         let seen = plan.seen_in(&rows);
         // The pixels of `out` that are written: nothing is written twice, and what no span covers in one piece.
         let mut done = 0;
         // What is in front of `span` since the last one, and the span, which is alone in its pixels.
-        let mut lit_rows = LitRows::default();
-        let mut shade_alone = |span: &RowSpan, row: u32, start: usize, done: &mut usize, out: &mut [P]| {
+        let mut buffers = Buffers { row: None, lit_rows: LitRows::default() };
+        let shade_alone = |span: &RowSpan, row: u32, start: usize, done: &mut usize, out: &mut [P], buffers: &mut _| {
             let shading = plan.shading(span.object);
             if shading.unlit {
                 return;
@@ -343,64 +421,64 @@ impl<E: Element> PacketTracer<E> {
             P::fill(self, &mut out[*done..first]);
             let lits = plan.lits(span.object, P::SCALE);
             let out = &mut out[first..end];
-            let alone = Alone { tracer: self, shading, lits, lit_rows: &mut lit_rows, out };
+            let alone = Alone { tracer: self, shading, lits, buffers, out };
             plan.with_record(span, row, 0.0, Some(P::SCALE), alone);
             *done = end;
         };
         // One object has nothing to overlap with, and its span need not pass through the list.
         if let Some(object) = plan.alone(&seen) {
-            if let (Some(form), false) = (plan.short_form(object), plan.shading(object).unlit) {
-                return self.trace_lit(form, plan.shading(object), rows, out);
-            }
             for row in rows.clone() {
                 let start = (row - rows.start) as usize * self.width;
                 if let Some(span) = plan.row(object, row) {
-                    shade_alone(&span, row, start, &mut done, out);
+                    shade_alone(&span, row, start, &mut done, out, &mut buffers);
                 }
             }
             P::fill(self, &mut out[done..]);
             return;
         }
         let mut in_row = RowSpans::default();
-        let mut buffers = None;
         for row in rows.clone() {
             let way = plan.spans_in(row, &seen, &mut in_row);
             let spans = &in_row.spans[..];
             let start = (row - rows.start) as usize * self.width;
             if way == Way::Apart {
                 for span in spans {
-                    shade_alone(span, row, start, &mut done, out);
+                    shade_alone(span, row, start, &mut done, out, &mut buffers);
                 }
                 continue;
             }
             let columns = if way == Way::NearestInRow { 0..self.width } else { columns(spans) };
-            let buffers =
-                buffers.get_or_insert_with(|| Buffers { row: Row::new(self.width), lit_rows: LitRows::default() });
             P::fill(self, &mut out[done..start + columns.start]);
-            buffers.row.clear(columns.clone());
+            buffers.row(self.width).clear(columns.clone());
             match (way, plan.keep().has(Omission::Hidden)) {
-                (Way::Nearest, false) => self.trace_overlapping::<P>(row, spans, buffers),
+                (Way::Nearest, false) => self.trace_overlapping::<P>(row, spans, &mut buffers),
                 (_, hidden) => {
                     let all = (way == Way::NearestInRow).then_some(columns.clone());
-                    self.trace_by_force::<P>(row, spans, all, hidden, buffers);
+                    self.trace_by_force::<P>(row, spans, all, hidden, &mut buffers);
                 }
             }
             done = start + columns.end;
-            P::emit(self).call(&mut buffers.row, columns.start, &mut out[start + columns.start..done]);
+            P::emit(self).call(buffers.row(self.width), columns.start, &mut out[start + columns.start..done]);
         }
         P::fill(self, &mut out[done..]);
     }
 
     /// Rows whose objects have numbers that the elements hold.
     fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        with_pixels!(FilmMut(out) = out => self.trace(rows, out));
+        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out),
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.kernels.narrow_f32x3),
+            FilmMut::Rgba8(out) => self.trace(rows, out),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.kernels.narrow_rgb8),
+        }
         if self.streaming.any() {
             sys::store_fence();
         }
     }
 
     /// Finds who is nearest at each pixel, and then shades each object's own.
-    fn trace_overlapping<P: Output<E>>(&self, row: u32, spans: &[RowSpan], buffers: &mut Buffers<E>) {
+    fn trace_overlapping<P: FourChannels<E>>(&self, row: u32, spans: &[RowSpan], buffers: &mut Buffers<E>) {
         for (id, span) in (1..).zip(spans) {
             self.pass::<P>(row, span, id, span.start..span.end, false, buffers);
         }
@@ -412,7 +490,7 @@ impl<E: Element> PacketTracer<E> {
     /// The same with work that need not be: along all of `columns` for each object, if there are any, and shading what may
     /// yet be hidden, if `hidden`.
     #[cold]
-    fn trace_by_force<P: Output<E>>(
+    fn trace_by_force<P: FourChannels<E>>(
         &self,
         row: u32,
         spans: &[RowSpan],
@@ -443,7 +521,7 @@ impl<E: Element> PacketTracer<E> {
 
     /// Makes the pixels `x` of the row a span's own where it is nearest; or shades those that are its own.
     #[inline(always)]
-    fn pass<P: Output<E>>(
+    fn pass<P: FourChannels<E>>(
         &self,
         row: u32,
         span: &RowSpan,
@@ -457,8 +535,7 @@ impl<E: Element> PacketTracer<E> {
         }
         let lits = shading.then(|| self.plan.lits(span.object, P::SCALE));
         let x = x.start as usize..x.end as usize;
-        let Buffers { row: pixels, lit_rows } = buffers;
-        let user = Overlapping { tracer: self, row: pixels, x, lits, lit_rows, output: PhantomData::<P> };
+        let user = Overlapping { tracer: self, buffers, x, lits, output: PhantomData::<P> };
         self.plan.with_record(span, row, id.into(), shading.then_some(P::SCALE), user);
     }
 }

@@ -10,10 +10,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use self::farthest::Farthest;
-use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
-    CHUNK, Element, F32x3, Looks, PacketKernels, Rgb8, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
+    CHUNK, Element, Looks, Narrow, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
@@ -87,58 +86,39 @@ impl<'a> TileTracer<'a, f64> {
     }
 }
 
-/// What differs between the outputs.
-trait Output<E: 'static>: Pixel {
+/// What differs between the outputs of four channels; of three there are none but by way of these.
+trait Output<E: 'static>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
 }
 
-/// An output of floats: estimates are asked for.
-macro_rules! floats {
-    ($pixel:ty, $field:ident, $fast:ident) => {
-        impl<E: Element> Output<E> for $pixel {
-            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
-                plan.linear()
-            }
-            fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-                tracer.packets.fill.$field(out, false);
-            }
-            fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-                if tracer.fast { &tracer.kernels.tiles.$fast } else { &tracer.kernels.tiles.$field }
-            }
-        }
-    };
+impl<E: Element> Output<E> for Vec4 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
+        plan.linear()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.f32x4(out, false);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        if tracer.fast { &tracer.kernels.tiles.f32x4_fast } else { &tracer.kernels.tiles.f32x4 }
+    }
 }
 
-/// An output of bytes.
-macro_rules! bytes {
-    ($pixel:ty, $field:ident, $dim:ident, $grey:ident) => {
-        impl<E: Element> Output<E> for $pixel {
-            fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
-                plan.levels()
-            }
-            fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
-                tracer.packets.fill.$field(out, false);
-            }
-            fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
-                let kernels = &tracer.kernels.tiles;
-                if tracer.plan.is_grey() {
-                    &kernels.$grey
-                } else if tracer.plan.is_dim() {
-                    &kernels.$dim
-                } else {
-                    &kernels.$field
-                }
-            }
-        }
-    };
+impl<E: Element> Output<E> for Rgba8 {
+    fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted {
+        plan.levels()
+    }
+    fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]) {
+        tracer.packets.fill.rgba8(out, false);
+    }
+    fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self> {
+        &tracer.kernels.tiles.rgba8
+    }
 }
 
-floats!(Vec4, f32x4, f32x4_fast);
-floats!(F32x3, f32x3, f32x3_fast);
-bytes!(Rgba8, rgba8, rgba8_dim, rgba8_grey);
-bytes!(Rgb8, rgb8, rgb8_dim, rgb8_grey);
+/// What a thread needs beside the plan, for its own tiles and for those in f64.
+type Scratches<E> = (Scratch<E>, Option<Scratch<f64>>);
 
 /// What a thread needs beside the plan.
 #[derive(Default)]
@@ -186,18 +166,42 @@ type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereL
 impl<E: Element> TileTracer<'_, E> {
     fn trace<P: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P]) {
         let width = self.plan.camera().width() as usize;
-        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let (mut scratch, mut wide_scratch) = (Scratch::default(), None);
+        let mut scratches = Scratches::default();
         self.each_tile(rows.clone(), |tile, window| {
-            let first = (window.row + window.rows.start - rows.start) as usize * width + window.column as usize;
-            let out = TileOut { pixels: &mut *out, first, width };
-            match &self.wide {
-                Some(wide) if self.plan.is_wide(tile) => {
-                    wide.trace_tile(tile, window, out, wide_scratch.get_or_insert_default());
-                }
-                _ => self.trace_tile(tile, window, out, &mut scratch),
+            let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
+            self.trace_tile(tile, window, out, &mut scratches);
+        });
+    }
+
+    /// Three channels, a tile of four channels after another.
+    fn trace_three<P, Four: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P], narrow: &Narrow<Four, P>) {
+        let width = self.plan.camera().width() as usize;
+        let mut scratches = Scratches::default();
+        let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
+        self.each_tile(rows.clone(), |tile, window| {
+            self.trace_tile(tile, window, TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH }, &mut scratches);
+            let columns = window.columns as usize;
+            let out = out[first_pixel(window, &rows, width)..].chunks_mut(width);
+            for (four, out) in four.chunks(TILE_WIDTH).zip(out).take(window.rows.len()) {
+                narrow.call(&four[..columns], &mut out[..columns]);
             }
         });
+    }
+
+    /// A tile in the elements that hold its objects.
+    fn trace_tile<P: Output<E> + Output<f64>>(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        out: TileOut<'_, P>,
+        (scratch, wide_scratch): &mut Scratches<E>,
+    ) {
+        match &self.wide {
+            Some(wide) if self.plan.is_wide(tile) => {
+                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default());
+            }
+            _ => self.trace_own(tile, window, out, scratch),
+        }
     }
 
     /// What `ask` has to say of the tiles that it traces itself, and of those that are for f64, each of them being told
@@ -296,7 +300,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    fn trace_tile<P: Output<E>>(
+    fn trace_own<P: Output<E>>(
         &self,
         tile: TilePlace,
         window: &TileWindow,
@@ -628,6 +632,11 @@ fn forget_unseen<E: Element>(
     forgotten
 }
 
+/// Where the first pixel of a window is in a film of these rows.
+fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
+    (window.row + window.rows.start - rows.start) as usize * width + window.column as usize
+}
+
 /// The rows and columns of a tile that are in a window.
 fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
     let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
@@ -656,6 +665,13 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        with_pixels!(FilmMut(out) = out => self.trace(rows, out));
+        let pixels = rows.len() * self.plan.camera().width() as usize;
+        assert_eq!(out.len(), pixels, "the film must have the size of the rows");
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out),
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3),
+            FilmMut::Rgba8(out) => self.trace(rows, out),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8),
+        }
     }
 }

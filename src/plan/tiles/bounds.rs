@@ -15,6 +15,9 @@ use crate::scene::{Camera, Grid};
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
 
+/// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
+const MOST_LOOKED_AT: usize = 1 << 12;
+
 /// The size of the picture.
 #[derive(Clone, Copy)]
 pub(super) struct Picture {
@@ -94,7 +97,7 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) surely_narrow: &'a (dyn Fn(&Extremes) -> f32 + Sync),
     /// The form of an object.
     pub(super) form: &'a (dyn Fn(&T, &mut Seen) -> Form + Sync),
-    /// Adds the tiles where an object with these bounds is [steep](super::forms::Forms::steep_tiles); asked of long ones.
+    /// Adds the tiles where an object with these bounds is [steep](super::forms::Forms::steep_tiles).
     pub(super) steep: &'a (dyn Fn(&T, &Seen, &mut Vec<Seen>) + Sync),
     /// One in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
@@ -114,7 +117,8 @@ where
         let threads = threads.clamp(1, objects.len().div_ceil(FEWEST_PER_THREAD).max(1));
         let part = objects.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
         let parts = (0..).step_by(part).zip(objects.chunks(part));
-        let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects));
+        let long = if objects.len() <= MOST_LOOKED_AT { 0 } else { LONG };
+        let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects, long));
         let own = parts.next();
         let planned: Vec<Planned> = thread::scope(|scope| {
             let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
@@ -125,7 +129,7 @@ where
         planned.into_iter().reduce(Planned::and).unwrap_or_default()
     }
 
-    fn plan_part(&self, first_id: u32, objects: &[T]) -> Planned {
+    fn plan_part(&self, first_id: u32, objects: &[T], long: usize) -> Planned {
         let mut seen = roomy(objects.len().next_multiple_of(CHUNK));
         let all = self.widening.keep != Keep::NOTHING;
         let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, &mut seen).unzip();
@@ -143,8 +147,12 @@ where
             };
             seen.retain_mut(|seen| !(is_wide(seen) && all));
         }
-        if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= LONG as f32) {
-            let is_long = |seen: &&Seen| range(seen.columns).len().max(range(seen.rows).len()) >= LONG;
+        if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= long as f32) {
+            // What is kept although it has no pixel has no tile either.
+            let is_long = |seen: &&Seen| {
+                let sides = [range(seen.columns).len(), range(seen.rows).len()];
+                !sides.contains(&0) && sides.iter().any(|side| *side >= long)
+            };
             for seen in seen.iter().filter(is_long) {
                 (self.steep)(&objects[(seen.id - first_id) as usize], seen, &mut wide);
             }

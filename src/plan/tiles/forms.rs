@@ -13,8 +13,8 @@
 //!   w is at least [`LEAST_INVERSE`].
 //! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y, with
 //!   an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. Where it is not, the
-//!   tile is traced in f64, and others may be in f32. This is asked of triangles whose bounds have a side of [`LONG`] pixels.
-//!   Of shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
+//!   tile is traced in f64, and others may be in f32. Of many triangles this is asked of those whose bounds have a side of
+//!   [`LONG`] pixels; of shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
 //! - **the light of all lights together is a number**, in levels too.
 
 use std::ops::Range;

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::PacketTracer;
 use crate::kernels::{
-    Bodies, Element, InsideSpan, LitRow, NearSpan, OutsideSpan, Planes, Row, SpanKernels, TriangleSpan,
+    Element, InRow, InsideSpan, LitRow, NearSpan, OutsideSpan, Planes, Row, SpanKernels, TriangleSpan,
 };
 use crate::plan::{RowSpans, ShortForm, UseRecord, Way};
 use crate::render::{Distance, Found};
@@ -29,7 +29,7 @@ struct Asked<'a, E: 'static> {
 }
 
 impl<E: Element> Asked<'_, E> {
-    fn ask<S>(self, bodies: &Bodies<S, E>, normals: Option<&Planes<S, E>>, record: &S) {
+    fn ask<S>(self, bodies: &InRow<S, E>, normals: Option<&Planes<S, E>>, record: &S) {
         match (self.question, normals) {
             (Question::Depth, _) => bodies.depth.call(record, self.row, self.x),
             (Question::Normals, Some(normals)) => normals.call(record, &[], self.row, self.x),
@@ -46,18 +46,18 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
     }
     fn outside(self, record: &OutsideSpan<E>) {
         let kernels = self.kernels;
-        self.ask(&kernels.outside, Some(&kernels.outside_normals), record);
+        self.ask(&kernels.outside_in_row, Some(&kernels.outside_normals), record);
     }
     fn near(self, record: &NearSpan<E>) {
         let kernels = self.kernels;
-        self.ask(&kernels.near, Some(&kernels.near_normals), record);
+        self.ask(&kernels.near_in_row, Some(&kernels.near_normals), record);
     }
     fn inside(self, record: &InsideSpan<E>) {
         let kernels = self.kernels;
-        self.ask(&kernels.inside, Some(&kernels.inside_normals), record);
+        self.ask(&kernels.inside_in_row, Some(&kernels.inside_normals), record);
     }
     fn triangle(self, record: &TriangleSpan<E>) {
-        let bodies = &self.kernels.triangle;
+        let bodies = &self.kernels.triangle_in_row;
         self.ask(bodies, None, record);
     }
 }
