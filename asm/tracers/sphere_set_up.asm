@@ -351,14 +351,21 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endmacro
 
 ; SPHERE_WEIGHT - d = what the light at r11 radiates times the colour in white. Clobbers v5.
-%macro SPHERE_WEIGHT 3
+;
+;   What is beyond f32 is the weight of a sphere that no kernel in f32 shades. Beside its pixels, in one block, 0 times
+;   that is added to others: it must be a number.
+%macro SPHERE_WEIGHT 4
 %define %%d %1          ; [out]      vreg
 %define %%channel %2    ; [in]       red, green or blue
 %define %%white %3      ; [in]       aligned memory or K
+%define %%out %4        ; [in]       4 or 8
     WIDEN   %%d, [r8 + Balls. %+ %%channel]
     VMUL    %%d, %%d, %%white
     VSPREAD v5, [r11 + 8 * TileLight. %+ %%channel]
     VMUL    %%d, %%d, v5
+%if %%out == 4
+    VMIN    %%d, %%d, [PACKET(largest)]
+%endif
 %endmacro
 
 ; SPHERE_LOOKS - a function that writes records whose elements have `out` bytes.
@@ -460,9 +467,9 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r14 + rdx]
     STORE_RECORDS %%out
     VMOV    v11, v4
-    SPHERE_WEIGHT v12, red, [PACKET(white)]
-    SPHERE_WEIGHT v13, green, [PACKET(white)]
-    SPHERE_WEIGHT v14, blue, [PACKET(white)]
+    SPHERE_WEIGHT v12, red, [PACKET(white)], %%out
+    SPHERE_WEIGHT v13, green, [PACKET(white)], %%out
+    SPHERE_WEIGHT v14, blue, [PACKET(white)], %%out
     lea     r12, [r14 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
@@ -503,9 +510,9 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     VZERO   v14
     lea     r12, [r10 + rdx]
     STORE_RECORDS %%out
-    SPHERE_WEIGHT v11, red, K(SphereView.white)
-    SPHERE_WEIGHT v12, green, K(SphereView.white)
-    SPHERE_WEIGHT v13, blue, K(SphereView.white)
+    SPHERE_WEIGHT v11, red, K(SphereView.white), %%out
+    SPHERE_WEIGHT v12, green, K(SphereView.white), %%out
+    SPHERE_WEIGHT v13, blue, K(SphereView.white), %%out
     VZERO   v14
     lea     r12, [r10 + rdx + 4 * %%out]
     STORE_RECORDS %%out
@@ -548,7 +555,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
 %unmacro NORMAL 4
 %unmacro TO_LIGHT 0
 %unmacro LENGTH_OF 5
-%unmacro SPHERE_WEIGHT 3
+%unmacro SPHERE_WEIGHT 4
 %unmacro SPHERE_LOOKS 2
 %unmacro SEEN_OBJECT 5
 %unmacro TURN_SEEN 3

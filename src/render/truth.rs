@@ -20,6 +20,8 @@ const FAR: f64 = 1e-4;
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// A light nearer to the surface than this share of the surface's distance lies in a direction that f32 cannot tell.
 const AT_THE_SURFACE: f64 = 1e-4;
+/// A plane at less than this share of its nearest corner's distance is where v . n cancels to 1e-7 and less in f64.
+const AT_THE_CAMERA: f64 = 1e-8;
 /// A cosine of less than this is the terminator's: for f32 it may be 0.
 const AT_THE_TERMINATOR: f64 = 1e-4;
 /// What is told of a hit has errors below this, as shares: less than f64 could tell.
@@ -48,7 +50,8 @@ pub struct TrueHit {
     pub cosines: Vec<f64>,
     /// Whether it is at the terminator of a light so bright that what f32 rounds there is the step from black to white.
     pub dazzled: bool,
-    /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32.
+    /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32, and where
+    /// a triangle's plane is so near to the camera that its distance is in f64.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
@@ -83,6 +86,8 @@ struct Body {
     colour: DVec3,
     /// The first object that is the same in all but colour: the two tie wherever they are hit.
     same_as: usize,
+    /// Whether f64 cannot tell how far its plane is from the camera, which all of its corners are so far from.
+    grazes_camera: bool,
 }
 
 enum BoundedShape {
@@ -298,7 +303,7 @@ impl Truth {
             normal,
             cosines,
             dazzled,
-            colour: (!near_light).then_some(colour),
+            colour: (!near_light && !body.grazes_camera).then_some(colour),
             bound: meeting.bound,
             lever: meeting.slant * longest_over_this,
         }
@@ -328,6 +333,7 @@ impl Body {
             exact: OnceLock::new(),
             colour: sphere.colour.as_dvec3(),
             same_as: 0,
+            grazes_camera: false,
         })
     }
 
@@ -341,7 +347,10 @@ impl Body {
         }
         let [v1, v2, v3] = vertices;
         // Where f64 cannot tell the sign of the volume, nothing is ruled out.
-        let sign = geometry::triangle_volume(vertices).map_or(0.0, f64::signum);
+        let volume = geometry::triangle_volume(vertices).unwrap_or(0.0);
+        let sign = if volume == 0.0 { 0.0 } else { volume.signum() };
+        let nearest = vertices.map(DVec3::length).into_iter().fold(f64::INFINITY, f64::min);
+        let grazes_camera = volume.abs() < AT_THE_CAMERA * nearest * geometry::triangle_plane(vertices).length();
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * sign);
         let sizes = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| {
             let (v, w) = (v.abs(), w.abs());
@@ -354,6 +363,7 @@ impl Body {
             exact: OnceLock::new(),
             colour: triangle.colour.as_dvec3(),
             same_as: 0,
+            grazes_camera,
         })
     }
     fn exact(&self) -> &Shape {
