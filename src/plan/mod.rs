@@ -20,3 +20,18 @@ pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, 
 pub use tile_report::TileSurvey;
 #[cfg(rayo_asm)]
 pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};
+
+use crate::scene::{Camera, Grid};
+
+/// The camera's rays, and by what power of two they are longer: those of about length 1 keep their squares within the range of
+/// f32, and the factor is exact.
+fn unit_rays(camera: &Camera) -> (Grid<f64>, f64) {
+    let grid = camera.grid::<f64>();
+    let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
+    (grid.scaled(unit), unit)
+}
+
+/// The largest power of two that is at most `x`, which is positive and finite.
+fn power_of_two(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & f64::INFINITY.to_bits())
+}

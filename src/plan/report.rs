@@ -163,7 +163,7 @@ impl Report {
         lines.extend(self.tiles.iter().map(ByTiles::line));
         lines.push(if self.left_out.is_empty() { "left out: nothing".into() } else { "left out:".into() });
         let what = self.left_out.iter().map(|line| line.what.len()).max().unwrap_or(0);
-        let counts: Vec<_> = self.left_out.iter().map(|line| grouped(line.count)).collect();
+        let counts: Vec<_> = self.left_out.iter().map(|line| grouped(line.count, ',')).collect();
         let count = counts.iter().map(String::len).max().unwrap_or(0);
         let line =
             |(line, counted): (&LeftOut, &String)| format!("  {counted:>count$}  {:what$}  {}", line.what, line.reason);
@@ -178,23 +178,23 @@ impl ByTiles {
         format!(
             "tile by tile: {} objects, and from {fewest_objects} on that costs less than row by row; \
              {across} x {down} tiles of {width} x {height} pixels, {} of them for an object on average",
-            grouped(objects),
+            grouped(objects, ','),
             format_args!("{:.2}", placed as f64 / objects as f64),
         )
     }
 }
 
 fn counted(count: usize, one: &str) -> String {
-    format!("{} {one}{}", grouped(count as u64), if count == 1 { "" } else { "s" })
+    format!("{} {one}{}", grouped(count as u64, ','), if count == 1 { "" } else { "s" })
 }
 
-/// A number with a comma before each three digits.
-pub fn grouped(number: u64) -> String {
+/// A number with a separator before each three digits.
+pub fn grouped(number: u64, separator: char) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
         if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
+            text.push(separator);
         }
         text.push(digit);
     }
@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn numbers_are_grouped_by_three_digits() {
         for (number, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (12_345_678, "12,345,678")] {
-            assert_eq!(grouped(number), text);
+            assert_eq!(grouped(number, ','), text);
         }
     }
 }

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::light::{self, LightOn};
 use super::omission::{Keep, Omission};
+use super::{power_of_two, unit_rays};
 use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan};
 use crate::reference::geometry;
 use crate::scene::{self, Camera, Grid, Light, Scene};
@@ -252,10 +253,7 @@ pub trait UseRecord<E> {
 impl<E: Element> Spans<E> {
     /// Plans `scene` for `camera`: for the output of `scale`, or for any (None). What is in `keep` is not left out.
     pub fn new(scene: &Scene, camera: &Camera, scale: Option<Scale>, keep: Keep) -> Self {
-        // Rays of about length 1 keep their squares within the range of f32. The factor is exact.
-        let grid = camera.grid::<f64>();
-        let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
-        let grid = grid.scaled(unit);
+        let (grid, unit) = unit_rays(camera);
         let mut spans = Spans {
             camera: *camera,
             grid,
@@ -1045,11 +1043,6 @@ impl Triangle {
             z0: at_middle.z,
         }
     }
-}
-
-/// The largest power of two that is at most `x`, which is positive and finite.
-fn power_of_two(x: f64) -> f64 {
-    f64::from_bits(x.to_bits() & f64::INFINITY.to_bits())
 }
 
 /// The first column for which `before` does not hold, if it holds for all columns up to one and for none after.

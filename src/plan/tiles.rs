@@ -17,9 +17,9 @@ use glam::DVec3;
 use self::bins::{Bins, tiles_of};
 use self::bounds::{Picture, Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
-use super::light;
 use super::omission::{Keep, Omission};
 use super::tile_report::Frustum;
+use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
     Element, Extremes, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
     TilePoint, TileRays, TileView,
@@ -124,9 +124,7 @@ impl TilePlace {
 
 impl Frame {
     fn new(scene: &Scene, camera: &Camera) -> Self {
-        let grid = camera.grid::<f64>();
-        let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
-        let grid = grid.scaled(unit);
+        let (grid, unit) = unit_rays(camera);
         let extent = extent(scene);
         Frame { grid, unit, extent, scale: power_of_two(extent / grid.focal) }
     }
@@ -459,11 +457,6 @@ fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     } else {
         Cow::Borrowed(triangles)
     }
-}
-
-/// The power of two below a positive number.
-fn power_of_two(x: f64) -> f64 {
-    2f64.powi(x.log2().floor() as i32)
 }
 
 /// A point, brought along its direction to a distance of at most `far`.

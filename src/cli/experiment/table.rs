@@ -10,19 +10,7 @@ use crate::experiments::ladder::{AgainstCompiler, Explanation, SIZE};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
-
-/// The number with the digits of its whole part in groups of three.
-fn grouped(number: f64) -> String {
-    let digits = format!("{number:.0}");
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
+use crate::plan::grouped;
 
 fn counted(cores: usize) -> String {
     if cores == 1 { "1 core".into() } else { format!("{cores} cores") }
@@ -111,8 +99,8 @@ pub(super) fn paper_table(document: &Document) -> String {
         table.row(vec![
             size(c),
             c.pixels.to_string(),
-            grouped(c.cycles_mean),
-            grouped(simd.cycles_mean),
+            grouped(c.cycles_mean.round() as u64, ' '),
+            grouped(simd.cycles_mean.round() as u64, ' '),
             format!("{:.2}", c.cycles_mean / simd.cycles_mean),
             paper,
             format!("{:.3}", simd.ratio_to_c),
@@ -150,9 +138,9 @@ pub(super) fn full_table(document: &Document) -> String {
         table.row(vec![
             size(row),
             contestant(row),
-            grouped(row.cycles_mean),
-            grouped(row.cycles_median),
-            grouped(row.cycles_min),
+            grouped(row.cycles_mean.round() as u64, ' '),
+            grouped(row.cycles_median.round() as u64, ' '),
+            grouped(row.cycles_min.round() as u64, ' '),
             format!("{:.3}", row.ratio_to_c),
             format!("[{:.3}, {:.3}]", row.ratio_low, row.ratio_high),
             row.migrations.to_string(),
