@@ -156,6 +156,8 @@
 ENDFUNC
 %endmacro
 
+; BOUNDS - the function.
+%macro BOUNDS 0
 FUNC ISA %+ _bounds
     BEGIN_BOUNDS Facet_size, TURN_FACETS, 12, [PACKET(magnitude)]
     mov     r8, [rsi + BoundsTask.turned]
@@ -311,10 +313,4 @@ FUNC ISA %+ _bounds
     STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
     END_BOUNDS
-
-%unmacro SIZE 1
-%unmacro EDGES_HERE 0
-%unmacro CROSS2 5
-%unmacro LENGTH 2
-%unmacro FIRST_AND_PAST 3
-%unmacro PROJECT 4
+%endmacro

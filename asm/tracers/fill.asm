@@ -8,6 +8,8 @@
 ;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
 ;   requires    the CPUID features of the ISA
 
+; FILL - the function.
+%macro FILL 0
 FUNC ISA %+ _fill
 %if HAS_VEX
     vmovd   xmm0, edx
@@ -74,3 +76,4 @@ align 16
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

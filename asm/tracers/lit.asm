@@ -373,6 +373,8 @@ ENDFUNC
     LIT     grey, %%output, GREY, %%format
 %endmacro
 
+; LIT_TRACERS - the functions of this file, for one element type.
+%macro LIT_TRACERS 0
 %assign ESTIMATE 0
     LIT_PLANES planes
     LITS    f32x4, F32X4
@@ -389,24 +391,4 @@ ENDFUNC
 %endif
     LITS    rgba8, RGBA8
     LITS    rgb8, RGB8
-
-; This file is assembled once per element type.
-%unmacro LIT_BODY_LIT 1
-%unmacro LIT_BODY_GREY 1
-%unmacro LIT_KEEP 1
-%unmacro LIT_PIXELS_LIT_F32X4 0
-%unmacro LIT_PIXELS_LIT_F32X3 0
-%unmacro LIT_PIXELS_LIT_RGBA8 0
-%unmacro LIT_PIXELS_LIT_RGB8 0
-%unmacro LIT_PIXELS_GREY_F32X4 0
-%unmacro LIT_PIXELS_GREY_F32X3 0
-%unmacro LIT_PIXELS_GREY_RGBA8 0
-%unmacro LIT_PIXELS_GREY_RGB8 0
-%unmacro LIT_STORE 1
-%unmacro LIT_BLACK 1
-%unmacro LIT_FILL 2
-%unmacro LIT_NEXT 1
-%unmacro LIT_PACKET 2
-%unmacro LIT 4
-%unmacro LITS 2
-%unmacro LIT_PLANES 1
+%endmacro

@@ -138,5 +138,8 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
 ENDFUNC
 %endmacro
 
+; LIT_ROWS - the functions of this file.
+%macro LIT_ROWS 0
     ROWS    single, 4
     ROWS    double, 8
+%endmacro

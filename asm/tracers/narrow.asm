@@ -10,6 +10,8 @@
 ;   registers   rdi four, rsi three, rdx pixels to go
 ;   requires    the CPUID features of the ISA
 
+; NARROWS - the functions of this file.
+%macro NARROWS 0
 FUNC ISA %+ _narrow_rgb8
     sub     rdx, LANES
     jb      .few
@@ -66,3 +68,4 @@ FUNC ISA %+ _narrow_f32x3
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

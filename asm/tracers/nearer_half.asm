@@ -13,6 +13,8 @@
 ;   writes      each half, with room for all
 ;   requires    the CPUID features of the ISA; count >= 1
 
+; NEARER_HALF - the function.
+%macro NEARER_HALF 0
 FUNC ISA %+ _nearer_half
     mov     r8, [rdi + HalfTask.seen]
     mov     rcx, [rdi + HalfTask.count]
@@ -63,3 +65,4 @@ align 16
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

@@ -252,11 +252,8 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
 ENDFUNC
 %endmacro
 
+; SET_UPS - the functions of this file.
+%macro SET_UPS 0
     SET_UP  single, 4
     SET_UP  double, 8
-
-%unmacro LOAD_CORNER 4
-%unmacro STORE_EDGE 2
-%unmacro WEIGHT 2
-%unmacro SET_UP 2
-; The others are for sphere_set_up.asm, which ends them.
+%endmacro

@@ -30,6 +30,8 @@
     VMIN    %%p, %%p, K(SphereView. %+ %%side)
 %endmacro
 
+; SPHERE_BOUNDS - the function.
+%macro SPHERE_BOUNDS 0
 FUNC ISA %+ _sphere_bounds
     BEGIN_BOUNDS Ball_size, TURN_BALLS, 8, [single_magnitude]
 
@@ -114,8 +116,4 @@ FUNC ISA %+ _sphere_bounds
     STORE_SEEN r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
     add     r8, 4 * LANES
     END_BOUNDS
-
-%unmacro PIXELS_BETWEEN 3
-%unmacro BEGIN_BOUNDS 4
-%unmacro NEARNESS 1
-%unmacro END_BOUNDS 0
+%endmacro

@@ -20,11 +20,11 @@
 ;   <output>    f32x4, rgba8; f32x4_fast with estimates in place of roots and divisions
 ;   requires    the CPUID features of the ISA; memory as tile_layout.inc says
 
-%assign WHO (ELEM * Tile.who)
-%assign BLOCKS_X (TILE_WIDTH / BLOCK_WIDTH)
-%assign WIDTH_SHIFT (LANES == 2 ? 1 : 2)
-%assign HEIGHT_SHIFT (BLOCK_HEIGHT == 4 ? 2 : BLOCK_HEIGHT == 2 ? 1 : 0)
-%assign ALL_LANES ((1 << LANES) - 1)
+%define WHO (ELEM * Tile.who)
+%define BLOCKS_X (TILE_WIDTH / BLOCK_WIDTH)
+%define WIDTH_SHIFT (LANES == 2 ? 1 : 2)
+%define HEIGHT_SHIFT (BLOCK_HEIGHT == 4 ? 2 : BLOCK_HEIGHT == 2 ? 1 : 0)
+%define ALL_LANES ((1 << LANES) - 1)
 %assign SMALL_SIDE 4                    ; pixels: a triangle whose bounds have no longer side is small
 
 ; SD - d = d op b in f64, of one number.
@@ -347,26 +347,26 @@
 ;
 ; The stack of it, from rsp on, after what SPILL and MASK_OF_BITS use.
 %assign MOST_STEPS (SMALL_SIDE * SMALL_SIDE)
-%assign ORIGIN_X (VBYTES * 16)          ; the tile's middle in the picture
-%assign ORIGIN_Y (ORIGIN_X + VBYTES)
-%assign LOW_X (ORIGIN_Y + VBYTES)       ; the window, from there
-%assign HIGH_X (LOW_X + VBYTES)
-%assign LOW_Y (HIGH_X + VBYTES)
-%assign HIGH_Y (LOW_Y + VBYTES)
-%assign FIRST_X (HIGH_Y + VBYTES)       ; of each lane's object: its first column, the one past its last,
-%assign PAST_X (FIRST_X + VBYTES)
-%assign ROW_PAST_X (PAST_X + VBYTES)    ; the same in its row
-%assign NOW_Y (ROW_PAST_X + VBYTES)     ; its row
-%assign PAST_Y (NOW_Y + VBYTES)
-%assign ROW_PLACE (PAST_Y + VBYTES)     ; where that row is in the tile
-%assign OFFSET_X (ROW_PLACE + VBYTES)   ; spheres: from the tile's middle to their own origins
-%assign OFFSET_Y (OFFSET_X + VBYTES)
-%assign INVERSES (OFFSET_Y + VBYTES)    ; what was found of a pixel of each lane: 1/t, and where it is in the tile
-%assign PLACES (INVERSES + MOST_STEPS * VBYTES)
-%assign FOUND (PLACES + MOST_STEPS * VBYTES)    ; the numbers of those that are hit, a byte each
-%assign SMALL_FRAME (FOUND + 256 + 64 - ORIGIN_X)
+%define ORIGIN_X (VBYTES * 16)          ; the tile's middle in the picture
+%define ORIGIN_Y (ORIGIN_X + VBYTES)
+%define LOW_X (ORIGIN_Y + VBYTES)       ; the window, from there
+%define HIGH_X (LOW_X + VBYTES)
+%define LOW_Y (HIGH_X + VBYTES)
+%define HIGH_Y (LOW_Y + VBYTES)
+%define FIRST_X (HIGH_Y + VBYTES)       ; of each lane's object: its first column, the one past its last,
+%define PAST_X (FIRST_X + VBYTES)
+%define ROW_PAST_X (PAST_X + VBYTES)    ; the same in its row
+%define NOW_Y (ROW_PAST_X + VBYTES)     ; its row
+%define PAST_Y (NOW_Y + VBYTES)
+%define ROW_PLACE (PAST_Y + VBYTES)     ; where that row is in the tile
+%define OFFSET_X (ROW_PLACE + VBYTES)   ; spheres: from the tile's middle to their own origins
+%define OFFSET_Y (OFFSET_X + VBYTES)
+%define INVERSES (OFFSET_Y + VBYTES)    ; what was found of a pixel of each lane: 1/t, and where it is in the tile
+%define PLACES (INVERSES + MOST_STEPS * VBYTES)
+%define FOUND (PLACES + MOST_STEPS * VBYTES)    ; the numbers of those that are hit, a byte each
+%define SMALL_FRAME (FOUND + 256 + 64 - ORIGIN_X)
 ; The tile's middle.
-%assign MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
+%define MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
 
 ; IAND - d = a & b of 32-bit numbers.
 %macro IAND 3
@@ -544,17 +544,6 @@
 %define INSIDE_SPHERE v2
 %define SURE_SPHERE v3
 
-; The names of registers of an element's size, for the list of hits.
-%if ELEM == 4
-%define E_cx ecx
-%define E_12 r12d
-%define E_14 r14d
-%else
-%define E_cx rcx
-%define E_12 r12
-%define E_14 r14
-%endif
-
 ; NEAREST - a function that finds the nearest of triangles or spheres.
 ;
 ;   registers   rdi planes, rdx what is turned round, both of one object or one packet; rsi task; r8 tile
@@ -568,6 +557,15 @@
 %define %%kind %2       ; [in]       TRIANGLE or SPHERE
 %define %%planes %3     ; [in]       TrianglePlanes or SpherePlanes
 %define %%turned %4     ; [in]       Corners or Balls
+%if ELEM == 4                           ; registers of an element's size
+%define %%cx ecx
+%define %%d12 r12d
+%define %%d14 r14d
+%else
+%define %%cx rcx
+%define %%d12 r12
+%define %%d14 r14
+%endif
 FUNC NAME(nearest, %%name)
     ENTER_NEAREST SMALL_FRAME
     mov     rdx, [rsi + NearestTask.turned]
@@ -724,16 +722,16 @@ align 16
     movzx   eax, byte [rsp + FOUND + r11]
     mov     r9d, eax
     and     r9d, LANES - 1
-    mov     E_cx, [rsp + INVERSES + ELEM * rax]
+    mov     %%cx, [rsp + INVERSES + ELEM * rax]
     movsxd  rax, dword [rsp + PLACES + 4 * rax]
-    mov     E_12, [r8 + ELEM * (rax + MIDDLE)]
-    mov     E_14, [r8 + WHO + ELEM * (rax + MIDDLE)]
-    cmp     E_cx, E_12
+    mov     %%d12, [r8 + ELEM * (rax + MIDDLE)]
+    mov     %%d14, [r8 + WHO + ELEM * (rax + MIDDLE)]
+    cmp     %%cx, %%d12
     je      .found_tie
-    cmovg   E_12, E_cx
-    cmovg   E_14, [rdi + ELEM * (r9 + %%planes %+ .id)]
-    mov     [r8 + ELEM * (rax + MIDDLE)], E_12
-    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
+    cmovg   %%d12, %%cx
+    cmovg   %%d14, [rdi + ELEM * (r9 + %%planes %+ .id)]
+    mov     [r8 + ELEM * (rax + MIDDLE)], %%d12
+    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], %%d14
 .next_found:
     inc     r11d
 .more_found:
@@ -749,8 +747,8 @@ align 16
     WHOSE   ecx, [rdi + ELEM * (r9 + %%planes %+ .id)]
     cmp     r12d, [r13 + 4 * rcx]
     jbe     .next_found
-    mov     E_14, [rdi + ELEM * (r9 + %%planes %+ .id)]
-    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], E_14
+    mov     %%d14, [rdi + ELEM * (r9 + %%planes %+ .id)]
+    mov     [r8 + WHO + ELEM * (rax + MIDDLE)], %%d14
     jmp     .next_found
 
     ; The lanes of r9d are within the rounding of an edge.
@@ -951,8 +949,11 @@ align 16
     END
 %endmacro
 
+; NEAREST_TILES - the functions that find the nearest, for one element type.
+%macro NEAREST_TILES 0
     NEAREST triangles, TRIANGLE, TrianglePlanes, Corners
     NEAREST spheres, SPHERE, SpherePlanes, Balls
+%endmacro
 
 ; SPHERE_FIELD - d = a field of the sphere at a general register, in every lane.
 %macro SPHERE_FIELD 3
@@ -964,14 +965,14 @@ align 16
 
 ; The stack of the shading functions, from rsp on.
 %assign PIXELS_AT 0                     ; a block of pixels
-%assign IDS_AT (16 * LANES)             ; who, as integers
-%assign OFFSETS_AT (IDS_AT + 64)        ; of their shades
-%assign STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
-%assign ROWS_AT (STRIDES_AT + 64)       ; of the pixels of a block in the picture
-%assign MIDDLE_AT (ROWS_AT + 64)        ; the tile's middle column
-%assign WHOLE_AT (MIDDLE_AT + 64)       ; up to which column of the tile the row's blocks are written whole
-%assign COLUMNS_AT (WHOLE_AT + 64)      ; COLUMNS, where that is not a register
-%assign FRAME (COLUMNS_AT + 64)
+%define IDS_AT (16 * LANES)             ; who, as integers
+%define OFFSETS_AT (IDS_AT + 64)        ; of their shades
+%define STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
+%define ROWS_AT (STRIDES_AT + 64)       ; of the pixels of a block in the picture
+%define MIDDLE_AT (ROWS_AT + 64)        ; the tile's middle column
+%define WHOLE_AT (MIDDLE_AT + 64)       ; up to which column of the tile the row's blocks are written whole
+%define COLUMNS_AT (WHOLE_AT + 64)      ; COLUMNS, where that is not a register
+%define FRAME (COLUMNS_AT + 64)
 
 ; COLUMNS - the columns in the picture of a block's pixels: a register where there are 32, since each block waits for
 ;           the one before.
@@ -1409,6 +1410,8 @@ align 16
     ADD_LIGHT v9, ShortLit, v10, v12
 %endmacro
 
+; SHADE_TILES - the functions that shade, for one element type.
+%macro SHADE_TILES 0
 %assign ESTIMATE 0
     SHADE_TILE f32x4, F32X4
 %if ELEM == 4
@@ -1416,60 +1419,4 @@ align 16
     SHADE_TILE f32x4_fast, F32X4
 %endif
     SHADE_TILE rgba8, RGBA8
-
-%unmacro SD 3
-%unmacro IF_BELOW 3
-%unmacro CORNER 2
-%unmacro BLOCK_PIXEL 0
-%unmacro ONE_RAY 0
-%unmacro ONE_CROSS 4
-%unmacro ONE_EDGE 3
-%unmacro ELEMENT_F64 2
-%unmacro SPHERE_CROSS 4
-%unmacro SPILL 0
-%unmacro UNSPILL 0
-%unmacro MASK_OF_BITS 0
-%unmacro WHERE 5
-%unmacro WHOSE 2
-%unmacro ENTER_NEAREST 1
-%unmacro LEAVE 0
-%unmacro CLIP 1
-%unmacro BLOCK_ROW 0
-%unmacro IAND 3
-%unmacro HALVES 3
-%unmacro ELEMENTS 1
-%unmacro KEEP_INTEGER 1
-%unmacro PLANE_AT 3
-%unmacro BEFORE_DOUBT_TRIANGLE 1
-%unmacro DECIDE_TRIANGLE 1
-%unmacro BEFORE_DOUBT_SPHERE 1
-%unmacro DECIDE_SPHERE 1
-%unmacro FACTORS_TRIANGLE 1
-%unmacro ROW_PLANE 3
-%unmacro ROW_TRIANGLE 1
-%unmacro AT_TRIANGLE 0
-%undef INSIDE_TRIANGLE
-%undef SURE_TRIANGLE
-%unmacro FACTORS_SPHERE 1
-%unmacro ROW_SPHERE 1
-%unmacro D_AT 1
-%unmacro INVERSE_AT 1
-%unmacro AT_SPHERE 0
-%undef INSIDE_SPHERE
-%undef SURE_SPHERE
-%unmacro NEAREST 4
-%unmacro SPHERE_FIELD 3
-%unmacro COSINE 3
-%unmacro TRIANGLE_LIGHT 0
-%unmacro NEXT_SHADE 1
-%unmacro PIXELS_OUT_F32X4 0
-%unmacro PIXELS_OUT_RGBA8 0
-%undef COLUMNS
-%undef ONE
-%unmacro ELEMENT_OPERAND 2
-%unmacro SHADE_TILE 2
-%unmacro LONG_LIGHTS 0
-%unmacro NORMAL_OVER_T 2
-%unmacro ADD_LIGHT 4
-%unmacro SPHERE_LIGHT 0
-%unmacro SHORT_LIGHT 0
+%endmacro
