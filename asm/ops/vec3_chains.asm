@@ -20,7 +20,7 @@
 %define %%d %1          ; [out]       vreg: the operand of the next operation
 %define %%r %2          ; [clobbered] vreg: the result of the one before
 %define %%a %3          ; [in]        aligned memory: the operand
-    VARITH  and, 1, %%r, %%r, [PACKET(zeros)]
+    VAND    %%r, %%r, [PACKET(zeros)]
     VARITH  or, 1, %%d, %%r, %%a
 %endmacro
 

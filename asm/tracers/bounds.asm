@@ -17,6 +17,7 @@
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
 ;               all triangles together, for who judges the scene's numbers, those in BoundsFound
 ;   requires    the CPUID features of the ISA; facets, count >= 1 of them
+;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
 %macro FIRST_AND_PAST 3
@@ -149,7 +150,7 @@
     VMOV    v0, [SCRATCH]
     VSTORE  [r8 + BoundsFound.nearest], v0
     sub     r10, [rsi + BoundsTask.seen]
-    shr     r10, 4                      ; Seen_size is 16
+    shr     r10, ilog2e(Seen_size)
     mov     [r8 + BoundsFound.count], r10
     UNCONSTANTS
     POP_OWNED

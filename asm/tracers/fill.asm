@@ -7,6 +7,7 @@
 ;
 ;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
 ;   requires    the CPUID features of the ISA
+;   equals      slice::fill
 
 ; FILL - the function.
 %macro FILL 0

@@ -13,6 +13,7 @@
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
 ;   writes      as bounds.asm does, a sphere's size being its radius or, if that is more, its greatest coordinate
 ;   requires    the CPUID features of the ISA; spheres, count >= 1 of them
+;   equals      reference::tile::InFront::pixels
 
 ; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and the one past the last between two coordinates.
 %macro PIXELS_BETWEEN 3

@@ -16,6 +16,7 @@
 ;   writes      planes or records of count spheres, up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of spheres. What comes of a sphere that is
 ;               not wholly in front, or that the camera is inside of, is not to be used
+;   equals      reference::tile::InFront and lit, rounded once
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
 ; scale / radius, sx and sy are step cx and step cy, reach_x and reach_y how far the outline is from
@@ -408,7 +409,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     STORE_FOUR %%out, TileSphere.mzy, mzy, ux, uy, uz
     VZERO   v0
     VMOV_TO W(short), v0
-    imul    rbx, [rsi + SetupTask.light_count], 8 * %%out       ; a Lit is eight elements, and so is a ShortLit
+    imul    rbx, [rsi + SetupTask.light_count], %%out * Lit_size     ; a ShortLit is as long
     mov     rax, [rsi + SetupTask.light_count]
     test    r14, r14
     jz      .long                       ; with not one in the short form
@@ -473,7 +474,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r14 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, 8 * %%out
+    add     rdx, %%out * Lit_size
     dec     rax
     jnz     .short_light
     imul    rax, rbx, LANES
@@ -517,7 +518,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r10 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, 8 * %%out
+    add     rdx, %%out * Lit_size
     dec     rax
     jnz     .light
 .looked:
