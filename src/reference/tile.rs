@@ -125,7 +125,8 @@ const LEAST: f32 = 1e-30;
 
 impl BoundsView {
     /// The columns and rows that a triangle can cover, each as the first and the one past the last << 16, and what its 1/t
-    /// cannot exceed, the largest number if it reaches behind the camera. Where these hold four pixels at most and an edge has each of them outside, there are no columns.
+    /// cannot exceed: the largest number if it reaches behind the camera. Where these hold four pixels at most, and an
+    /// edge or another has each of them outside, there are no columns.
     pub fn of_triangle(&self, corners: [[f32; 3]; 3]) -> ([u32; 2], f32) {
         let least = |[a, b, c]: [f32; 3]| min(min(a, b), c);
         let most = |[a, b, c]: [f32; 3]| max(max(a, b), c);
