@@ -8,22 +8,24 @@
 %include "include/triangle_aos.inc"
 %include "include/lambert_aos.inc"
 %include "include/constants.inc"
+%include "ops/aos.asm"
+%include "tracers/paper.asm"
 
 %assign AOS_BEST 0                      ; the paper's forms: rayo_paper_*
 %define AOS_NAME(name) paper_ %+ name
-%include "ops/aos.asm"
+    AOS_OPS
 %assign AOS_HITS 0
-%include "tracers/paper.asm"
+    PAPER_TRACER
 %assign AOS_HITS 1                      ; what the paper's tracer hits, for who measures errors
-%include "tracers/paper.asm"
+    PAPER_TRACER
 %assign AOS_HITS 0
 
 %assign AOS_BEST 1                      ; the best forms: rayo_aos_*
 %define AOS_NAME(name) aos_ %+ name
-%include "ops/aos.asm"
-%include "tracers/paper.asm"
+    AOS_OPS
+    PAPER_TRACER
 
 %assign AOS_BEST 0                      ; the paper's forms, called: rayo_calls_*
 %assign AOS_CALLS 1
 %define AOS_NAME(name) calls_ %+ name
-%include "tracers/paper.asm"
+    PAPER_TRACER

@@ -302,6 +302,57 @@ fn every_macro_is_uppercase_and_its_comment_says_what_it_does() {
     }
 }
 
+/// What the lines after the word `equals` in a comment name.
+fn equals(comment: &[String]) -> Vec<String> {
+    let lines = comment.iter().filter_map(|line| line.strip_prefix(";   equals "));
+    let words = lines.flat_map(|line| line.split([' ', ',', ';'])).filter(|word| word.contains("::"));
+    words.map(str::to_owned).collect()
+}
+
+/// Whether src/ has what a path names: a module, or something in one.
+fn is_there(path: &str, sources: &BTreeMap<String, String>) -> bool {
+    let parts: Vec<_> = path.split("::").collect();
+    let &[layer, module, ref inner @ ..] = &parts[..] else { return false };
+    let text = sources.get(&format!("src/{layer}/{module}.rs"));
+    let defined = |text: &String, name: &str| {
+        let tokens = tokens(text);
+        tokens.windows(2).any(|pair| ["fn", "struct"].contains(&pair[0]) && pair[1] == name)
+    };
+    text.is_some_and(|text| inner.iter().all(|name| defined(text, name)))
+}
+
+#[test]
+fn every_formula_and_every_tracer_names_the_twin_that_it_equals() {
+    let rust = sources(&["rs"]);
+    let mut formulas = 0;
+    for Macro { place, comment, .. } in macros().into_iter().filter(|m| m.place.starts_with("asm/include")) {
+        // What only packs, or is one operation of a packet, is no formula; estimates have no twin.
+        let path = comment.iter().find_map(|line| line.strip_prefix(";   critical path "));
+        let arithmetic = path.is_some_and(|path| {
+            let operations = ["mul", "add", "sub", "div", "fma", "fnma", "hadd", "sqrt", "dot"];
+            path.contains("->") && tokens(path).iter().any(|word| operations.contains(word))
+        });
+        if arithmetic && !place.starts_with("asm/include/packet.inc") {
+            formulas += 1;
+            let twins = equals(&comment);
+            assert!(!twins.is_empty(), "{place}: no twin is named");
+            assert!(
+                twins.iter().all(|twin| twin.starts_with("reference::") && is_there(twin, &rust)),
+                "{place}: {twins:?}"
+            );
+        }
+    }
+    assert!(formulas > 40, "{formulas}");
+    for (path, text) in sources(&["asm"]).into_iter().filter(|(path, _)| path.starts_with("asm/tracers/")) {
+        let head: Vec<_> = text.lines().take_while(|line| line.starts_with(';')).map(str::to_owned).collect();
+        let twins = equals(&head);
+        assert!(!twins.is_empty(), "{path}: no twin is named");
+        for twin in twins.iter().filter(|twin| twin.starts_with("reference::") || twin.starts_with("plan::")) {
+            assert!(is_there(twin, &rust), "{path}: there is no {twin}");
+        }
+    }
+}
+
 #[test]
 fn every_parameter_of_a_macro_has_a_name_and_a_tag_and_is_used_by_its_name() {
     for Macro { place, parameters, body, .. } in macros() {

@@ -1,4 +1,4 @@
-//! Spheres in tiles: their kernels give the bits of the formulas here, one sphere at a time, whatever the instruction set.
+//! Spheres in tiles: their kernels give the bits of their twin, one sphere at a time, whatever the instruction set.
 
 #![cfg(rayo_asm)]
 
@@ -7,113 +7,17 @@ use rayo::kernels::{
     CHUNK, Element, Isa, PacketKernels, Seen, SpanKernels, SphereRecords, Spheres, TileBuffers, packets,
 };
 use rayo::plan::{Keep, Tiles};
+use rayo::reference::tile::{InFront, SphereView, lit};
 use rayo::scene::{Camera, Grid, Light, Rng, Scene, Sphere, many};
 
-/// What is known of a sphere in front.
-struct InFront {
-    /// Columns and rows, with fractions.
-    bounds: [[f64; 2]; 2],
-    /// The ray at its origin.
-    origin: DVec3,
-    /// The fields of its planes but for the last two.
-    planes: [f64; 12],
-    /// The fields of its record but for the last ones.
-    looks: [f64; 20],
+/// As the twin takes a sphere: its centre and radius.
+fn of(sphere: &Sphere) -> (DVec3, f64) {
+    (sphere.centre.as_dvec3(), sphere.radius.into())
 }
 
-/// A sphere that is wholly in front of the camera's plane, with the camera outside; None if it is not.
-fn in_front(sphere: &Sphere, grid: &Grid<f64>, scale: f64, sides: [u32; 2]) -> Option<InFront> {
-    let Grid { step, half_width, half_height, focal } = *grid;
-    let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-    // In units of the radius.
-    let c = centre / radius;
-    let k = c.dot(c) - 1.0;
-    if c.z.is_nan() || c.z < 1.001 || !k.is_finite() {
-        return None;
-    }
-    let columns = silhouette(c.x, c.z).map(|x| (focal * x + half_width) / step - 0.5);
-    let rows = silhouette(c.y, c.z).map(|y| (half_height - focal * y) / step - 0.5);
-    let rows = [rows[1], rows[0]];
-    let [width, height] = sides.map(f64::from);
-    let middle = |[low, high]: [f64; 2], side: f64| (0.5 * (low + high)).round().clamp(0.0, side);
-    let (column, row) = (middle(columns, width), middle(rows, height));
-    // The ray at the origin, and what i columns and j rows add to it.
-    let d = DVec3::new(step * (column + 0.5) - half_width, half_height - step * (row + 0.5), focal);
-    let (across, down) = (DVec3::X * step, DVec3::Y * -step);
-    // D = d.d - |c x d|^2, both of them quadratic in i and j: no difference of large numbers for a far sphere.
-    let (a, u, v) = (c.cross(d), c.cross(across), c.cross(down));
-    let square = (scale / (k * radius)).powi(2);
-    let quadratic = [
-        d.dot(d) - a.dot(a),
-        2.0 * (d.dot(across) - a.dot(u)),
-        2.0 * (d.dot(down) - a.dot(v)),
-        across.dot(across) - u.dot(u),
-        -2.0 * u.dot(v),
-        down.dot(down) - v.dot(v),
-    ];
-    let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
-    let reach =
-        |[low, high]: [f64; 2], origin: f64, side: f64| (high.min(side) - origin).max(origin - low.max(0.0)) + 1.0;
-    let (i, j) = (reach(columns, column, width), reach(rows, row, height));
-    let unit = f64::from(f32::EPSILON);
-    let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
-    let bound = 4.0 * unit * terms.iter().map(|term| term.abs()).sum::<f64>();
-    let (over, h) = (scale / (k * radius), c.dot(d));
-    // n / t = (d - h c / k) - sqrt(D) c / k, over the radius.
-    let normal = |d: DVec3, h: f64| (d - h / k * c) * (scale / radius);
-    let (m, mx, my) = (normal(d, h), normal(across, c.dot(across)), normal(down, c.dot(down)));
-    Some(InFront {
-        bounds: [columns, rows],
-        origin: d,
-        planes: [column, row, d0, dx, dy, dxx, dxy, dyy, bound, h * over, c.dot(across) * over, c.dot(down) * over],
-        looks: [
-            column, row, d0, dx, dy, dxx, dxy, dyy, m.x, mx.x, my.x, m.y, mx.y, my.y, m.z, mx.z, my.z, c.x, c.y, c.z,
-        ],
-    })
-}
-
-/// One light on a sphere in the short form, and whether that is accurate enough for bytes in f32.
-fn short_lit(planned: &InFront, sphere: &Sphere, light: &Light, grid: &Grid<f64>, scale: f64) -> ([f64; 8], bool) {
-    let radius = f64::from(sphere.radius);
-    let (c, l) = (sphere.centre.as_dvec3() / radius, light.position.as_dvec3() / radius);
-    let from_centre = (light.position.as_dvec3() - sphere.centre.as_dvec3()) / radius;
-    let k = c.dot(c) - 1.0;
-    let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
-    let (products, gap) = ((c.length() + 1.0) * from_centre.length(), from_centre.length() - 1.0);
-    let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
-    let q = from_centre * (scale / radius);
-    let weights = light.radiance() * (255.0 * sphere.colour.as_dvec3());
-    let numbers = [q.dot(planned.origin), q.x * grid.step, -q.y * grid.step, kn, ke, weights.x, weights.y, weights.z];
-    (numbers, gap > 0.25 && gap < 2f64.powi(36) && loss < 1024.0)
-}
-
-/// The same in the long form, for lights up to `far` radii away.
-fn lit(sphere: &Sphere, light: &Light, far: f64) -> [f64; 8] {
-    let mut l = (light.position.as_dvec3() - sphere.centre.as_dvec3()) / f64::from(sphere.radius);
-    if l.length() > far {
-        l *= far / l.length();
-    }
-    let weights = light.radiance() * (255.0 * sphere.colour.as_dvec3());
-    [l.x, l.y, l.z, 0.0, weights.x, weights.y, weights.z, 0.0]
-}
-
-/// Where a sphere's silhouette ends along one axis at distance 1: |cx - cz x| = sqrt(x^2 + 1), solved for x.
-fn silhouette(cx: f64, cz: f64) -> [f64; 2] {
-    let m = cz * cz - 1.0;
-    let root = (cx * cx + m).sqrt();
-    let b = cx * cz;
-    // The product of the two is (cx^2 - 1) / m.
-    let product = (cx - 1.0) * (cx + 1.0);
-    if b >= 0.0 { [product / (b + root), (b + root) / m] } else { [(b - root) / m, product / (b - root)] }
-}
-
-/// The first pixel of a range of coordinates, and the one past the last << 16.
-fn first_and_past([low, high]: [f64; 2], side: u32) -> u32 {
-    const MARGIN: f64 = 1e-3;
-    // Casts saturate.
-    let first = ((low - MARGIN).ceil() as u32).min(side);
-    let past = ((high + MARGIN).floor() + 1.0).clamp(0.0, side.into()) as u32;
-    first | past << 16
+/// As the twin takes a light: where it is, and what of it a sphere reflects.
+fn on(sphere: &Sphere, light: &Light) -> (DVec3, DVec3) {
+    (light.position.as_dvec3(), light.radiance() * (255.0 * sphere.colour.as_dvec3()))
 }
 
 /// Spheres in the picture, across its borders, around the camera, behind it; some lights are far away.
@@ -137,8 +41,10 @@ fn scene(seed: u64) -> Scene {
 
 fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, scene: &Scene) {
     let plan = Tiles::<E>::new(scene, &scene.camera, packets, Keep::NOTHING, 1);
-    let (view, grid, scale) = (&plan.levels().spheres, scene.camera.grid::<f64>(), plan.scale());
+    let (view, scale) = (&plan.levels().spheres, plan.scale());
     let sides = [scene.camera.width(), scene.camera.height()];
+    let Grid { step, half_width, half_height, focal } = scene.camera.grid::<f64>();
+    let twin = SphereView { step, half_width, half_height, focal, scale, sides: sides.map(f64::from) };
     let mut found = vec![Seen::default(); scene.spheres.len().next_multiple_of(CHUNK)];
     let (count, _) = packets.sphere_bounds.call(view, &scene.spheres, 0, true, &mut found).unwrap();
     assert_eq!(count, scene.spheres.len());
@@ -152,18 +58,19 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
         kernels.tiles.sphere_looks.call(view, spheres, plan.sphere_lights(), true, 0, &mut records);
         for (i, seen) in seen.iter().enumerate() {
             let sphere = &scene.spheres[seen.id as usize];
-            let Some(front) = in_front(sphere, &grid, scale, sides) else {
-                let behind = f64::from(sphere.centre.z) / f64::from(sphere.radius) <= -1.0;
+            let (centre, radius) = of(sphere);
+            let Some(front) = InFront::new(centre, radius, &twin) else {
+                let behind = centre.z / radius <= -1.0;
                 let whole = sides.map(|side| side << 16);
                 let expected = if behind { ([0; 2], 0.0) } else { (whole, Seen::ANY) };
                 assert_eq!(([seen.columns, seen.rows], seen.near), expected, "{sphere:?}");
                 continue;
             };
             fronts += 1;
-            let bounds = [0, 1].map(|axis| first_and_past(front.bounds[axis], sides[axis]));
+            let bounds = [0, 1].map(|axis| InFront::pixels(front.bounds[axis], sides[axis]));
             assert_eq!([seen.columns, seen.rows], bounds, "{sphere:?}");
-            let nearest = scale * grid.focal / (f64::from(sphere.centre.z) - f64::from(sphere.radius));
-            let c = sphere.centre.as_dvec3() / f64::from(sphere.radius);
+            let nearest = scale * focal / (centre.z - radius);
+            let c = centre / radius;
             if c.dot(c) > 2.0 * c.z * c.z - 1.0 {
                 sideways += 1;
                 assert_eq!(seen.near, Seen::ANY, "{sphere:?}");
@@ -182,7 +89,7 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
             let mut short = true;
             for (number, light) in scene.lights.iter().enumerate() {
                 let of_light = i * scene.lights.len() + number;
-                let (expected, accurate) = short_lit(&front, sphere, light, &grid, scale);
+                let (expected, accurate) = front.short_lit(of(sphere), on(sphere, light), &twin);
                 assert_eq!(records.shorts[of_light].numbers(), rounded(&expected), "{sphere:?} {light:?}");
                 short &= accurate;
             }
@@ -190,7 +97,11 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
             (shorts, longs) = (shorts + usize::from(short), longs + usize::from(!short));
             for (number, light) in scene.lights.iter().enumerate().filter(|_| !short) {
                 let of_light = i * scene.lights.len() + number;
-                assert_eq!(records.lits[of_light].numbers(), rounded(&lit(sphere, light, far)), "{sphere:?} {light:?}");
+                assert_eq!(
+                    records.lits[of_light].numbers(),
+                    rounded(&lit(of(sphere), on(sphere, light), far)),
+                    "{sphere:?} {light:?}"
+                );
             }
         }
     }

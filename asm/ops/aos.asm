@@ -21,6 +21,24 @@
 ;
 ; The labels .body and .body_end enclose the operation itself, without its loads and stores.
 
+; LAMBERT_FUNC - the two functions of the Lambert term.
+%macro LAMBERT_FUNC 2
+%define %%name %1       ; [in]       the function's name
+%define %%sides %2      ; [in]       as LAMBERT has it
+FUNC AOS_NAME(%%name)
+    xorps   xmm0, xmm0
+    movaps  xmm1, [rsi + Surface.point]
+    movaps  xmm2, [rsi + Surface.normal]
+    xorps   xmm3, xmm3
+.body:
+    LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], %%sides, xmm3, xmm4, xmm5, xmm6
+.body_end:
+    movaps  [rdi], xmm0
+ENDFUNC
+%endmacro
+
+; AOS_OPS - the functions of this file, for one form.
+%macro AOS_OPS 0
 FUNC AOS_NAME(add)
     movaps  xmm0, [rsi]
     movaps  xmm1, [rdx]
@@ -108,21 +126,6 @@ FUNC AOS_NAME(triangle)
     movss   [rdi], xmm1
 ENDFUNC
 
-; LAMBERT_FUNC - the two functions of the Lambert term.
-%macro LAMBERT_FUNC 2
-%define %%name %1       ; [in]       the function's name
-%define %%sides %2      ; [in]       as LAMBERT has it
-FUNC AOS_NAME(%%name)
-    xorps   xmm0, xmm0
-    movaps  xmm1, [rsi + Surface.point]
-    movaps  xmm2, [rsi + Surface.normal]
-    xorps   xmm3, xmm3
-.body:
-    LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], %%sides, xmm3, xmm4, xmm5, xmm6
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-%endmacro
 LAMBERT_FUNC lambert, 1
 LAMBERT_FUNC lambert2, 2
-%unmacro LAMBERT_FUNC 2                 ; this file is assembled once per form
+%endmacro

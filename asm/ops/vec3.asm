@@ -25,8 +25,6 @@
 ; Assembled once per ISA and element type: rayo_<isa>_<single or double>_<name>. The labels .body and .body_end enclose
 ; the operation itself, without its loads and stores.
 
-%assign ESTIMATE 0
-
 ; LOAD_RAY - a packet of a in v0 to v2.
 %macro LOAD_RAY 0
     VLOAD   v0, [rsi]
@@ -112,6 +110,9 @@ FUNC ISA_NAME %+ _ %+ %%name
 ENDFUNC
 %endmacro
 
+; PACKET_OPS - the functions of this file, for one element type.
+%macro PACKET_OPS 0
+%assign ESTIMATE 0
 PACKET_OP add3, 3, v0, v1, v2, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
 PACKET_OP sub3, 3, v0, v1, v2, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
 PACKET_OP scale3, 1, v0, v1, v2, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
@@ -142,8 +143,4 @@ FUNC ISA_NAME %+ _lambert3
     vzeroupper
 %endif
 ENDFUNC
-
-%unmacro LOAD_RAY 0                     ; this file is assembled once per element type
-%unmacro STORE_RESULT 4
-%unmacro PACKET_OP 6
-%unmacro HIT_OP 3
+%endmacro

@@ -14,42 +14,13 @@
 ;   requires       the CPUID features of the ISA; rounds >= 1
 
 %assign CHAIN_LINKS 8                   ; operations in a round
-%assign ESTIMATE 0
-
-section .rodata align=64
-align 64
-PACKET(chain_a):
-    times LANES DE 0.5
-    times LANES DE -0.75
-    times LANES DE 1.25
-PACKET(chain_b):
-    times LANES DE 1.5
-    times LANES DE 0.625
-    times LANES DE -0.25
-PACKET(chain_ray):
-    times LANES DE 0.0625
-    times LANES DE -0.125
-    times LANES DE 1.0
-PACKET(chain_normal):
-    times LANES DE 0.0
-    times LANES DE 0.6
-    times LANES DE -0.8
-PACKET(chain_sphere):                   ; centre (0.25, -0.5, 4), radius 1.5
-    DE 0.25, -0.5, 4.0, 2.25, 14.0625
-PACKET(chain_triangle):                 ; (-1, -1, 3), (1, -1, 3.5) and (0.25, 1, 4)
-    DE -1.0, -1.375, 4.0, 14.375
-    DE 0.5, -6.5, -2.0, 1.0e-6
-    DE 7.5, 3.125, -1.25, 1.0e-6
-    DE -7.0, 4.75, -0.75, 1.0e-6
-PACKET(chain_light):
-    DE 3.0, 5.0, -2.0, 0.0, 0.75, 0.5, 0.25, 0.0
 
 ; LEAD_BACK - d = a, by way of r: the latency of an and and an or.
 %macro LEAD_BACK 3
 %define %%d %1          ; [out]       vreg: the operand of the next operation
 %define %%r %2          ; [clobbered] vreg: the result of the one before
 %define %%a %3          ; [in]        aligned memory: the operand
-    VARITH  and, 1, %%r, %%r, [PACKET(zeros)]
+    VAND    %%r, %%r, [PACKET(zeros)]
     VARITH  or, 1, %%d, %%r, %%a
 %endmacro
 
@@ -123,6 +94,40 @@ END_CHAIN
     LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0
 %endmacro
 
+%define NONE PACKET(chain_sphere), 0
+
+; PACKET_CHAINS - the functions of this file, and what they begin with.
+%macro PACKET_CHAINS 0
+%assign ESTIMATE 0
+
+section .rodata align=64
+align 64
+PACKET(chain_a):
+    times LANES DE 0.5
+    times LANES DE -0.75
+    times LANES DE 1.25
+PACKET(chain_b):
+    times LANES DE 1.5
+    times LANES DE 0.625
+    times LANES DE -0.25
+PACKET(chain_ray):
+    times LANES DE 0.0625
+    times LANES DE -0.125
+    times LANES DE 1.0
+PACKET(chain_normal):
+    times LANES DE 0.0
+    times LANES DE 0.6
+    times LANES DE -0.8
+PACKET(chain_sphere):                   ; centre (0.25, -0.5, 4), radius 1.5
+    DE 0.25, -0.5, 4.0, 2.25, 14.0625
+PACKET(chain_triangle):                 ; (-1, -1, 3), (1, -1, 3.5) and (0.25, 1, 4)
+    DE -1.0, -1.375, 4.0, 14.375
+    DE 0.5, -6.5, -2.0, 1.0e-6
+    DE 7.5, 3.125, -1.25, 1.0e-6
+    DE -7.0, 4.75, -0.75, 1.0e-6
+PACKET(chain_light):
+    DE 3.0, 5.0, -2.0, 0.0, 0.75, 0.5, 0.25, 0.0
+
 FUNC ISA_NAME %+ _feedback_latency
     BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
 .round:
@@ -131,7 +136,6 @@ FUNC ISA_NAME %+ _feedback_latency
 %endrep
 END_CHAIN
 
-%define NONE PACKET(chain_sphere), 0
 CHAINS add3, PACKET(chain_a), NONE, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
 CHAINS sub3, PACKET(chain_a), NONE, v0, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
 CHAINS scale3, PACKET(chain_a), NONE, v0, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
@@ -144,3 +148,4 @@ CHAINS sphere3, PACKET(chain_ray), PACKET(chain_sphere), SphereHit_size, v3, \
 CHAINS triangle3, PACKET(chain_ray), PACKET(chain_triangle), TriangleHit_size, v3, \
     {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
 CHAINS lambert3, PACKET(chain_normal), PACKET(chain_light), 0, v3, {ON_BLACK}
+%endmacro

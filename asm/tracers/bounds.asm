@@ -17,6 +17,7 @@
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
 ;               all triangles together, for who judges the scene's numbers, those in BoundsFound
 ;   requires    the CPUID features of the ISA; facets, count >= 1 of them
+;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
 %macro FIRST_AND_PAST 3
@@ -149,13 +150,15 @@
     VMOV    v0, [SCRATCH]
     VSTORE  [r8 + BoundsFound.nearest], v0
     sub     r10, [rsi + BoundsTask.seen]
-    shr     r10, 4                      ; Seen_size is 16
+    shr     r10, ilog2e(Seen_size)
     mov     [r8 + BoundsFound.count], r10
     UNCONSTANTS
     POP_OWNED
 ENDFUNC
 %endmacro
 
+; BOUNDS - the function.
+%macro BOUNDS 0
 FUNC ISA %+ _bounds
     BEGIN_BOUNDS Facet_size, TURN_FACETS, 12, [PACKET(magnitude)]
     mov     r8, [rsi + BoundsTask.turned]
@@ -311,10 +314,4 @@ FUNC ISA %+ _bounds
     STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
     END_BOUNDS
-
-%unmacro SIZE 1
-%unmacro EDGES_HERE 0
-%unmacro CROSS2 5
-%unmacro LENGTH 2
-%unmacro FIRST_AND_PAST 3
-%unmacro PROJECT 4
+%endmacro

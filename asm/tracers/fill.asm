@@ -7,7 +7,10 @@
 ;
 ;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
 ;   requires    the CPUID features of the ISA
+;   equals      slice::fill
 
+; FILL - the function.
+%macro FILL 0
 FUNC ISA %+ _fill
 %if HAS_VEX
     vmovd   xmm0, edx
@@ -74,3 +77,4 @@ align 16
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

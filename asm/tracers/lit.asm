@@ -36,6 +36,32 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      reference::packet, to the last bit where there is no estimate
 
+; BEGIN_LIT - begins a function with what the rows of the LitSphere at rdi share. Makes room at SCRATCH for one packet
+;             of pixels, too, and rbx, r12 and r13 free; until END_LIT rbp is in use.
+%macro BEGIN_LIT 0
+    push    rbp
+    mov     rbp, rsp
+    push    rbx
+    push    r12
+    push    r13
+    sub     rsp, 16 * LANES + VBYTES * LIT_PLACES
+    and     rsp, -VBYTES
+%define SCRATCH rsp + %[VBYTES * LIT_PLACES]
+    LIT_SPHERE_CONSTANTS rdi
+%endmacro
+
+; END_LIT - gives back what BEGIN_LIT took, and leaves the upper parts of the registers clean.
+%macro END_LIT 0
+    lea     rsp, [rbp - 24]
+    pop     r13
+    pop     r12
+    pop     rbx
+    pop     rbp
+%if HAS_VEX
+    vzeroupper
+%endif
+%endmacro
+
 ; LIT_BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. v0 and v11 to v14 stay.
 %macro LIT_BODY_LIT 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
@@ -62,7 +88,7 @@
 %define %%n %1          ; [in/out]   number of a register
     MASK_NOT_LESS v0, LIT_j
     MASK_AND_LESS v0, LIT_stop, v4
-    VKEEP   v%[%%n]
+    MASK_KEEP v%[%%n]
 %endmacro
 
 ; LIT_PIXELS_LIT_F32X4 - the pixels of LIT_BODY_LIT in w4 and up.
@@ -223,7 +249,7 @@ align 16
 %assign %%bytes %[%%format]_BYTES
 %assign %%packet LANES * %%bytes
 FUNC NAME(%%object, %%output)
-    LIT_SPHERE_CONSTANTS
+    BEGIN_LIT
     VMOV    v11, [%[%%format]_BLACK]
     imul    r8, r8, %%bytes
     mov     r10, rcx
@@ -245,7 +271,7 @@ align 16
     VTRUNCATE rbx, [rsi + ELEM * LitRows.end]
     cmp     rax, rbx
     jae     .next_row
-    LIT_ROW_CONSTANTS
+    LIT_ROW_CONSTANTS rsi
     imul    rax, rax, %%bytes
     imul    rbx, rbx, %%bytes
     add     rax, rcx
@@ -321,7 +347,7 @@ align 16
 .tail:
     cmp     r10, r11
     jb      .pixel
-    LIT_UNCONSTANTS
+    END_LIT
     ret
 .part:
     mov     rdi, r11
@@ -342,8 +368,8 @@ align 16
 %macro LIT_PLANES 1
 %define %%output %1     ; [in]       part of the function's name
 FUNC NAME(lit, %%output)
-    LIT_SPHERE_CONSTANTS
-    LIT_ROW_CONSTANTS
+    BEGIN_LIT
+    LIT_ROW_CONSTANTS rsi
     VSPREAD v13, [rsi + ELEM * LitRows.id]
     VMOV    v0, LIT_j
     VADD    v0, v0, [PACKET(natural)]
@@ -361,7 +387,7 @@ align 16
     add     rcx, VBYTES
     sub     r8, LANES
     ja      .packet
-    LIT_UNCONSTANTS
+    END_LIT
 ENDFUNC
 %endmacro
 
@@ -373,6 +399,8 @@ ENDFUNC
     LIT     grey, %%output, GREY, %%format
 %endmacro
 
+; LIT_TRACERS - the functions of this file, for one element type.
+%macro LIT_TRACERS 0
 %assign ESTIMATE 0
     LIT_PLANES planes
     LITS    f32x4, F32X4
@@ -389,24 +417,4 @@ ENDFUNC
 %endif
     LITS    rgba8, RGBA8
     LITS    rgb8, RGB8
-
-; This file is assembled once per element type.
-%unmacro LIT_BODY_LIT 1
-%unmacro LIT_BODY_GREY 1
-%unmacro LIT_KEEP 1
-%unmacro LIT_PIXELS_LIT_F32X4 0
-%unmacro LIT_PIXELS_LIT_F32X3 0
-%unmacro LIT_PIXELS_LIT_RGBA8 0
-%unmacro LIT_PIXELS_LIT_RGB8 0
-%unmacro LIT_PIXELS_GREY_F32X4 0
-%unmacro LIT_PIXELS_GREY_F32X3 0
-%unmacro LIT_PIXELS_GREY_RGBA8 0
-%unmacro LIT_PIXELS_GREY_RGB8 0
-%unmacro LIT_STORE 1
-%unmacro LIT_BLACK 1
-%unmacro LIT_FILL 2
-%unmacro LIT_NEXT 1
-%unmacro LIT_PACKET 2
-%unmacro LIT 4
-%unmacro LITS 2
-%unmacro LIT_PLANES 1
+%endmacro

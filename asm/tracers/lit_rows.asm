@@ -18,6 +18,7 @@
 ;
 ;   registers   rdi setup, rsi first, rdx rows left, rcx the rows' elements, v0 the rows' numbers
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
+;   equals      plan::spans, to the last bit
 
 ; ROW - stores a field of the rows. Clobbers v10.
 %macro ROW 2
@@ -69,7 +70,7 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
     VMUL    v2, v2, S(nx)
     VSUB    v2, v2, v3                  ; c0 = (1 - cx^2) g - across^2
     VMOV    v3, v6
-    VARITH  and, 1, v3, v3, [PACKET(sign)]
+    VAND    v3, v3, [PACKET(sign)]
     VARITH  or, 1, v3, v3, v4
     VADD    v3, v3, v6                  ; q = b + root with the sign of b
     VDIV    v2, v2, v3
@@ -99,7 +100,7 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
     VADD    v8, v8, [PACKET(ones)]
     VMAX    v8, v8, [PACKET(zeros)]
     VMIN    v8, v8, S(width)            ; end
-    VKEEP   v8
+    MASK_KEEP v8
     ROW     LitRows.start, 7
     ROW     LitRows.end, 8
     VADD    v9, v7, v8
@@ -138,5 +139,8 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
 ENDFUNC
 %endmacro
 
+; LIT_ROWS - the functions of this file.
+%macro LIT_ROWS 0
     ROWS    single, 4
     ROWS    double, 8
+%endmacro

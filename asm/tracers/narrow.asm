@@ -9,7 +9,10 @@
 ;
 ;   registers   rdi four, rsi three, rdx pixels to go
 ;   requires    the CPUID features of the ISA
+;   equals      Iterator::map, to the first three channels
 
+; NARROWS - the functions of this file.
+%macro NARROWS 0
 FUNC ISA %+ _narrow_rgb8
     sub     rdx, LANES
     jb      .few
@@ -66,3 +69,4 @@ FUNC ISA %+ _narrow_f32x3
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

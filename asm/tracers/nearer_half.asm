@@ -12,7 +12,10 @@
 ;               x2, x3 the least and the greatest of each number of the records
 ;   writes      each half, with room for all
 ;   requires    the CPUID features of the ISA; count >= 1
+;   equals      Iterator::partition
 
+; NEARER_HALF - the function.
+%macro NEARER_HALF 0
 FUNC ISA %+ _nearer_half
     mov     r8, [rdi + HalfTask.seen]
     mov     rcx, [rdi + HalfTask.count]
@@ -58,8 +61,9 @@ align 16
     jnz     .next
     mov     rax, r9
     sub     rax, [rdi + HalfTask.nearer]
-    shr     rax, 4                      ; Seen_size is 16
+    shr     rax, ilog2e(Seen_size)
 %if HAS_VEX
     vzeroupper
 %endif
 ENDFUNC
+%endmacro

@@ -23,14 +23,6 @@
 ;   requires       SSE3; addresses aligned to 16; every list as long as its count says; width >= 1; row < end
 ;   equals         reference::aos::trace, to the last bit; hits: the surfaces in it
 
-%if AOS_HITS
-%define TRACER hits
-%define PIXEL_SIZE Surface_size
-%else
-%define TRACER trace
-%define PIXEL_SIZE Vec4_size
-%endif
-
 ; SHADE_SURFACE - lines 18 to 21 of Algorithm 1: the colour of the hit at P with normal N, over all lights.
 %macro SHADE_SURFACE 2
 %define %%colour %1     ; [in]       aligned memory: C of the object
@@ -67,7 +59,15 @@ align 16
     add     %%end, %%first
 %endmacro
 
-FUNC AOS_NAME(TRACER)
+; PAPER_TRACER - the function, for one form.
+%macro PAPER_TRACER 0
+%if AOS_HITS
+%define PIXEL_SIZE Surface_size
+FUNC AOS_NAME(hits)
+%else
+%define PIXEL_SIZE Vec4_size
+FUNC AOS_NAME(trace)
+%endif
     push    rbx
     push    rbp
     push    r12
@@ -164,6 +164,4 @@ align 16
     pop     rbp
     pop     rbx
 ENDFUNC
-
-%unmacro SHADE_SURFACE 2                ; this file is assembled once per form
-%unmacro LIST 4
+%endmacro

@@ -12,6 +12,7 @@
 ;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets
+;   equals      reference::tile::set_up and shade, rounded once
 
 ; SEEN_OBJECT - r = the address of the object number i of those seen from r8 on, of which rcx are left, or else of the
 ;               first of them, in the list at rdx; its bounds go to what is turned round at r9. Clobbers r14.
@@ -163,7 +164,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     mov     r10, [rsi + SetupTask.shades]
     mov     rcx, [rsi + SetupTask.count]
     mov     rdx, [rsi + SetupTask.first_id]
-    imul    rbx, [rsi + SetupTask.light_count], 4 * %%out     ; from one triangle's shades to the next one's
+    imul    rbx, [rsi + SetupTask.light_count], %%out * TileShade_size   ; from one triangle's shades to the next one's
     CONSTANTS 10
 .packet:
     LOAD_CORNER v0, v1, v2, a
@@ -223,7 +224,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     WEIGHT  13, green
     WEIGHT  14, blue
     STORE_RECORDS %%out
-    add     r12, 4 * %%out
+    add     r12, %%out * TileShade_size
     add     r11, 8 * TileLight_size
     dec     rax
     jnz     .light
@@ -252,11 +253,8 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
 ENDFUNC
 %endmacro
 
+; SET_UPS - the functions of this file.
+%macro SET_UPS 0
     SET_UP  single, 4
     SET_UP  double, 8
-
-%unmacro LOAD_CORNER 4
-%unmacro STORE_EDGE 2
-%unmacro WEIGHT 2
-%unmacro SET_UP 2
-; The others are for sphere_set_up.asm, which ends them.
+%endmacro

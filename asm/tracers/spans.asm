@@ -294,6 +294,8 @@ ENDFUNC
     PLANES  triangle, %%output, TRIANGLE, 12
 %endmacro
 
+; SPANS - the functions of this file, for one element type.
+%macro SPANS 0
 %assign ESTIMATE 0
     SHADES  f32x4, F32X4
     ALL_PLANES planes
@@ -313,24 +315,4 @@ ENDFUNC
 %endif
 %assign ESTIMATE ELEM == 4
     SHADES  rgba8, RGBA8
-
-; This file is assembled once per element type.
-%unmacro LIGHTS 2
-%unmacro BODY_CAMERA 2
-%unmacro BODY_CAMERA_NORMAL 2
-%unmacro BODY_OUTSIDE 0
-%unmacro BODY_OUTSIDE_NORMAL 0
-%unmacro BODY_TRIANGLE 0
-%unmacro DEN_OUTSIDE 0
-%unmacro DEN_NEAR 0
-%unmacro DEN_INSIDE 0
-%unmacro DEN_TRIANGLE 0
-%unmacro PIXELS_F32X4 0
-%unmacro PIXELS_RGBA8 0
-%unmacro SHADE 5
-%unmacro SHADES 2
-%unmacro PLANES 4
-%unmacro ALL_PLANES 1
-%unmacro DEPTH 3
-%unmacro EMIT 2
-%unmacro STORE_NATURAL 2
+%endmacro

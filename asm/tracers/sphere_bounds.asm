@@ -13,6 +13,7 @@
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
 ;   writes      as bounds.asm does, a sphere's size being its radius or, if that is more, its greatest coordinate
 ;   requires    the CPUID features of the ISA; spheres, count >= 1 of them
+;   equals      reference::tile::InFront::pixels
 
 ; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and the one past the last between two coordinates.
 %macro PIXELS_BETWEEN 3
@@ -30,6 +31,8 @@
     VMIN    %%p, %%p, K(SphereView. %+ %%side)
 %endmacro
 
+; SPHERE_BOUNDS - the function.
+%macro SPHERE_BOUNDS 0
 FUNC ISA %+ _sphere_bounds
     BEGIN_BOUNDS Ball_size, TURN_BALLS, 8, [single_magnitude]
 
@@ -114,8 +117,4 @@ FUNC ISA %+ _sphere_bounds
     STORE_SEEN r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
     add     r8, 4 * LANES
     END_BOUNDS
-
-%unmacro PIXELS_BETWEEN 3
-%unmacro BEGIN_BOUNDS 4
-%unmacro NEARNESS 1
-%unmacro END_BOUNDS 0
+%endmacro

@@ -16,9 +16,11 @@
 ;   writes      planes or records of count spheres, up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of spheres. What comes of a sphere that is
 ;               not wholly in front, or that the camera is inside of, is not to be used
+;   equals      reference::tile::InFront and lit, rounded once
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
-; scale / radius, sx and sy are step cx and step cy, i and j how far the outline is from the origin.
+; scale / radius, sx and sy are step cx and step cy, reach_x and reach_y how far the outline is from
+; the origin.
 %assign W_places 0
 
 ; WORK - gives a register of the work its place, for W.
@@ -57,10 +59,9 @@
     WORK    sx
     WORK    sy
     WORK    h
-    WORK    i
-    WORK    j
+    WORK    reach_x
+    WORK    reach_y
     WORK    length
-%unmacro WORK 1
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
 ; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, or what is nearest to it in the
@@ -127,11 +128,11 @@
     NEAREST_PIXEL v9, v5, v6, width, v10
     VMOV_TO W(column), v9
     REACH   v5, v6, v9, width, v10
-    VMOV_TO W(i), v6
+    VMOV_TO W(reach_x), v6
     NEAREST_PIXEL v11, v7, v8, height, v10
     VMOV_TO W(row), v11
     REACH   v7, v8, v11, height, v10
-    VMOV_TO W(j), v8
+    VMOV_TO W(reach_y), v8
 
     ; The ray at the origin, and what a column and a row more add to c x d and c . d.
     VADD    v6, v9, [PACKET(halves)]
@@ -242,8 +243,8 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     SPHERE_D
 
     ; D is rounded by no more than a few units of its terms at the outline.
-    VMOV    v0, W(i)
-    VMOV    v1, W(j)
+    VMOV    v0, W(reach_x)
+    VMOV    v1, W(reach_y)
     VABS    v3, v2
     ROUNDED_STORE %%out, SpherePlanes.d0, 2
     TERM    %%out, dx, 6, v0, none
@@ -408,7 +409,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     STORE_FOUR %%out, TileSphere.mzy, mzy, ux, uy, uz
     VZERO   v0
     VMOV_TO W(short), v0
-    imul    rbx, [rsi + SetupTask.light_count], 8 * %%out       ; a Lit is eight elements, and so is a ShortLit
+    imul    rbx, [rsi + SetupTask.light_count], %%out * Lit_size     ; a ShortLit is as long
     mov     rax, [rsi + SetupTask.light_count]
     test    r14, r14
     jz      .long                       ; with not one in the short form
@@ -473,7 +474,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r14 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, 8 * %%out
+    add     rdx, %%out * Lit_size
     dec     rax
     jnz     .short_light
     imul    rax, rbx, LANES
@@ -517,7 +518,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r10 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, 8 * %%out
+    add     rdx, %%out * Lit_size
     dec     rax
     jnz     .light
 .looked:
@@ -538,26 +539,10 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     END_SPHERES
 %endmacro
 
+; SPHERE_SET_UPS - the functions of this file.
+%macro SPHERE_SET_UPS 0
     SPHERE_SET_UP single, 4
     SPHERE_SET_UP double, 8
     SPHERE_LOOKS single, 4
     SPHERE_LOOKS double, 8
-
-%undef W
-%unmacro NEAREST_PIXEL 5
-%unmacro REACH 5
-%unmacro SPHERE_D 0
-%unmacro BEGIN_SPHERES 0
-%unmacro END_SPHERES 0
-%unmacro TERM 5
-%unmacro SPHERE_SET_UP 2
-%unmacro STORE_FOUR 6
-%unmacro NORMAL 4
-%unmacro TO_LIGHT 0
-%unmacro LENGTH_OF 5
-%unmacro SPHERE_WEIGHT 4
-%unmacro SPHERE_LOOKS 2
-%unmacro SEEN_OBJECT 5
-%unmacro TURN_SEEN 3
-%unmacro ROUNDED_STORE 3
-%unmacro STORE_RECORDS 1
+%endmacro

@@ -2,7 +2,8 @@
 //!
 //! [`geometry`] is the truth in f64 that every engine is held against, and [`exact`] the one in 256 bits that it is held
 //! against itself, with [`bounded`] for what fewer bits are sure of; [`aos`] is the twin of the paper's macros, the same
-//! operations in the same order, [`paper_c`] that of the paper's C, and [`packet`] that of the packet macros.
+//! operations in the same order, [`paper_c`] that of the paper's C, [`packet`] that of the packet macros, and [`tile`] that
+//! of the tile macros.
 
 pub mod aos;
 pub mod bounded;
@@ -11,5 +12,6 @@ pub mod geometry;
 pub mod packet;
 pub mod paper_c;
 mod real;
+pub mod tile;
 
 pub use real::Real;

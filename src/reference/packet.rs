@@ -1,6 +1,6 @@
 //! The twin of the packet macros: one lane of them.
 //!
-//! These are the operations of `asm/include/{vec3,sphere,triangle,lambert}.inc`, in the same order. What belongs to a span is a
+//! These are the operations of `asm/include/{vec3,sphere,lit,triangle,lambert}.inc`, in the same order. What belongs to a span is a
 //! function of j, its pixel. Where macros take an estimate of a root, it is what a [`Cosine`] of the caller's makes it: no two
 //! CPUs need have the same. The names are those of `asm/include/layout.inc`, which says what each number is.
 
@@ -151,18 +151,23 @@ impl<T: Real, F: FnMut(T) -> T> Cosine<T> for Estimated<F> {
 }
 
 /// VMAX: b where either is NaN.
-fn max<T: Real>(a: T, b: T) -> T {
+pub(super) fn max<T: Real>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
 /// VMIN: b where either is NaN.
-fn min<T: Real>(a: T, b: T) -> T {
+pub(super) fn min<T: Real>(a: T, b: T) -> T {
     if a < b { a } else { b }
+}
+
+/// COSINE.
+pub(super) fn cosine<T: Real>(by: &mut impl Cosine<T>, n: T, q: T) -> T {
+    min(max(by.over_root(n, q), T::ZERO), T::ONE)
 }
 
 impl Rounding {
     /// VFMA: a * b + c.
-    fn fma<T: Real>(self, a: T, b: T, c: T) -> T {
+    pub(super) fn fma<T: Real>(self, a: T, b: T, c: T) -> T {
         match self {
             Rounding::Fused => a.mul_add(b, c),
             Rounding::Unfused => c + a * b,
@@ -355,7 +360,7 @@ impl Rounding {
                 Seen::OnPlane => light.cosine,
                 Seen::FromCamera(c) => self.dot([0, 1, 2].map(|i| o[i] - c[i]), l),
             };
-            let cosine = min(max(cosine.over_root(numerator, self.dot(l, l)), T::ZERO), T::ONE);
+            let cosine = self::cosine(&mut cosine, numerator, self.dot(l, l));
             [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
         })
     }

@@ -1,0 +1,362 @@
+//! The twin of the tile macros: one object, one pixel of a tile, one light.
+//!
+//! These are the operations of `asm/include/{tile,tile_hit,tile_light}.inc`, and of the set-up in `asm/tracers`, in the same
+//! order. `asm/include/tile_layout.inc` says what each number is. Set-up is in f64, and its results are rounded once.
+
+use glam::DVec3;
+
+use super::Real;
+use super::packet::{Cosine, Rounding, cosine, max, min};
+
+/// A sphere is in front if its centre is at least so many radii before the camera's plane.
+const FRONT: f64 = 1.001;
+/// Pixels by which the bounds of a sphere are opened.
+const OUTLINE: f64 = 1e-3;
+/// By how many units of its terms D may be rounded.
+const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
+/// What is 0 but for the rounding, against the sum of its terms.
+const PLANE: f64 = 4.0 * f64::EPSILON;
+/// The short form is accurate enough if the light is further than this from the sphere, nearer than that, in radii, and
+/// if the terms cancel to no less than one part in so many.
+const SHORT: (f64, f64, f64) = (0.25, (1u64 << 36) as f64, 1024.0);
+
+/// The grid of rays, a power of two that brings 1/t to size, and the sides of the picture.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "SphereView has them")]
+pub struct SphereView {
+    pub step: f64,
+    pub half_width: f64,
+    pub half_height: f64,
+    pub focal: f64,
+    pub scale: f64,
+    pub sides: [f64; 2],
+}
+
+impl SphereView {
+    /// The ray of a pixel.
+    pub fn ray(&self, column: f64, row: f64) -> DVec3 {
+        let (x, y) = (self.step * (column + 0.5) - self.half_width, self.half_height - self.step * (row + 0.5));
+        DVec3::new(x, y, self.focal)
+    }
+}
+
+/// The rays of a tile, from the pixel in its middle, and the rounding bound of an edge.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "TileView has them")]
+pub struct TileView {
+    pub ray: DVec3,
+    pub step: f64,
+    pub down: f64,
+    pub scale: f64,
+    pub bound: DVec3,
+    pub bound_0: f64,
+}
+
+/// A linear function of the pixel: `origin + across x + down y`, fields name0, namex and namey.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "the formula is above")]
+pub struct Plane<T> {
+    pub origin: T,
+    pub across: T,
+    pub down: T,
+}
+
+/// A triangle in a tile.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "TrianglePlanes has them")]
+pub struct TrianglePlanes<T> {
+    pub edges: [Plane<T>; 3],
+    pub inverse: Plane<T>,
+    pub most: T,
+}
+
+/// What set-up makes of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Triangle {
+    /// Its planes.
+    pub planes: TrianglePlanes<f64>,
+    /// Its first corner.
+    corner: DVec3,
+    /// Not of length 1.
+    normal: DVec3,
+    /// What makes it as long as shading wants it.
+    per: f64,
+}
+
+/// A sphere as a function of the pixels from its own origin.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "SpherePlanes has them")]
+pub struct SpherePlanes<T> {
+    pub d: [T; 6],
+    pub h: Plane<T>,
+    pub most: T,
+}
+
+/// What is known of a sphere in front.
+#[derive(Clone, Copy, Debug)]
+pub struct InFront {
+    /// Columns and rows, with fractions.
+    pub bounds: [[f64; 2]; 2],
+    /// The ray at its origin.
+    origin: DVec3,
+    /// The fields of SpherePlanes but for the last two.
+    pub planes: [f64; 12],
+    /// The fields of TileSphere but for the last ones.
+    pub looks: [f64; 20],
+}
+
+/// What turns corners into bounds.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "BoundsView has them")]
+pub struct BoundsView {
+    pub to_pixels: f32,
+    pub column: f32,
+    pub row: f32,
+    pub low: f32,
+    pub high: f32,
+    pub sides: [f32; 2],
+    pub near: f32,
+    pub reach: f32,
+    pub outside: f32,
+}
+
+/// Nearer than this a corner's place in the picture could overflow.
+const LEAST: f32 = 1e-30;
+
+impl BoundsView {
+    /// The columns and rows that a triangle can cover, each as the first and the one past the last << 16, and what its 1/t
+    /// cannot exceed: the largest number if it reaches behind the camera. Where these hold four pixels at most, and an
+    /// edge or another has each of them outside, there are no columns.
+    pub fn of_triangle(&self, corners: [[f32; 3]; 3]) -> ([u32; 2], f32) {
+        let least = |[a, b, c]: [f32; 3]| min(min(a, b), c);
+        let most = |[a, b, c]: [f32; 3]| max(max(a, b), c);
+        let z = corners.map(|corner| corner[2]);
+        if most(z) <= 0.0 {
+            return ([0; 2], f32::MAX);
+        }
+        let [width, height] = self.sides;
+        if least(z) <= LEAST {
+            return ([width, height].map(|side| (side as u32) << 16), f32::MAX);
+        }
+        let across = corners.map(|[x, _, z]| self.to_pixels / z * x);
+        let up = corners.map(|[_, y, z]| self.to_pixels / z * y);
+        let pixels =
+            |from: f32, to: f32, side: f32| [from + self.low, to + self.high].map(|x| min(max(x, 0.0), side) as u32);
+        let columns = pixels(least(across) + self.column, most(across) + self.column, width);
+        let rows = pixels(self.row - most(up), self.row - least(up), height);
+        let packed = |[first, past]: [u32; 2]| first | past << 16;
+        let bounds = [packed(columns), packed(rows)];
+        let near = self.near / least(z);
+        if most(across) - least(across) >= self.reach || most(up) - least(up) >= self.reach {
+            return (bounds, near);
+        }
+        // Edges at the first pixel, and what a column and a row more add to them.
+        let x = across.map(|x| x - (columns[0] as f32 - self.column));
+        let y = up.map(|y| y - (self.row - rows[0] as f32));
+        let next = [(0, 1), (1, 2), (2, 0)];
+        let mut edges = next.map(|(v, w)| x[v] * y[w] - y[v] * x[w]);
+        let (column, row) = (next.map(|(v, w)| y[v] - y[w]), next.map(|(v, w)| x[v] - x[w]));
+        let (mut low, mut high) = (least(edges), most(edges));
+        for (step, sign) in [(column, 1.0), (row, 1.0), (column, -1.0)] {
+            edges = [0, 1, 2].map(|i| edges[i] + sign * step[i]);
+            (low, high) = (max(low, least(edges)), min(high, most(edges)));
+        }
+        if self.outside > max(low, -high) { ([0, bounds[1]], near) } else { (bounds, near) }
+    }
+}
+
+/// SILHOUETTE.
+fn silhouette(cx: f64, cz: f64) -> [f64; 2] {
+    let m = cz * cz - 1.0;
+    let root = (cx * cx + m).sqrt();
+    let b = cx * cz;
+    // The product of the two is (cx^2 - 1) / m.
+    let product = (cx - 1.0) * (cx + 1.0);
+    if b >= 0.0 { [product / (b + root), (b + root) / m] } else { [(b - root) / m, product / (b - root)] }
+}
+
+impl InFront {
+    /// SPHERE_BOX, SPHERE_D and what the functions of sphere_set_up.asm make of them; None unless the sphere is wholly in
+    /// front of the camera's plane, with the camera outside.
+    pub fn new(centre: DVec3, radius: f64, view: &SphereView) -> Option<Self> {
+        let SphereView { step, half_width, half_height, focal, scale, sides: [width, height] } = *view;
+        // In units of the radius.
+        let c = centre / radius;
+        let k = c.dot(c) - 1.0;
+        if c.z.is_nan() || c.z < FRONT || !k.is_finite() {
+            return None;
+        }
+        let columns = silhouette(c.x, c.z).map(|x| (focal * x + half_width) / step - 0.5);
+        let rows = silhouette(c.y, c.z).map(|y| (half_height - focal * y) / step - 0.5);
+        let rows = [rows[1], rows[0]];
+        let middle = |[low, high]: [f64; 2], side: f64| (0.5 * (low + high)).round().clamp(0.0, side);
+        let (column, row) = (middle(columns, width), middle(rows, height));
+        // The ray at the origin, and what i columns and j rows add to it.
+        let d = view.ray(column, row);
+        let (across, down) = (DVec3::X * step, DVec3::Y * -step);
+        // D = d.d - |c x d|^2, both of them quadratic in i and j: no difference of large numbers for a far sphere.
+        let (a, u, v) = (c.cross(d), c.cross(across), c.cross(down));
+        let square = (scale / (k * radius)).powi(2);
+        let quadratic = [
+            d.dot(d) - a.dot(a),
+            2.0 * (d.dot(across) - a.dot(u)),
+            2.0 * (d.dot(down) - a.dot(v)),
+            across.dot(across) - u.dot(u),
+            -2.0 * u.dot(v),
+            down.dot(down) - v.dot(v),
+        ];
+        let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
+        let reach =
+            |[low, high]: [f64; 2], origin: f64, side: f64| (high.min(side) - origin).max(origin - low.max(0.0)) + 1.0;
+        let (i, j) = (reach(columns, column, width), reach(rows, row, height));
+        let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
+        let bound = ROUNDINGS * terms.iter().map(|term| term.abs()).sum::<f64>();
+        let (over, h) = (scale / (k * radius), c.dot(d));
+        // n / t = (d - h c / k) - sqrt(D) c / k, over the radius.
+        let normal = |d: DVec3, h: f64| (d - h / k * c) * (scale / radius);
+        let (m, mx, my) = (normal(d, h), normal(across, c.dot(across)), normal(down, c.dot(down)));
+        Some(InFront {
+            bounds: [columns, rows],
+            origin: d,
+            planes: [column, row, d0, dx, dy, dxx, dxy, dyy, bound, h * over, c.dot(across) * over, c.dot(down) * over],
+            looks: [
+                column, row, d0, dx, dy, dxx, dxy, dyy, m.x, mx.x, my.x, m.y, mx.y, my.y, m.z, mx.z, my.z, c.x, c.y,
+                c.z,
+            ],
+        })
+    }
+
+    /// PIXELS_BETWEEN: the first pixel in a range of coordinates, and the one past the last << 16.
+    pub fn pixels(range: [f64; 2], side: u32) -> u32 {
+        let [low, high] = range;
+        // Casts saturate.
+        let first = ((low - OUTLINE).ceil() as u32).min(side);
+        let past = ((high + OUTLINE).floor() + 1.0).clamp(0.0, side.into()) as u32;
+        first | past << 16
+    }
+
+    /// A light on a sphere in the short form, and whether that is accurate enough for bytes in f32. The weights are for
+    /// white at 255.
+    pub fn short_lit(
+        &self,
+        (centre, radius): (DVec3, f64),
+        (light, weights): (DVec3, DVec3),
+        view: &SphereView,
+    ) -> ([f64; 8], bool) {
+        let (c, l) = (centre / radius, light / radius);
+        let from_centre = (light - centre) / radius;
+        let k = c.dot(c) - 1.0;
+        let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
+        let (products, gap) = ((c.length() + 1.0) * from_centre.length(), from_centre.length() - 1.0);
+        let loss = f64::max((kn.abs() + products) / gap, (ke.abs() + 2.0 * products) / (gap * gap));
+        let q = from_centre * (view.scale / radius);
+        let (near, far, most) = SHORT;
+        let numbers = [q.dot(self.origin), q.x * view.step, -q.y * view.step, kn, ke, weights.x, weights.y, weights.z];
+        (numbers, gap > near && gap < far && loss < most)
+    }
+}
+
+/// A light on a sphere in the long form, brought to `far` radii where it is further away.
+pub fn lit((centre, radius): (DVec3, f64), (light, weights): (DVec3, DVec3), far: f64) -> [f64; 8] {
+    let mut l = (light - centre) / radius;
+    if l.length() > far {
+        l *= far / l.length();
+    }
+    [l.x, l.y, l.z, 0.0, weights.x, weights.y, weights.z, 0.0]
+}
+
+/// IF_OUTSIDE_TRIANGLE: whether the ray `d` is outside an edge of a triangle whose volume has the sign of `side`.
+pub fn outside_triangle(d: DVec3, [a, b, c]: [DVec3; 3], side: f64) -> bool {
+    let inside = |(v, w): (DVec3, DVec3)| d.dot(v.cross(w)) * 1f64.copysign(side) >= 0.0;
+    ![(a, b), (b, c), (c, a)].into_iter().all(inside)
+}
+
+/// IF_OUTSIDE_SPHERE: whether the ray `d` passes a sphere.
+pub fn outside_sphere(d: DVec3, centre: DVec3, radius: f64) -> bool {
+    let x = centre.cross(d);
+    let hit = d.dot(d) * radius * radius >= x.dot(x);
+    !hit
+}
+
+impl Rounding {
+    /// What a tile keeps of a triangle, by TRIANGLE_VOLUME and TRIANGLE_EDGE: where its volume is 0 but for the rounding it
+    /// is at no distance, and so never nearest.
+    pub fn set_up(self, [a, b, c]: [DVec3; 3], most: f64, view: &TileView) -> Triangle {
+        let normal = (a - b).cross(a - c);
+        let volume = a.dot(normal);
+        let seen = volume.abs() > a.abs().dot(normal.abs()) * PLANE;
+        let n = if seen { normal * (view.scale / volume) } else { DVec3::ZERO };
+        let plane = |n: DVec3| Plane {
+            origin: self.dot(n.into(), view.ray.into()),
+            across: n.x * view.step,
+            down: n.y * view.down,
+        };
+        let edges = [(a, b), (b, c), (c, a)].map(|(v, w)| {
+            let e = v.cross(w);
+            let Plane { origin, across, down } = plane(e);
+            let bound = self.fma(origin.abs(), view.bound_0, self.dot(e.abs().into(), view.bound.into()));
+            let over = 1f64.copysign(volume) / bound;
+            Plane { origin: origin * over, across: across * over, down: down * over }
+        });
+        let per = 1.0 / (self.norm(normal.into()) * view.scale);
+        Triangle { planes: TrianglePlanes { edges, inverse: plane(n), most }, corner: a, normal, per }
+    }
+
+    /// What a light at `light` does to a triangle, but for the colours: |n . (l - v)| / |n|, over the scale.
+    pub fn shade(self, triangle: &Triangle, light: DVec3) -> f64 {
+        let along = self.dot((light - triangle.corner).into(), triangle.normal.into()).abs();
+        min(along * triangle.per, f64::INFINITY)
+    }
+
+    /// PLANE_ROW and PLANE_AT.
+    pub fn plane_at<T: Real>(self, plane: &Plane<T>, x: T, y: T) -> T {
+        self.fma(plane.across, x, self.fma(plane.down, y, plane.origin))
+    }
+
+    /// TRIANGLE_AT: the least of the edges, which are inside from 1 up and outside below -1, and 1/t.
+    pub fn triangle_at<T: Real>(self, triangle: &TrianglePlanes<T>, x: T, y: T) -> (T, T) {
+        let [one, two, three] = triangle.edges.map(|edge| self.plane_at(&edge, x, y));
+        (min(min(one, two), three), min(self.plane_at(&triangle.inverse, x, y), triangle.most))
+    }
+
+    /// SPHERE_ROW, SPHERE_D_AT and SPHERE_INVERSE_AT: D and 1/t.
+    pub fn sphere_at<T: Real>(self, sphere: &SpherePlanes<T>, x: T, y: T) -> (T, T) {
+        let [d0, dx, dy, dxx, dxy, dyy] = sphere.d;
+        let row = self.fma(self.fma(dyy, y, dy), y, d0);
+        let d = self.fma(self.fma(dxx, x, self.fma(dxy, y, dx)), x, row);
+        let w = self.plane_at(&sphere.h, x, y) + max(d, T::ZERO).sqrt();
+        (d, min(w, sphere.most))
+    }
+
+    /// TRIANGLE_COSINE: of a [shade](Rounding::shade), 1/t, the ray and the light.
+    pub fn triangle_cosine<T: Real>(self, shade: T, w: T, ray: [T; 3], light: [T; 3], by: &mut impl Cosine<T>) -> T {
+        let to_light = [0, 1, 2].map(|i| self.fma(light[i], w, -ray[i]));
+        cosine(by, shade * w, self.dot(to_light, to_light))
+    }
+
+    /// SPHERE_ROOT and NORMAL_OVER_T of a TileSphere's first 20 fields: n / t.
+    pub fn normal_over_t<T: Real>(self, looks: &[T; 20], x: T, y: T) -> [T; 3] {
+        let &[_, _, d0, dx, dy, dxx, dxy, dyy, ref rest @ ..] = looks;
+        let along = self.fma(dxx, x, self.fma(dxy, y, dx));
+        let d = self.fma(along, x, self.fma(self.fma(dyy, y, dy), y, d0));
+        let root = max(d, T::ZERO).sqrt();
+        [0, 1, 2].map(|i| {
+            let m = self.fma(rest[3 * i + 2], y, self.fma(rest[3 * i + 1], x, rest[3 * i]));
+            self.fma(-rest[9 + i], root, m)
+        })
+    }
+
+    /// SPHERE_COSINE: of n / t, 1/t and the light.
+    pub fn sphere_cosine<T: Real>(self, m: [T; 3], w: T, light: [T; 3], by: &mut impl Cosine<T>) -> T {
+        let to_light = [0, 1, 2].map(|i| self.fma(light[i], w, -m[i]));
+        cosine(by, self.dot(light, m) - w, self.dot(to_light, to_light))
+    }
+
+    /// SHORT_COSINE: of a ShortLit's q0, qx, qy, kn, ke, and 1/t.
+    pub fn short_cosine<T: Real>(self, short: [T; 5], w: T, x: T, y: T, by: &mut impl Cosine<T>) -> T {
+        let [q0, qx, qy, kn, ke] = short;
+        let q = self.fma(y, qy, self.fma(x, qx, q0));
+        let e = ((w * ke - q) - q) * w;
+        cosine(by, self.fma(w, kn, q), e)
+    }
+}
