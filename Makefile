@@ -23,11 +23,13 @@ build: setup ## Build the program, target/release/rayo
 demo: build ## Render two scenes on several engines, compare the pictures, and measure C against SIMD
 	@rayo=$(rayo) scripts/demo.sh
 
-test: setup ## Run everything that must pass: format, lints, tests with assembly and without, documentation
+test: setup ## Run everything that must pass: format, lints, tests with assembly and without, the library alone, documentation
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
+	$(cargo) clippy --release --locked --all-targets --no-default-features --features cli -- -D warnings
+	$(cargo) clippy --release --locked --all-targets --no-default-features --features asm -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
-	$(cargo) test --release --locked --no-default-features
+	$(cargo) test --release --locked --no-default-features --features cli
 	$(cargo) test --release --locked
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
 
@@ -52,7 +54,7 @@ complexity: build ## Measure large pictures and scenes anew: docs/complexity.md 
 	cp out/complexity/complexity.md out/complexity/complexity.svg docs/
 
 map: ## Print the first line of every source file: what lives there
-	@git ls-files asm benches build.rs src tests | while read -r file; do \
+	@git ls-files asm benches build.rs examples src tests | while read -r file; do \
 	    printf '%-40s %s\n' "$$file" "$$(sed -n '1{s|^//! ||;s|^/\* [^ ]* - ||;s|^; [^ ]* - ||;s| \*/$$||;p;}' "$$file")"; \
 	done
 

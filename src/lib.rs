@@ -4,11 +4,16 @@
 //! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
 
 // The example of the README is a test.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+/// The vectors that scenes are made of.
+pub use glam;
+
+#[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(feature = "lab")]
 pub mod experiments;
 pub mod kernels;
 pub mod measure;

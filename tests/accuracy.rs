@@ -1,4 +1,5 @@
 //! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
+#![cfg(feature = "cli")]
 
 mod schema;
 

@@ -1,4 +1,5 @@
 //! The documents kept true: their commands run, and the paths, flags, targets and pictures that they name are there.
+#![cfg(feature = "cli")]
 
 use std::collections::BTreeSet;
 use std::fs;

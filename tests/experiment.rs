@@ -1,5 +1,5 @@
 //! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
-#![cfg(rayo_asm)]
+#![cfg(all(rayo_asm, feature = "cli"))]
 
 mod schema;
 

@@ -1,6 +1,6 @@
 //! Instruction counts: the counters on functions whose counts are known, against valgrind, and `rayo ops` itself.
 
-#![cfg(all(rayo_asm, target_os = "linux"))]
+#![cfg(all(rayo_asm, target_os = "linux", feature = "cli"))]
 
 mod executed {
     use rayo::kernels::harness::KNOWN;

@@ -1,4 +1,5 @@
 //! Stiff and extreme scenes: the packets against the truth, against themselves turned and scaled, and `rayo stability`.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::Path;

@@ -5,7 +5,9 @@
 //! operations in the same order, [`paper_c`] that of the paper's C, and [`packet`] that of the packet macros.
 
 pub mod aos;
+#[cfg(feature = "lab")]
 pub mod bounded;
+#[cfg(feature = "lab")]
 pub mod exact;
 pub mod geometry;
 pub mod packet;
