@@ -2,6 +2,8 @@
 //!
 //! `ARCHITECTURE.md` has the layers and the reasons; imports go only downwards:
 //! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
+//!
+//! Without its default features this is scenes, plan, engines and films; `asm`, `files`, `lab` and `cli` are what else there is.
 
 // The example of the README is a test.
 #[cfg(all(doctest, feature = "cli"))]
