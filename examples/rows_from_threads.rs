@@ -49,7 +49,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn however_many_threads_there_are_the_picture_is_that_of_one_call() {
-    let scene = many(40, 40, 1);
+    // 70 rows: not a whole number of tiles.
+    let camera = rayo::scene::Camera::new(90, 70, 1.0, 1.0).unwrap();
+    let scene = Scene { camera, ..many(40, 40, 1) };
     for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
         let tracer = engine.prepare(None, &scene, &scene.camera).unwrap();
         let mut whole = vec![Vec4::default(); scene.camera.pixels() as usize];

@@ -62,7 +62,8 @@ fn every_engine_that_runs_here_shows_the_ball_in_front_of_the_floor_below_an_emp
         let rows: Vec<_> = picture.lines().collect();
         assert_eq!((rows.len(), rows[0].len()), (32, 64), "{engine}");
         assert!(rows[0].trim().is_empty() && rows[31].trim().len() == 64, "{engine}:\n{picture}");
-        // The ball's lit side is the upper left one.
-        assert_eq!((&rows[12][28..29], rows[12][..20].trim()), ("#", ""), "{engine}:\n{picture}");
+        // The ball's lit side is the left one.
+        let (first, last) = (rows[12].find('#'), rows[12].rfind('#'));
+        assert!(first > Some(18) && last > first && last < Some(32), "{engine}:\n{picture}");
     }
 }
