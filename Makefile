@@ -23,11 +23,13 @@ build: setup ## Build the program, target/release/rayo
 demo: build ## Render two scenes on several engines, compare the pictures, and measure C against SIMD
 	@rayo=$(rayo) scripts/demo.sh
 
-test: setup ## Run everything that must pass: format, lints, tests with assembly and without, documentation
+test: setup ## Run everything that must pass: format, lints, tests with assembly and without, the library alone, documentation
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
+	$(cargo) clippy --release --locked --all-targets --no-default-features --features cli -- -D warnings
+	$(cargo) clippy --release --locked --all-targets --no-default-features --features asm -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
-	$(cargo) test --release --locked --no-default-features
+	$(cargo) test --release --locked --no-default-features --features cli
 	$(cargo) test --release --locked
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
 
@@ -39,20 +41,20 @@ images: build ## Render the pictures of the README anew
 	    $(rayo) render scenes/$$scene.in --engine reference --size 400x300 -o docs/images/$$scene.png || exit; \
 	done
 
-accuracy: build ## Measure error against run time anew: docs/accuracy.md and its figure
+accuracy: build ## Measure error against run time anew: docs/results/accuracy.md and its figure
 	$(rayo) accuracy --out out/accuracy
-	cp out/accuracy/accuracy.md out/accuracy/accuracy.svg docs/
+	cp out/accuracy/accuracy.md out/accuracy/accuracy.svg docs/results/
 
-stability: build ## Sweep the stiff scenes anew: docs/stability.md and its figure
+stability: build ## Sweep the stiff scenes anew: docs/results/stability.md and its figure
 	$(rayo) stability --out out/stability
-	cp out/stability/stability.md out/stability/stability.svg docs/
+	cp out/stability/stability.md out/stability/stability.svg docs/results/
 
-complexity: build ## Measure large pictures and scenes anew: docs/complexity.md and its figure
+complexity: build ## Measure large pictures and scenes anew: docs/results/complexity.md and its figure
 	$(rayo) experiment --complexity --out out/complexity
-	cp out/complexity/complexity.md out/complexity/complexity.svg docs/
+	cp out/complexity/complexity.md out/complexity/complexity.svg docs/results/
 
 map: ## Print the first line of every source file: what lives there
-	@git ls-files asm benches build.rs src tests | while read -r file; do \
+	@git ls-files asm benches build.rs examples src tests | while read -r file; do \
 	    printf '%-40s %s\n' "$$file" "$$(sed -n '1{s|^//! ||;s|^/\* [^ ]* - ||;s|^; [^ ]* - ||;s| \*/$$||;p;}' "$$file")"; \
 	done
 

@@ -96,11 +96,11 @@ mod native {
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
         or name another one in the variable NASM; \
-        or build the engines in Rust alone with --no-default-features";
+        or build the engines in Rust alone with --no-default-features --features cli";
     const CC_MISSING: &str = "a C compiler is needed for the paper's C. Install the package `gcc`: `apt install gcc libc6-dev`, \
         `dnf install gcc`, `pacman -S gcc`, `zypper install gcc` or `xcode-select --install`; \
         or name another one in the variable CC; \
-        or build the engines in Rust alone with --no-default-features";
+        or build the engines in Rust alone with --no-default-features --features cli";
 
     pub fn build(out: &Path) {
         println!("cargo::rerun-if-changed=asm");
@@ -110,13 +110,16 @@ mod native {
 
         let assembled = assemble();
         let compiled = compile(out);
-        let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(out, level)).collect();
-        let objects = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
-        let objects = objects.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
-        fs::write(out.join("objects.rs"), objects_to_rust(objects)).unwrap();
-
-        let rungs = compile_rungs(out);
-        let objects = assembled.iter().chain(&compiled).chain(&levels).chain(&rungs);
+        let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
+        // What is counted, timed and taken apart, and rendered by no engine.
+        if cfg!(feature = "lab") {
+            let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(out, level)).collect();
+            let named = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
+            let named = named.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
+            fs::write(out.join("objects.rs"), objects_to_rust(named)).unwrap();
+            objects.extend(levels);
+            objects.extend(compile_rungs(out));
+        }
         cc::Build::new().objects(objects).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
             // Local labels would cut a kernel in pieces for objdump and perf.

@@ -167,7 +167,7 @@ advise() {
         [ -z "$command" ] || say "  $command"
     done
     # rustc needs cc to link.
-    [ "$*" != nasm ] || say "Or build the engines in Rust alone: cargo build --release --no-default-features"
+    [ "$*" != nasm ] || say "Or build the engines in Rust alone: cargo build --release --no-default-features --features cli"
     exit 1
 }
 

@@ -1,4 +1,5 @@
 //! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
+#![cfg(feature = "cli")]
 
 mod schema;
 
@@ -417,7 +418,9 @@ fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
     let cells = |line: &str| line.matches(',').count();
     assert!(text("table.csv").lines().all(|line| cells(line) == cells(text("table.csv").lines().next().unwrap())));
     assert!(text("accuracy.svg").starts_with("<svg") && text("accuracy.svg").contains("S1: far spheres"));
-    assert!(text("accuracy.md").contains("| S1 1e7"));
+    let page = text("accuracy.md");
+    assert!(page.contains("| S1 1e7"));
+    assert!(page.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
 }
 
 #[test]
@@ -435,9 +438,10 @@ fn a_table_is_printed_for_people_and_a_scene_that_is_none_is_bad_input() {
     }
 }
 
-/// The rows of the last table of errors of docs/accuracy.md: a scene, and a cell for each column.
+/// The rows of the last table of errors of docs/results/accuracy.md: a scene, and a cell for each column.
 fn documented() -> BTreeMap<String, BTreeMap<String, String>> {
-    let text = include_str!("../docs/accuracy.md").split("<!-- errors -->\n").nth(1).expect("the table is marked");
+    let text =
+        include_str!("../docs/results/accuracy.md").split("<!-- errors -->\n").nth(1).expect("the table is marked");
     let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
     let head = cells(text.lines().next().unwrap());
     let rows = text.lines().skip(2).take_while(|line| line.starts_with('|')).map(cells);
@@ -464,7 +468,7 @@ fn the_errors_of_the_document_are_current() {
         },
         "make accuracy"
     );
-    let stale = |what: &str| format!("docs/accuracy.md is stale, run `make accuracy`: {what}");
+    let stale = |what: &str| format!("docs/results/accuracy.md is stale, run `make accuracy`: {what}");
     let contenders = contenders();
     let mut compared = 0;
     // The stiffest scene of each family, and two that are ordinary.

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// The layers of src/, and what each may import.
 const LAYERS: [(&str, &[&str]); 8] = [
@@ -20,7 +21,8 @@ const LAYERS: [(&str, &[&str]); 8] = [
 fn sources(extensions: &[&str]) -> BTreeMap<String, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = BTreeMap::new();
-    let mut open: Vec<PathBuf> = ["src", "asm", "tests", "benches", "build.rs"].map(|name| root.join(name)).to_vec();
+    let mut open: Vec<PathBuf> =
+        ["src", "asm", "tests", "benches", "examples", "build.rs"].map(|name| root.join(name)).to_vec();
     while let Some(path) = open.pop() {
         if path.is_dir() {
             open.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
@@ -431,4 +433,24 @@ fn nothing_but_isa_inc_asks_for_an_instruction_set_by_its_name() {
         }
     }
     assert!(conditions > 0);
+}
+
+/// The crates that a build with these arguments links, as cargo tells.
+fn crates(arguments: &[&str]) -> BTreeSet<String> {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
+    cargo.args(["tree", "--offline", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{p}"]);
+    let output = cargo.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let names = String::from_utf8(output.stdout).unwrap();
+    names.lines().filter_map(|line| line.split(' ').next()).filter(|name| !name.is_empty()).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_library_alone_has_under_40_crates_and_none_for_files_experiments_and_the_program() {
+    let lean = crates(&["--no-default-features", "--features", "asm"]);
+    assert!(lean.contains("rayo") && lean.contains("rayon") && lean.len() < 40, "{} crates: {lean:?}", lean.len());
+    let whole = crates(&[]);
+    for other in ["clap", "dashu-float", "iced-x86", "image", "plotters", "toml"] {
+        assert!(whole.contains(other) && !lean.contains(other), "{other}: {lean:?}");
+    }
 }

@@ -1,6 +1,6 @@
 //! The kernels disassembled: their instructions, symbols and constants, and the counts that the macros' comments give.
 
-#![cfg(all(rayo_asm, target_os = "linux"))]
+#![cfg(all(rayo_asm, target_os = "linux", feature = "lab"))]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,4 +1,5 @@
 //! The program as its user meets it: what it prints, what it writes, and its exit status, in words and numbers.
+#![cfg(feature = "cli")]
 
 use std::collections::BTreeMap;
 use std::fs;

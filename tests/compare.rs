@@ -1,4 +1,5 @@
 //! Two pictures compared: statistics against cases computed by hand.
+#![cfg(feature = "files")]
 
 use rayo::measure::compare::{CompareError, Unit, compare, difference_image};
 use rayo::measure::picture::{Picture, Pixels};

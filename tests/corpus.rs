@@ -1,4 +1,5 @@
 //! The fuzzing targets over their corpus and over seeded mutations of it: a bounded share of what cargo-fuzz does.
+#![cfg(feature = "files")]
 #![allow(unsafe_code)] // the counting allocator
 
 mod counting;

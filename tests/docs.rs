@@ -1,4 +1,5 @@
 //! The documents kept true: their commands run, and the paths, flags, targets and pictures that they name are there.
+#![cfg(feature = "cli")]
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -11,7 +12,7 @@ const DOCUMENTS: [&str; 7] = [
     "README.md",
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
-    "docs/accuracy.md",
+    "docs/results/accuracy.md",
     "docs/image-files.md",
     "docs/leaving-out.md",
     "docs/scene-format.md",
@@ -199,6 +200,17 @@ fn every_path_that_a_document_names_exists() {
         }
     }
     assert!(checked > 50, "only {checked} paths were found");
+}
+
+#[test]
+fn every_page_of_results_names_the_cpu_that_they_are_of() {
+    let pages = fs::read_dir(root().join("docs/results")).unwrap().map(|entry| entry.unwrap().path());
+    let pages: Vec<_> = pages.filter(|path| path.extension().is_some_and(|extension| extension == "md")).collect();
+    assert!(pages.len() >= 4, "{pages:?}");
+    for page in pages {
+        let names_one = ["AMD ", "Intel(R) "].iter().any(|maker| text(&page).contains(maker));
+        assert!(names_one, "{} names no CPU of a maker that this test knows", page.display());
+    }
 }
 
 #[test]

@@ -1,4 +1,5 @@
 //! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
+#![cfg(feature = "files")]
 
 mod contenders;
 

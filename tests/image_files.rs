@@ -1,4 +1,5 @@
 //! Image files: written in bands and read back, whole or not at all, and never trusted.
+#![cfg(feature = "files")]
 
 use proptest::prelude::*;
 use rayo::measure::picture::{Picture, Pixels};

@@ -1,4 +1,5 @@
 //! Mesh files: what is read, what is refused and in which words, at what memory; and the shapes that are made.
+#![cfg(feature = "files")]
 #![allow(unsafe_code)] // the counting allocator
 
 mod counting;

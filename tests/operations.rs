@@ -4,7 +4,7 @@
 //! right answer; only where packets take estimates there is none. The payload of a NaN is left open: any NaN equals any
 //! NaN.
 
-#![cfg(rayo_asm)]
+#![cfg(all(rayo_asm, feature = "lab"))]
 
 mod by_estimates;
 mod kernel_cases;

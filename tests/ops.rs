@@ -1,6 +1,6 @@
 //! Instruction counts: the counters on functions whose counts are known, against valgrind, and `rayo ops` itself.
 
-#![cfg(all(rayo_asm, target_os = "linux"))]
+#![cfg(all(rayo_asm, target_os = "linux", feature = "cli"))]
 
 mod executed {
     use rayo::kernels::harness::KNOWN;
@@ -591,10 +591,11 @@ mod command {
 
     #[test]
     fn the_document_in_docs_is_what_the_command_prints() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/instruction-counts.md");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
         let kept = fs::read_to_string(path).unwrap();
         let made = text(&run(&["--executed", "--markdown"]));
-        let stale = "is stale: run `rayo ops --executed --markdown > docs/instruction-counts.md`";
+        assert!(made.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
+        let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
         assert_eq!(part(&kept, "<!-- assembled"), part(&made, "<!-- assembled"), "the assembled part {stale}");
         // Other compilers make other code. c-native differs by CPU, and Rust's code by profile and test.
         let (kept, made) = (part(&kept, "<!-- compiled"), part(&made, "<!-- compiled"));
@@ -622,9 +623,9 @@ mod command {
 
     #[test]
     fn what_the_document_in_docs_says_is_executed_is_executed() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/instruction-counts.md");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
         let (kept, made) = (fs::read_to_string(path).unwrap(), text(&run(&["--executed", "--markdown"])));
-        let stale = "is stale: run `rayo ops --executed --markdown > docs/instruction-counts.md`";
+        let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
         let [kept_tables, made_tables] = [&kept, &made].map(|document| tables(document, "## Executed"));
         let ([kept_ops, kept_frames], [made_ops, made_frames]) = (&kept_tables[..], &made_tables[..]) else {
             panic!("two tables, of operations and of pictures: {made_tables:?}");

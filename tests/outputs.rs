@@ -1,4 +1,5 @@
 //! What is written with three channels: the same to the last bit as with four, and nothing beside it.
+#![cfg(feature = "files")]
 
 mod contenders;
 

@@ -1,6 +1,6 @@
 //! What is left out makes no difference: each omission alone and all together, to the last bit, and what is told of them.
 
-#![cfg(rayo_asm)]
+#![cfg(all(rayo_asm, feature = "cli"))]
 
 mod contenders;
 

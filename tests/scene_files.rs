@@ -1,4 +1,5 @@
 //! Scene files: what is read, what is refused and in which words, and that neither costs more memory than it may.
+#![cfg(feature = "files")]
 #![allow(unsafe_code)] // the counting allocator
 
 mod counting;

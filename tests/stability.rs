@@ -1,4 +1,5 @@
 //! Stiff and extreme scenes: the packets against the truth, against themselves turned and scaled, and `rayo stability`.
+#![cfg(feature = "cli")]
 
 use std::fs;
 use std::path::Path;
@@ -362,6 +363,8 @@ fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract()
     for file in ["stability.md", "stability.svg", "results.json", "limits.csv"] {
         assert!(directory.path().join("out/stability").join(file).exists(), "{file}");
     }
+    let page = std::fs::read_to_string(directory.path().join("out/stability/stability.md")).unwrap();
+    assert!(page.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
 }
 
 #[test]

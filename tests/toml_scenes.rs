@@ -1,4 +1,5 @@
 //! Scene files in TOML: what is read and where it stands for the camera, what is refused, and in which words.
+#![cfg(feature = "files")]
 #![allow(unsafe_code)] // the counting allocator
 
 mod counting;

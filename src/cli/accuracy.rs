@@ -25,7 +25,7 @@ const FEW: usize = 8;
 /// The truth is computed in 256 bits. Where it is within its margin of another answer, either is right; everywhere else
 /// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that nothing beats in both error and time are
 /// marked: they are the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
-/// names; docs/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
+/// names; docs/results/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
 #[derive(Debug, Args)]
 pub struct AccuracyArgs {
     /// Scene files, or families of stiff scenes by their ids (S1 to S9, T1 to T7, X1, X2, L1, L2, I1). Default: the scenes that come

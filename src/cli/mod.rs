@@ -4,6 +4,7 @@ mod accuracy;
 mod convert;
 mod diff;
 mod engine;
+mod essay;
 mod experiment;
 mod fit;
 mod info;

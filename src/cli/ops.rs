@@ -16,7 +16,7 @@ use super::Failure;
 /// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
 ///
 /// Counts come from the code of this build: of C and NASM from the objects it was linked from, of Rust from the running
-/// program. The document docs/instruction-counts.md is what `rayo ops --executed --markdown` prints.
+/// program. The document docs/results/instruction-counts.md is what `rayo ops --executed --markdown` prints.
 #[derive(Debug, Args)]
 pub struct OpsArgs {
     /// Some operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm, cross,
@@ -36,7 +36,7 @@ pub struct OpsArgs {
     /// Print one JSON document: everything that is known
     #[arg(long, conflicts_with_all = ["asm", "markdown"])]
     json: bool,
-    /// Print docs/instruction-counts.md
+    /// Print docs/results/instruction-counts.md
     #[arg(long, conflicts_with_all = ["asm", "op", "engine"])]
     markdown: bool,
 }

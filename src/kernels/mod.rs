@@ -2,10 +2,11 @@
 
 #![allow(unsafe_code)]
 
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 mod by_value;
 #[cfg(rayo_asm)]
 mod checked;
+#[cfg(feature = "lab")]
 mod code;
 #[cfg(rayo_asm)]
 mod ffi;
@@ -17,13 +18,14 @@ pub mod harness;
 mod isa;
 #[cfg(rayo_asm)]
 mod kernel;
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 pub mod ladder;
 #[cfg(rayo_asm)]
 mod packet;
 #[cfg(rayo_asm)]
 mod paper;
 mod records;
+#[cfg(feature = "lab")]
 pub mod step;
 pub mod sys;
 #[cfg(rayo_asm)]
@@ -32,10 +34,11 @@ mod types;
 #[cfg(rayo_asm)]
 mod vec3;
 
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 pub use by_value::{ByValue, Ray, by_value};
 #[cfg(rayo_asm)]
 pub use checked::Fault;
+#[cfg(feature = "lab")]
 pub use code::code_at;
 #[cfg(rayo_asm)]
 pub use ffi::{
@@ -67,5 +70,5 @@ pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));

@@ -1,20 +1,27 @@
 //! Measuring: cycles and statistics, and pictures compared.
 
+#[cfg(feature = "files")]
 pub mod compare;
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 mod core_clock;
 mod cycles;
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 pub mod instructions;
+#[cfg(feature = "lab")]
 mod interleave;
 mod machine;
+#[cfg(feature = "files")]
 pub mod picture;
+#[cfg(feature = "lab")]
 pub mod statistics;
+#[cfg(feature = "lab")]
 mod watch;
 
-#[cfg(rayo_asm)]
+#[cfg(all(rayo_asm, feature = "lab"))]
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
+#[cfg(feature = "lab")]
 pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, enough, interleave};
 pub use machine::{Cache, Machine, caches, cpu_name, tsc_invariant};
+#[cfg(feature = "lab")]
 pub use watch::Watch;

@@ -6,7 +6,9 @@
 //! of the tile macros.
 
 pub mod aos;
+#[cfg(feature = "lab")]
 pub mod bounded;
+#[cfg(feature = "lab")]
 pub mod exact;
 pub mod geometry;
 pub mod packet;

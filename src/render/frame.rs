@@ -1,4 +1,4 @@
-//! The frame: drives an engine over all rows of a picture, band by band, with any number of threads.
+//! The frame: drives an engine over rows of a picture with any number of threads.
 
 use std::cell::Cell;
 use std::collections::TryReserveError;
@@ -8,14 +8,12 @@ use std::time::{Duration, Instant};
 
 use crossbeam_deque::{Steal, Stealer, Worker};
 
+#[cfg(feature = "files")]
+use super::ImageError;
 use super::film::with_pixels;
-use super::{Film, FilmMut, ImageError, ImageWriter, Pixel, PixelFormat, Tracer};
-use crate::measure::Cycles;
+use super::{Film, FilmMut, Pixel, PixelFormat, Tracer};
 use crate::scene::Camera;
 
-/// A band is as many whole rows as fit in this, and at least one: little enough that who encodes or writes it still finds
-/// it in a cache, and enough that waking the threads for each does not count.
-const BAND_BYTES: usize = 8 << 20;
 /// A thread takes as many whole rows at a time as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
 /// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
@@ -27,19 +25,6 @@ const LINGER: Duration = Duration::from_millis(2);
 pub struct Settings {
     /// Threads that trace, at least 1.
     pub threads: usize,
-}
-
-/// Where the time of a picture went.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Stats {
-    /// Tracing alone, into memory that was touched before.
-    pub trace: Duration,
-    /// Tracing alone, in cycles of the time-stamp counter, where there is one.
-    pub trace_cycles: Option<u64>,
-    /// Making of four floats what the file has, where the engine does not, and encoding the file.
-    pub encode: Duration,
-    /// Handing bytes to the operating system.
-    pub write: Duration,
 }
 
 /// Why a picture was not made.
@@ -62,14 +47,15 @@ pub enum RenderError {
         source: rayon::ThreadPoolBuildError,
     },
     /// The image file.
+    #[cfg(feature = "files")]
     #[error(transparent)]
     Image(#[from] ImageError),
 }
 
 /// An engine, the camera it is ready for, and the threads that run it.
 pub struct Frame<'a> {
-    tracer: &'a dyn Tracer,
-    camera: Camera,
+    pub(super) tracer: &'a dyn Tracer,
+    pub(super) camera: Camera,
     /// The threads beside this one, if any.
     others: Option<rayon::ThreadPool>,
 }
@@ -103,7 +89,7 @@ impl<'a> Frame<'a> {
     }
 
     /// The same for a band, after which cores have other things to do.
-    fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
+    pub(super) fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
@@ -201,40 +187,4 @@ fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
         }
         std::thread::yield_now();
     }
-}
-
-/// Renders the whole picture into an image file, band by band; `done` hears of every few rows that are traced.
-pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
-    let camera = frame.camera;
-    let own = image.format().pixels();
-    let format = if frame.tracer.writes(own) { own } else { PixelFormat::F32x4 };
-    let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).max(1);
-    let band_rows =
-        band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
-    let mut film = frame.film(format, band_rows)?;
-    let mut converted = if format == own { None } else { Some(frame.film(own, band_rows)?) };
-    let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
-    for start in (0..camera.height()).step_by(band_rows as usize) {
-        let rows = start..camera.height().min(start + band_rows);
-        let pixels = camera.width() as usize * rows.len();
-
-        let clock = (Instant::now(), Cycles::start());
-        frame.trace_band(rows, film.as_mut().part(0..pixels), done);
-        stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
-        stats.trace += clock.0.elapsed();
-
-        let clock = (Instant::now(), image.writing());
-        if let (Some(converted), Film::F32x4(floats)) = (&mut converted, &film) {
-            converted.as_mut().part(0..pixels).set(&floats[..pixels]);
-        }
-        match converted.as_ref().unwrap_or(&film) {
-            Film::F32x3(film) => image.write_f32x3(&film[..pixels])?,
-            Film::Rgb8(film) => image.write_rgb8(&film[..pixels])?,
-            Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
-        }
-        let write = image.writing() - clock.1;
-        stats.write += write;
-        stats.encode += clock.0.elapsed().saturating_sub(write);
-    }
-    Ok(stats)
 }

@@ -6,7 +6,9 @@ mod engine;
 mod film;
 mod frame;
 mod hits;
+#[cfg(feature = "files")]
 mod image_file;
+#[cfg(feature = "files")]
 mod output;
 #[cfg(rayo_asm)]
 mod packet;
@@ -14,14 +16,22 @@ pub mod reference;
 mod rust;
 #[cfg(rayo_asm)]
 mod tiles;
+#[cfg(feature = "files")]
+mod to_file;
+#[cfg(feature = "lab")]
 mod truth;
 
 pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Colour, Film, FilmMut, Pixel, PixelFormat, level};
-pub use frame::{Frame, RenderError, Settings, Stats, render};
+pub use frame::{Frame, RenderError, Settings};
 pub use hits::{Distance, Found};
+#[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
+#[cfg(feature = "files")]
 pub use output::{Existing, OutputError, OutputFile, is_standard_output, remove_unfinished};
+#[cfg(feature = "files")]
+pub use to_file::{Stats, render};
+#[cfg(feature = "lab")]
 pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;

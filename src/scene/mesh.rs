@@ -1,19 +1,24 @@
 //! Triangle meshes: what their files hold, and where a scene puts them.
 
+#[cfg(feature = "files")]
 mod obj;
+#[cfg(feature = "files")]
 mod ply;
+#[cfg(feature = "files")]
 mod polygon;
+#[cfg(feature = "files")]
+mod read;
 pub mod shapes;
+#[cfg(feature = "files")]
 mod stl;
+#[cfg(feature = "files")]
 mod write;
 
 use std::collections::HashMap;
 use std::fmt;
-use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
-use polygon::Fan;
 
 use super::diagnostic::printable;
 use super::{Scene, Triangle};
@@ -52,28 +57,6 @@ pub struct MeshError {
     pub message: String,
     /// What would have been right, where that is not obvious.
     pub expected: Option<String>,
-}
-
-/// What is wrong with a mesh, before it is known by which name its file goes.
-#[derive(Debug)]
-struct Fault {
-    line: Option<usize>,
-    message: String,
-    expected: Option<String>,
-}
-
-impl Fault {
-    fn new(message: impl Into<String>) -> Self {
-        Fault { line: None, message: message.into(), expected: None }
-    }
-
-    fn line(self, line: usize) -> Self {
-        Fault { line: Some(line), ..self }
-    }
-
-    fn expected(self, expected: impl Into<String>) -> Self {
-        Fault { expected: Some(expected.into()), ..self }
-    }
 }
 
 impl MeshError {
@@ -160,52 +143,6 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 }
 
 impl Mesh {
-    /// Reads a mesh file of a format that its extension names.
-    ///
-    /// # Errors
-    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Memory stays within a small
-    /// multiple of the file's length, whatever its header claims.
-    pub fn read(path: &Path) -> Result<Mesh, MeshError> {
-        let fault = |Fault { line, message, expected }| MeshError { path: path.into(), line, message, expected };
-        let format = MeshFormat::from_path(path).ok_or_else(|| {
-            fault(Fault::new("the name of a mesh file tells its format").expected(".obj, .ply or .stl at its end"))
-        })?;
-        let unread = |cause: io::Error| {
-            fault(match cause.kind() {
-                ErrorKind::NotFound => Fault::new("there is no such file").expected("a mesh file"),
-                ErrorKind::IsADirectory => Fault::new("this is a directory").expected("a mesh file"),
-                ErrorKind::PermissionDenied => Fault::new("the file may not be read").expected("permission to read it"),
-                _ => Fault::new(format!("the file cannot be read: {cause}")),
-            })
-        };
-        let source = super::open::contents(path).map_err(unread)?;
-        Mesh::parse(source, format).map_err(fault)
-    }
-
-    /// Reads the content of a mesh file; `name` is what errors call it.
-    ///
-    /// # Errors
-    /// As [`Mesh::read`].
-    pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
-        let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse(source, format).map_err(fault)
-    }
-
-    fn parse(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
-        if source.is_empty() {
-            return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
-        }
-        let mesh = match format {
-            MeshFormat::Obj => obj::parse(&source)?,
-            MeshFormat::Ply => ply::parse(&source)?,
-            MeshFormat::Stl => stl::parse(source)?,
-        };
-        if mesh.triangles.is_empty() {
-            return Err(Fault::new("the mesh is empty").expected("at least one face"));
-        }
-        Ok(mesh)
-    }
-
     /// The vertices that triangles have, each once, in their order.
     pub fn used(&self) -> impl Iterator<Item = Vec3> {
         let mut used = vec![false; self.vertices.len()];
@@ -251,29 +188,4 @@ impl Mesh {
         }
         mesh
     }
-
-    /// Adds the face of this number, of three corners or more, as a fan around its first.
-    fn push_face(&mut self, number: usize, corners: &[u32], fans: &mut Vec<Fan>) {
-        if corners.len() > 3 {
-            fans.push(Fan { number, first: self.triangles.len(), corners: corners.len() });
-        }
-        self.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
-    }
-
-    /// Cuts the fans that are no such thing anew, when all vertices are known.
-    fn cut(mut self, fans: &[Fan]) -> Result<Mesh, Fault> {
-        self.polygons = fans.len();
-        polygon::cut(fans, &self.vertices, &mut self.triangles)?;
-        Ok(self)
-    }
-}
-
-/// What is said of a vertex that is nowhere.
-fn not_finite(vertex: &str) -> Fault {
-    Fault::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
-}
-
-/// "1 vertex", "8 vertices" and so on.
-fn counted(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
 }

@@ -7,20 +7,28 @@ pub mod families;
 mod log;
 pub mod mesh;
 mod misfit;
+#[cfg(feature = "files")]
 mod open;
+mod opened;
 mod parse;
 mod random;
+#[cfg(feature = "files")]
 mod tables;
 mod validity;
 mod view;
 mod write;
+#[cfg(feature = "files")]
+mod write_toml;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
-pub use open::{MAX_TOML, Opened, SceneFormat, open, read};
+#[cfg(feature = "files")]
+pub use open::{MAX_TOML, SceneFormat, open, read};
+pub use opened::Opened;
 pub use parse::parse;
 pub use random::{Rng, many};
+#[cfg(feature = "files")]
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
 pub use view::{Setting, View};

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::log::{Log, is_line_end};
 use super::misfit::{List, first_misfit};
-use super::open::{NoArea, Opened};
+use super::opened::{NoArea, Opened};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 
 /// The film diagonal of Algorithm 1; the format has no place for another.

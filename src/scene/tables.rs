@@ -9,7 +9,8 @@ use toml::de::{DeTable, DeValue};
 
 use super::log::Log;
 use super::mesh::{Mesh, Placement};
-use super::open::{NoArea, no_area_of_mesh};
+use super::open::no_area_of_mesh;
+use super::opened::NoArea;
 use super::parse::{Problem, Rule};
 use super::view::{NoView, View};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};

@@ -1,38 +1,21 @@
-//! The document docs/accuracy.md.
+//! The document docs/results/accuracy.md.
 
 use super::table::{number, plain_table, reasons, summary_table};
+use crate::cli::essay::part;
 use crate::cli::table::Table;
 use crate::experiments::accuracy::summary::summaries;
 use crate::experiments::accuracy::{Document, Row};
 use crate::render::Engine;
 use crate::scene::families;
 
-/// What stands before the tables: no word of it depends on the machine.
+/// What stands before the tables, no word of which depends on the machine, and before that of plain formulas.
 const EXPLANATION: &str = include_str!("explanation.md");
-
-/// What stands before the table of plain formulas.
-const PLAIN: &str = "
-## What being right costs
-
-The plain formulas are the paper's: eq. 5 with half of b, eq. 9 and eq. 10, all in f32, with what a scene's rays share computed
-once. `turned.c` has them over arrays of rays, one in each lane, and the compiler makes them for the same instructions as the
-packets' (-O3 -ffast-math). Both write floats, by turns. The robust packets compute more exactly, and less: the ends of a span are
-found in f64 once per row, and no ray is asked whether it hits.
-
-A compiler's code is a weak opponent. A strong one would be the packets' own loops with the plain formulas in them. It is not there, since
-nobody else would need it; counted, it would save one instruction of a packet at most. Along a row eq. 5's discriminant h² − a k is a
-polynomial, two fused operations. `SPHERE_LIT`, for a sphere that is alone under one light, has a² − x² for it, a subtraction and one fused operation;
-`SPHERE_DEN`, for any other, two fused operations and a product, one more of the 24 and up that such a packet takes (`SPHERE_OUTSIDE`). Eq. 9's t
-is one fused operation and a division, as in `TRIANGLE_PLANE`; eq. 10 would be three edges more, which a span has behind it. The rest of what
-being right costs is in the set-up of a row: f64 for f32, once for hundreds of pixels.
-
-";
 
 /// All of it.
 pub(super) fn text(document: &Document) -> String {
     let rows = &document.rows;
     let machine = &document.machine;
-    let mut text = EXPLANATION.to_owned();
+    let mut text = part(EXPLANATION, "the page").to_owned();
     text += "## The figure\n\n![Error against time, a panel for each family](accuracy.svg)\n\n";
     text += "## All scenes together\n\n";
     text += &format!(
@@ -49,7 +32,7 @@ pub(super) fn text(document: &Document) -> String {
     text += "\nWhat is on no front of this machine, and why it stays:\n\n";
     text += &reasons(&document.off_every_front);
     if !document.against_plain.is_empty() {
-        text += PLAIN;
+        text += part(EXPLANATION, "plain formulas");
         text += &plain_table(&document.against_plain);
     }
     text += "\n## Every scene\n\n";

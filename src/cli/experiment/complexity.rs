@@ -54,7 +54,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Err(interrupted(&format!("{} pictures", document.rows.len()), &args.out))
 }
 
-/// docs/complexity.md.
+/// docs/results/complexity.md.
 fn page(document: &Document) -> String {
     let Document { machine, runs, .. } = document;
     let megahertz = machine.tsc_hz.map_or("?".into(), |hz| format!("{:.0}", hz / 1e6));

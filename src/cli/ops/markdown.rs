@@ -1,10 +1,14 @@
-//! The document docs/instruction-counts.md.
+//! The document docs/results/instruction-counts.md.
 
 use std::fmt::Write as _;
 
 use super::table::short;
+use crate::cli::essay::{filled, part};
 use crate::experiments::ops::{IMPLEMENTATIONS, OPS, Report, Row};
 use crate::measure::cpu_name;
+
+/// What stands around the tables.
+const EXPLANATION: &str = include_str!("explanation.md");
 
 /// The implementations whose code the assembler fixes, and those that a compiler makes.
 const ASSEMBLED: [&str; 5] = ["paper", "aos", "sse41", "avx2", "avx512"];
@@ -12,14 +16,7 @@ const COMPILED: [&str; 7] = ["c-O0", "c-O1", "c-O2", "c-O3", "c-native", "rust",
 
 /// The document.
 pub fn text(report: &Report) -> String {
-    let mut text = String::from(
-        "# Instructions per operation\n\n\
-         Made by `rayo ops --executed --markdown > docs/instruction-counts.md`; a test says when it is stale.\n\n\
-         The paper's section 4 gives a number of instructions for each operation, and neither says what was counted nor at \
-         which level of optimisation. Here a **body** is the macro between loading its operands and storing its result, and \
-         a **function** is the whole symbol: loads, stores and `ret` too, but not what it calls. Counts are disassembled \
-         from the objects that this program was linked from, or for Rust from the running program.\n\n",
-    );
+    let mut text = part(EXPLANATION, "the page").to_owned();
     assembled(&mut text, report);
     compiled(&mut text, report);
     executed(&mut text, report);
@@ -53,13 +50,7 @@ fn table(text: &mut String, head: &[String], rows: impl IntoIterator<Item = Vec<
 
 fn assembled(text: &mut String, report: &Report) {
     let names = there(report, &ASSEMBLED);
-    text.push_str(
-        "## In assembly\n\n\
-         `printed` is the paper's own SIMD column. `paper` are its macros, which come out as it says; `aos` are the best \
-         forms that we know with one vector in a register; `sse41`, `avx2` and `avx512` serve 4, 8 and 16 vectors at once, \
-         and meet a sphere or a triangle with masks in place of jumps, so that all paths are one. Each cell is body / function, with the bytes of the body.\n\n\
-         <!-- assembled -->\n",
-    );
+    text.push_str(part(EXPLANATION, "in assembly"));
     let head = ["operation", "printed"].into_iter().chain(names.iter().copied()).map(str::to_owned).collect::<Vec<_>>();
     let rows = OPS.iter().map(|op| {
         let mut cells = vec![op.to_string(), number(find(report, op, "printed-simd").and_then(|row| row.body))];
@@ -89,16 +80,11 @@ fn assembled(text: &mut String, report: &Report) {
 
 fn compiled(text: &mut String, report: &Report) {
     let names = there(report, &COMPILED);
-    writeln!(
-        text,
-        "## By compilers\n\n\
-         `printed` is the paper's own C column. The functions in C take and give vectors by value, as the paper's program \
-         does, compiled at each level. `rust` is the scalar twin of the macros, `glam` the library's `Vec3A`; both take \
-         addresses, as the functions in assembly do.\n\n\
-         <!-- compiled by {}; {} -->",
-        report.compilers.cc, report.compilers.rustc
-    )
-    .unwrap();
+    *text += &filled(part(EXPLANATION, "by compilers"), |what| match what {
+        "C" => report.compilers.cc.to_string(),
+        "Rust" => report.compilers.rustc.to_string(),
+        _ => unreachable!("no figure `{what}`"),
+    });
     let head = ["operation", "printed"].into_iter().chain(names.iter().copied()).map(str::to_owned).collect::<Vec<_>>();
     let rows = OPS.iter().map(|op| {
         let counts = ["printed-c"].iter().chain(&names);
@@ -110,10 +96,7 @@ fn compiled(text: &mut String, report: &Report) {
 }
 
 fn executed(text: &mut String, report: &Report) {
-    text.push_str(
-        "## Executed\n\nFrom a function's entry to its return, with all that it calls, on each path; counted by \
-         single-stepping.\n\n",
-    );
+    text.push_str(part(EXPLANATION, "executed"));
     if let Some(reason) = &report.executed_unavailable {
         writeln!(text, "Not available: {reason}.\n").unwrap();
         return;
@@ -153,15 +136,8 @@ fn executed(text: &mut String, report: &Report) {
 
 fn cost(text: &mut String, report: &Report) {
     let names = there(report, &[&COMPILED[..], &ASSEMBLED[..]].concat());
-    writeln!(
-        text,
-        "## Cost\n\n\
-         Latency / throughput in cycles of the core's own clock on {}, the fewest of many measurements. A body is timed in \
-         a chain of itself; its throughput includes loads of its operands. A call is timed with the loop around it: for \
-         latency the address of its operand is made of the last result.\n",
-        cpu_name().as_deref().unwrap_or("an unknown CPU")
-    )
-    .unwrap();
+    let cpu = cpu_name().unwrap_or_else(|| "an unknown CPU".into());
+    text.push_str(&part(EXPLANATION, "cost").replace("{CPU}", &cpu));
     let pair = |latency: Option<f64>, throughput: Option<f64>| {
         number(
             latency.zip(throughput).map(|(latency, throughput)| format!("{} / {}", short(latency), short(throughput))),
@@ -188,59 +164,21 @@ fn cost(text: &mut String, report: &Report) {
     table(text, &head, rows);
 }
 
-/// What the figures teach, with those of this report.
+/// What the figures teach, with those of this report: `{function add c-O0}` is the figure of a kind, an operation and an
+/// implementation.
 fn lessons(text: &mut String, report: &Report) {
-    let count = |op: &str, name: &str| number(find(report, op, name).and_then(|row| row.function));
-    let body = |op: &str, name: &str| number(find(report, op, name).and_then(|row| row.body));
-    let latency = |op: &str, name: &str| {
-        number(find(report, op, name).and_then(|row| row.latency.filter(|_| row.cost_of == Some("body"))).map(short))
-    };
-    let throughput = |op: &str, name: &str| {
-        number(find(report, op, name).and_then(|row| row.throughput.filter(|_| row.cost_of == Some("body"))).map(short))
-    };
-    let call = |op: &str, name: &str| number(find(report, op, name).and_then(|row| row.call_throughput).map(short));
-    let executed = |op: &str, name: &str| number(find(report, op, name).and_then(|row| row.executed));
-    writeln!(
-        text,
-        "## What it teaches\n\n\
-         **The paper compares two different things.** Its SIMD column counts bodies: its macros come to exactly those \
-         numbers. Its C column is of whole functions: an addition is printed with {} and a scaling with {}, and this \
-         compiler makes {} and {} at -O0, {} and {} at -O1, {} and {} at -O3. The nearest level for these two is for the \
-         reader to see; at -O3, which the paper names, the function is far shorter than printed. Nor does the count of a \
-         symbol tell what is executed: `norm` calls the library's `pow`, so that a call of {} instructions at -O3 executes \
-         {}, against {} in assembly, where the root is one instruction.\n",
-        count("add", "printed-c"),
-        count("scale", "printed-c"),
-        count("add", "c-O0"),
-        count("scale", "c-O0"),
-        count("add", "c-O1"),
-        count("scale", "c-O1"),
-        count("add", "c-O3"),
-        count("scale", "c-O3"),
-        count("norm", "c-O3"),
-        executed("norm", "c-O3"),
-        executed("norm", "paper"),
-    )
-    .unwrap();
-    writeln!(
-        text,
-        "**Fewer instructions are not always faster.** The paper's dot product has {} instructions and ours {}, since \
-         `haddps` is two shuffles and an addition in one: {} cycles from operand to result against {}, and one every {} \
-         cycles against one every {}. In C, an addition by value has {} instructions at -O1 and {} at -O3, yet independent \
-         calls take {} and {} cycles each: the shorter code stores its halves and reads them back as one, which the CPU \
-         cannot forward from its store buffer. What counts is the longest chain of operations, and which parts of the CPU \
-         they compete for; the number of instructions bounds neither. A packet instruction moves the question elsewhere: \
-         it serves 4, 8 or 16 vectors at once, and its count is to be divided by them.",
-        body("dot", "paper"),
-        body("dot", "aos"),
-        latency("dot", "paper"),
-        latency("dot", "aos"),
-        throughput("dot", "paper"),
-        throughput("dot", "aos"),
-        count("add", "c-O1"),
-        count("add", "c-O3"),
-        call("add", "c-O1"),
-        call("add", "c-O3"),
-    )
-    .unwrap();
+    *text += &filled(part(EXPLANATION, "what it teaches"), |what| {
+        let [kind, op, name] = what.split(' ').collect::<Vec<_>>()[..] else { unreachable!("no figure `{what}`") };
+        let row = find(report, op, name);
+        let of_body = row.filter(|row| row.cost_of == Some("body"));
+        match kind {
+            "function" => number(row.and_then(|row| row.function)),
+            "body" => number(row.and_then(|row| row.body)),
+            "executed" => number(row.and_then(|row| row.executed)),
+            "latency" => number(of_body.and_then(|row| row.latency).map(short)),
+            "throughput" => number(of_body.and_then(|row| row.throughput).map(short)),
+            "call" => number(row.and_then(|row| row.call_throughput).map(short)),
+            _ => unreachable!("no figure `{what}`"),
+        }
+    });
 }

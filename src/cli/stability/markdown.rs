@@ -1,49 +1,19 @@
-//! What was found as a page: `docs/stability.md`.
+//! What was found as a page: `docs/results/stability.md`.
 
 use std::fmt::Write;
 
 use super::table::{COLUMNS, costs, number, operations};
+use crate::cli::essay::part;
 use crate::experiments::stability::Document;
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, family};
 
-/// What a student should know first.
+/// What a student should know first, and what stands before the tables of costs and of operations.
 const EXPLANATION: &str = include_str!("explanation.md");
-
-/// What stands before the table of costs.
-const COSTS: &str = "\
-### What stiffness costs
-
-The time of a picture by that of the same picture of an ordinary scene, the two by turns: `scenes/sphere.in` with its sphere moved from
-4 radii to 10⁴ and its film made as much smaller, and `scenes/sphere.in` and `scenes/tetrahedron.in` at 2⁻⁷⁰ of their size, where
-the squares and products of lengths that `c` and `paper` take are denormal numbers or 0. Neither size nor distance costs the
-packets anything: one sphere under one light has a short form, which makes neither a point nor a normal, and whose terms do not grow with κ (see
-`SPHERE_LIT`). Only where its numbers are beyond f32, from some 10⁵ radii on, does a sphere take the general form, with a root, a normal and a
-light for each pixel, in two to four times the time.
-
-";
-
-/// What stands before the table of operations.
-const OPERATIONS: &str = "\
-### The operations by themselves
-
-`SPHERE_HIT3` and `TRIANGLE_HIT3`, which `rayo ops` counts, one object at a time. In S1, S3 and T5 the rays have any direction and the numbers are
-such as no scene has: distances up to 10¹⁴ radii and units of length from 10⁻³⁰⁰ to 10³⁰⁰. In the others they are the rays and the
-objects of the family's pictures, and in T6 its meshes that cover the picture: a hole is a ray that meets none of their triangles. Rays
-are exact here, and so the bound has no part for a camera.
-
-No hit is wrong and no t is beyond its bound, but for `sse41` in S1: without FMA the cross product of a far sphere is rounded twice. The bound is
-that of the operation, u (5 + 6 / (√s (√s + e))) with s = D / (r² a) and e = |h| / (r √a), and not that of the engines, which is less next to a wall
-that the camera is close to (S5, S6, S8): the operation has one form for all spheres, that of far ones, whose discriminant r² a − |c × d|² is right to
-u of its terms where the other, h² − k a, is right to u k. The engines choose between them once per sphere, and subtract in f64; an operation that is to
-be counted has no choice to make.
-N1: no ray meets an object of which a number is NaN or infinite, and no NaN comes out.
-
-";
 
 /// The page: explanation, map, and a table for each family.
 pub fn text(document: &Document) -> String {
-    let mut text = EXPLANATION.to_owned();
+    let mut text = part(EXPLANATION, "the page").to_owned();
     text += &families();
     let machine = &document.machine;
     let kind = if document.quick { "small pictures" } else { "at least 10⁵ rays for each value and engine" };
@@ -70,12 +40,12 @@ pub fn text(document: &Document) -> String {
         text += "\n";
     }
     if !document.costs.is_empty() {
-        text += COSTS;
+        text += part(EXPLANATION, "costs");
         text += &costs(&document.costs);
         text += "\n";
     }
     if !document.operations.is_empty() {
-        text += OPERATIONS;
+        text += part(EXPLANATION, "operations");
         text += &operations(&document.operations);
     }
     text.truncate(text.trim_end().len());
@@ -101,8 +71,9 @@ mod tests {
 
     #[test]
     fn the_page_in_docs_has_this_explanation_and_these_families_and_a_table_for_each() {
-        let page = include_str!("../../../docs/stability.md");
-        assert!(page.starts_with(&(EXPLANATION.to_owned() + &families())), "rayo stability --out docs makes it anew");
+        let page = include_str!("../../../docs/results/stability.md");
+        let beginning = part(EXPLANATION, "the page").to_owned() + &families();
+        assert!(page.starts_with(&beginning), "`make stability` makes it anew");
         for family in FAMILIES {
             assert!(page.contains(&format!("### {}: {}\n", family.id, family.name)), "{}", family.id);
         }

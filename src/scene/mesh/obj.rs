@@ -5,7 +5,8 @@ use std::io::{self, BufRead, Read};
 use glam::Vec3;
 use tobj::{LoadError, LoadOptions};
 
-use super::{Fault, Mesh, counted, not_finite};
+use super::Mesh;
+use super::read::{Fault, counted, not_finite};
 
 /// Corners are numbers from 1, or from -1 backwards.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";

@@ -8,7 +8,8 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::{Fault, Mesh, counted, not_finite};
+use super::Mesh;
+use super::read::{Fault, counted, not_finite};
 
 pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     if !source.starts_with(b"ply") {

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Fault, counted};
+use super::read::{Fault, counted};
 
 /// How many corners one of a face is held against at most, on average: enough for some two thousand corners.
 const PATIENCE: usize = 1000;

@@ -4,7 +4,8 @@ use std::io::{Cursor, ErrorKind};
 
 use glam::Vec3;
 
-use super::{Fault, Mesh, not_finite};
+use super::Mesh;
+use super::read::{Fault, not_finite};
 
 /// A binary file: this many bytes of anything, a count of 4 bytes, and the facets.
 const TITLE: usize = 80;

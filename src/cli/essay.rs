@@ -1,0 +1,42 @@
+//! The prose of the pages that commands write: parts of Markdown files beside the code, and figures put into them.
+
+/// What begins a part: this, its name, and the end of the comment.
+const BEGIN: &str = "<!-- part: ";
+const END: &str = " -->\n";
+
+/// The part of that name, up to the next one.
+///
+/// # Panics
+/// If there is none.
+pub(super) fn part(prose: &'static str, name: &str) -> &'static str {
+    let parts = prose.split(BEGIN).filter_map(|part| part.split_once(END));
+    parts.into_iter().find_map(|(of, text)| (of == name).then_some(text)).unwrap_or_else(|| panic!("no part `{name}`"))
+}
+
+/// The prose of what only assembly has, with a figure in place of each `{what it is}`.
+#[cfg(rayo_asm)]
+pub(super) fn filled(prose: &str, figure: impl Fn(&str) -> String) -> String {
+    let mut pieces = prose.split('{');
+    let mut text = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let (what, rest) = piece.split_once('}').expect("a figure's name ends");
+        text += &figure(what);
+        text += rest;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_part_ends_where_the_next_begins() {
+        let prose = "<!-- part: one -->\nA {b} c.\n\n<!-- part: two -->\nD\n";
+        assert_eq!(["one", "two"].map(|name| super::part(prose, name)), ["A {b} c.\n\n", "D\n"]);
+    }
+
+    #[cfg(rayo_asm)]
+    #[test]
+    fn figures_go_in_place_of_what_they_are() {
+        assert_eq!(super::filled("A {b} {c d}.", |what| what.repeat(2)), "A bb c dc d.");
+    }
+}

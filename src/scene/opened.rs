@@ -1,0 +1,46 @@
+//! A scene that was read, with what its reader has to say of it.
+
+use super::Scene;
+use super::diagnostic::printable;
+
+/// A scene, and what its reader should say about how it came to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Opened {
+    /// The scene.
+    pub scene: Scene,
+    /// What was done or assumed without being asked for, a line each.
+    pub notes: Vec<String>,
+    /// What is as the file has it and hardly meant, a line each.
+    pub warnings: Vec<String>,
+}
+
+/// Warnings of triangles that have no area: the first ones, and how many more there are.
+#[derive(Default)]
+pub(super) struct NoArea {
+    told: Vec<String>,
+    more: usize,
+}
+
+impl NoArea {
+    /// The most that are told one by one.
+    const MOST: usize = 10;
+
+    /// Of the file `name`, whose `line` has the triangle that is called `which`.
+    pub(super) fn add(&mut self, name: &str, which: &str, line: impl FnOnce() -> usize) {
+        if self.told.len() < Self::MOST {
+            let (name, line) = (printable(name), line());
+            self.told
+                .push(format!("{name}:{line}: {which} has no area, and no ray hits it: its corners are on one line"));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    /// All of them in lines.
+    pub(super) fn warnings(mut self, name: &str) -> Vec<String> {
+        if self.more > 0 {
+            self.told.push(format!("{}: and {} more triangles have no area", printable(name), self.more));
+        }
+        self.told
+    }
+}

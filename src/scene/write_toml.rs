@@ -1,0 +1,99 @@
+//! A scene, or a mesh and where it is seen from, as text in TOML, such that reading it gives the same scene to the last bit.
+
+use std::fmt::{self, Display, Write};
+
+use glam::{DVec3, Vec3};
+
+use super::write::Decimal;
+use super::{Camera, Light, Scene, Setting, Sphere, Triangle};
+
+impl Scene {
+    /// The scene in TOML: its camera at rest, so that every number is the scene's own.
+    ///
+    /// [`parse_toml`](super::parse_toml()) gives back the same scene, bit by bit, if its name is not empty.
+    pub fn to_toml(&self) -> String {
+        let mut text = String::new();
+        self.write_toml(&mut text).expect("a String takes all that is written to it");
+        text
+    }
+
+    fn write_toml(&self, out: &mut String) -> fmt::Result {
+        write_image(out, &self.name, &self.camera)?;
+        write_lens(out, &self.camera)?;
+        for light in &self.lights {
+            write_light(out, light)?;
+        }
+        for Sphere { radius, colour, centre } in &self.spheres {
+            writeln!(out, "\n[[sphere]]\ncentre = {}\nradius = {}", Array(*centre), Decimal(*radius))?;
+            writeln!(out, "colour = {}", Array(*colour))?;
+        }
+        for Triangle { colour, vertices: [a, b, c] } in &self.triangles {
+            writeln!(out, "\n[[triangle]]\nvertices = [{}, {}, {}]", Array(*a), Array(*b), Array(*c))?;
+            writeln!(out, "colour = {}", Array(*colour))?;
+        }
+        Ok(())
+    }
+}
+
+impl Setting {
+    /// The scene of a mesh file in TOML, which names the file; `name` is that of the picture.
+    ///
+    /// Reading it gives the scene that [`Setting::scene`] makes of the same mesh in white.
+    pub fn to_toml(&self, file: &str, name: &str, camera: &Camera) -> String {
+        let mut text = String::new();
+        self.write_toml(&mut text, file, name, camera).expect("a String takes all that is written to it");
+        text
+    }
+
+    fn write_toml(&self, out: &mut String, file: &str, name: &str, camera: &Camera) -> fmt::Result {
+        let Setting { placement, view, light } = self;
+        write_image(out, name, camera)?;
+        write_lens(out, camera)?;
+        for (key, point) in [("position", view.position), ("look_at", view.look_at), ("up", view.up)] {
+            writeln!(out, "{key} = {}", Array(point))?;
+        }
+        writeln!(out, "\n[[light]]\nposition = {}\ncolour = [1, 1, 1]\nintensity = 1", Array(*light))?;
+        writeln!(out, "\n[[mesh]]\nfile = {}\ncolour = [1, 1, 1]", quoted(file))?;
+        writeln!(out, "scale = {}  # files are right-handed: -1 makes z point away", Array(placement.scale))?;
+        for (key, point) in [("rotate", placement.rotate), ("translate", placement.translate)] {
+            writeln!(out, "{key} = {}", Array(point))?;
+        }
+        Ok(())
+    }
+}
+
+fn write_image(out: &mut String, name: &str, camera: &Camera) -> fmt::Result {
+    writeln!(out, "[image]\nfile = {}", quoted(name))?;
+    writeln!(out, "width = {}\nheight = {}", camera.width(), camera.height())
+}
+
+fn write_lens(out: &mut String, camera: &Camera) -> fmt::Result {
+    writeln!(out, "\n[camera]\nfocal = {}\nfilm = {}", Decimal(camera.focal()), Decimal(camera.film()))
+}
+
+fn write_light(out: &mut String, light: &Light) -> fmt::Result {
+    writeln!(out, "\n[[light]]\nposition = {}", Array(light.position))?;
+    writeln!(out, "colour = {}\nintensity = {}", Array(light.colour), Decimal(light.intensity))
+}
+
+/// A string in TOML; JSON's are the same but for one character.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007f")
+}
+
+/// Three numbers in TOML.
+struct Array<T>(T);
+
+impl Display for Array<Vec3> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.0.to_array().map(Decimal);
+        write!(f, "[{x}, {y}, {z}]")
+    }
+}
+
+impl Display for Array<DVec3> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.0.to_array();
+        write!(f, "[{x}, {y}, {z}]")
+    }
+}
