@@ -634,7 +634,7 @@ fn check_narrow<Four: Plain, P: Pixel>(kernel: &Narrow<Four, P>, four: impl Fn(u
         assert_eq!(out.bits(), three(four).bits(), "{}", kernel.symbol());
     }
     for side in SIDES {
-        let four = Guarded::new(&vec![Four::ZERO; 37], side).unwrap();
+        let four = Guarded::new(&[Four::ZERO; 37], side).unwrap();
         let mut out = [P::CANARY; 37];
         assert!(
             survives(|| kernel.call(&four, &mut out)).unwrap(),
