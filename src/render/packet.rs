@@ -241,6 +241,16 @@ fn scale_of(format: PixelFormat) -> Scale {
     if format.is_8bit() { Scale::Levels } else { Scale::Linear }
 }
 
+/// For each kind of record, which method takes the kernels of its kind.
+macro_rules! by_record {
+    ($($kind:ident($record:ident) => $method:ident($kernels:ident)),*) => {
+        $(fn $kind(self, record: &$record<E>) {
+            let kernels = &self.tracer.spans.$kernels;
+            self.$method(kernels, record);
+        })*
+    };
+}
+
 /// Shades a span that is alone in its pixels.
 struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
@@ -274,24 +284,11 @@ impl<E: Element, P: FourChannels<E>> UseRecord<E> for Alone<'_, E, P> {
         kernel.call(&sphere, &self.buffers.lit_rows, self.out, width, P::streaming(self.tracer));
     }
 
-    fn outside(self, record: &OutsideSpan<E>) {
-        let bodies = &self.tracer.spans.outside;
-        self.call(bodies, record);
-    }
-
-    fn near(self, record: &NearSpan<E>) {
-        let bodies = &self.tracer.spans.near_in_row;
-        self.call_in_row(bodies, record);
-    }
-
-    fn inside(self, record: &InsideSpan<E>) {
-        let bodies = &self.tracer.spans.inside_in_row;
-        self.call_in_row(bodies, record);
-    }
-
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let bodies = &self.tracer.spans.triangle;
-        self.call(bodies, record);
+    by_record! {
+        outside(OutsideSpan) => call(outside),
+        near(NearSpan) => call_in_row(near_in_row),
+        inside(InsideSpan) => call_in_row(inside_in_row),
+        triangle(TriangleSpan) => call(triangle)
     }
 }
 
@@ -339,24 +336,11 @@ impl<E: Element, P: FourChannels<E>> UseRecord<E> for Overlapping<'_, E, P> {
         P::lit_planes(self.tracer).call(&form.sphere(P::SCALE).round(), lit_rows, row, self.x);
     }
 
-    fn outside(self, record: &OutsideSpan<E>) {
-        let bodies = &self.tracer.spans.outside_in_row;
-        self.call(bodies, record);
-    }
-
-    fn near(self, record: &NearSpan<E>) {
-        let bodies = &self.tracer.spans.near_in_row;
-        self.call(bodies, record);
-    }
-
-    fn inside(self, record: &InsideSpan<E>) {
-        let bodies = &self.tracer.spans.inside_in_row;
-        self.call(bodies, record);
-    }
-
-    fn triangle(self, record: &TriangleSpan<E>) {
-        let bodies = &self.tracer.spans.triangle_in_row;
-        self.call(bodies, record);
+    by_record! {
+        outside(OutsideSpan) => call(outside_in_row),
+        near(NearSpan) => call(near_in_row),
+        inside(InsideSpan) => call(inside_in_row),
+        triangle(TriangleSpan) => call(triangle_in_row)
     }
 }
 
