@@ -241,9 +241,8 @@ fn the_fourth_value_is_0_in_floats_and_255_in_bytes() {
 /// The packet engines of a precision that run here, by their names.
 #[cfg(rayo_asm)]
 fn packets(precision: &str) -> Vec<contenders::Contender> {
-    let of = |contender: &contenders::Contender| {
-        ["sse41", "avx2", "avx512"].contains(&contender.engine.name()) && contender.precision.name() == precision
-    };
+    let of =
+        |contender: &contenders::Contender| contender.engine.is_packet() && contender.precision.name() == precision;
     contenders().into_iter().filter(of).collect()
 }
 

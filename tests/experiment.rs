@@ -204,10 +204,7 @@ fn an_interrupt_keeps_what_is_finished_and_says_so() {
 
 #[test]
 fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_schema() {
-    if !rayo::render::Engine::ALL
-        .iter()
-        .any(|engine| matches!(engine, rayo::render::Engine::Packet(_)) && engine.usable())
-    {
+    if !rayo::render::Engine::ALL.iter().any(|engine| engine.is_packet() && engine.usable()) {
         return;
     }
     let directory = TempDir::new().unwrap();

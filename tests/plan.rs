@@ -15,7 +15,7 @@ use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
 fn packets() -> Vec<Contender> {
-    let packet = |contender: &Contender| ["sse41", "avx2", "avx512"].contains(&contender.engine.name());
+    let packet = |contender: &Contender| contender.engine.is_packet();
     contenders().into_iter().filter(packet).collect()
 }
 

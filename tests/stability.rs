@@ -18,7 +18,7 @@ const SIDE: u32 = 18;
 const SEED: u64 = 5;
 
 fn is_packet(contender: &Contender) -> bool {
-    ["sse41", "avx2", "avx512"].contains(&contender.engine.name())
+    contender.engine.is_packet()
 }
 
 /// The engines that have to be right everywhere.

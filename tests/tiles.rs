@@ -14,8 +14,7 @@ const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
 /// The packet engines that run here, in each of their precisions.
 fn packets() -> Vec<Contender> {
-    let names = ["sse41", "avx2", "avx512"];
-    contenders().into_iter().filter(|contender| names.contains(&contender.engine.name())).collect()
+    contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
 }
 
 fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {

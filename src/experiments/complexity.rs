@@ -71,7 +71,7 @@ pub struct Settings {
 impl Settings {
     /// The packet engines among `engines`, which must be usable.
     pub fn new(quick: bool, runs: Option<usize>, engines: &[Engine]) -> Self {
-        let packets = Engine::ALL.iter().copied().filter(|engine| matches!(engine, Engine::Packet(_)));
+        let packets = Engine::ALL.iter().copied().filter(|engine| engine.is_packet());
         let runs = runs.unwrap_or(if quick { QUICK_RUNS } else { RUNS });
         Settings { quick, runs, engines: packets.filter(|engine| engines.contains(engine)).collect() }
     }

@@ -175,21 +175,17 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     if let Some(kernels) = kernels::aos() {
         rung("paper, best forms", "the same without haddps", Some("paper"), Tracing::Aos(kernels));
     }
-    let packets = Engine::ALL.iter().copied().filter(|engine| engine.usable() && is_packet(*engine));
+    let packets = Engine::ALL.iter().copied().filter(|engine| engine.usable() && engine.is_packet());
     for packet in packets {
         rung(packet.name(), "packets of rays", None, Tracing::Engine(packet, PixelFormat::F32x4));
     }
     let fastest = Engine::fastest();
-    if is_packet(fastest) {
+    if fastest.is_packet() {
         rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
         let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
         rung("threads", "all cores", None, tracing);
     }
     rungs
-}
-
-fn is_packet(engine: Engine) -> bool {
-    matches!(engine, Engine::Packet(_))
 }
 
 /// Traces rows into a film of their size.
@@ -211,7 +207,7 @@ impl Planned {
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
         let Counted { size: (width, height), step_by, call: (call_size, twice) } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
-            Tracing::Engine(engine, _) if is_packet(*engine) => COUNTED_BY_SPANS,
+            Tracing::Engine(engine, _) if engine.is_packet() => COUNTED_BY_SPANS,
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };

@@ -469,7 +469,7 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
 
 /// The paper's picture, small.
 fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
-    let (width, height) = if matches!(engine, Engine::Packet(_)) { FRAME_OF_PACKETS } else { FRAME };
+    let (width, height) = if engine.is_packet() { FRAME_OF_PACKETS } else { FRAME };
     let scene =
         scene::parse(include_bytes!("../../scenes/sphere.in"), "sphere.in").expect("the scene of the paper is good");
     let camera = scene::Camera::new(width, height, scene.camera.focal(), scene.camera.film()).expect("a good camera");

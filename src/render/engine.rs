@@ -162,14 +162,18 @@ impl Engine {
         }
     }
 
-    /// Whether it computes its rays in f64, whatever its precision.
-    pub fn rays_in_f64(self) -> bool {
+    /// Whether it traces rays in packets.
+    pub fn is_packet(self) -> bool {
         match self {
-            Engine::Reference => true,
             #[cfg(rayo_asm)]
             Engine::Packet(_) => true,
             _ => false,
         }
+    }
+
+    /// Whether it computes its rays in f64, whatever its precision.
+    pub fn rays_in_f64(self) -> bool {
+        self == Engine::Reference || self.is_packet()
     }
 
     /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
@@ -312,13 +316,7 @@ impl Engine {
 
     /// The format that it computes in for a file of 8 bits (`bytes`) or of floats, which has three channels.
     pub fn format_for(self, bytes: bool) -> PixelFormat {
-        let writes_all = match self {
-            Engine::Reference => true,
-            #[cfg(rayo_asm)]
-            Engine::Packet(_) => true,
-            _ => false,
-        };
-        match (writes_all, bytes) {
+        match (self == Engine::Reference || self.is_packet(), bytes) {
             (true, true) => PixelFormat::Rgb8,
             (true, false) => PixelFormat::F32x3,
             (false, _) => PixelFormat::F32x4,
@@ -339,8 +337,7 @@ impl Engine {
         }
         let scale = if bytes { Scale::Levels } else { Scale::Linear };
         // What is not a packet engine's to keep or leave out is as it is.
-        let switches = self.omissions().contains(&Omission::Outside);
-        let keep = if switches { purpose.keep } else { Keep::NOTHING };
+        let keep = if self.is_packet() { purpose.keep } else { Keep::NOTHING };
         Ok(if precision == Precision::Double {
             Report::new(scene, &Spans::<f64>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
         } else {

@@ -18,7 +18,7 @@ const MINIMISED: usize = 20;
 
 /// Judges, prints, and writes scenes.
 pub fn run(args: &StabilityArgs, settings: &Settings, count: usize) -> Result<ExitCode, Failure> {
-    let packet = |contender: &Contender| ["sse41", "avx2", "avx512"].contains(&contender.engine.name());
+    let packet = |contender: &Contender| contender.engine.is_packet();
     let contenders = settings.contenders.iter().filter(|contender| args.engine.is_some() || packet(contender));
     let contenders: Vec<Contender> = contenders.copied().collect();
     let stop = stop_on_ctrl_c()?;
