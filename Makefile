@@ -1,4 +1,4 @@
-# Makefile - the commands of the README, `make demo` and `make test`, and those for who works on the code; `make` lists them.
+# Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
 .PHONY: help setup build demo test bench images accuracy stability complexity map clean

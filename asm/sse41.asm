@@ -16,7 +16,7 @@
     AOS_OPS
 %assign AOS_HITS 0
     PAPER_TRACER
-%assign AOS_HITS 1                      ; what the paper's tracer hits, for who measures errors
+%assign AOS_HITS 1                      ; what the paper's tracer hits, for measuring errors
     PAPER_TRACER
 %assign AOS_HITS 0
 

@@ -9,7 +9,7 @@ mod dot {
     use rayo::glam::Vec3;
     use rayo::kernels::{Isa, Vec4, c, packet_ops, paper};
 
-    /// The products of each pair, by the name of who computed them.
+    /// The products of each pair, by the names of those who computed them.
     pub type Products = Vec<(&'static str, Vec<f32>)>;
 
     /// a . b of every pair, by everything that this CPU runs.

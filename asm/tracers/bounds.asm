@@ -15,7 +15,7 @@
 ;               greatest of what 1/t cannot exceed
 ;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
 ;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
-;               all triangles together, for who judges the scene's numbers, those in BoundsFound
+;               all triangles together, to judge the scene's numbers by, those in BoundsFound
 ;   requires    the CPUID features of the ISA; facets, count >= 1 of them
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 

@@ -23,7 +23,7 @@
 ;   ..._fast    with estimates in place of roots and divisions, where only the shade depends on them. 8 bits in f32
 ;               have nothing else, and 8 bits in f64 have them, refined to the end, where AVX-512 has them.
 ;
-;   ..._normals as planes, with a sphere's unit normal in place of its colour: for who measures errors
+;   ..._normals as planes, with a sphere's unit normal in place of its colour: for measuring errors
 ;
 ;   span        *const of the object's span record; its fields are the constants K
 ;   lits        *const Lit, lit_count of them

@@ -2,7 +2,7 @@
 ;
 ; unsafe extern "sysv64" fn(view: *const SphereView<f64>, task: *const SetupTask)
 ;
-;   rayo_<isa>_single_sphere_set_up    writes f32: SpherePlanes, for who is nearest
+;   rayo_<isa>_single_sphere_set_up    writes f32: SpherePlanes, to find the nearest
 ;   rayo_<isa>_double_sphere_set_up    writes f64
 ;   rayo_<isa>_single_sphere_looks     writes f32: TileSpheres, Lits and ShortLits, for shading
 ;   rayo_<isa>_double_sphere_looks     writes f64

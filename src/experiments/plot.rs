@@ -8,7 +8,7 @@ use super::svg::{FONT, PlotError, draw, legend};
 
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 600;
-/// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
+/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
 const C_COLOUR: RGBColor = RGBColor(213, 94, 0);
 const SIMD_COLOUR: RGBColor = RGBColor(0, 114, 178);
 const CONTROL_COLOUR: RGBColor = RGBColor(120, 120, 120);

@@ -69,6 +69,6 @@ pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
-/// The objects that build.rs assembled and compiled, by the names of their sources, for who wants to disassemble them.
+/// The objects that build.rs assembled and compiled, by the names of their sources, for those who want to disassemble them.
 #[cfg(all(rayo_asm, feature = "lab"))]
 pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));

@@ -1,4 +1,4 @@
-//! What an engine finds at a pixel before it becomes a colour, for who measures errors.
+//! What an engine finds at a pixel before it becomes a colour, for measuring errors.
 
 use glam::DVec3;
 

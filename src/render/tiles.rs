@@ -154,7 +154,7 @@ struct SphereLooks<E> {
     owners: Vec<bool>,
     /// Those that do.
     owning: Vec<Seen>,
-    /// Where everyone's records are; of who has no pixel, anywhere.
+    /// Where everyone's records are; of those without a pixel, anywhere.
     places: Vec<u32>,
     /// The tile's own, unless the tracer has those of all.
     records: SphereRecords<E>,

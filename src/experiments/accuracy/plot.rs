@@ -14,7 +14,7 @@ const FLOOR: f64 = 1e-9;
 /// Errors above this too: bright light, or a picture of NaN.
 const CEILING: f64 = 1.0;
 
-/// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
+/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
 fn colour(engine: &str) -> RGBColor {
     match engine {
         "reference" => RGBColor(0, 0, 0),

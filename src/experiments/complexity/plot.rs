@@ -10,7 +10,7 @@ const PANEL: (i32, i32) = (460, 460);
 /// How many times as high as its highest point a panel is: above, there is room for the list of its lines.
 const ROOM: f64 = 50.0;
 
-/// Colours that remain apart for who sees few of them (Okabe and Ito, 2008).
+/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -67,7 +67,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         .draw()
         .map_err(PlotError::new)?;
     for (place, line) in lines.iter().enumerate() {
-        // What only fills the film has the colour of who traces the same kind of pixels.
+        // What only fills the film has the colour of those who trace the same kind of pixels.
         let same = |other: &Vec<&Row>| line[0].axis == Axis::Pixels && other[0].output == line[0].output;
         let colour = COLOURS[lines.iter().position(same).unwrap_or(place) % COLOURS.len()];
         let Row { scene, engine, output, keep_all, .. } = *line[0];
