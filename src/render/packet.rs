@@ -302,7 +302,11 @@ struct Buffers<E> {
 
 impl<E: Element> Buffers<E> {
     fn row(&mut self, width: usize) -> &mut Row<E> {
-        self.row.get_or_insert_with(|| Row::new(width))
+        self.both(width).0
+    }
+
+    fn both(&mut self, width: usize) -> (&mut Row<E>, &LitRows<E>) {
+        (self.row.get_or_insert_with(|| Row::new(width)), &self.lit_rows)
     }
 }
 
@@ -331,8 +335,7 @@ impl<E: Element, P: FourChannels<E>> UseRecord<E> for Overlapping<'_, E, P> {
 
     fn lit(self, form: &ShortForm, row: &LitRow<E>) {
         self.buffers.lit_rows.set_row(0, row);
-        let Buffers { row, lit_rows } = self.buffers;
-        let row = row.get_or_insert_with(|| Row::new(self.tracer.width));
+        let (row, lit_rows) = self.buffers.both(self.tracer.width);
         P::lit_planes(self.tracer).call(&form.sphere(P::SCALE).round(), lit_rows, row, self.x);
     }
 

@@ -145,6 +145,7 @@ where
                 wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
                 is_wide
             };
+            // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
             seen.retain_mut(|seen| !(is_wide(seen) && all));
         }
         if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= long as f32) {

@@ -23,7 +23,7 @@ use glam::DVec3;
 
 use super::bins::tile_range;
 use super::bounds::near_of_sphere;
-use super::range;
+use super::{TilePlace, range};
 use crate::kernels::{Extremes, Seen, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
 use crate::reference::geometry;
@@ -163,47 +163,53 @@ impl Forms {
     /// have.
     pub(super) fn steep_tiles(&self, triangle: &Triangle, seen: &Seen, tiles: &mut Vec<Seen>) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
-        let Grid { step, half_width, half_height, focal } = self.grid;
-        let (half_columns, half_rows) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
-        let farthest = focal / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
-        // Nearly all are not steep, whatever the rounding of their planes.
-        let [v, a, b] = [corners[0], corners[1] - corners[0], corners[2] - corners[0]];
-        let n = a.cross(b);
-        let rounding = 8.0 * f64::EPSILON * a.abs().max_element() * b.abs().max_element();
-        let most = n.abs() + rounding;
-        let error = step * (4.0 * half_columns * most.x + 5.0 * half_rows * most.y);
-        if error <= (STEEPEST - 3.0) * farthest * (v.dot(n).abs() - 4.0 * rounding * v.abs().max_element()) {
+        // At its farthest corner, in the unit in which w is n . d / (v . n).
+        let farthest = self.grid.focal / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
+        if self.surely_nowhere_steep(corners, farthest) {
             return;
         }
         let Some(volume) = geometry::triangle_volume(corners) else { return };
         let n = geometry::triangle_plane(corners) / volume;
-        let [tx, ty] = [n.x * step, -n.y * step];
-        let (columns, rows) = (range(seen.columns), range(seen.rows));
-        for down in tile_range(rows.clone(), TILE_HEIGHT) {
-            for across in tile_range(columns.clone(), TILE_WIDTH) {
-                // From the middle of the tile to the first and the last pixel in it.
-                let ends = |pixels: &Range<u32>, first: u32, side: usize| {
-                    let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
-                    let middle = f64::from(first) + side as f64 / 2.0;
-                    ((start | end << 16), [f64::from(start) - middle, f64::from(end) - 1.0 - middle])
-                };
-                let (x, y) = (across * TILE_WIDTH as u32, down * TILE_HEIGHT as u32);
-                let (of_columns, [left, right]) = ends(&columns, x, TILE_WIDTH);
-                let (of_rows, [top, bottom]) = ends(&rows, y, TILE_HEIGHT);
-                let d = DVec3::new(
-                    step * (f64::from(x) + half_columns + 0.5) - half_width,
-                    half_height - step * (f64::from(y) + half_rows + 0.5),
-                    focal,
-                );
-                let least = n.dot(d) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
-                let error = 4.0 * tx.abs() * left.abs().max(right.abs()) + 5.0 * ty.abs() * top.abs().max(bottom.abs());
-                let is_exact = error <= (STEEPEST - 3.0) * least.max(farthest);
+        let [tx, ty] = [n.x * self.grid.step, -n.y * self.grid.step];
+        // The pixels in a tile, and how far the first and the last are from its middle.
+        let part = |pixels: &Range<u32>, first: u32, side: usize| {
+            let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
+            let middle = f64::from(first) + side as f64 / 2.0;
+            (start | end << 16, [f64::from(start) - middle, f64::from(end) - 1.0 - middle])
+        };
+        let (of_columns, of_rows) = (range(seen.columns), range(seen.rows));
+        for down in tile_range(of_rows.clone(), TILE_HEIGHT) {
+            for across in tile_range(of_columns.clone(), TILE_WIDTH) {
+                let (column, row) = TilePlace { across, down }.first();
+                let (columns, [left, right]) = part(&of_columns, column, TILE_WIDTH);
+                let (rows, [top, bottom]) = part(&of_rows, row, TILE_HEIGHT);
+                let middle = DVec3::from(self.grid.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2));
+                let least = n.dot(middle) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
+                let [x, y] = [left.abs().max(right.abs()), top.abs().max(bottom.abs())];
+                let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - 3.0) * least.max(farthest);
+                // A NaN is not exact.
                 if !is_exact {
-                    tiles.push(Seen { columns: of_columns, rows: of_rows, ..*seen });
+                    tiles.push(Seen { columns, rows, ..*seen });
                 }
             }
         }
     }
+
+    /// Whether a triangle is steep in no tile, whatever the rounding of its plane; nearly all are so.
+    fn surely_nowhere_steep(&self, [v, v2, v3]: [DVec3; 3], farthest: f64) -> bool {
+        let (a, b) = (v2 - v, v3 - v);
+        let n = a.cross(b);
+        let rounding = 8.0 * f64::EPSILON * a.abs().max_element() * b.abs().max_element();
+        let most = self.grid.step * (n.abs() + rounding);
+        let volume = v.dot(n).abs() - 4.0 * rounding * v.abs().max_element();
+        let (x, y) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
+        steepness(most.x, most.y, x, y) <= (STEEPEST - 3.0) * farthest * volume
+    }
+}
+
+/// What the error of w = t0 + tx x + ty y has beside 3 w, in units of u.
+fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
+    4.0 * tx.abs() * x + 5.0 * ty.abs() * y
 }
 
 /// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`].
