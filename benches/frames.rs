@@ -58,7 +58,7 @@ fn frames(c: &mut Criterion) {
         let mut group = c.benchmark_group(format!("frame/{name}"));
         group.throughput(Throughput::Elements(camera.pixels()));
         for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
-            let tracer = engine.prepare(None, &scene, &camera).expect("an engine that can be used");
+            let tracer = engine.prepare(None, &scene).expect("an engine that can be used");
             for format in PixelFormat::ALL {
                 if !tracer.writes(format) {
                     continue;

@@ -40,7 +40,7 @@ fn mean(picture: &[Vec4]) -> f64 {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (scene, engine) = (many(300, 300, 1), Engine::fastest());
-    let tracer = engine.prepare(None, &scene, &scene.camera)?;
+    let tracer = engine.prepare(None, &scene)?;
     for threads in [1, 2, 3] {
         println!("{engine}, threads: {threads}, mean red {:.6}", mean(&render(&*tracer, &scene, threads)));
     }
@@ -53,7 +53,7 @@ fn however_many_threads_there_are_the_picture_is_that_of_one_call() {
     let camera = rayo::scene::Camera::new(90, 70, 1.0, 1.0).unwrap();
     let scene = Scene { camera, ..many(40, 40, 1) };
     for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
-        let tracer = engine.prepare(None, &scene, &scene.camera).unwrap();
+        let tracer = engine.prepare(None, &scene).unwrap();
         let mut whole = vec![Vec4::default(); scene.camera.pixels() as usize];
         tracer.rows(0..scene.camera.height(), FilmMut::F32x4(&mut whole));
         assert!(mean(&whole) > 0.01, "{engine} shows nothing");

@@ -31,7 +31,7 @@ fn ball() -> Result<Scene, Box<dyn Error>> {
 /// The picture by an engine: linear red, green and blue of every pixel, row by row.
 fn render(scene: &Scene, engine: Engine) -> Result<Film, Box<dyn Error>> {
     // Here it is decided what this scene does not need. A scene with a NaN in it, say, is an error.
-    let tracer = engine.prepare(None, scene, &scene.camera)?;
+    let tracer = engine.prepare(None, scene)?;
     let threads = available_parallelism()?.get();
     // The threads of a frame stay for its next picture; what the closure hears is for a progress bar.
     let frame = Frame::new(&*tracer, scene.camera, Settings { threads })?;

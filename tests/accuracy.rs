@@ -26,8 +26,9 @@ fn shipped(name: &str) -> Scene {
     scene::read(path.as_ref()).unwrap()
 }
 
-fn camera(scene: &Scene, width: u32, height: u32) -> Camera {
-    Camera::new(width, height, scene.camera.focal(), scene.camera.film()).unwrap()
+fn in_size(scene: Scene, width: u32, height: u32) -> Scene {
+    let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film()).unwrap();
+    Scene { camera, ..scene }
 }
 
 fn relative(t: f64, truth: Split) -> f64 {
@@ -39,8 +40,8 @@ fn the_truth_of_an_ordinary_scene_is_what_the_reference_says() {
     let mut hits = 0;
     let scenes = ["sphere", "tetrahedron", "triangle", "two-lights", "many"].map(shipped);
     for scene in scenes.into_iter().chain([scene::many(40, 40, 7)]) {
-        let camera = camera(&scene, 80, 60);
-        let (truth, reference) = (Truth::new(&scene, &camera), ReferenceTracer::new(&scene, &camera));
+        let scene = in_size(scene, 80, 60);
+        let (truth, reference) = (Truth::new(&scene), ReferenceTracer::new(&scene));
         for (row, col) in (0..60).flat_map(|row| (0..80).map(move |col| (row, col))) {
             let (pixel, found) = (truth.pixel(row, col), reference.hit(row, col));
             if pixel.margin < DOUBT_OF_F64 {
@@ -88,7 +89,7 @@ fn what_f64_rules_out_is_never_what_256_bits_hit() {
         let camera = Camera::new(64, 48, 1.0, 1.0).unwrap();
         let rays = Rays::new(64, 48, 1.0, 1.0);
         let scene = Scene { name: String::new(), camera, lights: Vec::new(), spheres, triangles };
-        let truth = Truth::new(&scene, &camera);
+        let truth = Truth::new(&scene);
         for (row, col) in (0..48).flat_map(|row| (0..64).map(move |col| (row, col))) {
             let ray = rays.ray(row, col);
             let mut nearest: Option<(Object, Exact)> = None;
@@ -118,10 +119,10 @@ fn what_f64_rules_out_is_never_what_256_bits_hit() {
     assert!(hits > 1000 && near_misses > 1000, "{hits} hits, {near_misses} near misses");
 }
 
-fn one_light(spheres: Vec<Sphere>, triangles: Vec<Triangle>, at: Vec3) -> (Scene, Camera) {
+fn one_light(spheres: Vec<Sphere>, triangles: Vec<Triangle>, at: Vec3) -> Scene {
     let camera = Camera::new(9, 9, 1.0, 1.0).unwrap();
     let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: at }];
-    (Scene { name: String::new(), camera, lights, spheres, triangles }, camera)
+    Scene { name: String::new(), camera, lights, spheres, triangles }
 }
 
 /// The middle of the picture looks along +z.
@@ -131,8 +132,8 @@ const MIDDLE: (u32, u32) = (4, 4);
 fn the_margin_is_the_gap_to_the_second_hit_and_an_exact_tie_is_no_doubt() {
     let sphere = |radius: f32, z: f32| Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, z) };
     for (second, gap) in [(sphere(1.0, 10.0), 1.0), (sphere(1.0, 10.0009), 1e-4), (sphere(2.0, 12.0), 1.0 / 9.0)] {
-        let (scene, camera) = one_light(vec![sphere(1.0, 10.0), second], Vec::new(), Vec3::ZERO);
-        let pixel = Truth::new(&scene, &camera).pixel(MIDDLE.0, MIDDLE.1);
+        let scene = one_light(vec![sphere(1.0, 10.0), second], Vec::new(), Vec3::ZERO);
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
         assert_eq!(pixel.hit.as_ref().unwrap().object, Object::Sphere(0));
         assert!((pixel.margin - gap).abs() < 1e-6, "{gap}: {}", pixel.margin);
     }
@@ -150,8 +151,8 @@ fn a_near_miss_in_front_is_a_doubt_and_one_behind_is_none() {
         Triangle { colour: Vec3::ONE, vertices }
     };
     for (z, doubt) in [(2.0, true), (20.0, false)] {
-        let (scene, camera) = one_light(Vec::new(), vec![beside(z), wall(5.0)], Vec3::ZERO);
-        let pixel = Truth::new(&scene, &camera).pixel(MIDDLE.0, MIDDLE.1);
+        let scene = one_light(Vec::new(), vec![beside(z), wall(5.0)], Vec3::ZERO);
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
         assert_eq!(pixel.hit.unwrap().object, Object::Triangle(1));
         assert_eq!(pixel.margin < 1e-5, doubt, "{z}: {}", pixel.margin);
     }
@@ -161,8 +162,8 @@ fn a_near_miss_in_front_is_a_doubt_and_one_behind_is_none() {
 fn a_light_on_the_surface_makes_any_colour_right() {
     let sphere = Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, 3.0) };
     for (z, colour) in [(2.0, None), (1.9999, None), (1.0, Some(DVec3::ONE)), (-5.0, Some(DVec3::ONE))] {
-        let (scene, camera) = one_light(vec![sphere], Vec::new(), Vec3::new(0.0, 0.0, z));
-        let pixel = Truth::new(&scene, &camera).pixel(MIDDLE.0, MIDDLE.1);
+        let scene = one_light(vec![sphere], Vec::new(), Vec3::new(0.0, 0.0, z));
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
         let near = |a: DVec3, b: DVec3| (a - b).length() < 1e-15;
         match (pixel.hit.unwrap().colour, colour) {
             (Some(a), Some(b)) => assert!(near(a, b), "{z}: {a}"),
@@ -180,10 +181,10 @@ fn what_an_engine_says_that_it_hits_is_what_it_draws() {
     let mut hue = || Vec3::new(rng.between(0.2, 1.0), rng.between(0.2, 1.0), rng.between(0.2, 1.0)).normalize();
     scene.spheres.iter_mut().for_each(|sphere| sphere.colour = hue());
     scene.triangles.iter_mut().for_each(|triangle| triangle.colour = hue());
-    let camera = camera(&scene, 203, 151);
-    let pixels = camera.pixels() as usize;
+    let scene = in_size(scene, 203, 151);
+    let pixels = scene.camera.pixels() as usize;
     let tracers = Engine::ALL.iter().filter(|engine| engine.usable()).flat_map(|engine| {
-        engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene, &camera).unwrap()))
+        engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene).unwrap()))
     });
     for (engine, precision, tracer) in tracers {
         let mut film = Film::new(PixelFormat::F32x4, pixels).unwrap();
@@ -214,7 +215,7 @@ fn what_an_engine_says_that_it_hits_is_what_it_draws() {
                 Distance::T(t) => *t,
                 Distance::Inverse(inverse) => 1.0 / inverse,
             };
-            let d = DVec3::from(camera.grid::<f64>().ray(i as u32 / 203, i as u32 % 203));
+            let d = DVec3::from(scene.camera.grid::<f64>().ray(i as u32 / 203, i as u32 % 203));
             if let Some(normal) = normal {
                 assert!((normal.length() - 1.0).abs() < 1e-3, "{what}");
                 // The cosine at the point is what was drawn; the limb of a small sphere is a difference of long vectors.
@@ -297,10 +298,10 @@ fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
         ("a row", (|_, _| (), |film| film.rotate_left(160)), |e| e.off_by_2 as f64, 100.0..=1e5),
     ];
     let scene = shipped("sphere");
-    let scene = Scene { camera: camera(&scene, 160, 120), ..scene };
+    let scene = in_size(scene, 160, 120);
     let expected = expect(&scene);
     let worth = |(found, drawn): Change| {
-        let right = Engine::Reference.prepare(None, &scene, &scene.camera).unwrap();
+        let right = Engine::Reference.prepare(None, &scene).unwrap();
         let broken = Broken { right, found, drawn };
         // Held against what is expected of f32, it has no error to speak of.
         let tally = Tally::new(Precision::Single, true);
@@ -319,7 +320,7 @@ fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
 fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
     let scene = shipped("two-lights");
     let (row, width) = (446, scene.camera.width());
-    let truth = Truth::new(&scene, &scene.camera);
+    let truth = Truth::new(&scene);
     let green = |col: u32| 255.0 * truth.pixel(row, col).hit.unwrap().colour.unwrap().y;
     assert!((1e-8..1e-6).contains(&(127.0 - green(694))), "{}", green(694));
     let of = |col: u32| truth.pixel(row, col).hit.map_or(DVec3::ZERO, |hit| hit.colour.unwrap());

@@ -752,7 +752,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, &camera, packets, Keep::NOTHING, 1);
+        let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
         let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];

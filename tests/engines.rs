@@ -326,7 +326,7 @@ fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_lev
 mod short_form {
     use glam::{DVec3, Vec3};
     use rayo::plan::Omission;
-    use rayo::render::{Engine, Precision, Purpose};
+    use rayo::render::{Engine, Plan, Precision, Purpose};
     use rayo::scene::{self, Camera, Rng, Scene};
 
     use super::contenders::{Contender, Truth};
@@ -374,7 +374,7 @@ mod short_form {
                 let what = format!("case {case}, {contender}, {kappa} radii, light at {gap}");
                 truth.check(contender, &what);
                 let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-                let report = contender.engine.report(purpose, &scene, &scene.camera).unwrap();
+                let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
                 let short = report.left_out.iter().any(|line| line.omission == Omission::Loop && line.count == 1);
                 assert_eq!(short, loss < 32.0, "{what}: a loss of {loss}");
                 if !short || contender.precision.name() != "single" {

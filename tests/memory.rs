@@ -7,7 +7,7 @@ mod counting;
 use counting::peak_of;
 use glam::{DVec3, Vec3};
 use rayo::plan::Keep;
-use rayo::render::{Engine, Film, PixelFormat, Precision, Purpose};
+use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
 use rayo::scene::mesh::shapes::icosphere;
 use rayo::scene::{Camera, MeshFormat, Rng, Scene, Setting, Triangle};
 
@@ -44,15 +44,15 @@ fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u
 }
 
 /// The most memory that a picture takes beside the scene, in one precision.
-fn peak_beside(scene: &Scene, camera: Camera, precision: Precision) -> usize {
+fn peak_beside(scene: &Scene, precision: Precision) -> usize {
     // What is kept does not depend on the instruction set.
     let engine = Engine::fastest();
     let purpose =
         Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), keep: Keep::NOTHING, threads: 1 };
-    let mut film = Film::new(PixelFormat::Rgb8, camera.pixels() as usize).unwrap();
+    let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
     let ((), peak) = peak_of(|| {
-        let tracer = engine.prepare_for(purpose, scene, &camera).unwrap();
-        tracer.rows(0..camera.height(), film.as_mut());
+        let plan = Plan::new(engine, scene, purpose).unwrap();
+        plan.tracer().rows(0..scene.camera.height(), film.as_mut());
     });
     peak
 }
@@ -71,7 +71,7 @@ fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_200_bytes_beside_the_sc
         ("all in the same tiles, behind them a wall", with_large),
     ] {
         for &precision in Engine::fastest().precisions() {
-            let each = peak_beside(&scene, camera, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
+            let each = peak_beside(&scene, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
             assert!(each <= 200.0, "{name} in {precision}: {each:.1} bytes for each");
             // 16 in each list, and 16 while planning: there is nothing worse.
             assert!(each >= 180.0, "{name} in {precision}: {each:.1} bytes for each, so this is not the worst case");
@@ -94,7 +94,7 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
     for (name, scene) in scenes {
         let count = scene.triangles.len();
         for &precision in Engine::fastest().precisions() {
-            let peak = peak_beside(&scene, camera, precision);
+            let peak = peak_beside(&scene, precision);
             let each = peak.saturating_sub(FIXED) as f64 / count as f64;
             assert!(each <= 200.0, "{name} of {count} in {precision}: {peak} bytes, {each:.1} for each");
         }

@@ -294,7 +294,7 @@ impl Lot {
         let count = |rng: &mut Rng| (rng.next_u64() % 6) as usize;
         let mut scene = many(count(rng), count(rng), rng.next_u64());
         scene.lights.truncate((rng.next_u64() % 4) as usize);
-        let packed = Packed::new(&scene, &scene.camera);
+        let packed = Packed::new(&scene);
         let objects = packed.objects();
         Lot {
             lights: objects.lights.to_vec(),
@@ -880,7 +880,7 @@ fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) 
         // One sphere has the camera in it, and one nearly.
         scene.spheres[0].radius = 400.0;
         scene.spheres[1].radius = 0.9 * scene.spheres[1].centre.length();
-        let spans = Spans::<E>::new(&scene, &scene.camera, Some(Scale::Linear), keep);
+        let spans = Spans::<E>::new(&scene, Some(Scale::Linear), keep);
         for row in 0..scene.camera.height() {
             for object in spans.seen_in(&(row..row + 1)) {
                 let Some(span) = spans.row(object, row) else { continue };
@@ -924,7 +924,7 @@ fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &S
             unreachable!("the object has a short form")
         }
     }
-    let plan = Spans::<E>::new(scene, &scene.camera, Some(Scale::Linear), Keep::default());
+    let plan = Spans::<E>::new(scene, Some(Scale::Linear), Keep::default());
     let height = scene.camera.height();
     let mut compared = 0;
     for object in plan.seen_in(&(0..height)) {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use contenders::{Contender, contenders};
 use rayo::kernels::Vec4;
-use rayo::render::{Film, FilmMut, PixelFormat, Purpose, Tracer};
+use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::{self, Camera, Scene, many};
 
 /// Those that write three channels themselves.
@@ -22,7 +22,7 @@ fn writers() -> Vec<Contender> {
 
 fn prepare<'a>(contender: &Contender, scene: &'a Scene, format: PixelFormat) -> Box<dyn Tracer + 'a> {
     let purpose = Purpose { precision: Some(contender.precision), format: Some(format), ..Purpose::default() };
-    contender.engine.prepare_for(purpose, scene, &scene.camera).unwrap()
+    Plan::new(contender.engine, scene, purpose).unwrap().into_tracer()
 }
 
 /// A scene at a size, of which the shipped ones' objects keep their places.

@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
-use rayo::render::{Engine, Film, Frame, PixelFormat, Purpose, Settings};
+use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
@@ -22,7 +22,7 @@ fn packets() -> Vec<Contender> {
 /// The bytes of a picture.
 fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {
     let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, threads: 1 };
-    let tracer = contender.engine.prepare_for(purpose, scene, &scene.camera).unwrap();
+    let tracer = Plan::new(contender.engine, scene, purpose).unwrap().into_tracer();
     match film(tracer.as_ref(), scene.camera, 1, format) {
         Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),
         Film::Rgb8(pixels) => pixels.concat(),
@@ -214,7 +214,7 @@ fn report(lights: &str, objects: &str) -> Report {
     let text = format!("x.png 160 120 1  {lights}  {objects}");
     let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
     let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
-    Engine::fastest().report(purpose, &scene, &scene.camera).unwrap()
+    Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
 }
 
 /// How much of `omission` is left out.
@@ -308,7 +308,7 @@ fn what_depends_on_kinds_colours_and_overlap_is_counted() {
 fn with_all_kept_only_what_is_arithmetic_is_left_out() {
     let scene = many(9, 9, 81);
     let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep: Keep::all(), ..Purpose::default() };
-    let report = Engine::fastest().report(purpose, &scene, &scene.camera).unwrap();
+    let report = Plan::new(Engine::fastest(), &scene, purpose).unwrap().report();
     assert_eq!((report.kept.spheres, report.kept.triangles, report.kept.lights), (9, 9, 2));
     assert!(report.left_out.iter().all(|line| line.omission.switch() != Switch::Work), "{report:?}");
 }
@@ -324,7 +324,7 @@ fn tile_report(lights: &str, spheres: &[&str], triangles: &[&str], keep: Keep) -
     let text = format!("x.png 160 120 1  {lights}  {count} {spheres}  {} {}", triangles.len(), triangles.join("  "));
     let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
     let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep, ..Purpose::default() };
-    Engine::fastest().report(purpose, &scene, &scene.camera).unwrap()
+    Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
 }
 
 /// A text, unless it is empty.
@@ -457,7 +457,7 @@ fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_
             (1.0, [15.5, 32.5, ray.focal]),
             "rays are where the test takes them to be"
         );
-        assert!(rayo::plan::tiles_pay(&scene, &scene.camera));
+        assert!(rayo::plan::tiles_pay(&scene));
         let omission = alone.next().unwrap();
         for contender in packets() {
             check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));

@@ -38,7 +38,7 @@ fn cases(family: &'static Family) -> impl Iterator<Item = Case> {
 }
 
 fn prepare<'a>(contender: &Contender, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
-    contender.engine.prepare(Some(contender.precision), scene, &scene.camera).unwrap_or_else(|error| panic!("{error}"))
+    contender.engine.prepare(Some(contender.precision), scene).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The bits of its floats and, where it writes some, its bytes, by this thread alone.
@@ -104,7 +104,7 @@ fn a_scene_with_a_number_that_is_none_is_an_error_for_every_engine() {
     for index in 0..family.cases() {
         let case = family.case(index, SEED, SIDE);
         for Contender { engine, precision, .. } in contenders() {
-            let Err(error) = engine.prepare(Some(precision), &case.scene, &case.scene.camera) else {
+            let Err(error) = engine.prepare(Some(precision), &case.scene) else {
                 panic!("{engine} in {precision}: {} {}", case.level, case.variant);
             };
             let text = error.to_string().to_lowercase();
@@ -459,7 +459,7 @@ fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always
     let (mut pixels, mut sure, mut hits) = (0, 0, 0);
     for seed in 1..=150 {
         let scene = mixture(seed).scene;
-        let truth = Truth::new(&scene, &scene.camera);
+        let truth = Truth::new(&scene);
         // Some of the pixels, in another order in every picture.
         let step = 7 + seed as usize % 5;
         let all = (0..scene.camera.height()).flat_map(|row| (0..scene.camera.width()).map(move |col| (row, col)));

@@ -40,7 +40,7 @@ fn scene(seed: u64) -> Scene {
 }
 
 fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, scene: &Scene) {
-    let plan = Tiles::<E>::new(scene, &scene.camera, packets, Keep::NOTHING, 1);
+    let plan = Tiles::<E>::new(scene, packets, Keep::NOTHING, 1);
     let (view, scale) = (&plan.levels().spheres, plan.scale());
     let sides = [scene.camera.width(), scene.camera.height()];
     let Grid { step, half_width, half_height, focal } = scene.camera.grid::<f64>();

@@ -228,7 +228,7 @@ impl<E: Element + Real> Check<'_, E> {
 fn check<E: Element + Real>(isa: Isa, packets: &'static PacketKernels, kernels: &SpanKernels<E>, seed: u64) -> usize {
     let camera = Camera::new(WIDTH as u32, HEIGHT as u32, 1.0, 1.0).unwrap();
     let scene = Scene { camera, ..many(COUNT, COUNT, seed) };
-    let plan = Tiles::<E>::new(&scene, &camera, packets, Keep::NOTHING, 1);
+    let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
     let TileGrid { step, half_width, half_height, focal } = plan.grid();
     let mut check = Check {
         packets,

@@ -6,8 +6,8 @@ mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};
 use glam::Vec3;
-use rayo::plan::Omission;
-use rayo::render::{Film, FilmMut, PixelFormat, Purpose, Tracer};
+use rayo::plan::{Keep, Omission};
+use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
@@ -18,8 +18,16 @@ fn packets() -> Vec<Contender> {
 }
 
 fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
-    let tracer = contender.engine.prepare_tiles(contender.precision, scene, &scene.camera, keep_all, 1);
-    tracer.expect("a packet engine that runs here")
+    by_tiles(
+        contender,
+        scene,
+        Purpose { keep: if keep_all { Keep::all() } else { Keep::NOTHING }, ..Purpose::default() },
+    )
+}
+
+fn by_tiles<'a>(contender: &Contender, scene: &'a Scene, purpose: Purpose) -> Box<dyn Tracer + 'a> {
+    let purpose = Purpose { precision: Some(contender.precision), ..purpose };
+    Plan::by_tiles(contender.engine, scene, purpose).expect("a packet engine that runs here").into_tracer()
 }
 
 /// A picture, every bit of it.
@@ -136,7 +144,7 @@ fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
 fn floats_are_within_a_few_roundings_of_the_reference() {
     let scene = Scene { camera: camera(203, 151), ..many(40, 400, 6) };
     let truth = Truth::new(&scene);
-    let reference = rayo::render::reference::ReferenceTracer::new(&scene, &scene.camera);
+    let reference = rayo::render::reference::ReferenceTracer::new(&scene);
     for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
         let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
         else {
@@ -203,8 +211,7 @@ fn planning_on_several_threads_gives_the_same_bytes() {
     scene.triangles.extend(others.triangles);
     for contender in packets() {
         let picture = |threads: usize| {
-            let tracer =
-                contender.engine.prepare_tiles(contender.precision, &scene, &scene.camera, false, threads).unwrap();
+            let tracer = by_tiles(&contender, &scene, Purpose { threads, ..Purpose::default() });
             bits(film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4))
         };
         let alone = picture(1);
@@ -375,7 +382,7 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
             let bytes = bytes(&contender, &scene);
             truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
             let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-            let report = contender.engine.report(purpose, &scene, &scene.camera).unwrap();
+            let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
             let counts = report.left_out.iter().filter(|line| line.omission == Omission::Loop);
             short.push((radii, counts.map(|line| line.count).sum::<u64>()));
         }

@@ -14,7 +14,7 @@ use crate::experiments::ablation::{self, Ablation, Timed};
 use crate::kernels::sys;
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
-use crate::render::{Engine, Format, PixelFormat, Precision, Purpose};
+use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
 use crate::scene::Camera;
 
 /// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
@@ -120,15 +120,15 @@ fn note(timed: Timed) -> Option<&'static str> {
 /// Prints the plan.
 pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let (engine, precision) = args.engine.chosen()?;
-    let scene = tell(args.view.open(&args.scene)?, false);
-    let camera = args.view.camera(&scene.camera)?;
+    let mut scene = tell(args.view.open(&args.scene)?, false);
+    scene.camera = args.view.camera(&scene.camera)?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),
         None => Format::from_path(Path::new(&scene.name)).is_ok_and(|format| format.is_8bit()),
     };
     let format = engine.format_for(bytes);
     let purpose = Purpose { precision, format: Some(format), ..Purpose::default() };
-    let report = engine.report(purpose, &scene, &camera).map_err(Failure::input)?;
+    let report = Plan::new(engine, &scene, purpose).map_err(Failure::input)?.report();
 
     let ablation = if args.measure {
         let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
@@ -141,13 +141,19 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         };
-        let ablation = ablation::run((engine, purpose), &scene, &camera, lines, ticks, &mut clock, &mut progress);
+        let ablation = ablation::run((engine, purpose), &scene, lines, ticks, &mut clock, &mut progress);
         bar.finish_and_clear();
         Some(ablation.map_err(Failure::input)?)
     } else {
         None
     };
-    let of = Of { path: &args.scene, engine, precision: precision.unwrap_or(engine.precision()), format, camera };
+    let of = Of {
+        path: &args.scene,
+        engine,
+        precision: precision.unwrap_or(engine.precision()),
+        format,
+        camera: scene.camera,
+    };
     if args.json {
         print_json(&of.document(&report, ablation.as_ref()))?;
     } else {

@@ -16,7 +16,7 @@ use super::view::{ViewArgs, tell};
 use super::{Failure, print, print_json, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
-    Engine, Format, Frame, ImageError, ImageWriter, Precision, Purpose, RenderError, Settings, Stats,
+    Engine, Format, Frame, ImageError, ImageWriter, Plan, Precision, Purpose, RenderError, Settings, Stats,
     is_standard_output, render,
 };
 use crate::scene::{Camera, Scene};
@@ -102,10 +102,11 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let clock = Instant::now();
     let opened = args.view.open(&args.scene)?;
     let parse = clock.elapsed();
-    let scene = tell(opened, args.quiet);
+    let mut scene = tell(opened, args.quiet);
     let camera = args.view.camera(&scene.camera)?;
+    scene.camera = camera;
     let (path, format) = output(args, &scene)?;
-    scene.doubts(&camera).iter().for_each(|doubt| say(&format!("warning: {doubt}")));
+    scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
     // Before the plan: who cannot have a file need not wait for it.
     remove_part_files_on_signals()?;
     let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
@@ -114,18 +115,19 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
     let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep, threads };
+    let clock = Instant::now();
+    let plan = Plan::new(engine, &scene, purpose).map_err(Failure::input)?;
+    let planning = clock.elapsed();
     if args.explain {
-        let report = engine.report(purpose, &scene, &camera).map_err(Failure::input)?;
-        report.lines().iter().for_each(|line| say(line));
+        plan.report().lines().iter().for_each(|line| say(line));
     }
     if args.keep_all && !args.quiet && !engine.omissions().contains(&Omission::Misses) {
         say(&format!("{engine} tests every ray against every object as it is: --keep-all changes nothing"));
     }
 
     let clock = Instant::now();
-    let tracer = engine.prepare_for(purpose, &scene, &camera).map_err(Failure::input)?;
-    let frame = Frame::new(tracer.as_ref(), camera, Settings { threads }).map_err(failure)?;
-    let setup = clock.elapsed();
+    let frame = Frame::new(plan.tracer(), camera, Settings { threads }).map_err(failure)?;
+    let setup = planning + clock.elapsed();
 
     let progress = Progress::new(camera.height(), args.quiet);
     let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;

@@ -7,7 +7,7 @@ use std::slice::from_ref;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
-use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Purpose, Tracer};
+use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use crate::scene::{Camera, Rng, Scene};
 
 /// Rounds, where all rounds together stay within the ticks that are allowed.
@@ -95,7 +95,6 @@ enum Part {
 pub fn run(
     (engine, purpose): (Engine, Purpose),
     scene: &Scene,
-    camera: &Camera,
     lines: &[LeftOut],
     ticks: u64,
     clock: &mut dyn Clock,
@@ -103,7 +102,8 @@ pub fn run(
 ) -> Result<Ablation, AblationError> {
     let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant<'_>, EngineError> {
         let format = if by_floats { Some(PixelFormat::F32x4) } else { purpose.format };
-        Ok(Contestant { tracer: engine.prepare_for(Purpose { format, keep, ..purpose }, scene, camera)?, by_floats })
+        let plan = Plan::new(engine, scene, Purpose { format, keep, ..purpose })?;
+        Ok(Contestant { tracer: plan.into_tracer(), by_floats })
     };
     let mut contestants =
         vec![prepare(Keep::NOTHING, false)?, prepare(Keep::NOTHING, false)?, prepare(Keep::all(), false)?];
@@ -115,6 +115,7 @@ pub fn run(
             contestants.push(prepare(Keep::only(line.omission), line.omission == Omission::FloatImage)?);
         }
     }
+    let camera = &scene.camera;
     let pixels = camera.pixels();
     let film = |format, pixels: u64| {
         Film::new(format, pixels as usize).map_err(|source| AblationError::Memory { pixels, source })
@@ -269,7 +270,7 @@ mod tests {
         let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(9, 9, 71) };
         let engine = Engine::fastest();
         let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
-        let mut lines = engine.report(purpose, &scene, &scene.camera).unwrap().left_out;
+        let mut lines = Plan::new(engine, &scene, purpose).unwrap().report().left_out;
         let mut left = most;
         lines.retain(|line| {
             let timed = line.switch != Switch::None;
@@ -279,8 +280,8 @@ mod tests {
         let timed = lines.iter().filter(|line| line.switch != Switch::None).count();
         let mut told = Vec::new();
         let mut progress = |done, all| told.push((done, all));
-        let (camera, mut clock) = (scene.camera, clock(timed));
-        let found = run((engine, purpose), &scene, &camera, &lines, ticks, &mut clock, &mut progress).unwrap();
+        let mut clock = clock(timed);
+        let found = run((engine, purpose), &scene, &lines, ticks, &mut clock, &mut progress).unwrap();
         assert_eq!((found.rounds, found.rows), (ROUNDS, 48));
         assert!(clock.0.next().is_none(), "all of the script was used");
         assert!(told.is_sorted() && told.last() == Some(&(3 + timed + ROUNDS, 3 + timed + ROUNDS)), "{told:?}");

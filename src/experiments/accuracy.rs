@@ -19,7 +19,7 @@ use crate::kernels::Isa;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::{Keep, Omission};
-use crate::render::{Engine, EngineError, Film, PixelFormat, Precision, Purpose, Tracer, Truth};
+use crate::render::{Engine, EngineError, Film, PixelFormat, Plan, Precision, Purpose, Tracer, Truth};
 use crate::scene::Scene;
 use errors::{Errors, Expected, Tally};
 use front::{Point, front};
@@ -89,7 +89,7 @@ impl Contender {
     pub fn prepare(self, scene: &Scene) -> Result<Box<dyn Tracer + '_>, EngineError> {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
         let purpose = Purpose { precision: Some(self.precision), format: None, keep, threads: 1 };
-        self.engine.prepare_for(purpose, scene, &scene.camera)
+        Ok(Plan::new(self.engine, scene, purpose)?.into_tracer())
     }
 
     /// The option as users type it.
@@ -218,7 +218,7 @@ pub struct Judged {
 /// What is true of a scene's picture, row by row; all threads work.
 pub fn expect(scene: &Scene) -> Vec<Expected> {
     let camera = scene.camera;
-    let truth = Truth::new(scene, &camera);
+    let truth = Truth::new(scene);
     let in_row = |row| (0..camera.width()).map(|col| Expected::from(&truth.pixel(row, col))).collect::<Vec<_>>();
     (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect()
 }

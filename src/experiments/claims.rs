@@ -10,7 +10,7 @@ use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Row, Speed
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::render::{Engine, PixelFormat};
-use crate::scene::{Camera, Light, Scene, many};
+use crate::scene::{Light, Scene, many};
 
 /// What became of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -140,11 +140,10 @@ pub fn sweeps(
         let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); engines.len()];
         let mut taken = vec![0; engines.len()];
         for count in counts {
-            let scene = scene_of(*count);
-            let camera = Camera::new(SIZE.0, SIZE.1, scene.camera.focal(), scene.camera.film())
-                .expect("the size is within the limits");
-            let films = std::cell::RefCell::new(Films::new(camera.pixels() as usize)?);
-            let tracers = engines.iter().map(|engine| engine.prepare(None, &scene, &camera));
+            let scene = speedup::in_size(&scene_of(*count), SIZE.0, SIZE.1);
+            let pixels = scene.camera.pixels();
+            let films = std::cell::RefCell::new(Films::new(pixels as usize)?);
+            let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));
             let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
             let mut contestants: Vec<Work<'_>> = Vec::new();
             for tracer in &tracers {
@@ -153,7 +152,7 @@ pub fn sweeps(
                     tracer.rows(0..SIZE.1, films.borrow_mut().of(PixelFormat::F32x4).as_mut());
                 }));
             }
-            let mut proceed = || proceed(camera.pixels() * *count as u64 * work);
+            let mut proceed = || proceed(pixels * *count as u64 * work);
             let Some(measured) = interleave(clock, &mut contestants, 0..runs(quick), &mut proceed) else {
                 return Ok(None);
             };

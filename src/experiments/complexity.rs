@@ -13,7 +13,7 @@ use crate::kernels::Vec4;
 use crate::measure::statistics::{Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::Keep;
-use crate::render::{Engine, Film, PixelFormat, Purpose, Tracer};
+use crate::render::{Engine, Film, PixelFormat, Plan, Purpose, Tracer};
 use crate::scene::mesh::shapes;
 use crate::scene::{Camera, Light, MeshFormat, Scene, Setting, many};
 
@@ -270,7 +270,7 @@ impl Picture<'_> {
         // The first time shows whether it can be done at all.
         let prepare = |engine: Engine, keep| {
             let purpose = Purpose { precision: None, format: Some(*output), keep, threads: 1 };
-            engine.prepare_for(purpose, scene, &camera)
+            Plan::new(engine, scene, purpose).map(Plan::into_tracer)
         };
         let mut contestants: Vec<Work<'_>> = Vec::new();
         for who in who {
@@ -335,7 +335,7 @@ pub fn run(
         let mut who = all(&settings.engines);
         who.push(Who::Zeros);
         for (width, height) in settings.sizes() {
-            scene.camera = speedup::camera(&scene, width, height);
+            scene = speedup::in_size(&scene, width, height);
             let count = scene.camera.pixels();
             let picture = Picture { axis: Axis::Pixels, name: "sphere", count, scene: &scene, output, setup: false };
             if !measure(&picture, &who, proceed)? {
@@ -344,7 +344,7 @@ pub fn run(
         }
     }
     let (width, height) = settings.size();
-    let camera = speedup::camera(&scene, width, height);
+    let camera = speedup::in_size(&scene, width, height).camera;
     let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
     for (name, make) in SCENES {
         let mut before = 0;

@@ -142,9 +142,9 @@ pub fn run(
     let bandwidth = bandwidth(&machine.caches, clock)?;
     let mut rows = Vec::new();
     for (width, height) in sizes(quick) {
-        let camera = speedup::camera(&scene, width, height);
-        let pixels = camera.pixels();
-        let tracers = engines.iter().map(|engine| engine.prepare(None, &scene, &camera));
+        let scene = speedup::in_size(&scene, width, height);
+        let pixels = scene.camera.pixels();
+        let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
         let memory = |source| SpeedupError::Memory { pixels: pixels as usize, source };
         let mut film = Film::new(PixelFormat::F32x4, pixels as usize).map_err(memory)?;

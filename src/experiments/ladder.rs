@@ -231,10 +231,10 @@ impl Planned {
         size: (u32, u32),
         calls: impl IntoIterator<Item = Range<u32>>,
     ) -> Result<Option<Vec<u64>>, SpeedupError> {
-        let camera = speedup::camera(scene, size.0, size.1);
-        let packed = Packed::new(scene, &camera);
-        let tracer = self.tracer(scene, &camera)?;
-        let ready = self.ready(tracer.as_deref(), &packed, &camera, cores)?;
+        let scene = speedup::in_size(scene, size.0, size.1);
+        let packed = Packed::new(&scene);
+        let tracer = self.tracer(&scene)?;
+        let ready = self.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
         let mut films = Films::new(2 * size.0 as usize)?;
         let count = |rows: Range<u32>| {
             let film = films.of(ready.output).as_mut().part(0..rows.len() * size.0 as usize);
@@ -248,9 +248,9 @@ impl Planned {
     }
 
     /// The tracer of an engine, where it is one.
-    fn tracer<'a>(&self, scene: &'a Scene, camera: &Camera) -> Result<Option<Box<dyn Tracer + 'a>>, SpeedupError> {
+    fn tracer<'a>(&self, scene: &'a Scene) -> Result<Option<Box<dyn Tracer + 'a>>, SpeedupError> {
         Ok(match self.tracing {
-            Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene, camera)?),
+            Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene)?),
             Tracing::Variant(_) | Tracing::Aos(_) => None,
         })
     }
@@ -318,15 +318,15 @@ pub fn check(
     cores: &sys::Cores,
     proceed: &mut Progress<'_>,
 ) -> Result<Option<Vec<Option<f64>>>, SpeedupError> {
-    let scene = speedup::scene();
     let planned = plan(whole, cores);
-    let truth = Truth::new(&scene)?;
-    let packed = Packed::new(&scene, &truth.camera);
+    let truth = Truth::new(&speedup::scene())?;
+    let scene = &truth.scene;
+    let packed = Packed::new(scene);
     for rung in &planned {
-        let tracer = rung.tracer(&scene, &truth.camera)?;
-        let ready = rung.ready(tracer.as_deref(), &packed, &truth.camera, cores)?;
+        let tracer = rung.tracer(scene)?;
+        let ready = rung.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
         truth.check(rung.rung, ready.output, &mut |film| {
-            (ready.trace)(0..truth.camera.height(), film);
+            (ready.trace)(0..scene.camera.height(), film);
         })?;
     }
     let mut instructions = Vec::new();
@@ -334,7 +334,7 @@ pub fn check(
         if !proceed(0) {
             return Ok(None);
         }
-        instructions.push(if whole { rung.instructions(&scene, cores)? } else { None });
+        instructions.push(if whole { rung.instructions(scene, cores)? } else { None });
     }
     Ok(Some(instructions))
 }
@@ -349,15 +349,14 @@ pub fn measure_run(
     cores: &sys::Cores,
     clock: &mut dyn Clock,
 ) -> Result<Rounds, SpeedupError> {
-    let scene = speedup::scene();
+    let scene = speedup::in_size(&speedup::scene(), SIZE.0, SIZE.1);
     let planned = plan(whole, cores);
-    let camera = speedup::camera(&scene, SIZE.0, SIZE.1);
-    let packed = Packed::new(&scene, &camera);
-    let tracers = planned.iter().map(|rung| rung.tracer(&scene, &camera)).collect::<Result<Vec<_>, _>>()?;
-    let films = std::cell::RefCell::new(Films::new(camera.pixels() as usize)?);
+    let packed = Packed::new(&scene);
+    let tracers = planned.iter().map(|rung| rung.tracer(&scene)).collect::<Result<Vec<_>, _>>()?;
+    let films = std::cell::RefCell::new(Films::new(scene.camera.pixels() as usize)?);
     let mut contestants: Vec<Work<'_>> = Vec::new();
     for (rung, tracer) in planned.iter().zip(&tracers) {
-        let ready = rung.ready(tracer.as_deref(), &packed, &camera, cores)?;
+        let ready = rung.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
         let films = &films;
         contestants.push(Box::new(move || (ready.trace)(0..SIZE.1, films.borrow_mut().of(ready.output).as_mut())));
     }

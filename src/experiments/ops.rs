@@ -8,12 +8,12 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::speedup;
 use crate::kernels::step::{self, Unavailable};
 use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
 use crate::measure::instructions::{Code, Instruction, Mix};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
-use crate::scene;
 pub use model::Model;
 use subjects::{Subject, subject};
 
@@ -470,11 +470,9 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
 /// The paper's picture, small.
 fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
     let (width, height) = if engine.is_packet() { FRAME_OF_PACKETS } else { FRAME };
-    let scene =
-        scene::parse(include_bytes!("../../scenes/sphere.in"), "sphere.in").expect("the scene of the paper is good");
-    let camera = scene::Camera::new(width, height, scene.camera.focal(), scene.camera.film()).expect("a good camera");
-    let rays = camera.pixels();
-    let tracer = engine.prepare(None, &scene, &camera).expect("the engine runs here, in its own precision");
+    let scene = speedup::in_size(&speedup::scene(), width, height);
+    let rays = scene.camera.pixels();
+    let tracer = engine.prepare(None, &scene).expect("the engine runs here, in its own precision");
     let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");
     // Once before: what is computed or bound at the first call is not the picture's.
     tracer.rows(0..height, film.as_mut());

@@ -81,9 +81,9 @@ pub fn scene() -> Scene {
 }
 
 /// The experiment's scene in another size.
-pub(super) fn camera(scene: &Scene, width: u32, height: u32) -> Camera {
-    let camera = &scene.camera;
-    Camera::new(width, height, camera.focal(), camera.film()).expect("the sizes of an experiment are within the limits")
+pub(super) fn in_size(scene: &Scene, width: u32, height: u32) -> Scene {
+    let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film());
+    Scene { camera: camera.expect("the sizes of an experiment are within the limits"), ..scene.clone() }
 }
 
 /// Hears how much work has been done since it last heard, in cycles of some machine or other: the shares are what
@@ -321,7 +321,7 @@ pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, E
     let mut entries = Vec::new();
     for engine in engines {
         entries.push(Entry { engine: *engine, output: PixelFormat::F32x4 });
-        let tracer = engine.prepare(None, scene, &scene.camera)?;
+        let tracer = engine.prepare(None, scene)?;
         if engine.name() != "reference" && tracer.writes(PixelFormat::Rgba8) {
             entries.push(Entry { engine: *engine, output: PixelFormat::Rgba8 });
         }
@@ -346,11 +346,10 @@ pub type Run = Vec<Vec<Turn>>;
 
 /// Whether every engine's picture is that of the reference.
 pub fn check(settings: &Settings) -> Result<(), SpeedupError> {
-    let scene = scene();
-    let truth = Truth::new(&scene)?;
-    for entry in entries(&settings.engines, &scene)? {
-        let tracer = entry.engine.prepare(None, &scene, &truth.camera)?;
-        let rows = 0..truth.camera.height();
+    let truth = Truth::new(&scene())?;
+    for entry in entries(&settings.engines, &truth.scene)? {
+        let tracer = entry.engine.prepare(None, &truth.scene)?;
+        let rows = 0..truth.scene.camera.height();
         truth.check(entry.engine.name(), entry.output, &mut |film| tracer.rows(rows.clone(), film))?;
     }
     Ok(())
@@ -378,9 +377,9 @@ pub fn measure_run(
     let mut warm = false;
     for size in &settings.sizes {
         let PaperRow { width, height, .. } = PAPER[*size];
-        let camera = camera(&scene, width, height);
-        let pixels = camera.pixels() as usize;
-        let tracers = entries.iter().map(|entry| entry.engine.prepare(None, &scene, &camera));
+        let scene = in_size(&scene, width, height);
+        let pixels = scene.camera.pixels() as usize;
+        let tracers = entries.iter().map(|entry| entry.engine.prepare(None, &scene));
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
         let contestant = |index: &usize| -> Work<'_> {
             let (tracer, output, films) = (tracers[*index].as_ref(), entries[*index].output, &films);
@@ -445,16 +444,16 @@ impl Films {
 
 /// The reference's picture at the first size: who traces something else has no place in a comparison of times.
 pub(super) struct Truth {
-    pub camera: Camera,
+    pub scene: Scene,
     levels: Vec<[u8; 3]>,
 }
 
 impl Truth {
     pub(super) fn new(scene: &Scene) -> Result<Self, SpeedupError> {
-        let camera = camera(scene, PAPER[0].width, PAPER[0].height);
-        let mut film = new_film(PixelFormat::F32x4, camera.pixels() as usize)?;
-        ReferenceTracer::new(scene, &camera).rows(0..camera.height(), film.as_mut());
-        Ok(Truth { camera, levels: levels(&film) })
+        let scene = in_size(scene, PAPER[0].width, PAPER[0].height);
+        let mut film = new_film(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
+        ReferenceTracer::new(&scene).rows(0..scene.camera.height(), film.as_mut());
+        Ok(Truth { scene, levels: levels(&film) })
     }
 
     /// Whether `trace` fills a film of `output` with the same picture.
@@ -470,7 +469,7 @@ impl Truth {
         let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
         let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();
         // Where a ray grazes the sphere, rounding may decide: not for more than a few of the outline's pixels.
-        let allowed = (self.camera.width() + self.camera.height()) as usize / 64;
+        let allowed = (self.scene.camera.width() + self.scene.camera.height()) as usize / 64;
         if wrong > allowed {
             return Err(SpeedupError::Picture { who: who.into(), output: output.name(), wrong, pixels, allowed });
         }

@@ -2,7 +2,7 @@
 
 use crate::kernels::{Frame, Light, Objects, Sphere, Triangle, Vec4};
 use crate::reference::geometry;
-use crate::scene::{Camera, Object, Scene};
+use crate::scene::{Object, Scene};
 
 /// Numbers of objects have two digits, each exact in f32.
 const DIGIT: usize = 1 << 20;
@@ -19,9 +19,9 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// Packs `scene` as `camera` sees it, in the scene's order, without the triangles that no ray can hit: those of no
+    /// Packs `scene` in its order, without the triangles that no ray can hit: those of no
     /// area, and those whose plane passes through the camera.
-    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         let lights = scene
             .lights
             .iter()
@@ -39,14 +39,14 @@ impl Packed {
             let [v1, v2, v3] = scene.triangles[*i].vertices.map(Into::into);
             Triangle { v1, v2, v3, colour: scene.triangles[*i].colour.into() }
         });
-        let grid = camera.grid::<f32>();
+        let grid = scene.camera.grid::<f32>();
         Packed {
             frame: Frame {
                 step: grid.step,
                 half_width: grid.half_width,
                 half_height: grid.half_height,
                 focal: grid.focal,
-                width: camera.width().into(),
+                width: scene.camera.width().into(),
             },
             lights: lights.collect(),
             spheres: spheres.collect(),

@@ -251,11 +251,11 @@ pub trait UseRecord<E> {
 }
 
 impl<E: Element> Spans<E> {
-    /// Plans `scene` for `camera`: for the output of `scale`, or for any (None). What is in `keep` is not left out.
-    pub fn new(scene: &Scene, camera: &Camera, scale: Option<Scale>, keep: Keep) -> Self {
-        let (grid, unit) = unit_rays(camera);
+    /// Plans `scene` for the output of `scale`, or for any (None). What is in `keep` is not left out.
+    pub fn new(scene: &Scene, scale: Option<Scale>, keep: Keep) -> Self {
+        let (grid, unit) = unit_rays(&scene.camera);
         let mut spans = Spans {
-            camera: *camera,
+            camera: scene.camera,
             grid,
             unit,
             depth_unit: 1.0,

@@ -51,15 +51,14 @@ const LONGEST_SIDE: u32 = u16::MAX as u32;
 pub(super) const FEWEST_OBJECTS: usize = 32;
 
 /// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects.
-pub fn tiles_pay(scene: &Scene, camera: &Camera) -> bool {
+pub fn tiles_pay(scene: &Scene) -> bool {
     (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
-        && camera.width().max(camera.height()) <= LONGEST_SIDE
+        && scene.camera.width().max(scene.camera.height()) <= LONGEST_SIDE
 }
 
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
-    camera: Camera,
     frame: Frame,
     keep: Keep,
     /// Where the lights stand, those that are too far for f32 brought nearer.
@@ -123,8 +122,8 @@ impl TilePlace {
 }
 
 impl Frame {
-    fn new(scene: &Scene, camera: &Camera) -> Self {
-        let (grid, unit) = unit_rays(camera);
+    fn new(scene: &Scene) -> Self {
+        let (grid, unit) = unit_rays(&scene.camera);
         let extent = extent(scene);
         Frame { grid, unit, extent, scale: power_of_two(extent / grid.focal) }
     }
@@ -143,13 +142,12 @@ impl<'a> Binned<'a> {
     /// For kernels in f32, or for those in f64.
     fn new(
         scene: &'a Scene,
-        camera: &Camera,
         &Frame { grid, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
         (keep, threads): (Keep, usize),
         in_f32: bool,
     ) -> Self {
-        let picture = Picture::of(camera);
+        let picture = Picture::of(&scene.camera);
         let forms = Forms::new(grid, scale, &light::lights(scene, Keep::NOTHING), far::<f32>(extent));
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
         // No object is in so few tiles where each is to be in all.
@@ -195,25 +193,25 @@ impl<'a> Binned<'a> {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene` for `camera` on so many threads, by kernels that find bounds, without the omissions in `keep`.
-    pub fn new(scene: &'a Scene, camera: &Camera, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
-        let frame = Frame::new(scene, camera);
-        let binned = Binned::new(scene, camera, &frame, kernels, (keep, threads), is_f32::<E>());
-        Self::of(scene, camera, frame, keep, Arc::new(binned))
+    /// Plans `scene` on so many threads, by kernels that find bounds, without the omissions in `keep`.
+    pub fn new(scene: &'a Scene, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
+        let frame = Frame::new(scene);
+        let binned = Binned::new(scene, &frame, kernels, (keep, threads), is_f32::<E>());
+        Self::of(scene, frame, keep, Arc::new(binned))
     }
 
     /// The same plan for f64.
     pub fn in_f64(&self, kernels: &PacketKernels, threads: usize) -> Tiles<'a, f64> {
-        let &Tiles { scene, ref camera, frame, keep, ref binned, .. } = self;
+        let &Tiles { scene, frame, keep, ref binned, .. } = self;
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, camera, &frame, kernels, (keep, threads), false))
+            Arc::new(Binned::new(scene, &frame, kernels, (keep, threads), false))
         };
-        Tiles::of(scene, camera, frame, keep, binned)
+        Tiles::of(scene, frame, keep, binned)
     }
 
-    fn of(scene: &'a Scene, camera: &Camera, frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
+    fn of(scene: &'a Scene, frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
         let Frame { grid, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
         // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
@@ -232,12 +230,11 @@ impl<'a, E: Element> Tiles<'a, E> {
         };
         let weighted = |white: f64, bytes: bool| Weighted {
             lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
-            spheres: sphere_view(&grid, scale, Picture::of(camera), far_in_radii, white),
+            spheres: sphere_view(&grid, scale, Picture::of(&scene.camera), far_in_radii, white),
             bytes,
         };
         Tiles {
             scene,
-            camera: *camera,
             frame,
             keep,
             points,
@@ -276,7 +273,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// As whom it is seen.
     pub fn camera(&self) -> &Camera {
-        &self.camera
+        &self.scene.camera
     }
 
     /// All triangles.
@@ -340,12 +337,12 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Pixels of the picture.
     pub(super) fn pixels(&self) -> u64 {
-        self.camera.pixels()
+        self.camera().pixels()
     }
 
     /// How many tiles there are, across and down.
     pub(super) fn tiles(&self) -> [u32; 2] {
-        [self.camera.width().div_ceil(TILE_WIDTH as u32), self.camera.height().div_ceil(TILE_HEIGHT as u32)]
+        [self.camera().width().div_ceil(TILE_WIDTH as u32), self.camera().height().div_ceil(TILE_HEIGHT as u32)]
     }
 
     /// A power of two: the tile's 1/t is this over t, along the rays of [`Tiles::ray`].
@@ -373,14 +370,14 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         for bins in &self.binned.of_spheres {
             spheres.extend(bins.large_in(tile));
-            spheres.extend_from_slice(bins.of_tile(tile, self.camera.width()));
+            spheres.extend_from_slice(bins.of_tile(tile, self.camera().width()));
         }
     }
 
     /// Hands out the triangles that a tile may see, `MOST_AT_ONCE` at a time or fewer, by way of `room` if they are not in
     /// one list.
     pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
-        let width = self.camera.width();
+        let width = self.camera().width();
         if let [bins] = &*self.binned.of_triangles
             && bins.is_one_list()
         {

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
 use crate::kernels::{AosKernels, Hits, Plain, Surface};
 use crate::plan::Packed;
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 
 /// A scene, and the kernels that trace it.
 pub struct AosTracer {
@@ -18,8 +18,8 @@ pub struct AosTracer {
 
 impl AosTracer {
     /// Packs `scene` for `kernels`; `hits` is what their tracer hits.
-    pub fn new(kernels: &'static AosKernels, hits: Hits, scene: &Scene, camera: &Camera) -> Self {
-        AosTracer { kernels, hits, packed: Packed::new(scene, camera) }
+    pub fn new(kernels: &'static AosKernels, hits: Hits, scene: &Scene) -> Self {
+        AosTracer { kernels, hits, packed: Packed::new(scene) }
     }
 }
 

@@ -1,23 +1,14 @@
-//! The engines by name: which there are, which this machine runs, and how to get one ready for a scene.
+//! The engines by name: which there are, which this machine runs, and what each can do.
 
 use std::fmt;
 use std::str::FromStr;
 
-#[cfg(rayo_asm)]
-use super::aos::AosTracer;
-#[cfg(rayo_asm)]
-use super::packet::PacketTracer;
-use super::reference::ReferenceTracer;
-use super::rust::RustTracer;
-#[cfg(rayo_asm)]
-use super::tiles::TileTracer;
+use super::plan::Plan;
 use super::{PixelFormat, Tracer};
 #[cfg(rayo_asm)]
-use crate::kernels::{self, Element, Isa, PacketKernels};
-#[cfg(rayo_asm)]
-use crate::plan;
-use crate::plan::{Keep, Omission, Report, Scale, Spans};
-use crate::scene::{Camera, InvalidScene, Scene};
+use crate::kernels::{self, Isa};
+use crate::plan::{Keep, Omission};
+use crate::scene::{InvalidScene, Scene};
 
 /// Who computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -176,131 +167,14 @@ impl Engine {
         self == Engine::Reference || self.is_packet()
     }
 
-    /// Gets it ready for `scene` as `camera` sees it, in `precision` (None: its own), for any format that it writes.
-    pub fn prepare<'a>(
-        self,
-        precision: Option<Precision>,
-        scene: &'a Scene,
-        camera: &Camera,
-    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
-        self.prepare_for(Purpose { precision, ..Purpose::default() }, scene, camera)
+    /// Gets it ready for `scene`, in `precision` (None: its own), for any format that it writes.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn prepare(self, precision: Option<Precision>, scene: &Scene) -> Result<Box<dyn Tracer + '_>, EngineError> {
+        Ok(Plan::new(self, scene, Purpose { precision, ..Purpose::default() })?.into_tracer())
     }
 
-    /// Gets it ready for `scene` as `camera` sees it, and for `purpose`.
-    pub fn prepare_for<'a>(
-        self,
-        purpose: Purpose,
-        scene: &'a Scene,
-        camera: &Camera,
-    ) -> Result<Box<dyn Tracer + 'a>, EngineError> {
-        // Asked for in vain it is an error, whatever the engine.
-        self.precision_for(purpose)?;
-        #[cfg(rayo_asm)]
-        if let (Engine::Packet(isa), true) = (self, plan::tiles_pay(scene, camera)) {
-            let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
-            let precision = self.precision_for(purpose)?;
-            scene.check_lights()?;
-            // Set-up reads every object, and so sees for nothing whether they have numbers that a scene may have.
-            let planning = (purpose.keep, purpose.threads);
-            let (tracer, valid) = with_tiles(kernels, precision, scene, camera, planning, AnyTracer);
-            if !valid {
-                scene.check()?;
-            }
-            return Ok(tracer);
-        }
-        scene.check()?;
-        Ok(match self {
-            Engine::Reference => Box::new(ReferenceTracer::new(scene, camera)),
-            Engine::Rust => Box::new(RustTracer::new(scene, camera)),
-            #[cfg(rayo_asm)]
-            Engine::C => Box::new(AosTracer::new(kernels::c(), kernels::hits_of_c(), scene, camera)),
-            #[cfg(rayo_asm)]
-            Engine::Paper => {
-                let kernels = kernels::paper().zip(kernels::hits_of_paper());
-                let (kernels, hits) = kernels.ok_or(EngineError::Unusable(self))?;
-                Box::new(AosTracer::new(kernels, hits, scene, camera))
-            }
-            #[cfg(rayo_asm)]
-            Engine::Packet(isa) => {
-                let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(self))?;
-                let (precision, Purpose { format, keep, .. }) = (self.precision_for(purpose)?, purpose);
-                match precision {
-                    Precision::Single => Box::new(PacketTracer::single(kernels, false, scene, camera, format, keep)),
-                    Precision::Fast => Box::new(PacketTracer::single(kernels, true, scene, camera, format, keep)),
-                    Precision::Double => Box::new(PacketTracer::double(kernels, scene, camera, format, keep)),
-                }
-            }
-        })
-    }
-
-    /// Gets a packet engine ready to trace tile by tile, however few objects there are; with `keep_all` by brute force:
-    /// every object is asked at every pixel, by the same arithmetic. `threads` as in [`Purpose`]. None for the other
-    /// engines, which have no tiles.
-    #[cfg(rayo_asm)]
-    pub fn prepare_tiles<'a>(
-        self,
-        precision: Precision,
-        scene: &'a Scene,
-        camera: &Camera,
-        keep_all: bool,
-        threads: usize,
-    ) -> Option<Box<dyn Tracer + 'a>> {
-        let kernels = self.packets()?;
-        let keep = if keep_all { Keep::all() } else { Keep::NOTHING };
-        Some(with_tiles(kernels, precision, scene, camera, (keep, threads), AnyTracer).0)
-    }
-}
-
-/// What is done with a tracer of tiles, whatever its elements.
-#[cfg(rayo_asm)]
-trait UseTiles<'a> {
-    type Result;
-    fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result;
-}
-
-/// Hands it out, and whether its plan is of a scene that is [valid](plan::Tiles::is_valid).
-#[cfg(rayo_asm)]
-struct AnyTracer;
-
-#[cfg(rayo_asm)]
-impl<'a> UseTiles<'a> for AnyTracer {
-    type Result = (Box<dyn Tracer + 'a>, bool);
-    fn of<E: Element>(self, tracer: TileTracer<'a, E>) -> Self::Result {
-        let valid = tracer.is_valid();
-        (Box::new(tracer), valid)
-    }
-}
-
-/// Reports what it leaves out.
-#[cfg(rayo_asm)]
-struct TileReport {
-    bytes: bool,
-}
-
-#[cfg(rayo_asm)]
-impl UseTiles<'_> for TileReport {
-    type Result = Report;
-    fn of<E: Element>(self, tracer: TileTracer<'_, E>) -> Report {
-        tracer.report(self.bytes)
-    }
-}
-
-#[cfg(rayo_asm)]
-fn with_tiles<'a, U: UseTiles<'a>>(
-    kernels: &'static PacketKernels,
-    precision: Precision,
-    scene: &'a Scene,
-    camera: &Camera,
-    planning: (Keep, usize),
-    user: U,
-) -> U::Result {
-    match precision {
-        Precision::Double => user.of(TileTracer::double(kernels, scene, camera, planning)),
-        _ => user.of(TileTracer::single(kernels, precision == Precision::Fast, scene, camera, planning)),
-    }
-}
-
-impl Engine {
     /// What it leaves out of a scene.
     pub fn omissions(self) -> &'static [Omission] {
         match self {
@@ -323,37 +197,8 @@ impl Engine {
         }
     }
 
-    /// What it would keep and leave out of `scene` as `camera` sees it. Where no format is given, bytes.
-    ///
-    /// # Errors
-    /// [`EngineError::NoPrecision`].
-    pub fn report(self, purpose: Purpose, scene: &Scene, camera: &Camera) -> Result<Report, EngineError> {
-        let precision = self.precision_for(purpose)?;
-        let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
-        #[cfg(rayo_asm)]
-        if let Some(kernels) = self.packets().filter(|_| plan::tiles_pay(scene, camera)) {
-            let planning = (purpose.keep, purpose.threads);
-            return Ok(with_tiles(kernels, precision, scene, camera, planning, TileReport { bytes }));
-        }
-        let scale = if bytes { Scale::Levels } else { Scale::Linear };
-        // What is not a packet engine's to keep or leave out is as it is.
-        let keep = if self.is_packet() { purpose.keep } else { Keep::NOTHING };
-        Ok(if precision == Precision::Double {
-            Report::new(scene, &Spans::<f64>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
-        } else {
-            Report::new(scene, &Spans::<f32>::new(scene, camera, Some(scale), keep), self.omissions(), bytes)
-        })
-    }
-
-    /// The kernels of a packet engine that this CPU runs.
-    #[cfg(rayo_asm)]
-    fn packets(self) -> Option<&'static PacketKernels> {
-        let Engine::Packet(isa) = self else { return None };
-        kernels::packets(isa)
-    }
-
     /// The precision that is asked for, if it has that.
-    fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
+    pub(super) fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
         let precision = purpose.precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
             return Err(EngineError::NoPrecision(self, precision));

@@ -12,6 +12,7 @@ mod image_file;
 mod output;
 #[cfg(rayo_asm)]
 mod packet;
+mod plan;
 pub mod reference;
 mod rust;
 #[cfg(rayo_asm)]
@@ -29,6 +30,7 @@ pub use hits::{Distance, Found};
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
 #[cfg(feature = "files")]
 pub use output::{Existing, OutputError, OutputFile, is_standard_output, remove_unfinished};
+pub use plan::Plan;
 #[cfg(feature = "files")]
 pub use to_file::{Stats, render};
 #[cfg(feature = "lab")]

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::film::with_pixels;
+use super::plan::PacketPlan;
 use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
@@ -15,8 +16,8 @@ use crate::kernels::{
     Vec4,
 };
 use crate::measure::caches;
-use crate::plan::{Keep, Omission, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
-use crate::scene::{Camera, Scene};
+use crate::plan::{Keep, Omission, Report, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
+use crate::scene::Scene;
 
 /// Whether a picture of so many pixels is stored past the caches: it does not find its place in them.
 ///
@@ -85,7 +86,6 @@ impl<E: Element> PacketTracer<E> {
         spans: &'static SpanKernels<E>,
         fast: bool,
         scene: &Scene,
-        camera: &Camera,
         format: Option<PixelFormat>,
         keep: Keep,
     ) -> Self {
@@ -94,10 +94,10 @@ impl<E: Element> PacketTracer<E> {
             kernels,
             spans,
             fast,
-            width: camera.width() as usize,
-            streaming: Streaming::new(camera.pixels()),
+            width: scene.camera.width() as usize,
+            streaming: Streaming::new(scene.camera.pixels()),
             scale,
-            plan: Spans::new(scene, camera, scale, keep),
+            plan: Spans::new(scene, scale, keep),
             wide: None,
         }
     }
@@ -109,26 +109,19 @@ impl PacketTracer<f32> {
         kernels: &'static PacketKernels,
         fast: bool,
         scene: &Scene,
-        camera: &Camera,
         format: Option<PixelFormat>,
         keep: Keep,
     ) -> Self {
-        let tracer = Self::planned(kernels, &kernels.single, fast, scene, camera, format, keep);
-        let wide = || Box::new(PacketTracer::double(kernels, scene, camera, format, keep));
+        let tracer = Self::planned(kernels, &kernels.single, fast, scene, format, keep);
+        let wide = || Box::new(PacketTracer::double(kernels, scene, format, keep));
         PacketTracer { wide: tracer.plan.any_wide().then(wide), ..tracer }
     }
 }
 
 impl PacketTracer<f64> {
     /// Plans `scene` for the kernels in f64.
-    pub fn double(
-        kernels: &'static PacketKernels,
-        scene: &Scene,
-        camera: &Camera,
-        format: Option<PixelFormat>,
-        keep: Keep,
-    ) -> Self {
-        Self::planned(kernels, &kernels.double, false, scene, camera, format, keep)
+    pub fn double(kernels: &'static PacketKernels, scene: &Scene, format: Option<PixelFormat>, keep: Keep) -> Self {
+        Self::planned(kernels, &kernels.double, false, scene, format, keep)
     }
 }
 
@@ -532,6 +525,12 @@ fn columns(spans: &[RowSpan]) -> Range<usize> {
     let start = spans.iter().map(|span| span.start).min().unwrap_or(0);
     let end = spans.iter().map(|span| span.end).max().unwrap_or(0);
     start as usize..end as usize
+}
+
+impl<E: Element> PacketPlan for PacketTracer<E> {
+    fn report(&self, scene: &Scene, bytes: bool) -> Report {
+        Report::new(scene, &self.plan, &Omission::ALL, bytes)
+    }
 }
 
 impl<E: Element> Tracer for PacketTracer<E> {

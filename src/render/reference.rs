@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::film::with_pixels;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Object, Scene};
+use crate::scene::{Grid, Object, Scene};
 
 /// What a ray hits first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +46,8 @@ pub struct ReferenceTracer {
 }
 
 impl ReferenceTracer {
-    /// Takes over `scene` as `camera` sees it; its f32 numbers are exact in f64.
-    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+    /// Takes over `scene`; its f32 numbers are exact in f64.
+    pub fn new(scene: &Scene) -> Self {
         let lights = scene.lights.iter().map(|light| Light {
             position: light.position.as_dvec3(),
             radiance: f64::from(light.intensity) * light.colour.as_dvec3(),
@@ -66,8 +66,8 @@ impl ReferenceTracer {
             }
         });
         ReferenceTracer {
-            width: camera.width(),
-            grid: camera.grid(),
+            width: scene.camera.width(),
+            grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: triangles.collect(),

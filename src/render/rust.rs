@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
 use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
 use crate::reference::geometry;
-use crate::scene::{self, Camera, Grid, Object, Scene};
+use crate::scene::{self, Grid, Object, Scene};
 
 struct Light {
     position: Vec3A,
@@ -84,7 +84,7 @@ pub struct RustTracer {
 
 impl RustTracer {
     /// Computes what does not depend on the ray.
-    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+    pub fn new(scene: &Scene) -> Self {
         let lights = scene
             .lights
             .iter()
@@ -101,8 +101,8 @@ impl RustTracer {
             }
         });
         RustTracer {
-            width: camera.width(),
-            grid: camera.grid(),
+            width: scene.camera.width(),
+            grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: scene.triangles.iter().enumerate().filter_map(Triangle::new).collect(),

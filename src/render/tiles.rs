@@ -10,6 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use self::farthest::Farthest;
+use super::plan::PacketPlan;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
     CHUNK, Element, Looks, Narrow, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
@@ -17,7 +18,7 @@ use crate::kernels::{
 };
 use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
-use crate::scene::{Camera, Object, Scene};
+use crate::scene::{Object, Scene};
 
 /// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
@@ -48,10 +49,9 @@ impl<'a, E: Element> TileTracer<'a, E> {
         packets: &'static PacketKernels,
         kernels: &'static SpanKernels<E>,
         scene: &'a Scene,
-        camera: &Camera,
         (keep, threads): (Keep, usize),
     ) -> Self {
-        let plan = Tiles::new(scene, camera, packets, keep, threads);
+        let plan = Tiles::new(scene, packets, keep, threads);
         let wide = || Box::new(TileTracer::of(packets, &packets.double, plan.in_f64(packets, threads)));
         TileTracer { wide: plan.any_wide().then(wide), ..Self::of(packets, kernels, plan) }
     }
@@ -68,21 +68,15 @@ impl<'a, E: Element> TileTracer<'a, E> {
 
 impl<'a> TileTracer<'a, f32> {
     /// Plans `scene` for the kernels in f32, with estimates where `fast`; the other arguments are those of [`Tiles::new`].
-    pub fn single(
-        packets: &'static PacketKernels,
-        fast: bool,
-        scene: &'a Scene,
-        camera: &Camera,
-        planning: (Keep, usize),
-    ) -> Self {
-        TileTracer { fast, ..Self::planned(packets, &packets.single, scene, camera, planning) }
+    pub fn single(packets: &'static PacketKernels, fast: bool, scene: &'a Scene, planning: (Keep, usize)) -> Self {
+        TileTracer { fast, ..Self::planned(packets, &packets.single, scene, planning) }
     }
 }
 
 impl<'a> TileTracer<'a, f64> {
     /// Plans `scene` for the kernels in f64.
-    pub fn double(packets: &'static PacketKernels, scene: &'a Scene, camera: &Camera, planning: (Keep, usize)) -> Self {
-        Self::planned(packets, &packets.double, scene, camera, planning)
+    pub fn double(packets: &'static PacketKernels, scene: &'a Scene, planning: (Keep, usize)) -> Self {
+        Self::planned(packets, &packets.double, scene, planning)
     }
 }
 
@@ -234,24 +228,8 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// What is left out of the whole picture.
-    pub fn report(&self, bytes: bool) -> Report {
-        let height = self.plan.camera().height();
-        let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
-        let surveys = starts.map(|start| {
-            let rows = start..height.min(start + TILE_HEIGHT as u32);
-            self.ask_both(
-                |own| self.survey(rows.clone(), own),
-                |wide, own| wide.survey(rows.clone(), own),
-                TileSurvey::and,
-            )
-        });
-        let survey = surveys.reduce(TileSurvey::default, TileSurvey::and);
-        Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
-    }
-
     /// How many spheres in the picture have the short form in bytes.
-    pub fn count_short(&self) -> u64 {
+    fn count_short(&self) -> u64 {
         let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.near < Seen::ANY).collect();
         let mut records = SphereRecords::default();
         let count = |seen: &[Seen]| {
@@ -641,6 +619,23 @@ fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
 fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
     let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
     rows.flat_map(move |row| (0..columns).map(move |column| (row, column)))
+}
+
+impl<E: Element> PacketPlan for TileTracer<'_, E> {
+    fn report(&self, _: &Scene, bytes: bool) -> Report {
+        let height = self.plan.camera().height();
+        let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
+        let surveys = starts.map(|start| {
+            let rows = start..height.min(start + TILE_HEIGHT as u32);
+            self.ask_both(
+                |own| self.survey(rows.clone(), own),
+                |wide, own| wide.survey(rows.clone(), own),
+                TileSurvey::and,
+            )
+        });
+        let survey = surveys.reduce(TileSurvey::default, TileSurvey::and);
+        Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
+    }
 }
 
 impl<E: Element> Tracer for TileTracer<'_, E> {

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use crate::reference::bounded::{self, Bounded};
 use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Split, Vector};
 use crate::reference::geometry;
-use crate::scene::{Camera, Grid, Object, Scene, Sphere, Triangle};
+use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
 /// Further than this from being hit, in units of the margin, an object is not looked at closely. Any margin that is asked
 /// about is smaller.
@@ -137,8 +137,9 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes over `scene` as `camera` sees it; its f32 numbers are exact.
-    pub fn new(scene: &Scene, camera: &Camera) -> Self {
+    /// Takes over `scene`; its f32 numbers are exact.
+    pub fn new(scene: &Scene) -> Self {
+        let camera = &scene.camera;
         let lights = scene.lights.iter().map(|light| Light {
             position: light.position.as_dvec3(),
             radiance: f64::from(light.intensity) * light.colour.as_dvec3(),

@@ -2,22 +2,22 @@
 
 use glam::DVec3;
 
-use super::{Camera, Scene};
+use super::Scene;
 use crate::reference::geometry;
 
 /// At more than this focal distance the format's film, whose diagonal is 1, sees less than 6 degrees.
 const LONG: f32 = 10.0;
 
 impl Scene {
-    /// What is hardly meant in a picture of the scene by `camera`, a line each: costs as much as a few rays at most.
-    pub fn doubts(&self, camera: &Camera) -> Vec<String> {
-        let mut doubts = Vec::new();
+    /// What is hardly meant in a picture of the scene, a line each: costs as much as a few rays at most.
+    pub fn doubts(&self) -> Vec<String> {
+        let (mut doubts, camera) = (Vec::new(), &self.camera);
         if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
             doubts.push("the scene has no light: whatever is seen is black".to_owned());
         }
         if !self.reaches_in_front() {
             doubts.push("nothing is in front of the camera, which looks along +z from the origin".to_owned());
-        } else if camera.film() == 1.0 && camera.focal() > LONG && self.covers_corners(camera) {
+        } else if camera.film() == 1.0 && camera.focal() > LONG && self.covers_corners() {
             doubts.push(format!(
                 "every ray hits, as through a long lens: is the focal distance of {} meant for the film of an old scene? try \
                  `--film 35`",
@@ -33,7 +33,8 @@ impl Scene {
     }
 
     /// Whether each of the rays at the corners hits something: then, but for a frame, all do.
-    fn covers_corners(&self, camera: &Camera) -> bool {
+    fn covers_corners(&self) -> bool {
+        let camera = &self.camera;
         let grid = camera.grid::<f64>();
         let (right, bottom) = (camera.width() - 1, camera.height() - 1);
         [(0, 0), (0, right), (bottom, 0), (bottom, right)].into_iter().all(|(row, column)| {

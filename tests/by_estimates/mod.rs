@@ -91,7 +91,7 @@ struct Found {
 
 impl Found {
     fn check(&mut self, (scene, name): (&Scene, &str), expected: &[Expected], rounding: Rounding, error: f64) {
-        let spans = Spans::<f32>::new(scene, &scene.camera, Some(Scale::Levels), Keep::NOTHING);
+        let spans = Spans::<f32>::new(scene, Some(Scale::Levels), Keep::NOTHING);
         // An error of so much more or less than rsqrtps's.
         let most = ESTIMATES * error / ERROR + ROUNDING;
         for row in (0..scene.camera.height()).filter(|row| !spans.is_wide(*row)) {

@@ -22,7 +22,7 @@ impl std::fmt::Display for Contender {
 
 impl Contender {
     pub fn prepare<'a>(&self, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
-        self.engine.prepare(Some(self.precision), scene, &scene.camera).unwrap()
+        self.engine.prepare(Some(self.precision), scene).unwrap()
     }
 
     /// Its picture in linear floats, by this thread alone.
@@ -67,7 +67,7 @@ pub fn contenders() -> Vec<Contender> {
     let scene = rayo::scene::many(1, 1, 0);
     let mut contenders = Vec::new();
     for &engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
-        let has = |precision: &&Precision| engine.prepare(Some(**precision), &scene, &scene.camera).is_ok();
+        let has = |precision: &&Precision| engine.prepare(Some(**precision), &scene).is_ok();
         let of_engine = precisions.iter().filter(has).map(|&precision| Contender { engine, precision });
         let before = contenders.len();
         contenders.extend(of_engine);
@@ -122,7 +122,7 @@ pub struct Agreement {
 impl Truth {
     pub fn new(scene: &Scene) -> Self {
         let camera = scene.camera;
-        let tracer = ReferenceTracer::new(scene, &camera);
+        let tracer = ReferenceTracer::new(scene);
         let pixels = (0..camera.height()).into_par_iter().flat_map_iter(|row| {
             let tracer = &tracer;
             (0..camera.width()).map(move |col| tracer.hit(row, col).map(|hit| hit.object))

@@ -59,7 +59,7 @@ mod with_assembly {
         if scene.spheres.len().max(scene.triangles.len()) > ladder::MOST {
             return Ok(Some(Vec::new()));
         }
-        let (camera, packed) = (scene.camera, Packed::new(scene, &scene.camera));
+        let (camera, packed) = (scene.camera, Packed::new(scene));
         let rows = 0..camera.height();
         let out = RefCell::new(vec![Vec4::default(); camera.pixels() as usize]);
         let mut pairs = Vec::new();

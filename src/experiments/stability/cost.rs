@@ -134,7 +134,7 @@ mod tests {
     fn both_scenes_of_a_pair_show_the_same_picture() {
         for Pair { stiff, ordinary, extreme, .. } in pairs((80, 60)) {
             let hits = |scene: &Scene| {
-                let tracer = Engine::Reference.prepare(None, scene, &scene.camera).unwrap();
+                let tracer = Engine::Reference.prepare(None, scene).unwrap();
                 tracer.hits(0..60).iter().map(Option::is_some).collect::<Vec<_>>()
             };
             let [ordinary, extreme] = [ordinary, extreme].map(|scene| hits(&scene));

@@ -26,7 +26,7 @@ use crate::experiments::accuracy::{AccuracyError, Contender};
 use crate::measure::Machine;
 use crate::plan::Keep;
 use crate::render::{
-    Colour, Distance, Film, Found, PixelFormat, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
+    Colour, Distance, Film, Found, PixelFormat, Plan, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
 };
 use crate::scene::families::{Mixture, mixture};
 use crate::scene::{Object, Scene};
@@ -161,7 +161,7 @@ pub fn minimised(scene: &Scene, fails: &dyn Fn(&Scene) -> bool) -> Scene {
 /// An engine that cannot be prepared, or no memory.
 pub fn failures(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Failure>, AccuracyError> {
     let camera = scene.camera;
-    let truth = Truth::new(scene, &camera);
+    let truth = Truth::new(scene);
     let pixels = (0..camera.height()).flat_map(|row| (0..camera.width()).map(move |col| (row, col)));
     let judge = Judge { scene, truth: pixels.map(|(row, col)| truth.pixel(row, col)).collect() };
     let mut failures = Vec::new();
@@ -200,10 +200,10 @@ struct Allowed {
 impl Judge<'_> {
     fn contender(&self, contender: Contender) -> Result<Vec<Failure>, AccuracyError> {
         let Contender { engine, precision, .. } = contender;
-        let (camera, height) = (self.scene.camera, self.scene.camera.height());
+        let height = self.scene.camera.height();
         let prepare = |format, keep| {
             let purpose = Purpose { precision: Some(precision), format: Some(format), keep, threads: 1 };
-            engine.prepare_for(purpose, self.scene, &camera)
+            Plan::new(engine, self.scene, purpose).map(Plan::into_tracer)
         };
         let allowed: Vec<_> = self.truth.iter().map(|pixel| self.allowed(pixel, precision)).collect();
         let mut failures = Vec::new();
@@ -218,7 +218,7 @@ impl Judge<'_> {
             for format in formats.into_iter().filter(|format| planned.writes(*format)) {
                 let film = |tracer: &dyn Tracer, bands: bool| -> Result<Film, AccuracyError> {
                     let mut film = Film::new(format, self.truth.len())?;
-                    let width = camera.width() as usize;
+                    let width = self.scene.camera.width() as usize;
                     // Odd bands, the last first.
                     let rows: Vec<u32> = if bands { (0..height).step_by(5).collect() } else { vec![0] };
                     for start in rows.into_iter().rev() {

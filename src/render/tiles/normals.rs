@@ -43,7 +43,7 @@ impl<E: Element> TileTracer<'_, E> {
             spheres: self.plan.scene().spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
             triangles: self.plan.scene().triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
         };
-        let tracer = TileTracer::planned(self.packets, self.kernels, &scene, &scene.camera, (Keep::NOTHING, 1));
+        let tracer = TileTracer::planned(self.packets, self.kernels, &scene, (Keep::NOTHING, 1));
         let mut out = vec![Vec4::default(); rows.len() * self.plan.camera().width() as usize];
         tracer.rows(rows, FilmMut::F32x4(&mut out));
         out
