@@ -22,7 +22,7 @@ fn spread(triangles: usize, size: f32, camera: Camera) -> Scene {
         let corners = [[0; 3]; 3].map(|corner| Vec3::from(corner.map(|_| rng.between(-reach, reach))));
         Triangle { colour: Vec3::ONE, vertices: corners.map(|corner| middle + corner) }
     });
-    Scene { triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
+    Scene { camera, triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
 }
 
 /// Triangles that each meet as many tiles as an object's place in the lists is kept for, in 11 tiles of a row: `across` says
@@ -40,7 +40,7 @@ fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u
         });
         Triangle { colour: Vec3::ONE, vertices: corners }
     });
-    Scene { triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
+    Scene { camera, triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
 }
 
 /// The most memory that a picture takes beside the scene, in one precision.
