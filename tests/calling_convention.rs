@@ -13,10 +13,10 @@ use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
 use rayo::kernels::{
     Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InRow, InsideSpan,
-    LIT_ROWS, Light, Lit, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, Objects, Op, OpRef, PacketKernels,
-    Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords,
-    SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c,
-    hits_of_paper,
+    LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight, Objects, Op, OpRef,
+    PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere,
+    SphereRecords, SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles,
+    Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::scene::{self, Rng};
@@ -136,8 +136,8 @@ fn without_denormals_a_kernel_sees_none_and_rust_does() {
         assert_eq!(kernels.add.call(&tiny, &zero), tiny, "{implementation} afterwards");
     }
     // What a kernel gives back comes through.
-    let far = Seen { near: 1.0, ..Seen::default() };
-    let near = Seen { near: 2.0, ..Seen::default() };
+    let far = Seen { most: 1.0, ..Seen::default() };
+    let near = Seen { most: 2.0, ..Seen::default() };
     for (isa, kernels) in packet_kernels() {
         let (mut nearer, mut farther) = ([Seen::default(); 3], [Seen::default(); 3]);
         let count = without_denormals(|| kernels.nearer_half.call(&[near, far, near], &mut nearer, &mut farther));
@@ -343,7 +343,11 @@ fn check_writes<P: Pixel>(
     }
 }
 
-fn check_shade<S: Plain, E: Element, P: Pixel>(kernel: &Shade<S, E, P>, span: impl Fn(usize) -> S, lits: &[Lit<E>]) {
+fn check_shade<S: Plain, E: Element, P: Pixel>(
+    kernel: &Shade<S, E, P>,
+    span: impl Fn(usize) -> S,
+    lits: &[ObjectLight<E>],
+) {
     let spans: Vec<_> = COUNTS.map(span).collect();
     let span = |pixels: usize| &spans[pixels - COUNTS.start];
     for lits in [&lits[..0], &lits[..1], lits] {
@@ -395,7 +399,7 @@ fn check_shade_rows<E: Element, P: Pixel>(kernel: &ShadeRows<E, P>, sphere: &Lit
 }
 
 /// Pixels that are the row's own, among those of another object.
-fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[Lit<E>], rng: &mut Rng) {
+fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[ObjectLight<E>], rng: &mut Rng) {
     let mut recoloured = 0;
     for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
         let x = start..start + pixels;
@@ -440,7 +444,7 @@ fn planes<E: Element>(row: &Row<E>) -> [Vec<u64>; 5] {
 }
 
 /// A row in which the object 1 is, seen and shaded, in some places.
-fn row<S: Plain, E: Element>(bodies: &InRow<S, E>, lits: &[Lit<E>], first: &S) -> Row<E> {
+fn row<S: Plain, E: Element>(bodies: &InRow<S, E>, lits: &[ObjectLight<E>], first: &S) -> Row<E> {
     let mut row = Row::new(WIDTH);
     bodies.depth.call(first, &mut row, 0..WIDTH);
     bodies.planes.call(first, lits, &mut row, 0..WIDTH);
@@ -470,7 +474,7 @@ fn check_depth<S: Plain, E: Element>(kernel: &Depth<S, E>, row: &Row<E>, span: &
 /// How many pixels take another colour.
 fn check_planes<S: Plain, E: Element>(
     kernel: &Planes<S, E>,
-    lits: &[Lit<E>],
+    lits: &[ObjectLight<E>],
     row: &Row<E>,
     span: &S,
     x: Range<usize>,
@@ -506,7 +510,7 @@ fn check_bodies<S: Plain, E: Element>(
     alone: Option<&Bodies<S, E>>,
     bodies: &InRow<S, E>,
     normals: Option<&Planes<S, E>>,
-    lits: &[Lit<E>],
+    lits: &[ObjectLight<E>],
     mut span: impl FnMut(f64, usize) -> S,
 ) {
     let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
@@ -557,8 +561,9 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     let numbers = Numbers::Ordinary;
     // Each light and one opposite to it, so that some light is on every side of a surface.
     let lits = (0..3).map(|_| kernel_cases::lit(numbers, rng));
-    let opposite = |l: Lit<E>| Lit { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
-    let opposite = |l: Lit<E>| [l, Lit { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
+    let opposite =
+        |l: ObjectLight<E>| ObjectLight { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
+    let opposite = |l: ObjectLight<E>| [l, ObjectLight { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
     let lits: Vec<_> = lits.flat_map(opposite).collect();
     let (outside, triangle) = (Some(&kernels.outside), Some(&kernels.triangle));
     check_bodies(outside, &kernels.outside_in_row, Some(&kernels.outside_normals), &lits, |id, pixels| {
@@ -588,10 +593,10 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
     check_lit_planes(kernels, &lits, rng);
     // A light of weights from 0 to 300, so that levels are clamped.
     let [red, green, blue] = [300.0, 200.0, 100.0].map(E::from_f64);
-    let light = Lit { red, green, blue, ..lits[0] };
+    let light = ObjectLight { red, green, blue, ..lits[0] };
     let row = (0..20).map(|_| {
         let mut span = kernel_cases::outside_span(numbers, 1.0, WIDTH, rng);
-        span.near = E::from_f64(1.0);
+        span.depth = E::from_f64(1.0);
         row(&kernels.outside_in_row, &[light], &span)
     });
     let coloured = |row: &Row<E>| row.plane(1).iter().filter(|x| x.to_f64() > 1.0).count();
@@ -867,13 +872,13 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
             1 => 0.0,
             _ => rng.between(0.5, 2.0),
         };
-        let seen = |id| Seen { id, columns: !id, rows: u32::MAX, near: near() };
+        let seen = |id| Seen { id, columns: !id, rows: u32::MAX, most: near() };
         let seen: Vec<_> = (0..count as u32).map(seen).collect();
-        let ordinary = seen.iter().map(|seen| seen.near).filter(|near| *near < f32::MAX);
-        let least = seen.iter().fold(f32::MAX, |least, seen| least.min(seen.near));
+        let ordinary = seen.iter().map(|seen| seen.most).filter(|near| *near < f32::MAX);
+        let least = seen.iter().fold(f32::MAX, |least, seen| least.min(seen.most));
         let most = ordinary.fold(0.0, f32::max);
         let middle = f32::from_bits((least.to_bits() + most.to_bits()) / 2);
-        let (nearer, farther): (Vec<_>, Vec<_>) = seen.iter().copied().partition(|seen: &Seen| seen.near >= middle);
+        let (nearer, farther): (Vec<_>, Vec<_>) = seen.iter().copied().partition(|seen: &Seen| seen.most >= middle);
         let what = format!("{} of {count}", kernel.symbol());
         for side in SIDES {
             let seen = Guarded::new(&seen, side).unwrap();
@@ -898,7 +903,7 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
         scale: 1.0,
         width,
         height,
-        near: 1.0,
+        most: 1.0,
         far: 1e10,
         white: 1.0,
     };
@@ -926,7 +931,7 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
             let longest = 0.0;
             assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
-            let nears = checked[..found].iter().map(|seen| seen.near);
+            let nears = checked[..found].iter().map(|seen| seen.most);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             assert!(keep_all == (found == count) || count < 4, "{what}: {found}");
         }
@@ -944,7 +949,7 @@ fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
         high: 1.01,
         width,
         height,
-        near: 1.0,
+        most: 1.0,
         all_columns: f32::from_bits((width as u32) << 16),
         all_rows: f32::from_bits((height as u32) << 16),
         reach: 1.96,
@@ -976,7 +981,7 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
             let longest = extremes.longest;
             assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
-            let nears = checked[..found].iter().map(|seen| seen.near);
+            let nears = checked[..found].iter().map(|seen| seen.most);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             let side = |bounds: u32| (bounds >> 16).saturating_sub(bounds & 0xffff);
             let sides = checked[..found].iter().map(|seen| [side(seen.columns), side(seen.rows)]);

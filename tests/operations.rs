@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use kernel_cases::{Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Bodies, Element, Frame, InRow, InsideSpan, Isa, LIT_ROWS, Light, Lit, LitRow, LitRows, LitSphere, NearSpan,
+    Bodies, Element, Frame, InRow, InsideSpan, Isa, LIT_ROWS, Light, LitRow, LitRows, LitSphere, NearSpan, ObjectLight,
     Objects, OpRef, OutsideSpan, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle,
     TriangleSpan, Vec4,
 };
@@ -433,16 +433,19 @@ fn linear<E>(slope: E, offset: E) -> Linear<E> {
     Linear { slope, offset }
 }
 
-fn twin_of_lits<E: Element>(lits: &[Lit<E>]) -> Vec<packet::Light<E>> {
-    let light =
-        |l: &Lit<E>| packet::Light { position: [l.x, l.y, l.z], cosine: l.cosine, weights: [l.red, l.green, l.blue] };
+fn twin_of_lits<E: Element>(lits: &[ObjectLight<E>]) -> Vec<packet::Light<E>> {
+    let light = |l: &ObjectLight<E>| packet::Light {
+        position: [l.x, l.y, l.z],
+        cosine: l.cosine,
+        weights: [l.red, l.green, l.blue],
+    };
     lits.iter().map(light).collect()
 }
 
 /// A span record, its twin, and what the twin makes of it.
 trait Record<E>: Copy + std::fmt::Debug {
     fn first(&self) -> E;
-    fn near(&self) -> E;
+    fn depth(&self) -> E;
     fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3];
     fn den(&self, rounding: Rounding, j: E) -> E;
     /// None for a triangle.
@@ -456,8 +459,8 @@ macro_rules! record {
             fn first(&self) -> E {
                 self.j
             }
-            fn near(&self) -> E {
-                self.near
+            fn depth(&self) -> E {
+                self.depth
             }
             fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3] {
                 let $s = self;
@@ -570,7 +573,13 @@ impl Compared {
     }
 }
 
-fn shaded<S, E, P: Copy>(kernel: &Shade<S, E, P>, span: &S, lits: &[Lit<E>], pixels: usize, canary: P) -> Vec<P> {
+fn shaded<S, E, P: Copy>(
+    kernel: &Shade<S, E, P>,
+    span: &S,
+    lits: &[ObjectLight<E>],
+    pixels: usize,
+    canary: P,
+) -> Vec<P> {
     let mut out = vec![canary; pixels];
     kernel.call(span, lits, &mut out, false);
     out
@@ -590,7 +599,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
         let numbers = Numbers::ALL[case % Numbers::ALL.len()];
         let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
         let span = random(numbers, pixels, rng);
-        let lits: Vec<Lit<E>> = (0..rng.next_u64() % 4).map(|_| kernel_cases::lit(numbers, rng)).collect();
+        let lits: Vec<ObjectLight<E>> = (0..rng.next_u64() % 4).map(|_| kernel_cases::lit(numbers, rng)).collect();
         let lights = twin_of_lits(&lits);
         let j = |i: usize| E::from_u32(i as u32) + span.first();
         let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i), Exact)).collect();
@@ -611,7 +620,7 @@ fn check_bodies<S: Record<E>, E: Element + Real>(
                 compared.levels(rgba8[i], levels(colour, true), &what);
             }
             let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
-            let den = span.den(rounding, j(i)) * span.near();
+            let den = span.den(rounding, j(i)) * span.depth();
             // Nobody is as near as 0, and NaN is no place.
             let zero = E::from_f32(0.0);
             let [r, g, b] = colour;
@@ -739,7 +748,7 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
 /// A row in which all pixels are those of object 1: a sphere with 1/t = 1 everywhere.
 fn owned<E: Element>(kernels: &SpanKernels<E>, j: E, end: E, pixels: usize) -> Row<E> {
     let [zero, one] = [0.0, 1.0].map(E::from_f64);
-    let everywhere = OutsideSpan { j, end, id: one, near: one, h0: one, ..OutsideSpan::<f64>::default().round() };
+    let everywhere = OutsideSpan { j, end, id: one, depth: one, h0: one, ..OutsideSpan::<f64>::default().round() };
     let mut row = Row::new(pixels);
     kernels.outside_in_row.depth.call(&everywhere, &mut row, 0..pixels);
     assert!(row.plane(0)[..pixels].iter().all(|who| *who != zero));
@@ -815,7 +824,7 @@ fn every_packet_kernel_without_estimates_equals_its_twin_to_the_last_bit() {
 struct Planned<'a, E: 'static> {
     kernels: &'static SpanKernels<E>,
     rounding: Rounding,
-    lits: &'a [Lit<E>],
+    lits: &'a [ObjectLight<E>],
     pixels: usize,
     compared: &'a mut Compared,
 }

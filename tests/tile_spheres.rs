@@ -63,7 +63,7 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
                 let behind = centre.z / radius <= -1.0;
                 let whole = sides.map(|side| side << 16);
                 let expected = if behind { ([0; 2], 0.0) } else { (whole, Seen::ANY) };
-                assert_eq!(([seen.columns, seen.rows], seen.near), expected, "{sphere:?}");
+                assert_eq!(([seen.columns, seen.rows], seen.most), expected, "{sphere:?}");
                 continue;
             };
             fronts += 1;
@@ -73,16 +73,16 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
             let c = centre / radius;
             if c.dot(c) > 2.0 * c.z * c.z - 1.0 {
                 sideways += 1;
-                assert_eq!(seen.near, Seen::ANY, "{sphere:?}");
+                assert_eq!(seen.most, Seen::ANY, "{sphere:?}");
             } else {
-                assert!((1.0005..1.0015).contains(&(f64::from(seen.near) / nearest)), "{sphere:?}");
+                assert!((1.0005..1.0015).contains(&(f64::from(seen.most) / nearest)), "{sphere:?}");
             }
             let p = buffers.sphere_planes();
             let planes = [
                 &p.column, &p.row, &p.d0, &p.dx, &p.dy, &p.dxx, &p.dxy, &p.dyy, &p.bound, &p.h, &p.hx, &p.hy, &p.most,
                 &p.id,
             ];
-            let own = [f64::from(seen.near), (7 + i) as f64];
+            let own = [f64::from(seen.most), (7 + i) as f64];
             assert_eq!(planes.map(|plane| plane[i])[..], rounded(&[&front.planes[..], &own].concat()), "{sphere:?}");
             let numbers = records.spheres[i].numbers();
             assert_eq!(numbers[..20], rounded(&front.looks), "{sphere:?}");

@@ -52,7 +52,7 @@ impl<E: Element + Real> Check<'_, E> {
         kernels.nearest_spheres.call(&mut self.buffers, &order, &self.window, &plan.grid());
         kernels.sphere_looks.call(view, spheres, plan.sphere_lights(), weighted.bytes, 0, &mut self.records);
         let bounds = [(WIDTH as u32) << 16, (HEIGHT as u32) << 16];
-        let all = |id| Seen { id, columns: bounds[0], rows: bounds[1], near: 0.75 + id as f32 };
+        let all = |id| Seen { id, columns: bounds[0], rows: bounds[1], most: 0.75 + id as f32 };
         let seen: Vec<_> = (0..COUNT as u32).map(all).collect();
         let triangles = Triangles { facets: plan.facets(), lights: &weighted.lights, seen: &seen, first_id: 1 + COUNT };
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
@@ -68,7 +68,7 @@ impl<E: Element + Real> Check<'_, E> {
             bound_0: view.bound_0,
         };
         for (i, seen) in seen.iter().enumerate() {
-            let expected = self.rounding.set_up(self.corners(i), seen.near.into(), &twin);
+            let expected = self.rounding.set_up(self.corners(i), seen.most.into(), &twin);
             let found = self.triangle(i);
             let numbers = |plane: &Plane<E>| [plane.origin, plane.across, plane.down].map(Element::to_f64);
             let rounded = |plane: &Plane<f64>| {
@@ -275,11 +275,11 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
         low: 0.998,
         high: 1.002,
         sides: SIDES,
-        near: 1.5,
+        most: 1.5,
         reach: 1.992,
         outside: -0.026,
     };
-    let BoundsView { to_pixels, column, row, low, high, sides: [width, height], near, reach, outside } = twin;
+    let BoundsView { to_pixels, column, row, low, high, sides: [width, height], most, reach, outside } = twin;
     let [all_columns, all_rows] = all;
     let view = kernels::BoundsView {
         to_pixels,
@@ -289,7 +289,7 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
         high,
         width,
         height,
-        near,
+        most,
         all_columns,
         all_rows,
         reach,
@@ -313,7 +313,7 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
         let mut seen = vec![Seen::default(); triangles.len().next_multiple_of(CHUNK)];
         kernels.bounds.call(&view, &triangles, 0, true, &mut seen).unwrap();
         for (i, expected) in expected.iter().enumerate() {
-            let found = ([seen[i].columns, seen[i].rows], seen[i].near);
+            let found = ([seen[i].columns, seen[i].rows], seen[i].most);
             assert_eq!(found, *expected, "{}: {:?}", kernels.bounds.symbol(), triangles[i]);
         }
     }

@@ -12,7 +12,7 @@
 ;   normalise3  vector   vector   -            a / ||a||; b is not read
 ;   sphere3     scalar   vector   SphereHit    t of the ray a; infinity where it misses
 ;   triangle3   scalar   vector   TriangleHit  t of the ray a; infinity where it misses
-;   lambert3    vector   vector   Lit          what the light adds to black at the point a of the unit sphere
+;   lambert3    vector   vector   ObjectLight  what the light adds to black at the point a of the unit sphere
 ;
 ;   A packet of vectors is LANES x, then LANES y, then LANES z; one of scalars is LANES of them. Records are there once,
 ;   for all packets. No alignment is asked.

@@ -226,11 +226,11 @@ FUNC ISA %+ _bounds
     VSELECT v6, v5
     KLOAD   v9, BoundsView.all_rows
     VSELECT v9, v8
-    KLOAD   v7, BoundsView.near
+    KLOAD   v7, BoundsView.most
     VDIV    v7, v7, v3
     VMOV    v8, [PACKET(largest)]
     VSELECT v8, v7
-    VMOV_TO [r8 + Corners.near], v8
+    VMOV_TO [r8 + Corners.most], v8
     VMOV    v8, [PACKET(largest)]
     VMOV    v7, [r8 + Corners.red]
     VSELECT v8, v7
@@ -238,7 +238,7 @@ FUNC ISA %+ _bounds
     MASK_GREATER v4, [PACKET(zeros)]
     MASK_KEEP v6
     MASK_KEEP v9
-    VMOV    v8, [r8 + Corners.near]
+    VMOV    v8, [r8 + Corners.most]
     MASK_KEEP v8
     NEARNESS 8
     VMOV_TO [r8 + Corners.columns], v6
@@ -310,7 +310,7 @@ FUNC ISA %+ _bounds
     VSPREAD_INTEGER 2, r9
     VADD    v2, v2, [PACKET(natural)]
     LEVELS  2
-    VMOV    v5, [r8 + Corners.near]
+    VMOV    v5, [r8 + Corners.most]
     STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
     END_BOUNDS

@@ -33,11 +33,11 @@ align 16
     jnz     .extremes
 
 %if HAS_VEX
-    vpextrd edx, x2, Seen.near / 4
-    vpextrd eax, x3, Seen.near / 4
+    vpextrd edx, x2, Seen.most / 4
+    vpextrd eax, x3, Seen.most / 4
 %else
-    pextrd  edx, x2, Seen.near / 4
-    pextrd  eax, x3, Seen.near / 4
+    pextrd  edx, x2, Seen.most / 4
+    pextrd  eax, x3, Seen.most / 4
 %endif
     add     edx, eax
     shr     edx, 1
@@ -50,7 +50,7 @@ align 16
     INSERT128 0, [r8], 0
     STORE128 [r9], x, 0, 0
     STORE128 [r10], x, 0, 0
-    cmp     [r8 + Seen.near], edx
+    cmp     [r8 + Seen.most], edx
     sbb     rax, rax
     and     eax, Seen_size              ; of the farther ones, 0 of the others
     add     r10, rax

@@ -31,8 +31,8 @@
     mov     [r9 + %%turned %+ .columns + 4 * %%i], %%e
     mov     %%e, [r8 + r14 + Seen.rows]
     mov     [r9 + %%turned %+ .rows + 4 * %%i], %%e
-    mov     %%e, [r8 + r14 + Seen.near]
-    mov     [r9 + %%turned %+ .near + 4 * %%i], %%e
+    mov     %%e, [r8 + r14 + Seen.most]
+    mov     [r9 + %%turned %+ .most + 4 * %%i], %%e
     mov     r14d, [r8 + r14 + Seen.id]
     imul    r14, r14, %%bytes
     lea     %%r, [rdx + r14]
@@ -197,7 +197,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ROUNDED_STORE %%out, TrianglePlanes.id, 8
     VMOV    v8, v7
     ROUNDED_STORE %%out, TrianglePlanes.side, 8
-    WIDEN   v8, [r8 + Corners.near]
+    WIDEN   v8, [r8 + Corners.most]
     ROUNDED_STORE %%out, TrianglePlanes.most, 8
 
     ; What each light does to it: |n . (l - v)| / |n|, and the weights.

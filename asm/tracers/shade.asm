@@ -215,7 +215,7 @@ align 16
     add     r10, [rsi + ShadeTask.spheres]
     mov     rcx, [rsi + ShadeTask.light_count]
     imul    rax, rcx
-    shl     rax, ilog2e(ELEM * Lit_size)        ; a ShortLit is as long
+    shl     rax, ilog2e(ELEM * ObjectLight_size)        ; a ShortLight is as long
     mov     r13, rax
     test    rcx, rcx
     jz      .next_sphere
@@ -231,8 +231,8 @@ align 16
     add     r13, [rsi + ShadeTask.shorts]
 .short:
     SHORT_COSINE v9, v0, v7, v8, r13, v10, v11, v12, v15
-    ADD_LIGHT v9, ShortLit, v10, v12
-    add     r13, ELEM * ShortLit_size
+    ADD_LIGHT v9, ShortLight, v10, v12
+    add     r13, ELEM * ShortLight_size
     dec     rcx
     jnz     .short
 %else
@@ -318,8 +318,8 @@ align 16
     NORMAL_OVER_T v12, z, v7, v8, v9, r10, v13, v15
 .light:
     SPHERE_COSINE v13, v0, v10, v11, v12, r13, v7, v8, v9, v15
-    ADD_LIGHT v13, Lit, v7, v8
-    add     r13, ELEM * Lit_size
+    ADD_LIGHT v13, ObjectLight, v7, v8
+    add     r13, ELEM * ObjectLight_size
     dec     rcx
     jnz     .light
 %endmacro
@@ -328,7 +328,7 @@ align 16
 ;             that at r11: those of the mask, where no operation without FMA has clobbered it.
 %macro ADD_LIGHT 4
 %define %%cosine %1     ; [in/out]   vreg
-%define %%record %2     ; [in]       Lit or ShortLit
+%define %%record %2     ; [in]       ObjectLight or ShortLight
 %define %%s %3          ; [clobbered] vreg
 %define %%t %4          ; [clobbered] vreg
 %if HAS_FMA == 0

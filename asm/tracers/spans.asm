@@ -26,7 +26,7 @@
 ;   ..._normals as planes, with a sphere's unit normal in place of its colour: for measuring errors
 ;
 ;   span        *const of the object's span record; its fields are the constants K
-;   lits        *const Lit, lit_count of them
+;   lits        *const ObjectLight, lit_count of them
 ;   out         *mut of the first pixel; pixels >= 1 of them are written and nothing else
 ;   streaming   u64: not 0 for stores that go past the cache
 ;   row         *mut element: five planes of `stride` bytes each: who (0 for nobody, else the span's id), red, green,
@@ -51,7 +51,7 @@
     jz      %%dark
 %%light:
     LAMBERT3 v1, v2, v3, v4, v5, v6, r11, %%seen, v7, v8, v9, v10, v11, v12, %%centre
-    add     r11, ELEM * Lit_size
+    add     r11, ELEM * ObjectLight_size
     dec     rax
     jnz     %%light
 %%dark:
@@ -217,7 +217,7 @@ FUNC NAME(%%object, depth)
 align 16
 .packet:
     DEN_ %+ %%den
-    VMUL    v1, v1, K(Span.near)
+    VMUL    v1, v1, K(Span.depth)
     VLOAD   v2, [rsi + 4 * rcx]
     MASK_GREATER v1, v2                 ; the first of equals stays
     MASK_AND_LESS v0, K(Span.end), v3

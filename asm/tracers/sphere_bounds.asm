@@ -67,7 +67,7 @@ FUNC ISA %+ _sphere_bounds
     WIDEN   v1, [r8 + Balls.y]
     WIDEN   v2, [r8 + Balls.z]
     VSUB    v4, v2, v3
-    KLOAD   v10, SphereView.near
+    KLOAD   v10, SphereView.most
     VDIV    v10, v10, v4
     VDIV    v0, v0, v3
     VDIV    v1, v1, v3

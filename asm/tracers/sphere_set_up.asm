@@ -266,7 +266,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VMUL    v2, v3, W(sy)
     VXOR    v2, v2, [PACKET(sign)]
     ROUNDED_STORE %%out, SpherePlanes.hy, 2
-    WIDEN   v2, [r8 + Balls.near]
+    WIDEN   v2, [r8 + Balls.most]
     ROUNDED_STORE %%out, SpherePlanes.most, 2
     VSPREAD_INTEGER 2, rdx
     VADD    v2, v2, [PACKET(natural)]
@@ -409,7 +409,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     STORE_FOUR %%out, TileSphere.mzy, mzy, ux, uy, uz
     VZERO   v0
     VMOV_TO W(short), v0
-    imul    rbx, [rsi + SetupTask.light_count], %%out * Lit_size     ; a ShortLit is as long
+    imul    rbx, [rsi + SetupTask.light_count], %%out * ObjectLight_size     ; a ShortLight is as long
     mov     rax, [rsi + SetupTask.light_count]
     test    r14, r14
     jz      .long                       ; with not one in the short form
@@ -474,7 +474,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r14 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, %%out * Lit_size
+    add     rdx, %%out * ObjectLight_size
     dec     rax
     jnz     .short_light
     imul    rax, rbx, LANES
@@ -518,7 +518,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     lea     r12, [r10 + rdx + 4 * %%out]
     STORE_RECORDS %%out
     add     r11, 8 * TileLight_size
-    add     rdx, %%out * Lit_size
+    add     rdx, %%out * ObjectLight_size
     dec     rax
     jnz     .light
 .looked:

@@ -7,8 +7,8 @@ use super::kernel::kernel;
 use super::packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, RowSetup, Shade, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{
-    Ball, Element, Facet, InsideSpan, Lit, NearSpan, OutsideSpan, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes,
-    TriangleSpan,
+    Ball, Element, Facet, InsideSpan, NearSpan, ObjectLight, OutsideSpan, SphereHit, SpherePlanes, TriangleHit,
+    TrianglePlanes, TriangleSpan,
 };
 use super::tiles::{Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp};
 use super::types::{Light, Sphere, Surface, Triangle, Vec4};
@@ -328,7 +328,7 @@ operations_on_packets! { $
     "normalise": 0, 0 => 3;
     "sphere": 0, numbers::<SphereHit<f32>>() => 1;
     "triangle": 0, numbers::<TriangleHit<f32>>() => 1;
-    "lambert": 0, numbers::<Lit<f32>>() => 3;
+    "lambert": 0, numbers::<ObjectLight<f32>>() => 3;
 }
 
 /// By [`Isa`].

@@ -54,9 +54,9 @@ pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba
 #[cfg(rayo_asm)]
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{
-    Ball, BoundsView, CHUNK, Element, Facet, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, Seen,
-    ShortLit, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
-    TileSphere, TileView, TriangleHit, TriangleSpan,
+    Ball, BoundsView, CHUNK, Element, Facet, InsideSpan, LitRow, LitSetup, LitSphere, NearSpan, ObjectLight,
+    OutsideSpan, Seen, ShortLight, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint,
+    TileRays, TileShade, TileSphere, TileView, TriangleHit, TriangleSpan,
 };
 #[cfg(rayo_asm)]
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::kernel::{kinds, reads, writes};
-use super::records::{Element, LIT_ROWS, Lit, LitRows, LitSetup, LitSphere, MOST_LANES};
+use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere, MOST_LANES, ObjectLight};
 use super::types::{Plain, Vec4};
 
 /// Pixels of four bytes: red, green, blue, and 255.
@@ -21,7 +21,7 @@ kinds! {
 
     /// Writes the span's pixels to `out`, which has exactly as many. `streaming`: past the cache, where the output can and
     /// is aligned to 4 bytes.
-    fn call(span: &S, lits: &[Lit<E>], out: &mut [P], streaming: bool); |enter| {
+    fn call(span: &S, lits: &[ObjectLight<E>], out: &mut [P], streaming: bool); |enter| {
         if !out.is_empty() {
             let streaming = streaming && is_aligned(out);
             let pixels = out.len() as u64;
@@ -33,7 +33,7 @@ kinds! {
     Planes<S, E: Element>
 
     /// Shades the pixels `span_x` of the row that carry the span's id.
-    fn call(span: &S, lits: &[Lit<E>], row: &mut Row<E>, span_x: Range<usize>); |enter| {
+    fn call(span: &S, lits: &[ObjectLight<E>], row: &mut Row<E>, span_x: Range<usize>); |enter| {
         if !span_x.is_empty() {
             let [first, pixels, stride] = row.part(span_x);
             enter([reads(span), reads(lits), lits.len() as u64, first, pixels, stride]);

@@ -172,7 +172,7 @@ pub struct Seen {
     /// The rows.
     pub rows: u32,
     /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any.
-    pub near: f32,
+    pub most: f32,
 }
 
 impl Seen {
@@ -183,7 +183,7 @@ impl Seen {
 
 // SAFETY: four numbers that fill it, as the offsets asserted below show.
 unsafe impl Plain for Seen {
-    const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, near: 0.0 };
+    const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
 
 /// The rows that [`LitRows`] has room for.

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::kernel::{kinds, reads, writes};
 use super::records::{
-    Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, Lit, MOST_LANES,
-    NearestTask, Seen, SetupTask, ShadeTask, ShortLit, SpherePlanes, SphereView, TILE_HEIGHT, TILE_WIDTH, Tile,
-    TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+    Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
+    NearestTask, ObjectLight, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
+    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
 };
 use super::types::Plain;
 
@@ -225,7 +225,7 @@ pub struct Extremes {
     pub least: f32,
     /// The greatest number in a colour, or a negative one.
     pub brightest: f32,
-    /// The greatest [`Seen::near`] of those in front of the camera.
+    /// The greatest [`Seen::most`] of those in front of the camera.
     pub nearest: f32,
     /// The longest side of a triangle's bounds, in pixels of the picture.
     pub longest: f32,
@@ -504,9 +504,9 @@ pub struct SphereRecords<E> {
     /// A record for each.
     pub spheres: Vec<TileSphere<E>>,
     /// As many for each as there are lights.
-    pub lits: Vec<Lit<E>>,
+    pub lits: Vec<ObjectLight<E>>,
     /// As many.
-    pub shorts: Vec<ShortLit<E>>,
+    pub shorts: Vec<ShortLight<E>>,
 }
 
 impl<E: Element> SphereRecords<E> {
@@ -535,9 +535,9 @@ pub struct Looks<'a, E> {
     /// The records of those that have a pixel.
     pub spheres: &'a [TileSphere<E>],
     /// As many for each of them as there are lights.
-    pub lits: &'a [Lit<E>],
+    pub lits: &'a [ObjectLight<E>],
     /// As many, weighted for bytes, for those that have `short` set.
-    pub shorts: &'a [ShortLit<E>],
+    pub shorts: &'a [ShortLight<E>],
 }
 
 /// Where a tile's pixels go.

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::omission::{Keep, Omission};
 use super::spans::Scale;
-use crate::kernels::{Element, Lit};
+use crate::kernels::{Element, ObjectLight};
 use crate::scene::{Light, Scene};
 
 /// A light is said not to reach a sphere if the numerator of eq. 11's cosine is below 0 by this share of its terms
@@ -62,7 +62,7 @@ impl<'a> LightOn<'a> {
     /// lit alike, from everywhere but its own plane.
     pub fn on_triangle<E: Element>(height: f64, seen: DVec3, colour: DVec3, light: &'a Light) -> Self {
         let reflects = Scale::Linear.weights(light, colour).max_element() > 0.0;
-        let reaches = reflects && E::from_f64(near(seen) * height) != E::ZERO;
+        let reaches = reflects && E::from_f64(brought_near(seen) * height) != E::ZERO;
         LightOn { light, to_light: seen, seen, height, reaches }
     }
 
@@ -82,16 +82,16 @@ impl<'a> LightOn<'a> {
     }
 
     /// As kernels read it.
-    pub fn record<E: Element>(&self, scale: Scale, colour: DVec3) -> Lit<E> {
-        let near = near(self.seen);
-        let (DVec3 { x, y, z }, weights) = (near * self.seen, self.weights(scale, colour));
-        let cosine = near * self.height;
-        Lit { x, y, z, cosine, red: weights.x, green: weights.y, blue: weights.z, padding: 0.0 }.round()
+    pub fn record<E: Element>(&self, scale: Scale, colour: DVec3) -> ObjectLight<E> {
+        let share = brought_near(self.seen);
+        let (DVec3 { x, y, z }, weights) = (share * self.seen, self.weights(scale, colour));
+        let cosine = share * self.height;
+        ObjectLight { x, y, z, cosine, red: weights.x, green: weights.y, blue: weights.z, padding: 0.0 }.round()
     }
 }
 
-/// What brings a light that is too far to [`FAR_LIGHT`].
-fn near(seen: DVec3) -> f64 {
+/// What share of its distance brings a light that is too far to [`FAR_LIGHT`].
+fn brought_near(seen: DVec3) -> f64 {
     FAR_LIGHT / seen.abs().max_element().max(FAR_LIGHT)
 }
 

@@ -11,7 +11,9 @@ use glam::DVec3;
 use super::light::{self, LightOn};
 use super::omission::{Keep, Omission};
 use super::{power_of_two, unit_rays};
-use crate::kernels::{Element, InsideSpan, Lit, LitRow, LitSetup, LitSphere, NearSpan, OutsideSpan, TriangleSpan};
+use crate::kernels::{
+    Element, InsideSpan, LitRow, LitSetup, LitSphere, NearSpan, ObjectLight, OutsideSpan, TriangleSpan,
+};
 use crate::reference::geometry;
 use crate::scene::{self, Camera, Grid, Light, Scene};
 
@@ -58,7 +60,7 @@ pub struct Spans<E> {
     /// The rows of the objects whose numbers f32 does not hold.
     wide: Vec<Range<u32>>,
     /// The lights of one object after those of another, for each scale that was asked for.
-    lits: [Vec<Lit<E>>; Scale::ALL.len()],
+    lits: [Vec<ObjectLight<E>>; Scale::ALL.len()],
 }
 
 /// What full light is in the output.
@@ -133,10 +135,10 @@ enum Shape {
 
 impl Shape {
     /// The 1/t that is compared over 1/t in its record; None of what is never hit.
-    fn near(&mut self) -> Option<&mut f64> {
+    fn depth(&mut self) -> Option<&mut f64> {
         match self {
-            Shape::Sphere(sphere) => Some(&mut sphere.near),
-            Shape::Triangle(triangle) => Some(&mut triangle.near),
+            Shape::Sphere(sphere) => Some(&mut sphere.depth),
+            Shape::Triangle(triangle) => Some(&mut triangle.depth),
             Shape::Nothing => None,
         }
     }
@@ -150,7 +152,7 @@ struct Sphere {
     /// What 1/t is scaled by to be near 1 where the sphere is seen, a power of two.
     scale: f64,
     /// The 1/t that is compared over 1/t in this record.
-    near: f64,
+    depth: f64,
     short: Option<Box<ShortForm>>,
 }
 
@@ -174,7 +176,7 @@ struct Triangle {
     /// The largest that the terms of 1/t become in the picture: what their roundings are relative to.
     reach: f64,
     /// The 1/t that is compared over 1/t in this record.
-    near: f64,
+    depth: f64,
 }
 
 /// The pixels of one row that one object covers.
@@ -289,14 +291,14 @@ impl<E: Element> Spans<E> {
     fn compare_depths(&mut self) {
         // What is never seen and only here because it is kept has no say.
         let seen = self.objects.iter_mut().filter(|object| !object.rows.seeing.is_empty());
-        let nears = seen.filter_map(|object| object.shape.near());
-        let nearest = nears.fold(f64::MIN_POSITIVE, |nearest, near| nearest.max(*near)).min(f64::MAX);
+        let depths = seen.filter_map(|object| object.shape.depth());
+        let nearest = depths.fold(f64::MIN_POSITIVE, |nearest, depth| nearest.max(*depth)).min(f64::MAX);
         self.depth_unit = power_of_two(nearest);
         let deep = self.grid.focal * SQUARED > 1.0;
         for object in &mut self.objects {
-            let Some(near) = object.shape.near() else { continue };
-            *near /= self.depth_unit;
-            object.fits &= *near * LINEAR > 1.0 && deep;
+            let Some(depth) = object.shape.depth() else { continue };
+            *depth /= self.depth_unit;
+            object.fits &= *depth * LINEAR > 1.0 && deep;
         }
         let wide = self.objects.iter().filter(|object| !object.fits);
         self.wide = wide.map(|object| object.rows.seeing.clone()).filter(|rows| !rows.is_empty()).collect();
@@ -504,7 +506,7 @@ impl<E: Element> Spans<E> {
     }
 
     /// The lights of an object, as weighted for a scale that was asked for.
-    pub fn lits(&self, object: usize, scale: Scale) -> &[Lit<E>] {
+    pub fn lits(&self, object: usize, scale: Scale) -> &[ObjectLight<E>] {
         &self.lits[scale as usize][self.objects[object].lits.clone()]
     }
 
@@ -796,7 +798,7 @@ impl Sphere {
     fn new(centre: DVec3, radius: f64, unit: f64) -> Self {
         let k = geometry::power(centre, radius) / (radius * radius);
         let scale = power_of_two(k.max(1.0).sqrt());
-        Sphere { centre: centre / radius, k, scale, near: 1.0 / (radius * unit * scale), short: None }
+        Sphere { centre: centre / radius, k, scale, depth: 1.0 / (radius * unit * scale), short: None }
     }
 
     /// Whether f32 holds the numbers of its records and their squares.
@@ -873,10 +875,10 @@ impl Sphere {
     }
 
     fn near(&self, step: f64, d: DVec3, s: &Silhouette) -> NearSpan<f64> {
-        let OutsideSpan { near, a1, a0, b1, b0, h1, h0, cx, cy, cz, .. } = self.outside(step, d, s);
+        let OutsideSpan { depth, a1, a0, b1, b0, h1, h0, cx, cy, cz, .. } = self.outside(step, d, s);
         let (j, end, id) = (0.0, 0.0, 0.0);
         let DVec3 { x: x0, y, z } = self.scale * d;
-        NearSpan { j, end, id, near, a1, a0, b1, b0, h1, h0, x1: self.scale * step, x0, y, z, cx, cy, cz }
+        NearSpan { j, end, id, depth, a1, a0, b1, b0, h1, h0, x1: self.scale * step, x0, y, z, cx, cy, cz }
     }
 
     fn outside(&self, step: f64, d: DVec3, s: &Silhouette) -> OutsideSpan<f64> {
@@ -891,7 +893,7 @@ impl Sphere {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: self.near,
+            depth: self.depth,
             a1: -s.m * step * scale,
             a0: (q - s.m * d.x) * scale,
             b1: step * scale,
@@ -935,7 +937,7 @@ impl Sphere {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: self.near,
+            depth: self.depth,
             x1: step,
             x0: d.x,
             y: d.y,
@@ -987,7 +989,7 @@ impl Triangle {
         // A power of two, so that 1/t is the same for all triangles of a plane and the first of them wins a tie.
         let size = power_of_two(size);
         let reach = plane.abs().dot(DVec3::new(grid.half_width, grid.half_height, grid.focal));
-        Ok((Triangle { edges, origin, plane, size, near: 1.0 / (size * unit), reach }, n.normalize()))
+        Ok((Triangle { edges, origin, plane, size, depth: 1.0 / (size * unit), reach }, n.normalize()))
     }
 
     /// Whether f32 holds the numbers of its records and their squares.
@@ -1032,7 +1034,7 @@ impl Triangle {
             j: 0.0,
             end: 0.0,
             id: 0.0,
-            near: self.near,
+            depth: self.depth,
             w1: w1 * self.size,
             w0: w0 * self.size,
             x1: step - w1 * self.origin.x,

@@ -115,7 +115,7 @@ pub struct BoundsView {
     pub low: f32,
     pub high: f32,
     pub sides: [f32; 2],
-    pub near: f32,
+    pub most: f32,
     pub reach: f32,
     pub outside: f32,
 }
@@ -146,9 +146,9 @@ impl BoundsView {
         let rows = pixels(self.row - most(up), self.row - least(up), height);
         let packed = |[first, past]: [u32; 2]| first | past << 16;
         let bounds = [packed(columns), packed(rows)];
-        let near = self.near / least(z);
+        let cannot_exceed = self.most / least(z);
         if most(across) - least(across) >= self.reach || most(up) - least(up) >= self.reach {
-            return (bounds, near);
+            return (bounds, cannot_exceed);
         }
         // Edges at the first pixel, and what a column and a row more add to them.
         let x = across.map(|x| x - (columns[0] as f32 - self.column));
@@ -161,7 +161,7 @@ impl BoundsView {
             edges = [0, 1, 2].map(|i| edges[i] + sign * step[i]);
             (low, high) = (max(low, least(edges)), min(high, most(edges)));
         }
-        if self.outside > max(low, -high) { ([0, bounds[1]], near) } else { (bounds, near) }
+        if self.outside > max(low, -high) { ([0, bounds[1]], cannot_exceed) } else { (bounds, cannot_exceed) }
     }
 }
 
@@ -352,7 +352,7 @@ impl Rounding {
         cosine(by, self.dot(light, m) - w, self.dot(to_light, to_light))
     }
 
-    /// SHORT_COSINE: of a ShortLit's q0, qx, qy, kn, ke, and 1/t.
+    /// SHORT_COSINE: of a ShortLight's q0, qx, qy, kn, ke, and 1/t.
     pub fn short_cosine<T: Real>(self, short: [T; 5], w: T, x: T, y: T, by: &mut impl Cosine<T>) -> T {
         let [q0, qx, qy, kn, ke] = short;
         let q = self.fma(y, qy, self.fma(x, qx, q0));

@@ -11,9 +11,9 @@ use super::plan::PacketPlan;
 use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
-    Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, Lit, LitBodies, LitPlanes, LitRow, LitRows, Narrow,
-    NearSpan, OutsideSpan, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, TriangleSpan,
-    Vec4,
+    Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, LitBodies, LitPlanes, LitRow, LitRows, Narrow, NearSpan,
+    ObjectLight, OutsideSpan, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels,
+    TriangleSpan, Vec4,
 };
 use crate::measure::caches;
 use crate::plan::{Keep, Omission, Report, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
@@ -248,7 +248,7 @@ macro_rules! by_record {
 struct Alone<'a, E: 'static, P> {
     tracer: &'a PacketTracer<E>,
     shading: Shading,
-    lits: &'a [Lit<E>],
+    lits: &'a [ObjectLight<E>],
     buffers: &'a mut Buffers<E>,
     out: &'a mut [P],
 }
@@ -309,7 +309,7 @@ struct Overlapping<'a, E: 'static, P> {
     buffers: &'a mut Buffers<E>,
     x: Range<usize>,
     /// None: find the nearest. Some: shade it under these lights.
-    lits: Option<&'a [Lit<E>]>,
+    lits: Option<&'a [ObjectLight<E>]>,
     output: PhantomData<P>,
 }
 

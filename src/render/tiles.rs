@@ -230,7 +230,7 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// How many spheres in the picture have the short form in bytes.
     fn count_short(&self) -> u64 {
-        let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.near < Seen::ANY).collect();
+        let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.most < Seen::ANY).collect();
         let mut records = SphereRecords::default();
         let count = |seen: &[Seen]| {
             self.make_records(self.plan.levels(), seen, &mut records);
@@ -310,7 +310,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
         let Scratch { buffers, looks, shades, .. } = scratch;
         shade(buffers, shades, looks);
-        if looks.seen.iter().any(|sphere| sphere.near == Seen::ANY) {
+        if looks.seen.iter().any(|sphere| sphere.most == Seen::ANY) {
             self.shade_odd(&looks.seen, buffers, window, TileOut { pixels, first, width });
         }
     }
@@ -420,10 +420,10 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
     ) -> usize {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
-        if spheres.iter().any(|seen| seen.near == Seen::ANY) {
+        if spheres.iter().any(|seen| seen.most == Seen::ANY) {
             // In the scene's order, in which the first of equals stays.
             let odd = looks.seen.len()..;
-            looks.seen.extend(spheres.extract_if(.., |seen| seen.near == Seen::ANY));
+            looks.seen.extend(spheres.extract_if(.., |seen| seen.most == Seen::ANY));
             looks.seen[odd.clone()].sort_unstable_by_key(|seen| seen.id);
             for seen in &looks.seen[odd] {
                 self.nearest_odd(seen.id, order.len(), buffers, window);
@@ -523,8 +523,8 @@ impl<E: Element> TileTracer<'_, E> {
         for row in window.rows.clone() {
             for column in 0..window.columns {
                 let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
-                let Some(Seen { id, near, .. }) = who.checked_sub(1).and_then(|i| spheres.get(i)) else { continue };
-                if *near != Seen::ANY {
+                let Some(Seen { id, most, .. }) = who.checked_sub(1).and_then(|i| spheres.get(i)) else { continue };
+                if *most != Seen::ANY {
                     continue;
                 }
                 let d = self.ray(window, column, row);

@@ -1,8 +1,8 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, Lit, LitRow, LitSphere, NearSpan, OpRef, OutsideSpan,
-    PacketKernels, Sphere, Surface, Triangle, TriangleSpan, Vec4,
+    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, LitRow, LitSphere, NearSpan, ObjectLight, OpRef,
+    OutsideSpan, PacketKernels, Sphere, Surface, Triangle, TriangleSpan, Vec4,
 };
 use rayo::scene::Rng;
 
@@ -36,7 +36,7 @@ macro_rules! random_records {
                     j,
                     end: j + pixels as f64,
                     id,
-                    near: numbers.next(rng).into(),
+                    depth: numbers.next(rng).into(),
                     $($field: numbers.next(rng).into()),*
                 }
                 .round()
@@ -71,9 +71,9 @@ pub fn lit_row<E: Element>(numbers: Numbers, width: usize, rng: &mut Rng) -> Lit
 }
 
 /// A light on an object, with a random number in every field.
-pub fn lit<E: Element>(numbers: Numbers, rng: &mut Rng) -> Lit<E> {
+pub fn lit<E: Element>(numbers: Numbers, rng: &mut Rng) -> ObjectLight<E> {
     let [x, y, z, cosine, red, green, blue] = [0; 7].map(|_| numbers.next(rng).into());
-    Lit { x, y, z, cosine, red, green, blue, padding: 0.0 }.round()
+    ObjectLight { x, y, z, cosine, red, green, blue, padding: 0.0 }.round()
 }
 
 /// The seed of this run: RAYO_SEED, or a fixed one. It is printed, and so shown where a test fails.

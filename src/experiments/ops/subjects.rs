@@ -7,7 +7,8 @@ use ::glam::Vec3A;
 
 use super::kept;
 use crate::kernels::{
-    self, ByValue, Isa, Light, Lit, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value, packet_ops,
+    self, ByValue, Isa, Light, ObjectLight, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value,
+    packet_ops,
 };
 use crate::measure::core_cycles;
 use crate::plan::{sphere_hit, triangle_hit};
@@ -230,7 +231,7 @@ fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
             let [red, green, blue] = COLOUR;
             let lit = |LambertCase { light, .. }: &LambertCase| {
                 let (x, y, z) = (x(*light), y(*light), z(*light));
-                Lit { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.numbers()
+                ObjectLight { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.numbers()
             };
             (lambert_paths(), LIGHTS.iter().map(|case| (spread(NORMAL), lit(case))).collect())
         }

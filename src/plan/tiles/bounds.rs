@@ -51,7 +51,7 @@ pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> Bou
         width,
         height,
         // Some roundings more than the kernels' own.
-        near: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
+        most: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
         all_columns: 0.0,
         all_rows: 0.0,
         // Within these bounds are two columns and two rows at most. An edge there is a sum of two products whose factors
@@ -73,7 +73,7 @@ pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f
         scale,
         width: picture.width.into(),
         height: picture.height.into(),
-        near: near_of_sphere(scale * focal),
+        most: near_of_sphere(scale * focal),
         far,
         white,
     }
@@ -141,7 +141,7 @@ where
         if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
             let mut is_wide = |seen: &mut Seen| {
                 let object = &objects[(seen.id - first_id) as usize];
-                let is_wide = !is_sure(seen.near) && (self.form)(object, seen) == Form::Wide && self.in_f32;
+                let is_wide = !is_sure(seen.most) && (self.form)(object, seen) == Form::Wide && self.in_f32;
                 wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
                 is_wide
             };
@@ -160,7 +160,7 @@ where
         }
         if seen.len() <= self.most_sorted {
             // Not negative, so that they are in the order of their bits.
-            seen.sort_unstable_by_key(|seen| Reverse((seen.near.to_bits(), seen.id)));
+            seen.sort_unstable_by_key(|seen| Reverse((seen.most.to_bits(), seen.id)));
         }
         if all {
             for Seen { id, columns, rows, .. } in &mut seen {

@@ -123,7 +123,7 @@ impl Forms {
             return Form::RayByRay;
         }
         let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
-        seen.near = bounded(near);
+        seen.most = bounded(near);
         let (k, m) = (power - 1.0, c.z * c.z - 1.0);
         let (along, beside) = (c.z, c.x.hypot(c.y));
         let inmost = if beside * k.sqrt() <= along { 1.0 } else { (along * k.sqrt() + beside) / power };
@@ -144,8 +144,8 @@ impl Forms {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
         let (nearest, farthest) = (a.min(b).min(c), a.max(b).max(c));
-        if seen.near != Seen::ANY {
-            seen.near = bounded(seen.near.into());
+        if seen.most != Seen::ANY {
+            seen.most = bounded(seen.most.into());
         }
         let Some(volume) = geometry::triangle_volume(corners) else { return Form::Narrow };
         let height = volume.abs() / geometry::triangle_plane(corners).length();

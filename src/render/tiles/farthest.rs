@@ -36,7 +36,7 @@ impl Farthest {
     /// Whether all pixels of a window of the tile where the object may be have something nearer than it can be.
     #[inline]
     pub(super) fn hides(&self, seen: &Seen, window: &TileWindow) -> bool {
-        if self.all > seen.near.into() {
+        if self.all > seen.most.into() {
             return true;
         }
         let parts = |bounds: u32, first: u32, start: u32, end: u32| {
@@ -47,9 +47,9 @@ impl Farthest {
         let (top, bottom) = parts(seen.rows, window.row, window.rows.start, window.rows.end);
         let at = |row: usize, column: usize| self.parts[(row * PARTS_ACROSS + column) % self.parts.len()];
         if right > left + 1 || bottom > top + 1 {
-            return (top..=bottom).all(|row| (left..=right).all(|column| at(row, column) > seen.near.into()));
+            return (top..=bottom).all(|row| (left..=right).all(|column| at(row, column) > seen.most.into()));
         }
         let farthest = f64::min(at(top, left).min(at(top, right)), at(bottom, left).min(at(bottom, right)));
-        farthest > seen.near.into()
+        farthest > seen.most.into()
     }
 }
