@@ -102,6 +102,8 @@
     VMOV_TO [SCRATCH], v%[%%near]
 %endmacro
 
+%assign AHEAD 3072                      ; bytes from an object to those that are asked for: some chunks
+
 ; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
 ;                which END_BOUNDS comes back for the next one.
 %macro BEGIN_BOUNDS 4
@@ -125,6 +127,11 @@
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / 4
 .turn:
+%assign %%i 0
+%rep (4 * %%bytes + 63) / 64
+    prefetcht0 [rdx + AHEAD + 64 * %%i]
+%assign %%i %%i + 1
+%endrep
     OBJECT_AT 0, r14, %%bytes, rdx, r15
     OBJECT_AT 1, rbx, %%bytes, rdx, r15
     OBJECT_AT 2, r12, %%bytes, rdx, r15

@@ -195,6 +195,11 @@ endstruc
 %define TURNED_AT rbp - 96
 %define ONE_BY_ONE rbp - 104            ; lanes whose objects are to be asked by themselves
 
+; OWN_ID - the number of the object that is asked: a register where there are 32.
+%if HAS_MASKS
+%xdefine OWN_ID VREG %+ 17
+%endif
+
 ; The tile's middle.
 %define MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
 
@@ -423,7 +428,7 @@ FUNC NAME(nearest, %%name)
     test    r9d, r9d
     jnz     .lanes_doubt
 .lanes_hit:
-    VMOV_TO [rsp + NearestStack.inverses + ELEM * r11], v10
+    STORE_SPLIT rsp + NearestStack.inverses + ELEM * r11, v, 10
     VMOV    v11, v8
     LEVELS  11
 %if BLOCK_HEIGHT > 1
@@ -550,6 +555,9 @@ align 16
     sub     eax, r9d
     mov     r14d, eax                   ; blocks in a row
     FACTORS_%[%%kind] VSPREAD
+%if HAS_MASKS
+    VSPREAD OWN_ID, [rdi + ELEM * %%planes %+ .id]
+%endif
     shl     r9d, ilog2e(BLOCK_WIDTH)
     sub     r9d, TILE_WIDTH / 2
     VSPREAD_INTEGER 12, r9d
@@ -582,9 +590,11 @@ align 16
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, INSIDE_TRIANGLE
     MASK_AND_NOT_LESS v10, v11, v13
+%if HAS_MASKS == 0                      ; whether a triangle has a pixel of a block is a coin's toss: with masks, no branch
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
+%endif
 %endif
 %if HAS_MASKS
     VOP     cmp, k2 {MASK}, v10, v11, 0
@@ -601,9 +611,16 @@ align 16
     jnz     .doubt
 %endif
 .nearest:
-    MASK_STORE [r13], v10, v11
+    VLOAD   v13, [r13 + WHO]
+    VSELECT v11, v10
+    VSTORE  [r13], v11
+%if HAS_MASKS
+    VSELECT v13, OWN_ID
+%else
     VSPREAD v10, [rdi + ELEM * %%planes %+ .id]
-    MASK_STORE [r13 + WHO], v10, v11
+    VSELECT v13, v10
+%endif
+    VSTORE  [r13 + WHO], v13
 .next_block:
     VADD    v8, v8, [PACKET(block_step)]
     add     r13, VBYTES

@@ -71,6 +71,11 @@ impl<'a> Frame<'a> {
         Ok(frame)
     }
 
+    /// Threads that trace.
+    pub(super) fn threads(&self) -> usize {
+        1 + self.others.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
+    }
+
     /// A film for `rows` rows, in memory that has been touched.
     pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
         let pixels = self.camera.width() as usize * rows as usize;

@@ -23,13 +23,15 @@ use crate::scene::Scene;
 ///
 /// Of floats, an eighth of the third level is their share, since other cores have theirs, and other machines on the same
 /// chip; and at most 16 MiB, which are taken too where there is no such level or nobody tells. Bytes are stored as fast as
-/// they are made until the whole of it is full. docs/performance.md has what was measured.
+/// they are made until the whole of it is full, or 32 MiB of one that is larger and has more to share it. docs/performance.md
+/// has what was measured.
 fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     const MOST: u64 = 16 << 20;
+    const MOST_OF_BYTES: u64 = 2 * MOST;
     static THIRD_LEVEL: OnceLock<Option<u64>> = OnceLock::new();
     let third = *THIRD_LEVEL
         .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
-    let most = third.map_or(MOST, |bytes| if format.is_8bit() { bytes } else { MOST.min(bytes / 8) });
+    let most = third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
     pixels * format.bytes() as u64 > most
 }
 

@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 use super::{Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
-/// A band is as many whole rows as fit in this, and at least one: little enough that who encodes or writes it still finds
-/// it in a cache, and enough that waking the threads for each does not count.
-const BAND_BYTES: usize = 8 << 20;
+/// A band is as many whole rows as fit in this for each thread, and at least one: little enough that its pixels are still in a
+/// core's second level when they are encoded or written and when the next band takes their place, and enough that waking
+/// the threads for each does not count.
+const BAND_BYTES: usize = 512 << 10;
 
 /// Where the time of a picture went.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,7 +28,7 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     let camera = frame.camera;
     let own = image.format().pixels();
     let format = if frame.tracer.writes(own) { own } else { PixelFormat::F32x4 };
-    let band_rows = (BAND_BYTES / (camera.width() as usize * format.bytes())).max(1);
+    let band_rows = (BAND_BYTES * frame.threads() / (camera.width() as usize * format.bytes())).max(1);
     let band_rows =
         band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
     let mut film = frame.film(format, band_rows)?;
