@@ -590,7 +590,7 @@ align 16
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, INSIDE_TRIANGLE
     MASK_AND_NOT_LESS v10, v11, v13
-%if HAS_MASKS == 0                      ; whether a triangle has a pixel of a block is a coin's toss: with masks, no branch
+%if HAS_MASKS == 0                      ; with masks, no branch: whether a triangle has a pixel here is a coin's toss
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
