@@ -1,6 +1,7 @@
 //! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
 #![cfg(feature = "cli")]
 
+mod program;
 mod schema;
 
 use std::collections::BTreeMap;
@@ -10,7 +11,7 @@ use std::process::Output;
 use glam::{DVec3, Vec3};
 use rayo::experiments::accuracy::errors::{Errors, Tally};
 use rayo::experiments::accuracy::subjects::{self, Subject};
-use rayo::experiments::accuracy::{contenders, errors_of, expect, judge, summary};
+use rayo::experiments::accuracy::{Entry, Who, contenders, errors_of, expect, judge, summary};
 use rayo::reference::exact::{self, Exact, Rays, Split};
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
@@ -360,11 +361,11 @@ fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
 fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
     let mut reasons = BTreeMap::new();
     for contender in contenders() {
-        let (engine, precision) = (contender.engine.name(), contender.precision.name());
-        for output in ["f32x4", "rgba8"] {
-            let reason = summary::reason(engine, precision, None, output);
-            assert!(reason.ends_with('.') && reason.len() > 30, "{engine} {precision} {output}: {reason}");
-            reasons.entry(engine).or_insert(reason);
+        for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+            let who: Who = Entry { contender, output }.into();
+            let reason = summary::reason(who);
+            assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
+            reasons.entry(who.engine).or_insert(reason);
         }
     }
     let different: std::collections::BTreeSet<_> = reasons.values().collect();
@@ -372,9 +373,8 @@ fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
 }
 
 fn rayo_accuracy(args: &[&str], out: &Path) -> Output {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_rayo"));
-    let root = env!("CARGO_MANIFEST_DIR");
-    command.env("NO_COLOR", "1").current_dir(root).arg("accuracy").args(args).arg("--out").arg(out).output().unwrap()
+    let arguments = [&["accuracy"], args, &["--out", out.to_str().unwrap()]].concat();
+    program::rayo(arguments, Path::new(env!("CARGO_MANIFEST_DIR")))
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! The documents kept true: their commands run, and the paths, flags, targets and pictures that they name are there.
 #![cfg(feature = "cli")]
 
+mod program;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
+use program::rayo;
 use tempfile::TempDir;
 
 const DOCUMENTS: [&str; 7] = [
@@ -54,15 +56,8 @@ fn spans(document: &str) -> Vec<String> {
     prose.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-fn rayo(arguments: &[impl AsRef<str>], directory: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_rayo"));
-    // Neither colours nor a width or an engine of the developer's own.
-    command.env("NO_COLOR", "1").env_remove("COLUMNS").env_remove("RAYO_ENGINE").current_dir(directory);
-    command.args(arguments.iter().map(AsRef::as_ref)).output().unwrap()
-}
-
 fn help(subcommand: &[&str]) -> String {
-    let output = rayo(&[subcommand, &["--help"]].concat(), root());
+    let output = rayo([subcommand, &["--help"]].concat(), root());
     assert!(output.status.success(), "rayo {subcommand:?} --help: {output:?}");
     String::from_utf8(output.stdout).unwrap()
 }
@@ -146,7 +141,7 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
     let directory = scratch_folder();
     let render = |name: &str, scene: &str| {
         fs::write(directory.path().join(name), scene).unwrap();
-        rayo(&["render", name, "--size", "8x6"], directory.path())
+        rayo(["render", name, "--size", "8x6"], directory.path())
     };
     let right = render("right.in", scene);
     assert!(right.status.success(), "{right:?}");
@@ -162,10 +157,10 @@ fn the_pictures_of_the_readme_are_what_the_program_renders() {
         let file = format!("scenes/{scene}.in");
         let picture = format!("{scene}.png");
         let rendered =
-            rayo(&["render", &file, "--engine", "reference", "--size", "400x300", "-o", &picture], directory.path());
+            rayo(["render", &file, "--engine", "reference", "--size", "400x300", "-o", &picture], directory.path());
         assert!(rendered.status.success(), "{rendered:?}");
         let shown = root().join("docs/images").join(&picture);
-        let compared = rayo(&["diff", shown.to_str().unwrap(), &picture], directory.path());
+        let compared = rayo(["diff", shown.to_str().unwrap(), &picture], directory.path());
         assert!(compared.status.success(), "`make images` renders {picture} anew: {compared:?}");
     }
 }

@@ -1,26 +1,25 @@
 //! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
 #![cfg(all(rayo_asm, feature = "cli"))]
 
+mod program;
 mod schema;
 
 use std::path::Path;
+use std::process::Output;
 
-use assert_cmd::Command;
 use schema::errors;
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn rayo(args: &[&str], out: &Path) -> Command {
-    let mut command = Command::cargo_bin("rayo").unwrap();
-    command.arg("experiment").args(args).arg("--out").arg(out);
-    command
+fn rayo(args: &[&str], out: &Path) -> Output {
+    program::rayo([&["experiment"], args, &["--out", out.to_str().unwrap()]].concat(), Path::new("."))
 }
 
 /// The document of one quick run, whose every part is there.
 fn quick(args: &[&str]) -> (TempDir, Value) {
     let directory = TempDir::new().unwrap();
     let args = [&["--quick", "--runs", "1", "--json"], args].concat();
-    let output = rayo(&args, directory.path()).output().unwrap();
+    let output = rayo(&args, directory.path());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let document = serde_json::from_slice(&output.stdout).unwrap();
     (directory, document)
@@ -145,7 +144,7 @@ fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_o
 #[test]
 fn an_engine_that_does_not_exist_is_an_error_that_lists_what_there_is() {
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--quick", "--engines", "rust,fortran"], directory.path()).output().unwrap();
+    let output = rayo(&["--quick", "--engines", "rust,fortran"], directory.path());
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     for part in ["fortran", "reference", "rust", "c", "paper"] {
@@ -158,12 +157,12 @@ fn an_engine_that_does_not_exist_is_an_error_that_lists_what_there_is() {
 fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_failed() {
     let directory = TempDir::new().unwrap();
     for runs in ["0", "-1", "many"] {
-        let status = rayo(&["--runs", runs], directory.path()).output().unwrap().status;
+        let status = rayo(&["--runs", runs], directory.path()).status;
         assert_eq!(status.code(), Some(2), "{runs}");
     }
     let file = directory.path().join("file");
     std::fs::write(&file, "").unwrap();
-    let output = rayo(&["--quick"], &file.join("below")).output().unwrap();
+    let output = rayo(&["--quick"], &file.join("below"));
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
@@ -208,7 +207,7 @@ fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_s
         return;
     }
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path()).output().unwrap();
+    let output = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let document: Value = serde_json::from_slice(&output.stdout).unwrap();
     let schema = serde_json::from_str(include_str!("../docs/complexity.schema.json")).unwrap();
@@ -228,7 +227,7 @@ fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_s
 #[test]
 fn growing_pictures_are_for_packets_and_none_among_the_engines_is_an_error_that_names_them() {
     let directory = TempDir::new().unwrap();
-    let output = rayo(&["--complexity", "--engines", "rust"], directory.path()).output().unwrap();
+    let output = rayo(&["--complexity", "--engines", "rust"], directory.path());
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("sse41, avx2 or avx512"), "{message}");

@@ -3,9 +3,10 @@
 #![cfg(all(rayo_asm, feature = "cli"))]
 
 mod contenders;
+mod program;
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
@@ -518,8 +519,7 @@ all.png 160 120 1
 /// Runs the program where the file all.in is [`EVERYTHING`].
 fn rayo(directory: &Path, arguments: &str) -> Output {
     std::fs::write(directory.join("all.in"), EVERYTHING).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_rayo"));
-    command.args(arguments.split(' ')).current_dir(directory).env_remove("RAYO_ENGINE").output().unwrap()
+    program::rayo(arguments.split(' '), directory)
 }
 
 fn stdout(output: &Output) -> String {

@@ -1,11 +1,13 @@
 //! Stiff and extreme scenes: the packets against the truth, against themselves turned and scaled, and `rayo stability`.
 #![cfg(feature = "cli")]
 
+mod program;
+
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
 use glam::Vec3;
+use program::rayo;
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
 use rayo::experiments::stability::mixtures::{failures, judge_mixtures};
@@ -340,15 +342,10 @@ proptest! {
     }
 }
 
-fn rayo(arguments: &[&str], directory: &Path) -> std::process::Output {
-    let mut command = Command::cargo_bin("rayo").unwrap();
-    command.current_dir(directory).env("NO_COLOR", "1").args(arguments).output().unwrap()
-}
-
 #[test]
 fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract() {
     let directory = tempfile::tempdir().unwrap();
-    let output = rayo(&["stability", "--family", "s7", "--case", "3", "--quick", "--json"], directory.path());
+    let output = rayo(["stability", "--family", "s7", "--case", "3", "--quick", "--json"], directory.path());
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(document["schema"], 1);
@@ -371,7 +368,7 @@ fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract()
 fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
     let directory = tempfile::tempdir().unwrap();
     let stability = |arguments: &[&str]| {
-        let output = rayo(&[&["stability"], arguments].concat(), directory.path());
+        let output = rayo([&["stability"], arguments].concat(), directory.path());
         (output.status.code(), String::from_utf8(output.stderr).unwrap())
     };
     let sweep = ["--family", "S7", "--engine", "rust", "--quick"];
@@ -407,7 +404,7 @@ fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
 fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_that_does_not_matter() {
     let directory = tempfile::tempdir().unwrap();
     let mixtures = |more: &[&str]| {
-        let output = rayo(&[&["stability", "--mixtures", "3", "--seed", "4"], more].concat(), directory.path());
+        let output = rayo([&["stability", "--mixtures", "3", "--seed", "4"], more].concat(), directory.path());
         (output.status.code(), String::from_utf8(output.stdout).unwrap())
     };
     let (status, text) = mixtures(&["--engine", "reference"]);

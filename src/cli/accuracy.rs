@@ -9,12 +9,13 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, stop_on_ctrl_c, write_file};
-use super::{Failure, print, print_json, say};
+use super::measuring::{
+    announce, bar, create_directory, start_threads_and_pin, stop_on_ctrl_c, tell_whether, write_results,
+};
+use super::{Failure, print_result};
 #[cfg(rayo_asm)]
 use crate::experiments::accuracy::plain;
-use crate::experiments::accuracy::{self, AccuracyError, Document, SCHEMA, plot, subjects, summary};
-use crate::kernels::sys;
+use crate::experiments::accuracy::{self, AccuracyReport, plot, subjects, summary};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
 
 /// Scenes so few that each is shown row by row.
@@ -62,11 +63,7 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
         (Some(clock), Some(hz)) => (clock, hz, true),
         _ => (&mut wall, WallClock::HZ, false),
     };
-    // The threads that find the truth are started before this one is pinned, or they would share its core.
-    rayon::broadcast(|_| ());
-    if let Err(error) = sys::pin_to_this_core() {
-        say(&format!("warning: the thread is not pinned to a core: {error}"));
-    }
+    start_threads_and_pin();
 
     let contenders = accuracy::contenders_and_options();
     let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick);
@@ -80,7 +77,7 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     for subject in &subjects {
         let mut proceed = || !stop.load(Ordering::Relaxed);
         let measured = accuracy::measure(subject, &contenders, args.quick, clock, (hz, cycles), &mut proceed);
-        match measured.map_err(failure)? {
+        match measured.map_err(Failure::input)? {
             Some(measured) => rows.extend(measured),
             None => {
                 complete = false;
@@ -90,7 +87,7 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
         #[cfg(rayo_asm)]
         if subject.family.is_none() {
             let timed = plain::against_plain(&subject.name, &subject.scene, clock, hz, &mut proceed);
-            against_plain.extend(timed.map_err(failure)?.into_iter().flatten());
+            against_plain.extend(timed.map_err(Failure::input)?.into_iter().flatten());
         }
         bar.inc(1);
     }
@@ -99,24 +96,12 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));
     }
     let off_every_front = summary::off_every_front(&rows);
-    let document =
-        Document { schema: SCHEMA, machine, complete, quick: args.quick, rows, off_every_front, against_plain };
-    write_file(&args.out, "accuracy.md", markdown::text(&document).as_bytes())?;
-    write_file(&args.out, "table.csv", table::csv(&document).as_bytes())?;
-    let json = serde_json::to_vec_pretty(&document).map_err(Failure::output)?;
-    write_file(&args.out, "results.json", &json)?;
-    write_file(&args.out, "accuracy.svg", plot::figure(&document.rows).map_err(Failure::output)?.as_bytes())?;
-    if args.json {
-        print_json(&document)?;
-    } else {
-        print(&table::text(&document, subjects.len() <= FEW))?;
-    }
-    if !document.complete {
-        say("warning: stopped early: only what was finished is in the results");
-    }
+    let document = AccuracyReport { machine, complete, quick: args.quick, rows, off_every_front, against_plain };
+    let figure = plot::figure(&document.rows).map_err(Failure::output)?;
+    let (page, csv) = (markdown::text(&document), table::csv(&document));
+    let texts = [("accuracy.md", page), ("table.csv", csv), ("accuracy.svg", figure)];
+    write_results(&args.out, ("results.json", &document), texts)?;
+    print_result(args.json, &document, || table::text(&document, subjects.len() <= FEW))?;
+    tell_whether(document.complete);
     Ok(ExitCode::SUCCESS)
-}
-
-fn failure(error: AccuracyError) -> Failure {
-    Failure::input(error)
 }

@@ -1,6 +1,6 @@
 //! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
 
-use super::Failure;
+use super::{Document, Failure};
 use crate::measure::compare::{self, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Format, ImageError, ImageFile, ImageWriter, is_standard_output};
@@ -95,15 +95,16 @@ fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
 
     let within_tolerance = comparison.largest <= args.tolerance;
     if args.json {
-        let document = Document {
-            schema: 1,
+        let content = &Verdict {
             a: args.a.to_string_lossy(),
             b: args.b.to_string_lossy(),
             tolerance: args.tolerance,
             within_tolerance,
             comparison,
         };
-        serde_json::to_writer_pretty(&mut *out, &document).map_err(io::Error::from).and_then(|()| writeln!(out))
+        serde_json::to_writer_pretty(&mut *out, &Document { schema: 1, content })
+            .map_err(io::Error::from)
+            .and_then(|()| writeln!(out))
     } else {
         print(&comparison, &a, &b, out).and_then(|()| match output {
             Some((path, _)) => {
@@ -119,8 +120,7 @@ fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
 
 /// What `--json` prints; the fields of the comparison are not nested.
 #[derive(Serialize)]
-struct Document<'a> {
-    schema: u32,
+struct Verdict<'a> {
     a: std::borrow::Cow<'a, str>,
     b: std::borrow::Cow<'a, str>,
     tolerance: f64,

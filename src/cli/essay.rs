@@ -1,5 +1,8 @@
 //! The prose of the pages that commands write: parts of Markdown files beside the code, and figures put into them.
 
+use crate::measure::Machine;
+use crate::render::Engine;
+
 /// What begins a part: this, its name, and the end of the comment.
 const BEGIN: &str = "<!-- part: ";
 const END: &str = " -->\n";
@@ -11,6 +14,17 @@ const END: &str = " -->\n";
 pub(super) fn part(prose: &'static str, name: &str) -> &'static str {
     let parts = prose.split(BEGIN).filter_map(|part| part.split_once(END));
     parts.into_iter().find_map(|(of, text)| (of == name).then_some(text)).unwrap_or_else(|| panic!("no part `{name}`"))
+}
+
+/// The name of a machine's CPU.
+pub(super) fn cpu(machine: &Machine) -> &str {
+    machine.cpu.as_deref().unwrap_or("an unknown CPU")
+}
+
+/// The engines that this machine does not run, where there are any.
+pub(super) fn absent_engines() -> Option<String> {
+    let absent = Engine::ALL.iter().filter(|engine| !engine.usable()).map(|engine| engine.name());
+    Some(absent.collect::<Vec<_>>().join(" and ")).filter(|absent| !absent.is_empty())
 }
 
 /// The prose of what only assembly has, with a figure in place of each `{what it is}`.

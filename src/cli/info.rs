@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Failure, print, print_json};
+use super::{Failure, print_result};
 use crate::kernels::Isa;
 use crate::measure::{cpu_name, tsc_hz, tsc_invariant};
 use crate::render::Engine;
@@ -21,7 +21,6 @@ pub struct InfoArgs {
 /// What there is to tell; the names are those of the JSON document.
 #[derive(Serialize)]
 struct Info {
-    schema: u32,
     version: &'static str,
     cpu: Option<String>,
     tsc_hz: Option<f64>,
@@ -48,7 +47,6 @@ impl Info {
         let isa = Isa::ALL.iter().map(|isa| IsaInfo { name: isa.name(), built: isa.built(), usable: isa.usable() });
         let engines = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name());
         Info {
-            schema: 1,
             version: env!("CARGO_PKG_VERSION"),
             cpu: cpu_name(),
             tsc_hz: tsc_hz().map(f64::round),
@@ -94,10 +92,6 @@ impl Info {
 /// Prints what there is to tell.
 pub fn run(args: &InfoArgs) -> Result<ExitCode, Failure> {
     let info = Info::new();
-    if args.json {
-        print_json(&info)?
-    } else {
-        print(&info.text())?
-    }
+    print_result(args.json, &info, || info.text())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -8,7 +8,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::convert::{format, picture_name, write, write_scene};
-use super::{Failure, print_json, remove_part_files_on_signals, say};
+use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::scene::mesh::shapes::{self, MOST_TRIANGLES};
 use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting};
 
@@ -58,7 +58,6 @@ fn share(text: &str) -> Result<f64, String> {
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Report {
-    schema: u32,
     shape: String,
     triangles: usize,
     vertices: usize,
@@ -91,7 +90,7 @@ pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
     let name = shape.to_possible_value().expect("no shape is hidden").get_name().to_owned();
     let (made, vertices) = (mesh.triangles.len(), mesh.vertices.len());
     if *json {
-        print_json(&Report { schema: 1, shape: name, triangles: made, vertices, seed: *seed })?;
+        print_result(true, &Report { shape: name, triangles: made, vertices, seed: *seed }, String::new)?;
     } else if !quiet {
         say(&format!("{}: {name} of {made} triangles and {vertices} vertices", output.display()));
     }

@@ -7,12 +7,45 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 
-use super::{Failure, convert, say};
+use super::{Failure, convert, json, say};
+use crate::kernels::sys;
 
 /// The file appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
     convert::write(&directory.join(name), |out| out.write_all(content))
+}
+
+/// Writes what was measured: its document, and the texts that are made of it.
+pub fn write_results<const N: usize>(
+    directory: &Path,
+    (name, document): (&str, &impl Serialize),
+    texts: [(&str, String); N],
+) -> Result<(), Failure> {
+    for (name, text) in texts.into_iter().chain([(name, json(document)?)]) {
+        write_file(directory, name, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Keeps this thread on its core, which is told, and tells where that cannot be done.
+pub fn pin() -> Option<usize> {
+    let refused = |error: &std::io::Error| say(&format!("warning: the thread is not pinned to a core: {error}"));
+    sys::pin_to_this_core().inspect_err(refused).ok()
+}
+
+/// The same where all threads find the truth before it is measured: those are started first, or they would share its core.
+pub fn start_threads_and_pin() {
+    rayon::broadcast(|_| ());
+    pin();
+}
+
+/// Tells that a measurement was ended before it was.
+pub fn tell_whether(complete: bool) {
+    if !complete {
+        say("warning: stopped early: only what was finished is in the results");
+    }
 }
 
 /// Set when the user asks for an end; a second time ends the process at once.

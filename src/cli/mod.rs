@@ -21,6 +21,7 @@ use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
 use crate::render::remove_unfinished;
@@ -142,13 +143,25 @@ fn say(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// Prints one JSON document to standard output.
-fn print_json(document: &impl serde::Serialize) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    serde_json::to_writer_pretty(&mut out, document)
-        .map_err(io::Error::from)
-        .and_then(|()| writeln!(out))
-        .map_err(|error| unprinted(&error))
+/// A JSON document: the number of its schema, and then what it says.
+#[derive(Serialize)]
+struct Document<'a, T> {
+    schema: u32,
+    #[serde(flatten)]
+    content: &'a T,
+}
+
+/// The text of such a document; all have the first schema.
+fn json(content: &impl Serialize) -> Result<String, Failure> {
+    serde_json::to_string_pretty(&Document { schema: 1, content }).map_err(Failure::output)
+}
+
+/// Prints the result: as one JSON document where that is asked for, else as text.
+fn print_result(as_json: bool, result: &impl Serialize, text: impl FnOnce() -> String) -> Result<(), Failure> {
+    if !as_json {
+        return print(&text());
+    }
+    writeln!(io::stdout().lock(), "{}", json(result)?).map_err(|error| unprinted(&error))
 }
 
 /// As many characters as a line of standard output has, if that is a terminal.

@@ -44,15 +44,8 @@ pub struct OpsArgs {
 /// Counts and prints.
 #[cfg(rayo_asm)]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    use super::{print, print_json, terminal_width};
-    use crate::experiments::ops::{self, Options, Report};
-
-    #[derive(serde::Serialize)]
-    struct Document {
-        schema: u32,
-        #[serde(flatten)]
-        report: Report,
-    }
+    use super::{print_result, terminal_width};
+    use crate::experiments::ops::{self, Options};
 
     let options = Options {
         wanted: args.op.clone(),
@@ -68,15 +61,11 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     bar.finish_and_clear();
     let report = report.map_err(Failure::input)?;
     let width = terminal_width().unwrap_or(120);
-    if args.json {
-        print_json(&Document { schema: 1, report })?;
-    } else if args.asm {
-        print(&listing::text(&report, width))?;
-    } else if args.markdown {
-        print(&markdown::text(&report))?;
-    } else {
-        print(&table::text(&report, !args.op.is_empty(), args.executed, width))?;
-    }
+    print_result(args.json, &report, || match () {
+        () if args.asm => listing::text(&report, width),
+        () if args.markdown => markdown::text(&report),
+        () => table::text(&report, !args.op.is_empty(), args.executed, width),
+    })?;
     Ok(ExitCode::SUCCESS)
 }
 

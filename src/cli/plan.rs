@@ -7,11 +7,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::engine::EngineArgs;
-use super::measuring::bar;
+use super::measuring::{bar, pin};
 use super::view::{ViewArgs, tell};
-use super::{Failure, print, print_json, say};
+use super::{Failure, print_result};
 use crate::experiments::ablation::{self, Ablation, Timed};
-use crate::kernels::sys;
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
@@ -41,10 +40,9 @@ pub struct PlanArgs {
     json: bool,
 }
 
-/// The JSON document.
+/// What `--json` prints.
 #[derive(Serialize)]
-struct Document<'a> {
-    schema: u32,
+struct PlanDocument<'a> {
     scene: String,
     engine: &'static str,
     precision: &'static str,
@@ -132,9 +130,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
 
     let ablation = if args.measure {
         let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
-        if let Err(error) = sys::pin_to_this_core() {
-            say(&format!("warning: the thread is not pinned to a core: {error}"));
-        }
+        pin();
         let ticks = tsc_hz().map_or(PATIENCE_TICKS, |hz| (PATIENCE * hz) as u64);
         let (lines, bar) = (&report.left_out, bar(1));
         let mut progress = |done: usize, all: usize| {
@@ -154,11 +150,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
         format,
         camera: scene.camera,
     };
-    if args.json {
-        print_json(&of.document(&report, ablation.as_ref()))?;
-    } else {
-        print(&of.text(&report, ablation.as_ref()))?;
-    }
+    print_result(args.json, &of.plan(&report, ablation.as_ref()), || of.text(&report, ablation.as_ref()))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -172,7 +164,7 @@ struct Of<'a> {
 }
 
 impl Of<'_> {
-    fn document<'a>(&self, report: &'a Report, ablation: Option<&Ablation>) -> Document<'a> {
+    fn plan<'a>(&self, report: &'a Report, ablation: Option<&Ablation>) -> PlanDocument<'a> {
         let measured = ablation.map(|ablation| Measured {
             cpu: cpu_name(),
             threads: 1,
@@ -188,8 +180,7 @@ impl Of<'_> {
                 .map(|(line, worth)| Worth { what: line.what, ratio: (*worth).into() })
                 .collect(),
         });
-        Document {
-            schema: 1,
+        PlanDocument {
             scene: self.path.display().to_string(),
             engine: self.engine.name(),
             precision: self.precision.name(),

@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::engine::EngineArgs;
 use super::measuring::bar_style;
 use super::view::{ViewArgs, tell};
-use super::{Failure, print, print_json, remove_part_files_on_signals, say};
+use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
     Engine, Format, Frame, ImageError, ImageWriter, Plan, Precision, Purpose, RenderError, Settings, Stats,
@@ -72,7 +72,6 @@ fn threads(text: &str) -> Result<usize, String> {
 /// What `--stats` prints; the names are those of the JSON document.
 #[derive(Serialize)]
 struct Report {
-    schema: u32,
     engine: &'static str,
     precision: &'static str,
     width: u32,
@@ -139,7 +138,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     if args.stats || args.json {
         let precision = precision.unwrap_or(engine.precision());
         let report = report((engine, precision), &camera, frame.count_hits(), threads, (parse, setup), &stats);
-        if args.json { print_json(&report)? } else { print(&report.text())? }
+        print_result(args.json, &report, || report.text())?;
     } else if !args.quiet {
         let (width, height) = (camera.width(), camera.height());
         say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", path.display(), stats.trace));
@@ -188,7 +187,6 @@ fn report(
 ) -> Report {
     let ns = |time: Duration| time.as_nanos() as u64;
     Report {
-        schema: 1,
         engine: engine.name(),
         precision: precision.name(),
         width: camera.width(),

@@ -12,12 +12,13 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, stop_on_ctrl_c, write_file};
-use super::{Failure, print, print_json, say};
-use crate::experiments::accuracy::{self, AccuracyError, Contender};
+use super::measuring::{
+    announce, bar, create_directory, start_threads_and_pin, stop_on_ctrl_c, tell_whether, write_file, write_results,
+};
+use super::{Failure, print, print_result, say};
+use crate::experiments::accuracy::{self, Contender};
 use crate::experiments::stability::limits::{self, Limits};
-use crate::experiments::stability::{self, Document, Settings, plot, search};
-use crate::kernels::sys;
+use crate::experiments::stability::{self, Settings, StabilityReport, plot, search};
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
 use crate::scene::{Rng, Scene};
@@ -79,37 +80,27 @@ pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
         return mixtures::run(args, &settings, count);
     }
     let stop = stop_on_ctrl_c()?;
-    // The threads that find the truth are started before this one is pinned, or they would share its core.
-    rayon::broadcast(|_| ());
-    if let Err(error) = sys::pin_to_this_core() {
-        say(&format!("warning: the thread is not pinned to a core: {error}"));
-    }
+    start_threads_and_pin();
     announce(stability::forecast(&settings), (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
     let mut proceed = || {
         bar.inc(1);
         !stop.load(Ordering::Relaxed)
     };
-    let document = stability::sweep(&settings, &mut proceed).map_err(failure)?;
+    let document = stability::sweep(&settings, &mut proceed).map_err(Failure::input)?;
     bar.finish_and_clear();
 
-    write_file(&args.out, "stability.md", markdown::text(&document).as_bytes())?;
-    write_file(&args.out, "limits.csv", limits::table(&document.rows).as_bytes())?;
-    write_file(&args.out, "stability.svg", plot::figure(&document).map_err(Failure::output)?.as_bytes())?;
-    write_file(&args.out, "results.json", &serde_json::to_vec_pretty(&document).map_err(Failure::output)?)?;
-    if args.json {
-        print_json(&document)?;
-    } else {
-        print(&table::text(&document))?;
-    }
+    let (page, limits) = (markdown::text(&document), limits::table(&document.rows));
+    let figure = plot::figure(&document).map_err(Failure::output)?;
+    let texts = [("stability.md", page), ("limits.csv", limits), ("stability.svg", figure)];
+    write_results(&args.out, ("results.json", &document), texts)?;
+    print_result(args.json, &document, || table::text(&document))?;
     Ok(verdict(&document))
 }
 
 /// Tells what does not hold, and how to see it again.
-fn verdict(document: &Document) -> ExitCode {
-    if !document.complete {
-        say("warning: stopped early: only what was finished is in the results");
-    }
+fn verdict(document: &StabilityReport) -> ExitCode {
+    tell_whether(document.complete);
     for row in document.rows.iter().filter(|row| !row.holds) {
         let why: Vec<_> = row.broken.iter().map(|broken| broken.why.as_str()).collect();
         say(&format!("error: {} by {} in {}: {}", row.family, row.engine, row.precision, why.join("; ")));
@@ -157,13 +148,9 @@ fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) 
     let case = family.case(case, args.seed, SEARCH_SIDE);
     let mut rng = Rng::new(args.seed);
     let found = search::search(&case.scene, &settings.contenders, SEARCH_SIDE, steps, &mut rng);
-    let (scene, badness) = found.map_err(failure)?;
+    let (scene, badness) = found.map_err(Failure::input)?;
     let scene = Scene { name: format!("{}-{}.png", family.id, case.index), ..scene };
     write_file(&args.out, "worst.in", scene.to_text().as_bytes())?;
     print(&format!("{badness:?}\n"))?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn failure(error: AccuracyError) -> Failure {
-    Failure::input(error)
 }

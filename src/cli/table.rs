@@ -2,6 +2,17 @@
 
 use std::fmt::Write as _;
 
+/// A column of a table that has a row for each `T`: its head, and what is in a cell.
+pub type Column<T> = (&'static str, fn(&T) -> String);
+
+/// A line of the heads, and one for each row.
+#[cfg(rayo_asm)]
+pub fn csv<T>(columns: &[Column<T>], rows: &[T]) -> String {
+    let heads = columns.iter().map(|(head, _)| (*head).to_owned()).collect::<Vec<_>>();
+    let cells = |row: &T| columns.iter().map(|(_, cell)| cell(row)).collect();
+    [heads].into_iter().chain(rows.iter().map(cells)).map(|cells| cells.join(",") + "\n").collect()
+}
+
 /// A table in Markdown whose columns are as wide as they need to be; all but the first `left` are aligned to the right.
 pub struct Table {
     left: usize,
@@ -14,6 +25,13 @@ impl Table {
         Table { left, head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
+    /// The text of a table with these columns and rows.
+    pub fn of<'a, T: 'a>(left: usize, columns: &[Column<T>], rows: impl IntoIterator<Item = &'a T>) -> String {
+        let mut table = Table::new(left, columns.iter().map(|(head, _)| *head));
+        rows.into_iter().for_each(|row| table.row(columns.iter().map(|(_, cell)| cell(row)).collect()));
+        table.text()
+    }
+
     /// Adds a row.
     ///
     /// # Panics
@@ -21,6 +39,12 @@ impl Table {
     pub fn row(&mut self, cells: Vec<String>) {
         assert_eq!(cells.len(), self.head.len());
         self.rows.push(cells);
+    }
+
+    /// The same table with so many columns aligned to the left.
+    #[cfg(rayo_asm)]
+    pub fn left(self, left: usize) -> Self {
+        Table { left, ..self }
     }
 
     pub fn text(&self) -> String {
@@ -45,5 +69,13 @@ impl Table {
             }
         }
         text
+    }
+
+    /// The same for who sees it laid out, its cells as wide as what is in them.
+    pub fn compact(&self) -> String {
+        let line = |cells: &Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let dashes = (0..self.head.len()).map(|i| if i < self.left { "---|" } else { "--:|" });
+        let rule = format!("|{}\n", dashes.collect::<String>());
+        [line(&self.head), rule].into_iter().chain(self.rows.iter().map(line)).collect()
     }
 }

@@ -25,9 +25,6 @@ use errors::{Errors, Expected, Tally};
 use front::{Point, front};
 use subjects::Subject;
 
-/// The number of the schema, in the document's field `schema`.
-pub const SCHEMA: u32 = 1;
-
 /// Rounds of a quick run and of any other: at least so many, at most so many, and until a scene has taken so long.
 const ROUNDS: [Rounds; 2] = [Rounds { least: 3, most: 15, seconds: 0.15 }, Rounds { least: 5, most: 51, seconds: 1.0 }];
 
@@ -60,6 +57,26 @@ pub struct Entry {
     pub output: PixelFormat,
 }
 
+/// The same by the names that documents have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Who {
+    /// The engine.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// `--keep-all`, or none.
+    pub option: Option<&'static str>,
+    /// What a pixel is written as.
+    pub output: &'static str,
+}
+
+impl From<Entry> for Who {
+    fn from(Entry { contender: Contender { engine, precision, keep_all }, output }: Entry) -> Self {
+        let option = keep_all.then_some("--keep-all");
+        Who { engine: engine.name(), precision: precision.name(), option, output: output.name() }
+    }
+}
+
 /// Every engine of this machine in every precision that it has.
 pub fn contenders() -> Vec<Contender> {
     let engines = Engine::ALL.iter().filter(|engine| engine.usable());
@@ -90,11 +107,6 @@ impl Contender {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
         let purpose = Purpose { precision: Some(self.precision), format: None, keep, threads: 1 };
         Ok(Plan::new(self.engine, scene, purpose)?.into_tracer())
-    }
-
-    /// The option as users type it.
-    pub fn option(self) -> Option<&'static str> {
-        self.keep_all.then_some("--keep-all")
     }
 
     /// How many levels of 255 estimates of roots may put a channel of its `output` off by, on every CPU: what VRSQRT's
@@ -134,7 +146,7 @@ impl Contender {
 /// One engine, precision and output on one scene. The field names are those of the JSON document; what does not apply is
 /// null, and so is what is infinite.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct Accuracy {
     /// The scene: its file, or a family and the value of its parameter.
     pub scene: String,
     /// The family's id.
@@ -145,14 +157,9 @@ pub struct Row {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Who.
-    pub engine: &'static str,
-    /// In what numbers.
-    pub precision: &'static str,
-    /// `--keep-all`, or none.
-    pub option: Option<&'static str>,
-    /// What a pixel is written as.
-    pub output: &'static str,
+    /// Who, and what it writes.
+    #[serde(flatten)]
+    pub who: Who,
     /// What it is worth.
     #[serde(flatten)]
     pub errors: Errors,
@@ -178,9 +185,7 @@ pub struct Row {
 
 /// Everything that was measured, where, and with what.
 #[derive(Clone, Debug, Serialize)]
-pub struct Document {
-    /// [`SCHEMA`].
-    pub schema: u32,
+pub struct AccuracyReport {
     /// The machine and the build.
     pub machine: Machine,
     /// Whether everything that was asked for is there.
@@ -188,7 +193,7 @@ pub struct Document {
     /// Whether the pictures are small and the runs few.
     pub quick: bool,
     /// Every row.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Accuracy>,
     /// Every engine, precision, option and output that is on no front, and why it stays.
     pub off_every_front: Vec<summary::Reason>,
     /// What the robust formulas take by what the paper's plain ones do.
@@ -284,7 +289,7 @@ pub fn measure(
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Vec<Row>>, AccuracyError> {
+) -> Result<Option<Vec<Accuracy>>, AccuracyError> {
     let judged = judge(&subject.scene, contenders)?;
     if !proceed() {
         return Ok(None);
@@ -315,19 +320,15 @@ pub fn measure(
     let per_ray = |ticks: f64| ticks / pixels as f64;
     let ns = |ticks: f64| 1e9 * ticks / hz;
     let rows = judged.iter().enumerate().map(|(i, Judged { entry, errors })| {
-        let Entry { contender: contender @ Contender { engine, precision, .. }, output } = *entry;
-        let setup = minimum(&runs[judged.len() + place(contenders, contender)].ticks);
+        let setup = minimum(&runs[judged.len() + place(contenders, entry.contender)].ticks);
         let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
-        Row {
+        Accuracy {
             scene: subject.name.clone(),
             family: subject.family.map(|family| family.id),
             stiffness: subject.family.map(|family| family.stiffness),
             width: camera.width(),
             height: camera.height(),
-            engine: engine.name(),
-            precision: precision.name(),
-            option: contender.option(),
-            output: output.name(),
+            who: (*entry).into(),
             errors: *errors,
             ns_per_ray: ns(per_ray(fastest)),
             ns_per_ray_median: ns(per_ray(middle)),
@@ -336,11 +337,11 @@ pub fn measure(
             cycles_per_ray_median: cycles.then_some(per_ray(middle)),
             setup_ns: ns(setup),
             runs: rounds,
-            error: error(errors, output),
+            error: error(errors, entry.output),
             front: false,
         }
     });
-    let mut rows: Vec<Row> = rows.collect();
+    let mut rows: Vec<Accuracy> = rows.collect();
     mark(&mut rows);
     Ok(Some(rows))
 }
@@ -359,10 +360,11 @@ pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
 }
 
 /// Marks the front of each scene and output.
-pub fn mark(rows: &mut [Row]) {
-    let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.output)).collect();
+pub fn mark(rows: &mut [Accuracy]) {
+    let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.who.output)).collect();
     for (scene, output) in keys {
-        let of: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].scene == scene && rows[*i].output == output).collect();
+        let of: Vec<usize> =
+            (0..rows.len()).filter(|i| rows[*i].scene == scene && rows[*i].who.output == output).collect();
         let points: Vec<_> = of.iter().map(|i| Point { error: rows[*i].error, time: rows[*i].ns_per_ray }).collect();
         for (i, on) in of.into_iter().zip(front(&points)) {
             rows[i].front = on;

@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::jumps::Jumps;
 use super::ladder::{self, Rung};
-use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Row, Speedup, SpeedupError, Taken};
+use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Speedup, SpeedupError, Taken, Timing};
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
-use crate::render::{Engine, PixelFormat};
+use crate::render::PixelFormat;
 use crate::scene::{Light, Scene, many};
 
 /// What became of a claim.
@@ -48,10 +48,11 @@ pub struct Claim {
 }
 
 /// What the cost of a picture depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// w h.
+    #[default]
     Pixels,
     /// s + t.
     Objects,
@@ -135,8 +136,7 @@ pub fn sweeps(
     let axes: [Sweeping; 2] =
         [(Axis::Objects, &OBJECTS, OBJECT_WORK, &objects), (Axis::Lights, &LIGHTS, LIGHT_WORK, &lit)];
     for (axis, counts, work, scene_of) in axes {
-        let engines: Vec<Engine> =
-            Engine::ALL.iter().copied().filter(|engine| [BASELINE, CONTROL].contains(&engine.name())).collect();
+        let engines = speedup::baseline_and_control();
         let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); engines.len()];
         let mut taken = vec![0; engines.len()];
         for count in counts {
@@ -169,7 +169,7 @@ pub fn sweeps(
 }
 
 /// The cost in pixels, which the table has measured; None with fewer than three sizes, through which any line goes.
-fn pixel_sweeps(rows: &[Row]) -> Option<Vec<Sweep>> {
+fn pixel_sweeps(rows: &[Timing]) -> Option<Vec<Sweep>> {
     let sweep = |engine: &'static str| {
         let rows: Vec<_> = rows.iter().filter(|row| row.is(engine)).collect();
         let points: Vec<_> = rows.iter().map(|row| (row.pixels as f64, row.cycles_min)).collect();
@@ -456,24 +456,18 @@ mod tests {
 
     /// A table in which `c` takes 6 `c_by_simd` cycles a pixel and `paper` 6, with intervals of `spread` either way.
     fn table(c_by_simd: f64, spread: f64, noise_floor: f64) -> Speedup {
-        let row = |engine, size: &speedup::PaperRow, cycles: f64, ratio: f64| Row {
+        let row = |engine, size: &speedup::PaperRow, cycles: f64, ratio: f64| Timing {
             width: size.width,
             height: size.height,
             pixels: size.pixels(),
             engine,
-            precision: "single",
             output: "f32x4",
-            threads: 1,
-            cycles_mean: cycles,
-            cycles_median: cycles,
             cycles_min: cycles,
             ratio_to_c: ratio,
             ratio_low: ratio * (1.0 - spread),
             ratio_high: ratio * (1.0 + spread),
-            migrations: 0,
-            taken: 0,
-            off: 0,
             samples: vec![cycles],
+            ..Timing::default()
         };
         let rows = PAPER.iter().flat_map(|size| {
             let cycles = 6.0 * size.pixels() as f64;
@@ -500,20 +494,11 @@ mod tests {
     fn rungs(cycles: &[(&str, f64)]) -> Vec<Rung> {
         let rung = |(name, cycles): &(&str, f64)| Rung {
             rung: (*name).into(),
-            change: String::new(),
-            flags: "",
-            over: None,
-            aside: false,
             threads: 1,
-            cycles_per_pixel: *cycles,
-            instructions_per_pixel: None,
-            gain: 1.0,
-            gain_low: 1.0,
-            gain_high: 1.0,
-            gain_total: 1.0,
             samples: vec![*cycles; 3],
             taken: vec![false; 3],
             samples_per_run: 1,
+            ..Rung::default()
         };
         cycles.iter().map(rung).collect()
     }
@@ -522,19 +507,14 @@ mod tests {
     fn sweep_of_sizes(cycles: &[f64], share: f64) -> Jumps {
         let rows = [BASELINE, CONTROL].into_iter().flat_map(|engine| {
             cycles.iter().flat_map(move |cycles| {
-                [true, false].map(|touched| jumps::Row {
-                    width: 100,
-                    height: 100,
-                    pixels: 10_000,
+                [true, false].map(|touched| jumps::PictureTime {
                     engine,
                     touched,
                     cycles_per_pixel: *cycles,
-                    cycles_per_pixel_median: *cycles,
                     clock_per_tick: 1.5,
-                    taken_share: Some(0.0),
                     core_cycles_per_pixel: 1.5 * cycles,
-                    page_faults: 0.0,
                     bytes_per_cycle: 10.0 * share,
+                    ..jumps::PictureTime::default()
                 })
             })
         });

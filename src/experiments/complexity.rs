@@ -17,9 +17,6 @@ use crate::render::{Engine, Film, PixelFormat, Plan, Purpose, Tracer};
 use crate::scene::mesh::shapes;
 use crate::scene::{Camera, Light, MeshFormat, Scene, Setting, many};
 
-/// The number of the document's schema, `docs/complexity.schema.json`.
-pub const SCHEMA: u32 = 1;
-
 /// Pictures of 0.1 to 100 million pixels, each 4:3.
 const SIZES: [(u32, u32); 11] = [
     (365, 273),
@@ -105,8 +102,8 @@ type Make = fn(u64, Camera) -> Scene;
 const SCENES: [(&str, Make); 3] = [("spheres", spheres), ("triangles", triangles), ("mesh", mesh)];
 
 /// A contestant in a picture. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Growth {
     /// What is varied.
     pub axis: Axis,
     /// The scene.
@@ -133,7 +130,7 @@ pub struct Row {
     pub samples: Vec<f64>,
 }
 
-impl Row {
+impl Growth {
     /// Pixels.
     pub fn pixels(&self) -> f64 {
         f64::from(self.width) * f64::from(self.height)
@@ -144,8 +141,8 @@ impl Row {
         self.cycles_median / self.pixels()
     }
 
-    fn is_of(&self, other: &Row) -> bool {
-        let who = |row: &Row| (row.axis, row.scene, row.engine, row.output, row.keep_all);
+    fn is_of(&self, other: &Growth) -> bool {
+        let who = |row: &Growth| (row.axis, row.scene, row.engine, row.output, row.keep_all);
         who(self) == who(other)
     }
 }
@@ -171,11 +168,9 @@ pub struct Slope {
     pub line: Line,
 }
 
-/// Everything that was measured, where, and with what.
+/// Everything that was measured, where, and with what; `docs/complexity.schema.json` is its schema.
 #[derive(Clone, Debug, Serialize)]
-pub struct Document {
-    /// [`SCHEMA`].
-    pub schema: u32,
+pub struct Complexity {
     /// The machine and the build.
     pub machine: Machine,
     /// Runs of each picture.
@@ -183,7 +178,7 @@ pub struct Document {
     /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Every contestant in every picture.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Growth>,
     /// The lines through them.
     pub slopes: Vec<Slope>,
 }
@@ -261,7 +256,7 @@ impl Picture<'_> {
         runs: usize,
         clock: &mut dyn Clock,
         proceed: &mut Progress<'_>,
-    ) -> Result<Option<Vec<Row>>, SpeedupError> {
+    ) -> Result<Option<Vec<Growth>>, SpeedupError> {
         let Picture { scene, output, .. } = self;
         let camera = scene.camera;
         let memory = |source| SpeedupError::Memory { pixels: camera.pixels() as usize, source };
@@ -296,7 +291,7 @@ impl Picture<'_> {
         let rows = who.iter().map(|who| {
             let samples = measured.next().expect("each has runs").ticks;
             let setup = (self.setup && *who != Who::Zeros).then(|| measured.next().expect("so has its set-up"));
-            Row {
+            Growth {
                 axis: self.axis,
                 scene: self.name,
                 count: self.count,
@@ -321,7 +316,7 @@ pub fn run(
     settings: &Settings,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-    finished: &mut dyn FnMut(Vec<Row>),
+    finished: &mut dyn FnMut(Vec<Growth>),
 ) -> Result<bool, SpeedupError> {
     let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, SpeedupError> {
         let rows = picture.measure(who, settings.runs, clock, proceed)?;
@@ -385,8 +380,8 @@ pub fn run(
 }
 
 /// The rows of each contestant along each axis, in ascending order of what is varied.
-pub fn lines(rows: &[Row]) -> Vec<Vec<&Row>> {
-    let mut lines: Vec<Vec<&Row>> = Vec::new();
+pub fn lines(rows: &[Growth]) -> Vec<Vec<&Growth>> {
+    let mut lines: Vec<Vec<&Growth>> = Vec::new();
     for row in rows {
         match lines.iter_mut().find(|line| line[0].is_of(row)) {
             Some(line) => line.push(row),
@@ -398,9 +393,9 @@ pub fn lines(rows: &[Row]) -> Vec<Vec<&Row>> {
 
 /// The line through the last three points of each contestant: what one more costs where there are many. Along the axis of
 /// lights, and by brute force, through all points.
-pub fn slopes(rows: &[Row]) -> Vec<Slope> {
+pub fn slopes(rows: &[Growth]) -> Vec<Slope> {
     const LAST: usize = 3;
-    let slope = |line: Vec<&Row>| {
+    let slope = |line: Vec<&Growth>| {
         let all = line[0].axis == Axis::Lights || line[0].keep_all;
         let last = if all { &line[..] } else { &line[line.len().saturating_sub(LAST)..] };
         let (first, end) = (last.first()?, last.last()?);
@@ -408,7 +403,7 @@ pub fn slopes(rows: &[Row]) -> Vec<Slope> {
             return None;
         }
         let points: Vec<_> = last.iter().map(|row| (row.count as f64, row.cycles_min)).collect();
-        let Row { axis, scene, engine, output, keep_all, .. } = **first;
+        let Growth { axis, scene, engine, output, keep_all, .. } = **first;
         let (from, to) = (first.count, end.count);
         Some(Slope { axis, scene, engine, output, keep_all, from, to, line: fit_line(&points) })
     };
@@ -419,21 +414,8 @@ pub fn slopes(rows: &[Row]) -> Vec<Slope> {
 mod tests {
     use super::*;
 
-    fn row(axis: Axis, count: u64, cycles: f64, keep_all: bool) -> Row {
-        Row {
-            axis,
-            scene: "mesh",
-            count,
-            width: 10,
-            height: 10,
-            engine: "avx2",
-            output: "rgba8",
-            keep_all,
-            setup_cycles: None,
-            cycles_median: cycles + 5.0,
-            cycles_min: cycles,
-            samples: vec![cycles],
-        }
+    fn row(axis: Axis, count: u64, cycles: f64, keep_all: bool) -> Growth {
+        Growth { axis, count, keep_all, cycles_min: cycles, ..Growth::default() }
     }
 
     #[test]

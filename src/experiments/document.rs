@@ -5,18 +5,13 @@ use serde::Serialize;
 use super::claims::{Claim, Sweep};
 use super::jumps::Jumps;
 use super::ladder::{AgainstCompiler, Explanation, Rung};
-use super::speedup::{ControlRow, Row, Speedup};
+use super::speedup::{ControlRow, Speedup, Timing};
 use crate::measure::Machine;
 use crate::measure::statistics::Estimate;
 
-/// The number of the schema, in the document's field `schema`.
-pub const SCHEMA: u32 = 1;
-
 /// Everything that was measured, where, and with what.
-#[derive(Clone, Debug, Serialize)]
-pub struct Document {
-    /// [`SCHEMA`].
-    pub schema: u32,
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Experiment {
     /// The machine and the build.
     pub machine: Machine,
     /// How it was measured.
@@ -30,7 +25,7 @@ pub struct Document {
     /// The same at each size.
     pub control: Vec<ControlRow>,
     /// Every engine at every size.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Timing>,
     /// One change at a time; empty without `--ladder`.
     pub ladder: Vec<Rung>,
     /// The packet engines against what the compiler makes of the ladder's best C; empty without `--ladder`.
@@ -50,7 +45,7 @@ pub struct Document {
 }
 
 /// How it was measured, and what could have disturbed it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Conditions {
     /// The core that the thread was pinned to; None where it could not be.
     pub core: Option<usize>,
@@ -66,11 +61,10 @@ pub struct Conditions {
     pub taken_share: Option<f64>,
 }
 
-impl Document {
+impl Experiment {
     /// The document of a table, without what else there may be.
     pub fn new(speedup: Speedup, machine: Machine, conditions: Conditions) -> Self {
-        Document {
-            schema: SCHEMA,
+        Experiment {
             machine,
             conditions,
             noise_floor: speedup.noise_floor,
@@ -78,30 +72,23 @@ impl Document {
             control_overall: speedup.control_overall,
             control: speedup.control,
             rows: speedup.rows,
-            ladder: Vec::new(),
-            against_compiler: Vec::new(),
-            uncounted: None,
-            explanations: Vec::new(),
-            jumps: None,
-            sweeps: Vec::new(),
-            disturbed: Vec::new(),
-            verdicts: Vec::new(),
+            ..Experiment::default()
         }
     }
 
     /// The sizes that were finished, each with its rows.
-    pub fn sizes(&self) -> impl Iterator<Item = &[Row]> {
+    pub fn sizes(&self) -> impl Iterator<Item = &[Timing]> {
         self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
     }
 
-    /// In how many runs of all of [`Document::rows`] others had the core, of it or of the baseline.
+    /// In how many runs of all of [`Experiment::rows`] others had the core, of it or of the baseline.
     pub fn taken_runs(&self) -> (usize, usize) {
         self.rows.iter().fold((0, 0), |(taken, all), row| (taken + row.taken, all + row.samples.len()))
     }
 
-    /// Of all runs of [`Document::rows`]: those that migrated, those that were off, and how many there are.
+    /// Of all runs of [`Experiment::rows`]: those that migrated, those that were off, and how many there are.
     pub fn odd_runs(&self) -> (usize, usize, usize) {
-        let sum = |of: fn(&Row) -> usize| self.rows.iter().map(of).sum();
+        let sum = |of: fn(&Timing) -> usize| self.rows.iter().map(of).sum();
         (sum(|row| row.migrations), sum(|row| row.off), sum(|row| row.samples.len()))
     }
 }

@@ -5,11 +5,11 @@
 
 use serde::Serialize;
 
-use super::speedup::{self, BASELINE, CONTROL, PAPER, Progress, SpeedupError};
+use super::speedup::{self, BASELINE, CONTROL, Progress, SpeedupError};
 use crate::kernels::{Vec4, sys};
 use crate::measure::statistics::{median, minimum};
 use crate::measure::{Cache, Clock, Machine, core_cycles_per_tick, interleave};
-use crate::render::{Engine, Film, FilmMut, PixelFormat};
+use crate::render::{Film, FilmMut, PixelFormat};
 
 /// Sizes from 0.02 to 16 Mpixel, all 4:3; a quick run takes every third.
 const SIZES: [(u32, u32); 13] = [
@@ -40,11 +40,11 @@ const MUCH_TAKEN: f64 = 0.05;
 /// A change of less than this is none.
 const STEADY: f64 = 0.10;
 /// What writes less than this share of a bandwidth is not bound by it.
-const BOUND: f64 = 0.5;
+pub const BOUND: f64 = 0.5;
 
 /// An engine at a size. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct PictureTime {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -87,7 +87,7 @@ pub struct Bandwidth {
 #[derive(Clone, Debug, Serialize)]
 pub struct Jumps {
     /// Each engine at each size, touched and untouched.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PictureTime>,
     /// Each level of memory.
     pub bandwidth: Vec<Bandwidth>,
 }
@@ -137,8 +137,7 @@ pub fn run(
     proceed: &mut Progress<'_>,
 ) -> Result<Option<Jumps>, SpeedupError> {
     let scene = speedup::scene();
-    let engines: Vec<Engine> =
-        Engine::ALL.iter().copied().filter(|engine| [BASELINE, CONTROL].contains(&engine.name())).collect();
+    let engines = speedup::baseline_and_control();
     let bandwidth = bandwidth(&machine.caches, clock)?;
     let mut rows = Vec::new();
     for (width, height) in sizes(quick) {
@@ -187,7 +186,7 @@ pub fn run(
                 let fastest = beside.least_taken();
                 let (own, ticks) = (beside.own[fastest], beside.ticks[fastest]);
                 let clock_per_tick = beside.clock[fastest];
-                rows.push(Row {
+                rows.push(PictureTime {
                     width,
                     height,
                     pixels,
@@ -263,7 +262,7 @@ pub struct Finding {
 }
 
 impl Jumps {
-    fn of(&self, engine: &str, touched: bool) -> Vec<&Row> {
+    fn of(&self, engine: &str, touched: bool) -> Vec<&PictureTime> {
         self.rows.iter().filter(|row| row.engine == engine && row.touched == touched).collect()
     }
 
@@ -279,13 +278,13 @@ impl Jumps {
         let slowest = self.bandwidth.iter().map(|level| level.bytes_per_cycle).reduce(f64::min);
         let finding = |engine| {
             let (touched, untouched) = (self.of(engine, true), self.of(engine, false));
-            let change = |of: fn(&Row) -> f64| {
+            let change = |of: fn(&PictureTime) -> f64| {
                 let values = || touched.iter().map(|row| of(row));
                 values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min) - 1.0
             };
             let fastest = touched.iter().map(|row| row.bytes_per_cycle).fold(0.0, f64::max);
             let (last, fresh) = (touched.last()?, untouched.last()?);
-            let own = |row: &Row| row.core_cycles_per_pixel / row.clock_per_tick;
+            let own = |row: &PictureTime| row.core_cycles_per_pixel / row.clock_per_tick;
             let more = own(fresh) - own(last);
             let faults = fresh.page_faults - last.page_faults;
             Some(Finding {
@@ -329,48 +328,4 @@ impl Jumps {
             .collect();
         (verdict, figures.join("; "))
     }
-
-    /// What this machine shows and what it cannot show, in words.
-    pub fn text(&self) -> String {
-        let levels: Vec<_> =
-            self.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle)).collect();
-        let mut text = format!("Bytes that plain stores write in a TSC cycle: {}.\n", levels.join(", "));
-        for finding in self.findings() {
-            let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
-            let percent =
-                |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
-            text += &format!(
-                "`{engine}` in a touched framebuffer: between the sizes, TSC cycles a pixel differ by {}, the core's \
-                clock by {}, and the cycles of that clock which the core gave to a pixel by {}. It writes at most {} of \
-                what the slowest level of memory takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
-                percent(Some(change)),
-                percent(Some(clock_change)),
-                percent(Some(core_change)),
-                percent(bandwidth_share),
-                if bandwidth_share.is_some_and(|share| share <= BOUND) { ", and so is not bound by it" } else { "" },
-                finding.fault_cycles_per_pixel,
-                cycles_per_fault.map_or_else(String::new, |cycles| format!(", {cycles:.0} a page fault")),
-            );
-        }
-        text + &paper_jumps()
-    }
-}
-
-/// What the paper's own table says of its jumps.
-fn paper_jumps() -> String {
-    let jump = |small: usize, large: usize| {
-        let by_pixel = |cycles: f64, row: usize| cycles / PAPER[row].pixels() as f64;
-        let of = |cycles: fn(usize) -> f64| by_pixel(cycles(large), large) / by_pixel(cycles(small), small);
-        (of(|row| PAPER[row].c), of(|row| PAPER[row].simd))
-    };
-    let (first, second) = (jump(4, 5), jump(7, 8));
-    let bytes = PixelFormat::F32x4.bytes() as f64 * PAPER[8].pixels() as f64 / PAPER[8].c;
-    format!(
-        "The paper's jumps: after 0.5 Mpixel C takes {:.2} and SIMD {:.2} times as many cycles a pixel, after 0.8 Mpixel \
-        {:.2} and {:.2} times. Both alike, although SIMD writes six times as fast, and C at most {bytes:.3} bytes a cycle: \
-        no cache does that. The time-stamp counter of its machine ticks at a constant rate while its core runs at up to \
-        3.1 GHz, 2.0 GHz or less: 3.1/2.0 = 1.55, and a fall from 2.0 to 0.85 GHz would be 2.35. That fits, but the clock \
-        of that machine was not recorded, and this one cannot show it.\n",
-        first.0, first.1, second.0, second.1,
-    )
 }

@@ -21,7 +21,7 @@ const ROUND_WORK: u64 = 1100;
 const SEED: u64 = 0x1a_dd_e2;
 
 /// A rung. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Rung {
     /// Its name.
     pub rung: String,
@@ -99,7 +99,7 @@ const WIDEST: &str = "turned";
 
 /// The same by instruction set: the packet engine of the same, the name of the rung where it is not the widest, and of the
 /// variant.
-const TURNED: [(&str, &str, &str); 3] = [
+pub(super) const TURNED: [(&str, &str, &str); 3] = [
     ("sse41", "turned, sse41", "turned_sse41"),
     ("avx2", "turned, avx2", "turned_v3"),
     ("avx512", "turned, avx512", "turned_v4"),

@@ -4,8 +4,6 @@ mod kept;
 mod model;
 mod subjects;
 
-use std::fmt;
-
 use serde::Serialize;
 
 use super::speedup;
@@ -77,7 +75,7 @@ pub struct Options {
 #[derive(Debug, Serialize)]
 pub struct Report {
     /// A row for every operation and implementation that was asked for.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Counts>,
     /// A whole small picture by each engine; empty where executed instructions were not asked for or cannot be counted.
     pub frames: Vec<FrameRow>,
     /// Why there are no executed counts although they were asked for.
@@ -110,8 +108,8 @@ impl Compilers {
 }
 
 /// An operation in an implementation. What does not apply, or could not be had here, is None.
-#[derive(Debug, Serialize)]
-pub struct Row {
+#[derive(Debug, Default, Serialize)]
+pub struct Counts {
     /// One of [`OPS`].
     pub op: &'static str,
     /// One of [`IMPLEMENTATIONS`].
@@ -198,16 +196,9 @@ pub struct FrameRow {
 }
 
 /// A name that is not there.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no operation `{0}`; there are: {list}", list = OPS.join(", "))]
 pub struct UnknownOp(pub String);
-
-impl fmt::Display for UnknownOp {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "there is no operation `{}`; there are: {}", self.0, OPS.join(", "))
-    }
-}
-
-impl std::error::Error for UnknownOp {}
 
 /// Hears how much is done, of how much.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
@@ -268,30 +259,9 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
 }
 
 /// One cell of the table. `feedback_cycles`: what to take off chains of latency, where that is known; None for no costs.
-fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<Option<f64>>) -> Row {
+fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<Option<f64>>) -> Counts {
     let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
-    let mut row = Row {
-        op,
-        implementation,
-        body: None,
-        function: None,
-        vectors: None,
-        per_vector: None,
-        executed: None,
-        latency: None,
-        throughput: None,
-        cost_of: None,
-        call_latency: None,
-        call_throughput: None,
-        critical_path: None,
-        body_mix: None,
-        function_mix: None,
-        paths: Vec::new(),
-        model: None,
-        unavailable: None,
-        no_cycles: None,
-        listing: Vec::new(),
-    };
+    let mut row = Counts { op, implementation, ..Counts::default() };
     match (implementation, printed) {
         // What the paper counted as C looks like whole functions, its SIMD is its macros.
         ("printed-c", printed) => row.function = printed.map(|(c, _)| c),
@@ -333,11 +303,8 @@ fn isa(implementation: &str) -> Option<Isa> {
 
 /// Vectors in a packet of an ISA.
 fn lanes(implementation: &str) -> Option<usize> {
-    match isa(implementation)? {
-        Isa::Sse41 => Some(4),
-        Isa::Avx2 => Some(8),
-        Isa::Avx512 => Some(16),
-    }
+    // Each is twice as wide as the one before.
+    Some(4 << isa(implementation)? as usize)
 }
 
 /// The code of an operation: out of the objects, or for Rust out of this process.
@@ -348,7 +315,7 @@ fn code(op: &str, implementation: &str, subject: Option<&Subject>) -> Option<Cod
     }
 }
 
-impl Row {
+impl Counts {
     fn count(&mut self, code: &Code) {
         self.body_mix = code.body();
         self.function_mix = Some(code.function());
@@ -430,24 +397,16 @@ fn chain_cycles(chain: kernels::Chain, least: f64) -> Option<f64> {
 
 /// What the comment above a macro says of its critical path, in the form that `implementation` takes.
 fn critical_path(op: &str, implementation: &str) -> Option<String> {
+    let upper = op.to_uppercase();
     let (aos, packet) = match op {
-        "add" => ("VEC_ADD", "ADD3"),
-        "sub" => ("VEC_SUB", "SUB3"),
-        "scale" => ("VEC_SCALE", "SCALE3"),
-        "dot" => ("VEC_DOT", "DOT3"),
-        "norm" => ("VEC_NORM", "NORM3"),
-        "cross" => ("VEC_CROSS", "CROSS3"),
-        "normalise" => ("VEC_NORMALISE", "NORMALISE3"),
-        "sphere" => ("SPHERE_HIT", "SPHERE_HIT3"),
-        "triangle" => ("TRIANGLE_HIT", "TRIANGLE_HIT3"),
-        _ => ("LAMBERT", "LAMBERT3"),
+        "sphere" | "triangle" => (format!("{upper}_HIT"), format!("{upper}_HIT3")),
+        "lambert" => (upper.clone(), format!("{upper}3")),
+        _ => (format!("VEC_{upper}"), format!("{upper}3")),
     };
     let (name, second) = match implementation {
         "paper" => (aos, false),
         "aos" => (aos, true),
-        "sse41" => (packet, false),
-        "avx2" | "avx512" => (packet, true),
-        _ => return None,
+        _ => (packet, isa(implementation)? > Isa::Sse41),
     };
     let header = format!("; {name} - ");
     let sources = [

@@ -2,23 +2,22 @@
 
 use plotters::prelude::*;
 
-use super::document::Document;
-use super::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio};
-use super::svg::{FONT, PlotError, draw, legend};
+use super::document::Experiment;
+use super::speedup::{BASELINE, CONTROL, PAPER, Timing, paper_mean_ratio};
+use super::svg::{BLUE, FONT, PlotError, VERMILION, draw, legend};
 
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 600;
-/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
-const C_COLOUR: RGBColor = RGBColor(213, 94, 0);
-const SIMD_COLOUR: RGBColor = RGBColor(0, 114, 178);
+const C_COLOUR: RGBColor = VERMILION;
+const SIMD_COLOUR: RGBColor = BLUE;
 const CONTROL_COLOUR: RGBColor = RGBColor(120, 120, 120);
 
 /// Megapixels and billions of cycles of an engine's rows: the means, as the paper gives them.
-fn points<'a>(document: &'a Document, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
+fn points<'a>(document: &'a Experiment, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
     document.rows.iter().filter(move |row| row.is(engine)).map(|row| (mega(row), row.cycles_mean / 1e9))
 }
 
-fn mega(row: &Row) -> f64 {
+fn mega(row: &Timing) -> f64 {
     row.pixels as f64 / 1e6
 }
 
@@ -28,7 +27,7 @@ fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 /// Time against pixels: our C and SIMD on the left axis, the paper's on the right one, which is its machine's own.
-pub fn figure2(document: &Document) -> Result<String, PlotError> {
+pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
     draw(WIDTH, HEIGHT, |area| {
         let ours = up_to(points(document, BASELINE).chain(points(document, CONTROL)).map(|(_, y)| y));
         let papers = up_to(PAPER.iter().map(|row| row.c / 1e9));
@@ -39,8 +38,7 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
             .x_label_area_size(44)
             .y_label_area_size(64)
             .right_y_label_area_size(64)
-            .build_cartesian_2d(x.clone(), ours)
-            .map_err(PlotError::new)?
+            .build_cartesian_2d(x.clone(), ours)?
             .set_secondary_coord(x, papers);
         chart
             .configure_mesh()
@@ -50,19 +48,16 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
             .y_desc("10⁹ TSC cycles, this machine")
             .label_style((FONT, 14))
             .axis_desc_style((FONT, 16))
-            .draw()
-            .map_err(PlotError::new)?;
+            .draw()?;
         chart
             .configure_secondary_axes()
             .y_desc("10⁹ TSC cycles, the paper's machine")
             .label_style((FONT, 14))
             .axis_desc_style((FONT, 16))
-            .draw()
-            .map_err(PlotError::new)?;
+            .draw()?;
         for (engine, label, colour) in [(BASELINE, "C, here", C_COLOUR), (CONTROL, "SIMD, here", SIMD_COLOUR)] {
             chart
-                .draw_series(LineSeries::new(points(document, engine), colour.stroke_width(2)).point_size(4))
-                .map_err(PlotError::new)?
+                .draw_series(LineSeries::new(points(document, engine), colour.stroke_width(2)).point_size(4))?
                 .label(label)
                 .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
         }
@@ -74,8 +69,7 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
                 (row.pixels() as f64 / 1e6, cycles / 1e9)
             });
             chart
-                .draw_secondary_series(points.map(|point| Cross::new(point, 5, colour.stroke_width(2))))
-                .map_err(PlotError::new)?
+                .draw_secondary_series(points.map(|point| Cross::new(point, 5, colour.stroke_width(2))))?
                 .label(label)
                 .legend(move |(x, y)| Cross::new((x + 10, y), 5, colour.stroke_width(2)));
         }
@@ -84,7 +78,7 @@ pub fn figure2(document: &Document) -> Result<String, PlotError> {
 }
 
 /// C/SIMD against pixels with its intervals, the paper's, and the control, whose distance from 1 is noise.
-pub fn ratio(document: &Document) -> Result<String, PlotError> {
+pub fn ratio(document: &Experiment) -> Result<String, PlotError> {
     draw(WIDTH, HEIGHT, |area| {
         let rows: Vec<_> = document.rows.iter().filter(|row| row.is(CONTROL)).collect();
         let highest = rows.iter().map(|row| row.ratio_to_c).chain(PAPER.iter().map(|row| row.ratio()));
@@ -95,8 +89,7 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
             .margin(12)
             .x_label_area_size(44)
             .y_label_area_size(56)
-            .build_cartesian_2d(0.0..2.1, y)
-            .map_err(PlotError::new)?;
+            .build_cartesian_2d(0.0..2.1, y)?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -105,8 +98,7 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
             .y_desc("C/SIMD")
             .label_style((FONT, 14))
             .axis_desc_style((FONT, 16))
-            .draw()
-            .map_err(PlotError::new)?;
+            .draw()?;
         // An interval that noise has blown up ends at the frame.
         let bar = |x: f64, value: f64, low: f64, high: f64, colour: RGBColor| {
             ErrorBar::new_vertical(x, low.min(top), value.min(top), high.min(top), colour.filled(), 8)
@@ -114,8 +106,7 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
         chart
             .draw_series(
                 rows.iter().map(|row| bar(mega(row), row.ratio_to_c, row.ratio_low, row.ratio_high, SIMD_COLOUR)),
-            )
-            .map_err(PlotError::new)?
+            )?
             .label("here")
             .legend(|(x, y)| Circle::new((x + 10, y), 4, SIMD_COLOUR.filled()));
         chart
@@ -123,16 +114,14 @@ pub fn ratio(document: &Document) -> Result<String, PlotError> {
                 PAPER
                     .iter()
                     .map(|row| Cross::new((row.pixels() as f64 / 1e6, row.ratio()), 5, C_COLOUR.stroke_width(2))),
-            )
-            .map_err(PlotError::new)?
+            )?
             .label(format!("the paper's, {:.2} in the mean", paper_mean_ratio()))
             .legend(|(x, y)| Cross::new((x + 10, y), 5, C_COLOUR.stroke_width(2)));
         chart
             .draw_series(document.control.iter().map(|row| {
                 let x = f64::from(row.width) * f64::from(row.height) / 1e6;
                 bar(x, row.ratio, row.low, row.high, CONTROL_COLOUR)
-            }))
-            .map_err(PlotError::new)?
+            }))?
             .label("SIMD against itself")
             .legend(|(x, y)| Circle::new((x + 10, y), 4, CONTROL_COLOUR.filled()));
         // Between the control at 1 and the ratios.

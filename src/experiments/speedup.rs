@@ -6,11 +6,12 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::accuracy::subjects::shipped;
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::reference::ReferenceTracer;
 use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer};
-use crate::scene::{self, Camera, Rng, Scene};
+use crate::scene::{Camera, Rng, Scene};
 
 /// A row of the paper's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +78,12 @@ const SEED: u64 = 0x5e_c7_10_05;
 
 /// The scene of the experiment, `scenes/sphere.in`.
 pub fn scene() -> Scene {
-    scene::parse(include_bytes!("../../scenes/sphere.in"), "scenes/sphere.in").expect("the scene is one of ours")
+    shipped("sphere")
+}
+
+/// The two engines that the paper compares.
+pub(super) fn baseline_and_control() -> [Engine; 2] {
+    [BASELINE, CONTROL].map(|name| name.parse().expect("asm is built"))
 }
 
 /// The experiment's scene in another size.
@@ -146,8 +152,8 @@ impl Settings {
 }
 
 /// One engine at one size. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Timing {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -184,7 +190,7 @@ pub struct Row {
     pub samples: Vec<f64>,
 }
 
-impl Row {
+impl Timing {
     /// Median cycles of a pixel.
     pub fn cycles_per_pixel(&self) -> f64 {
         self.cycles_median / self.pixels as f64
@@ -222,7 +228,7 @@ pub struct ControlRow {
 #[derive(Clone, Debug)]
 pub struct Speedup {
     /// Every engine at every size that was finished.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Timing>,
     /// The control at every size that was finished.
     pub control: Vec<ControlRow>,
     /// No ratio closer to 1 than this is a difference: the furthest that the control came from 1 at any size.
@@ -513,7 +519,7 @@ impl Speedup {
                 let ratios = kept(&pairwise_ratios(&baseline.ticks, &of_entry.ticks), &judged);
                 let ratio = median_with_interval(ratios.chunks(1), &mut random);
                 let ticks = kept(&of_entry.ticks, &judged);
-                rows.push(Row {
+                rows.push(Timing {
                     width: size.width,
                     height: size.height,
                     pixels: size.pixels(),
@@ -652,7 +658,7 @@ mod tests {
         let settings = settings(&[0, 1], 3);
         let measured = Speedup::of(&settings, &scripted_runs(&settings, &[6000, 1000, 1100])).unwrap();
         assert!(measured.complete());
-        let summary = |row: &Row| (row.engine, row.pixels, row.samples.clone(), row.cycles_median);
+        let summary = |row: &Timing| (row.engine, row.pixels, row.samples.clone(), row.cycles_median);
         let rows: Vec<_> = measured.rows.iter().map(summary).collect();
         assert_eq!(rows[0], ("c", 99_645, vec![6000.0, 6001.0, 6002.0], 6001.0));
         assert_eq!(rows[1], ("paper", 99_645, vec![1000.0, 1001.0, 1002.0], 1001.0));

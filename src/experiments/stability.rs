@@ -19,9 +19,6 @@ use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
 use limits::{Broken, Figures, Limits};
 
-/// The number of the schema, in the document's field `schema`.
-pub const SCHEMA: u32 = 1;
-
 /// Rays of a cell, all variants of a level together, at least. Of a quick run and of any other.
 const RAYS: [u32; 2] = [3_000, 100_000];
 /// Runs of which the fastest counts, and after how many seconds there are no more.
@@ -46,7 +43,7 @@ pub struct Settings {
 }
 
 /// One engine at one level of a family, all variants together. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Cell {
     /// The family's id.
     pub family: &'static str,
@@ -116,8 +113,8 @@ fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
 }
 
 /// One engine over a whole family.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Stability {
     /// The family's id.
     pub family: &'static str,
     /// Who.
@@ -163,9 +160,7 @@ struct Worst {
 
 /// Everything that was found.
 #[derive(Clone, Debug, Serialize)]
-pub struct Document {
-    /// [`SCHEMA`].
-    pub schema: u32,
+pub struct StabilityReport {
     /// The machine and the build.
     pub machine: Machine,
     /// Where the random numbers began.
@@ -175,7 +170,7 @@ pub struct Document {
     /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Every engine on every family.
-    pub rows: Vec<Row>,
+    pub rows: Vec<Stability>,
     /// The same level by level.
     pub cells: Vec<Cell>,
     /// What a far sphere and a small scene take by what ordinary ones do.
@@ -205,9 +200,8 @@ pub fn forecast(settings: &Settings) -> f64 {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<Document, AccuracyError> {
-    let mut document = Document {
-        schema: SCHEMA,
+pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, AccuracyError> {
+    let mut document = StabilityReport {
         machine: Machine::this(),
         seed: settings.seed,
         quick: settings.quick,
@@ -309,20 +303,8 @@ fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
         value: family.levels[level].to_string(),
         engine: contender.engine.name(),
         precision: contender.precision.name(),
-        rays: 0,
-        in_margin: 0,
-        wrong_hits: 0,
-        holes: 0,
-        max_ulp: None,
-        bound_share: None,
-        max_angle: None,
-        off_by_1: 0,
-        unexplained: 0,
-        off_by_2: 0,
-        ns_per_ray: None,
-        slowdown: None,
-        worst_case: 0,
         worst_by: [(-1.0, 0); limits::MEASURES.len()],
+        ..Cell::default()
     }
 }
 
@@ -417,7 +399,7 @@ fn compare_times(family: &Family, cells: &mut [Cell]) {
 }
 
 /// The rows of a family from its cells.
-fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
+fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
     let mut seen = BTreeSet::new();
     let contenders = cells.iter().map(Cell::contender).filter(|contender| seen.insert(*contender));
     let row = |(engine, precision): (&'static str, &'static str)| {
@@ -434,7 +416,7 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
             });
             cells.max_by(|a, b| a.figure.total_cmp(&b.figure)).unwrap_or_default()
         });
-        Row {
+        Stability {
             family: family.id,
             engine,
             precision,
@@ -456,11 +438,11 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Row> {
     contenders.map(row).collect()
 }
 
-impl Row {
+impl Stability {
     /// The command that repeats one case alone.
     pub fn replay(&self, case: usize, seed: u64, quick: bool) -> String {
         let quick = if quick { " --quick" } else { "" };
-        let Row { family, engine, .. } = self;
+        let Stability { family, engine, .. } = self;
         format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")
     }
 }

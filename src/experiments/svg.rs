@@ -1,6 +1,7 @@
 //! What all figures share: an SVG on white, its font, and the list of its series.
 
 use plotters::coord::Shift;
+use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 
 /// Why there is no figure.
@@ -8,11 +9,19 @@ use plotters::prelude::*;
 #[error("cannot draw the figure: {0}")]
 pub struct PlotError(String);
 
-impl PlotError {
-    pub(super) fn new(error: impl ToString) -> Self {
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
         PlotError(error.to_string())
     }
 }
+
+/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
+pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
+pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
+pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
+pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
 
 /// A font that every viewer has.
 pub(super) const FONT: &str = "sans-serif";
@@ -29,9 +38,9 @@ pub(super) fn draw(
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area();
-        area.fill(&WHITE).map_err(PlotError::new)?;
+        area.fill(&WHITE)?;
         figure(&area)?;
-        area.present().map_err(PlotError::new)?;
+        area.present()?;
     }
     Ok(svg)
 }
@@ -42,13 +51,12 @@ pub(super) fn legend<'a, T: CoordTranslate>(
     chart: &mut ChartContext<'a, SVGBackend<'a>, T>,
     position: SeriesLabelPosition,
 ) -> Result<(), PlotError> {
-    chart
-        .configure_series_labels()
-        .position(position)
-        .background_style(WHITE.mix(0.9))
-        .border_style(BLACK.mix(0.3))
-        .label_font((FONT, 14))
-        .margin(10)
-        .draw()
-        .map_err(PlotError::new)
+    let mut labels = chart.configure_series_labels();
+    labels.position(position).background_style(WHITE.mix(0.9)).border_style(BLACK.mix(0.3));
+    Ok(labels.label_font((FONT, 14)).margin(10).draw()?)
+}
+
+/// Words at a place, in letters of that size.
+pub(super) fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32) -> Result<(), PlotError> {
+    Ok(area.draw(&Text::new(text.to_owned(), at, (FONT, size)))?)
 }

@@ -21,7 +21,9 @@ pub trait Clock {
     fn time(&mut self, work: &mut dyn FnMut()) -> u64;
 
     /// The core that runs this thread, where that can be known.
-    fn core(&mut self) -> Option<usize>;
+    fn core(&mut self) -> Option<usize> {
+        sys::current_core()
+    }
 
     /// Whether others had the core in the last of these times.
     fn taken(&mut self) -> bool {
@@ -50,10 +52,6 @@ impl Clock for TscClock {
         let ticks = start.stop();
         self.taken = watch.taken();
         ticks
-    }
-
-    fn core(&mut self) -> Option<usize> {
-        sys::current_core()
     }
 
     fn taken(&mut self) -> bool {
@@ -87,10 +85,6 @@ impl Clock for WallClock {
         ticks
     }
 
-    fn core(&mut self) -> Option<usize> {
-        sys::current_core()
-    }
-
     fn taken(&mut self) -> bool {
         self.taken
     }
@@ -115,10 +109,6 @@ impl Clock for Totalled<'_> {
         let ticks = self.clock.time(work);
         self.total += ticks;
         ticks
-    }
-
-    fn core(&mut self) -> Option<usize> {
-        self.clock.core()
     }
 
     fn taken(&mut self) -> bool {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::tsc_hz;
 
 /// A figure without this is not a result. The field names are those of the JSON documents.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Machine {
     /// The CPU's own name.
     pub cpu: Option<String>,

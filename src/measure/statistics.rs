@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// A value with the interval that a repetition is expected to fall into.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
     /// The estimate itself.
     pub value: f64,

@@ -31,7 +31,8 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     static THIRD_LEVEL: OnceLock<Option<u64>> = OnceLock::new();
     let third = *THIRD_LEVEL
         .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
-    let most = third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
+    let most =
+        third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
     pixels * format.bytes() as u64 > most
 }
 

@@ -1,33 +1,30 @@
 //! The document docs/results/accuracy.md.
 
 use super::table::{number, plain_table, reasons, summary_table};
-use crate::cli::essay::part;
+use crate::cli::essay::{absent_engines, cpu, part};
 use crate::cli::table::Table;
 use crate::experiments::accuracy::summary::summaries;
-use crate::experiments::accuracy::{Document, Row};
-use crate::render::Engine;
-use crate::scene::families;
+use crate::experiments::accuracy::{Accuracy, AccuracyReport, Who};
+use crate::scene::families::{FAMILIES, Family};
 
 /// What stands before the tables, no word of which depends on the machine, and before that of plain formulas.
 const EXPLANATION: &str = include_str!("explanation.md");
 
 /// All of it.
-pub(super) fn text(document: &Document) -> String {
+pub(super) fn text(document: &AccuracyReport) -> String {
     let rows = &document.rows;
-    let machine = &document.machine;
     let mut text = part(EXPLANATION, "the page").to_owned();
     text += "## The figure\n\n![Error against time, a panel for each family](accuracy.svg)\n\n";
     text += "## All scenes together\n\n";
     text += &format!(
         "{} scenes. Counts are sums, errors the largest of any scene, times the geometric mean. {}; {}.\n\n",
         rows.chunk_by(|a, b| a.scene == b.scene).count(),
-        machine.cpu.as_deref().unwrap_or("an unknown CPU"),
-        machine.rustc,
+        cpu(&document.machine),
+        document.machine.rustc,
     );
     text += &summary_table(&summaries(rows));
-    let engines: Vec<_> = Engine::ALL.iter().filter(|engine| !engine.usable()).map(|engine| engine.name()).collect();
-    if !engines.is_empty() {
-        text += &format!("\nThis machine does not run {}, which the table would have too.\n", engines.join(" and "));
+    if let Some(absent) = absent_engines() {
+        text += &format!("\nThis machine does not run {absent}, which the table would have too.\n");
     }
     text += "\nWhat is on no front of this machine, and why it stays:\n\n";
     text += &reasons(&document.off_every_front);
@@ -40,11 +37,13 @@ pub(super) fn text(document: &Document) -> String {
              ordinary to the end of its range; after its name is the value of what is varied.\n\n";
     text += "<!-- errors -->\n";
     text += &scenes_table(rows);
-    text += "\n| family | what it is | what is varied | what is correct |\n|---|---|---|---|\n";
-    for family in families::FAMILIES.iter().filter(|family| rows.iter().any(|row| row.family == Some(family.id))) {
-        text += &format!("| {} | {} | {} | {} |\n", family.id, family.name, family.parameter, family.correct);
+    let mut table = Table::new(usize::MAX, ["family", "what it is", "what is varied", "what is correct"]);
+    for Family { id, name, parameter, correct, .. } in FAMILIES {
+        if rows.iter().any(|row| row.family == Some(id)) {
+            table.row([id, name, parameter, correct].map(|cell| (*cell).into()).to_vec());
+        }
     }
-    text
+    text + "\n" + &table.compact()
 }
 
 /// The columns: the paper's two, plain Rust, the reference, and packets whose arithmetic most CPUs have.
@@ -58,9 +57,9 @@ const COLUMNS: [(&str, &str); 7] = [
     ("avx2", "double"),
 ];
 
-fn scenes_table(rows: &[Row]) -> String {
-    let is = |row: &Row, (engine, precision): (&str, &str)| {
-        (row.engine, row.precision, row.option, row.output) == (engine, precision, None, "f32x4")
+fn scenes_table(rows: &[Accuracy]) -> String {
+    let is = |row: &Accuracy, (engine, precision): (&'static str, &'static str)| {
+        row.who == Who { engine, precision, option: None, output: "f32x4" }
     };
     let columns: Vec<_> = COLUMNS.into_iter().filter(|column| rows.iter().any(|row| is(row, *column))).collect();
     let names = columns.iter().map(|(engine, precision)| match *precision {

@@ -1,11 +1,9 @@
 //! The tables of `rayo accuracy`: each scene row by row, all scenes together, and everything as CSV.
 
-use std::fmt::Write as _;
-
-use crate::cli::table::Table;
+use crate::cli::table::{Column, Table};
 use crate::experiments::accuracy::plain::AgainstPlain;
 use crate::experiments::accuracy::summary::{Reason, Summary, summaries};
-use crate::experiments::accuracy::{Document, Row};
+use crate::experiments::accuracy::{Accuracy, AccuracyReport, Who};
 
 /// A number in three digits; – where there is none.
 pub(super) fn number(x: Option<f64>) -> String {
@@ -20,128 +18,142 @@ pub(super) fn number(x: Option<f64>) -> String {
     }
 }
 
-/// One scene: every row, those of the front marked.
-fn scene_table(rows: &[&Row]) -> String {
-    let mut table = Table::new(
-        4,
-        [
-            "engine",
-            "precision",
-            "option",
-            "output",
-            "wrong hits",
-            "in margin",
-            "wrong object",
-            "max ulp",
-            "rms ulp",
-            "99.9 % ulp",
-            "of bound",
-            "angle",
-            "max colour",
-            "rms colour",
-            "off by 1",
-            "off by 2",
-            "PSNR",
-            "ns/ray",
-            "median",
-            "spread",
-            "cycles/ray",
-            "set-up µs",
-            "front",
-        ],
-    );
-    for row in rows {
-        let errors = &row.errors;
-        table.row(vec![
-            row.engine.into(),
-            row.precision.into(),
-            row.option.unwrap_or("").into(),
-            row.output.into(),
-            errors.wrong_hits.to_string(),
-            errors.wrong_hits_inside.to_string(),
-            errors.wrong_objects.to_string(),
-            number(errors.max_ulp),
-            number(errors.rms_ulp),
-            number(errors.p999_ulp),
-            number(errors.bound_share),
-            number(errors.max_angle),
-            number(errors.max_colour),
-            number(errors.rms_colour),
-            errors.off_by_1.to_string(),
-            errors.off_by_2.to_string(),
-            errors.psnr.map_or("∞".into(), |psnr| format!("{psnr:.1}")),
-            number(Some(row.ns_per_ray)),
-            number(Some(row.ns_per_ray_median)),
-            format!("{:.0} %", 100.0 * row.spread),
-            number(row.cycles_per_ray),
-            format!("{:.1}", row.setup_ns / 1e3),
-            if row.front { "*" } else { "" }.into(),
-        ]);
+/// What is in a cell.
+enum Cell<'a> {
+    Name(&'a str),
+    Word(&'a str),
+    Count(usize),
+    Figure(Option<f64>),
+    Decibels(Option<f64>),
+    Share(f64),
+    /// Nanoseconds, for people microseconds.
+    SetUp(f64),
+    Front(bool),
+}
+
+impl Cell<'_> {
+    /// As people read it.
+    fn text(&self) -> String {
+        match *self {
+            Cell::Name(text) | Cell::Word(text) => text.into(),
+            Cell::Count(count) => count.to_string(),
+            Cell::Figure(figure) => number(figure),
+            Cell::Decibels(psnr) => psnr.map_or("∞".into(), |psnr| format!("{psnr:.1}")),
+            Cell::Share(share) => format!("{:.0} %", 100.0 * share),
+            Cell::SetUp(ns) => format!("{:.1}", ns / 1e3),
+            Cell::Front(front) => if front { "*" } else { "" }.into(),
+        }
     }
+
+    /// With all digits.
+    fn csv(&self) -> String {
+        match *self {
+            Cell::Name(name) => format!("\"{}\"", name.replace('"', "\"\"")),
+            Cell::Figure(figure) | Cell::Decibels(figure) => figure.map_or_else(String::new, |x| format!("{x:e}")),
+            Cell::Share(x) | Cell::SetUp(x) => format!("{x:e}"),
+            Cell::Front(front) => front.to_string(),
+            Cell::Word(_) | Cell::Count(_) => self.text(),
+        }
+    }
+}
+
+/// A column: its name in the CSV, its head in the table of a scene, where it is in that, and its cells.
+type CellOf = (&'static str, Option<&'static str>, fn(&Accuracy) -> Cell<'_>);
+
+const COLUMNS: [CellOf; 37] = [
+    ("scene", None, |row| Cell::Name(&row.scene)),
+    ("family", None, |row| Cell::Word(row.family.unwrap_or(""))),
+    ("stiffness", None, |row| row.stiffness.map_or(Cell::Word(""), Cell::Count)),
+    ("width", None, |row| Cell::Count(row.width as usize)),
+    ("height", None, |row| Cell::Count(row.height as usize)),
+    ("engine", Some("engine"), |row| Cell::Word(row.who.engine)),
+    ("precision", Some("precision"), |row| Cell::Word(row.who.precision)),
+    ("option", Some("option"), |row| Cell::Word(row.who.option.unwrap_or(""))),
+    ("output", Some("output"), |row| Cell::Word(row.who.output)),
+    ("rays", None, |row| Cell::Count(row.errors.rays)),
+    ("hits", None, |row| Cell::Count(row.errors.hits)),
+    ("in_margin", None, |row| Cell::Count(row.errors.in_margin)),
+    ("wrong_hits", Some("wrong hits"), |row| Cell::Count(row.errors.wrong_hits)),
+    ("wrong_hits_inside", Some("in margin"), |row| Cell::Count(row.errors.wrong_hits_inside)),
+    ("wrong_objects", Some("wrong object"), |row| Cell::Count(row.errors.wrong_objects)),
+    ("wrong_objects_inside", None, |row| Cell::Count(row.errors.wrong_objects_inside)),
+    ("max_ulp", Some("max ulp"), |row| Cell::Figure(row.errors.max_ulp)),
+    ("rms_ulp", Some("rms ulp"), |row| Cell::Figure(row.errors.rms_ulp)),
+    ("p999_ulp", Some("99.9 % ulp"), |row| Cell::Figure(row.errors.p999_ulp)),
+    ("bound_share", Some("of bound"), |row| Cell::Figure(row.errors.bound_share)),
+    ("max_angle", Some("angle"), |row| Cell::Figure(row.errors.max_angle)),
+    ("rms_angle", None, |row| Cell::Figure(row.errors.rms_angle)),
+    ("max_colour", Some("max colour"), |row| Cell::Figure(row.errors.max_colour)),
+    ("rms_colour", Some("rms colour"), |row| Cell::Figure(row.errors.rms_colour)),
+    ("off_by_1", Some("off by 1"), |row| Cell::Count(row.errors.off_by_1)),
+    ("off_by_2", Some("off by 2"), |row| Cell::Count(row.errors.off_by_2)),
+    ("max_level", None, |row| Cell::Count(row.errors.max_level.into())),
+    ("psnr", Some("PSNR"), |row| Cell::Decibels(row.errors.psnr)),
+    ("ns_per_ray", Some("ns/ray"), |row| Cell::Figure(Some(row.ns_per_ray))),
+    ("ns_per_ray_median", Some("median"), |row| Cell::Figure(Some(row.ns_per_ray_median))),
+    ("spread", Some("spread"), |row| Cell::Share(row.spread)),
+    ("cycles_per_ray", Some("cycles/ray"), |row| Cell::Figure(row.cycles_per_ray)),
+    ("cycles_per_ray_median", None, |row| Cell::Figure(row.cycles_per_ray_median)),
+    ("setup_ns", Some("set-up µs"), |row| Cell::SetUp(row.setup_ns)),
+    ("runs", None, |row| Cell::Count(row.runs)),
+    ("error", None, |row| Cell::Figure(Some(row.error))),
+    ("front", Some("front"), |row| Cell::Front(row.front)),
+];
+
+/// One scene: every row, those of the front marked.
+fn scene_table(rows: &[Accuracy]) -> String {
+    let columns = || COLUMNS.iter().filter_map(|(_, head, cell)| Some(((*head)?, cell)));
+    let mut table = Table::new(4, columns().map(|(head, _)| head));
+    rows.iter().for_each(|row| table.row(columns().map(|(_, cell)| cell(row).text()).collect()));
     table.text()
+}
+
+/// A line per row.
+pub(super) fn csv(document: &AccuracyReport) -> String {
+    let line = |cells: Vec<String>| cells.join(",") + "\n";
+    let heads = line(COLUMNS.map(|(name, ..)| name.to_owned()).to_vec());
+    let rows = document.rows.iter().map(|row| line(COLUMNS.map(|(.., cell)| cell(row).csv()).to_vec()));
+    heads + &rows.collect::<String>()
 }
 
 /// Who over all scenes.
 pub(super) fn summary_table(summaries: &[Summary]) -> String {
-    let mut table = Table::new(
-        4,
-        [
-            "engine",
-            "precision",
-            "option",
-            "output",
-            "wrong hits",
-            "wrong object",
-            "max ulp",
-            "of bound",
-            "off by 2",
-            "max colour",
-            "ns/ray",
-            "fronts",
-        ],
-    );
-    for summary in summaries {
-        table.row(vec![
-            summary.engine.into(),
-            summary.precision.into(),
-            summary.option.unwrap_or("").into(),
-            summary.output.into(),
-            summary.wrong_hits.to_string(),
-            summary.wrong_objects.to_string(),
-            number(summary.max_ulp),
-            number(summary.bound_share),
-            summary.off_by_2.to_string(),
-            number(summary.max_colour),
-            number(Some(summary.ns_per_ray)),
-            format!("{} of {}", summary.fronts, summary.scenes),
-        ]);
-    }
-    table.text()
+    let columns: [Column<Summary>; 12] = [
+        ("engine", |all| all.who.engine.into()),
+        ("precision", |all| all.who.precision.into()),
+        ("option", |all| all.who.option.unwrap_or("").into()),
+        ("output", |all| all.who.output.into()),
+        ("wrong hits", |all| all.wrong_hits.to_string()),
+        ("wrong object", |all| all.wrong_objects.to_string()),
+        ("max ulp", |all| number(all.max_ulp)),
+        ("of bound", |all| number(all.bound_share)),
+        ("off by 2", |all| all.off_by_2.to_string()),
+        ("max colour", |all| number(all.max_colour)),
+        ("ns/ray", |all| number(Some(all.ns_per_ray))),
+        ("fronts", |all| format!("{} of {}", all.fronts, all.scenes)),
+    ];
+    Table::of(4, &columns, summaries)
 }
 
 /// What robust formulas take by what plain ones do.
 pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
-    let mut table =
-        Table::new(2, ["scene", "instructions", "plain, ns/ray", "robust, ns/ray", "robust / plain", "95 %"]);
-    for AgainstPlain { scene, engine, robust_ns_per_ray, plain_ns_per_ray, ratio, .. } in pairs {
-        table.row(vec![
-            scene.clone(),
-            (*engine).into(),
-            number(Some(*plain_ns_per_ray)),
-            number(Some(*robust_ns_per_ray)),
-            format!("{:.3}", ratio.value),
-            format!("{:.3} to {:.3}", ratio.low, ratio.high),
-        ]);
-    }
-    table.text()
+    let columns: [Column<AgainstPlain>; 6] = [
+        ("scene", |pair| pair.scene.clone()),
+        ("instructions", |pair| pair.engine.into()),
+        ("plain, ns/ray", |pair| number(Some(pair.plain_ns_per_ray))),
+        ("robust, ns/ray", |pair| number(Some(pair.robust_ns_per_ray))),
+        ("robust / plain", |pair| format!("{:.3}", pair.ratio.value)),
+        ("95 %", |pair| format!("{:.3} to {:.3}", pair.ratio.low, pair.ratio.high)),
+    ];
+    Table::of(2, &columns, pairs)
 }
 
 /// The sentences why those stay that are on no front, one after those that it is of.
 pub(super) fn reasons(reasons: &[Reason]) -> String {
     // An engine with its option, and in which precisions and outputs.
-    type Who = (String, Vec<String>);
-    let mut of: Vec<(&str, Vec<Who>)> = Vec::new();
-    for Reason { engine, precision, option, output, reason } in reasons {
+    type Entry = (String, Vec<String>);
+    let mut of: Vec<(&str, Vec<Entry>)> = Vec::new();
+    for Reason { who: Who { engine, precision, option, output }, reason } in reasons {
         let option = option.map_or(String::new(), |option| format!(" with `{option}`"));
         let (who, what) = (format!("`{engine}`{option}"), format!("{precision} {output}"));
         let i = of.iter().position(|(other, _)| other == reason).unwrap_or_else(|| {
@@ -153,24 +165,23 @@ pub(super) fn reasons(reasons: &[Reason]) -> String {
             None => of[i].1.push((who, vec![what])),
         }
     }
-    let who = |(who, what): &Who| format!("{who} ({})", what.join(", "));
+    let who = |(who, what): &Entry| format!("{who} ({})", what.join(", "));
     of.iter()
         .map(|(sentence, all)| format!("- {}: {sentence}\n", all.iter().map(who).collect::<Vec<_>>().join("; ")))
         .collect()
 }
 
 /// What is printed: each scene if there are few, and all of them together.
-pub(super) fn text(document: &Document, each: bool) -> String {
+pub(super) fn text(document: &AccuracyReport, each: bool) -> String {
     let mut text = String::new();
     let scenes = document.rows.chunk_by(|a, b| a.scene == b.scene);
     let mut count = 0;
     for rows in scenes {
         count += 1;
         if each {
-            let Row { scene, width, height, errors, .. } = &rows[0];
-            writeln!(text, "{scene}, {width}×{height}, {} of {} rays hit:\n", errors.hits, errors.rays)
-                .expect("a String takes all");
-            text += &scene_table(&rows.iter().collect::<Vec<_>>());
+            let Accuracy { scene, width, height, errors, .. } = &rows[0];
+            text += &format!("{scene}, {width}×{height}, {} of {} rays hit:\n\n", errors.hits, errors.rays);
+            text += &scene_table(rows);
             text += "\n";
         }
     }
@@ -189,67 +200,6 @@ pub(super) fn text(document: &Document, each: bool) -> String {
     if !document.off_every_front.is_empty() {
         text += "\nOn no front here, and why it stays:\n";
         text += &reasons(&document.off_every_front);
-    }
-    text
-}
-
-/// A line per row.
-pub(super) fn csv(document: &Document) -> String {
-    let mut text = String::from(
-        "scene,family,stiffness,width,height,engine,precision,option,output,rays,hits,in_margin,wrong_hits,wrong_hits_inside,\
-         wrong_objects,wrong_objects_inside,max_ulp,rms_ulp,p999_ulp,bound_share,max_angle,rms_angle,max_colour,\
-         rms_colour,off_by_1,off_by_2,max_level,psnr,ns_per_ray,ns_per_ray_median,spread,cycles_per_ray,\
-         cycles_per_ray_median,setup_ns,runs,error,front\n",
-    );
-    let cell = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
-    for row in &document.rows {
-        let e = &row.errors;
-        let counts = |counts: &[usize]| counts.iter().map(|n| format!(",{n}")).collect::<String>();
-        let cells = |cells: &[Option<f64>]| cells.iter().map(|x| format!(",{}", cell(*x))).collect::<String>();
-        let name = format!("\"{}\"", row.scene.replace('"', "\"\""));
-        let stiffness = row.stiffness.map_or_else(String::new, |stiffness| stiffness.to_string());
-        write!(
-            text,
-            "{name},{},{stiffness},{},{},{},{},{},{}",
-            row.family.unwrap_or(""),
-            row.width,
-            row.height,
-            row.engine,
-            row.precision,
-            row.option.unwrap_or(""),
-            row.output
-        )
-        .expect("a String takes all");
-        text += &counts(&[
-            e.rays,
-            e.hits,
-            e.in_margin,
-            e.wrong_hits,
-            e.wrong_hits_inside,
-            e.wrong_objects,
-            e.wrong_objects_inside,
-        ]);
-        text += &cells(&[
-            e.max_ulp,
-            e.rms_ulp,
-            e.p999_ulp,
-            e.bound_share,
-            e.max_angle,
-            e.rms_angle,
-            e.max_colour,
-            e.rms_colour,
-        ]);
-        text += &counts(&[e.off_by_1, e.off_by_2, e.max_level.into()]);
-        text += &cells(&[
-            e.psnr,
-            Some(row.ns_per_ray),
-            Some(row.ns_per_ray_median),
-            Some(row.spread),
-            row.cycles_per_ray,
-            row.cycles_per_ray_median,
-            Some(row.setup_ns),
-        ]);
-        writeln!(text, ",{},{},{}", row.runs, cell(Some(row.error)), row.front).expect("a String takes all");
     }
     text
 }

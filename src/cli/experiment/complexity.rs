@@ -1,16 +1,16 @@
 //! `rayo experiment --complexity`: the tables, and the files.
 
-use std::fmt::Write as _;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use super::ExperimentArgs;
 use super::run::{Prepared, failure, interrupted, prepare, settings};
-use crate::cli::measuring::{bar, write_file};
-use crate::cli::table::Table;
-use crate::cli::{Failure, print, print_json};
+use crate::cli::essay::cpu;
+use crate::cli::measuring::{bar, write_results};
+use crate::cli::table::{self, Column, Table};
+use crate::cli::{Failure, print_result};
 use crate::experiments::claims::Axis;
-use crate::experiments::complexity::{self, Document, Row, SCHEMA, Settings, ZEROS, lines, plot, slopes};
+use crate::experiments::complexity::{self, Complexity, Growth, Settings, Slope, ZEROS, lines, plot, slopes};
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let engines = settings(args)?.engines;
@@ -35,19 +35,12 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
         return Err(Failure { message, status: 130 });
     }
     let slopes = slopes(&rows);
-    let document = Document { schema: SCHEMA, machine, runs: settings.runs, complete, rows, slopes };
-    write_file(&args.out, "complexity.md", page(&document).as_bytes())?;
-    write_file(&args.out, "complexity.csv", csv(&document).as_bytes())?;
-    let json = serde_json::to_vec_pretty(&document).map_err(Failure::output)?;
-    write_file(&args.out, "complexity.json", &json)?;
+    let document = Complexity { machine, runs: settings.runs, complete, rows, slopes };
     let figure = plot::figure(&document.rows).map_err(Failure::output)?;
-    write_file(&args.out, "complexity.svg", figure.as_bytes())?;
-    if args.json {
-        print_json(&document)?;
-    } else {
-        print(&tables(&document))?;
-        print(&format!("\nThe files are in {}\n", args.out.display()))?;
-    }
+    let texts = [("complexity.md", page(&document)), ("complexity.csv", csv(&document)), ("complexity.svg", figure)];
+    write_results(&args.out, ("complexity.json", &document), texts)?;
+    let files = format!("\nThe files are in {}\n", args.out.display());
+    print_result(args.json, &document, || tables(&document) + &files)?;
     if document.complete {
         return Ok(ExitCode::SUCCESS);
     }
@@ -55,8 +48,8 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
 }
 
 /// docs/results/complexity.md.
-fn page(document: &Document) -> String {
-    let Document { machine, runs, .. } = document;
+fn page(document: &Complexity) -> String {
+    let Complexity { machine, runs, .. } = document;
     let megahertz = machine.tsc_hz.map_or("?".into(), |hz| format!("{:.0}", hz / 1e6));
     let caches: Vec<_> =
         machine.caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
@@ -66,7 +59,7 @@ fn page(document: &Document) -> String {
         {}, {}. TSC cycles by the pixel, medians of {runs} runs in which all contestants of a picture take turns, buffers \
         touched before.\n\n\
         ![Cycles by the pixel against pixels, objects and lights](complexity.svg)\n\n{}",
-        machine.cpu.as_deref().unwrap_or("an unknown CPU"),
+        cpu(machine),
         caches.join(", "),
         machine.nasm.unwrap_or("?"),
         machine.rustc,
@@ -74,7 +67,7 @@ fn page(document: &Document) -> String {
     )
 }
 
-fn tables(document: &Document) -> String {
+fn tables(document: &Complexity) -> String {
     [pixels(document), objects(document), lights(document)].concat()
 }
 
@@ -87,36 +80,37 @@ fn digits(x: f64) -> String {
     }
 }
 
-fn of_axis(document: &Document, axis: Axis) -> Vec<Vec<&Row>> {
+fn of_axis(document: &Complexity, axis: Axis) -> Vec<Vec<&Growth>> {
     lines(&document.rows).into_iter().filter(|line| line[0].axis == axis).collect()
 }
 
 /// A row for each count, and a column for each of `lines`.
 fn counts<'a>(
     head: &str,
-    lines: &[Vec<&'a Row>],
-    name: impl Fn(&Row) -> String,
-    cell: impl Fn(&'a Row) -> String,
+    lines: &[Vec<&'a Growth>],
+    name: impl Fn(&Growth) -> String,
+    cell: impl Fn(&'a Growth) -> String,
 ) -> String {
     let mut counts: Vec<_> = lines.iter().flatten().map(|row| row.count).collect();
     counts.sort_unstable();
     counts.dedup();
     let mut table = Table::new(0, [head.to_owned()].into_iter().chain(lines.iter().map(|line| name(line[0]))));
     for count in counts {
-        let cell =
-            |line: &Vec<&'a Row>| line.iter().find(|row| row.count == count).map_or_else(String::new, |row| cell(row));
+        let cell = |line: &Vec<&'a Growth>| {
+            line.iter().find(|row| row.count == count).map_or_else(String::new, |row| cell(row))
+        };
         table.row([count.to_string()].into_iter().chain(lines.iter().map(cell)).collect());
     }
     table.text()
 }
 
 /// The sphere in every size, and by how much the cost of a pixel changes.
-fn pixels(document: &Document) -> String {
+fn pixels(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Pixels);
     if lines.is_empty() {
         return String::new();
     }
-    let name = |row: &Row| format!("{}, {}", row.engine, row.output);
+    let name = |row: &Growth| format!("{}, {}", row.engine, row.output);
     let mut text = format!(
         "## Pixels\n\nOne sphere under one light; the set-up, which does not grow, is not in the time. `{ZEROS}` only fills the \
         film with them.\n\n{}\n",
@@ -127,20 +121,19 @@ fn pixels(document: &Document) -> String {
         let (low, high) = (costs().fold(f64::INFINITY, f64::min), costs().fold(0.0, f64::max));
         let spread = 100.0 * (high - low) / (high + low);
         let line = name(line[0]);
-        writeln!(text, "- {line}: from {} to {}, ±{spread:.0} % about their middle", digits(low), digits(high))
-            .expect("a String takes all");
+        text += &format!("- {line}: from {} to {}, ±{spread:.0} % about their middle\n", digits(low), digits(high));
     }
     text + "\n"
 }
 
 /// Spheres, triangles and meshes of more and more of them.
-fn objects(document: &Document) -> String {
+fn objects(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Objects);
     let Some(first) = lines.first() else { return String::new() };
-    let Row { engine, width, height, output, .. } = first[0];
-    let name = |row: &Row| format!("{}{}", row.scene, if row.keep_all { ", brute force" } else { "" });
+    let Growth { engine, width, height, output, .. } = first[0];
+    let name = |row: &Growth| format!("{}{}", row.scene, if row.keep_all { ", brute force" } else { "" });
     let planned: Vec<_> = lines.iter().filter(|line| !line[0].keep_all).cloned().collect();
-    let setup = |row: &Row| digits(row.setup_cycles.unwrap_or(f64::NAN) / row.pixels());
+    let setup = |row: &Growth| digits(row.setup_cycles.unwrap_or(f64::NAN) / row.pixels());
     let mut text = format!(
         "## Objects\n\n`{engine}`, {width}×{height}, {output}, one light, from the parsed scene to the last pixel. The spheres \
         and triangles are spread over the picture and the smaller the more there are; the mesh is closed and bumpy, and half of \
@@ -150,56 +143,48 @@ fn objects(document: &Document) -> String {
     );
     for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Objects) {
         let by = if slope.keep_all { ", by brute force" } else { "" };
-        writeln!(
-            text,
-            "- {}{by}: from {} to {} objects, one more costs {} cycles (residual {:.1} %)",
-            slope.scene,
-            slope.from,
-            slope.to,
-            digits(slope.line.slope),
-            100.0 * slope.line.residual
-        )
-        .expect("a String takes all");
+        let Slope { scene, from, to, line, .. } = slope;
+        let (slope, residual) = (digits(line.slope), 100.0 * line.residual);
+        text += &format!(
+            "- {scene}{by}: from {from} to {to} objects, one more costs {slope} cycles (residual {residual:.1} %)\n"
+        );
     }
     text + "\n"
 }
 
 /// The sphere under more and more lights.
-fn lights(document: &Document) -> String {
+fn lights(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Lights);
     let Some(first) = lines.first() else { return String::new() };
-    let Row { width, height, output, .. } = first[0];
+    let Growth { width, height, output, .. } = first[0];
     let mut text = format!(
         "## Lights\n\nOne sphere, {width}×{height}, {output}, under lights in a half circle above it.\n\n{}\n",
         counts("lights", &lines, |row| row.engine.into(), |row| digits(row.cycles_per_pixel())),
     );
     for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Lights) {
-        let pixels = first[0].pixels();
-        writeln!(
-            text,
-            "- {}: one more light costs {} cycles by the pixel of the picture (residual {:.1} %)",
-            slope.engine,
-            digits(slope.line.slope / pixels),
-            100.0 * slope.line.residual
-        )
-        .expect("a String takes all");
+        let Slope { engine, line, .. } = slope;
+        let (slope, residual) = (digits(line.slope / first[0].pixels()), 100.0 * line.residual);
+        text += &format!(
+            "- {engine}: one more light costs {slope} cycles by the pixel of the picture (residual {residual:.1} %)\n"
+        );
     }
     text
 }
 
 /// Every contestant in every picture.
-fn csv(document: &Document) -> String {
-    let mut csv =
-        "axis,scene,count,width,height,engine,output,keep_all,setup_cycles,cycles_median,cycles_min\n".to_owned();
-    for row in &document.rows {
-        let Row { scene, count, width, height, engine, output, keep_all, cycles_median, cycles_min, .. } = row;
-        let axis = row.axis.name();
-        let setup = row.setup_cycles.map_or_else(String::new, |cycles| cycles.to_string());
-        writeln!(
-            csv,
-            "{axis},{scene},{count},{width},{height},{engine},{output},{keep_all},{setup},{cycles_median},{cycles_min}"
-        )
-        .expect("a String takes all");
-    }
-    csv
+fn csv(document: &Complexity) -> String {
+    let columns: [Column<Growth>; 11] = [
+        ("axis", |row| row.axis.name().into()),
+        ("scene", |row| row.scene.into()),
+        ("count", |row| row.count.to_string()),
+        ("width", |row| row.width.to_string()),
+        ("height", |row| row.height.to_string()),
+        ("engine", |row| row.engine.into()),
+        ("output", |row| row.output.into()),
+        ("keep_all", |row| row.keep_all.to_string()),
+        ("setup_cycles", |row| row.setup_cycles.map_or_else(String::new, |cycles| cycles.to_string())),
+        ("cycles_median", |row| row.cycles_median.to_string()),
+        ("cycles_min", |row| row.cycles_min.to_string()),
+    ];
+    table::csv(&columns, &document.rows)
 }

@@ -8,10 +8,10 @@ use std::time::Instant;
 
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::measuring::{bar, create_directory, stop_on_ctrl_c, write_file};
-use crate::cli::{Failure, print, print_json, say};
+use crate::cli::measuring::{bar, create_directory, pin, stop_on_ctrl_c, write_results};
+use crate::cli::{Failure, print_result, say};
 use crate::experiments::claims::{self, Evidence};
-use crate::experiments::document::{Conditions, Document};
+use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
@@ -26,11 +26,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let Prepared { mut clock, stop, machine, cores, core } = prepare(args)?;
     let document = measure(args, &settings, machine, core, &cores, &mut clock, &stop)?;
     write_files(&args.out, &document)?;
-    if args.json {
-        print_json(&document)?
-    } else {
-        print(&table::printed(&document, args.full, &args.out))?
-    }
+    print_result(args.json, &document, || table::printed(&document, args.full, &args.out))?;
     for reason in &document.disturbed {
         say(&format!("warning: {reason}"));
     }
@@ -65,11 +61,7 @@ pub(super) fn prepare(args: &ExperimentArgs) -> Result<Prepared, Failure> {
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
     let cores = cores()?;
-    let core = sys::pin_to_this_core();
-    if let Err(error) = &core {
-        say(&format!("warning: the thread is not pinned to a core: {error}"));
-    }
-    Ok(Prepared { clock, stop, machine, cores, core: core.ok() })
+    Ok(Prepared { clock, stop, machine, cores, core: pin() })
 }
 
 pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
@@ -96,7 +88,7 @@ fn measure(
     cores: &sys::Cores,
     clock: &mut TscClock,
     stop: &AtomicBool,
-) -> Result<Document, Failure> {
+) -> Result<Experiment, Failure> {
     let quick = args.quick;
     let rounds = match (args.ladder, args.runs) {
         (true, Some(_)) => 1,
@@ -151,7 +143,7 @@ fn measure(
         machine: &machine,
     };
     let (verdicts, disturbed) = (claims::judge(&evidence), claims::disturbed(&evidence));
-    let mut document = Document::new(measured, machine, conditions);
+    let mut document = Experiment::new(measured, machine, conditions);
     document.disturbed = disturbed;
     document.verdicts = verdicts;
     document.jumps = jumps;
@@ -214,13 +206,14 @@ fn runs(
     Ok(measured)
 }
 
-fn write_files(directory: &Path, document: &Document) -> Result<(), Failure> {
-    write_file(directory, "table.md", table::text(document).as_bytes())?;
-    write_file(directory, "table.csv", table::csv(document).as_bytes())?;
-    let json = serde_json::to_vec_pretty(document).map_err(Failure::output)?;
-    write_file(directory, "results.json", &json)?;
-    write_file(directory, "figure2.svg", plot::figure2(document).map_err(Failure::output)?.as_bytes())?;
-    write_file(directory, "ratio.svg", plot::ratio(document).map_err(Failure::output)?.as_bytes())
+fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
+    let texts = [
+        ("table.md", table::text(document)),
+        ("table.csv", table::csv(document)),
+        ("figure2.svg", plot::figure2(document).map_err(Failure::output)?),
+        ("ratio.svg", plot::ratio(document).map_err(Failure::output)?),
+    ];
+    write_results(directory, ("results.json", document), texts)
 }
 
 pub(super) fn failure(error: SpeedupError) -> Failure {

@@ -1,16 +1,20 @@
 //! The tables of the experiment, in Markdown that reads well as it is, and as CSV.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::cli::table::Table;
-use crate::experiments::document::{Conditions, Document};
-use crate::experiments::jumps::Jumps;
-use crate::experiments::ladder::{AgainstCompiler, Explanation, SIZE};
-use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, Row, paper_mean_ratio, paper_row};
+use crate::cli::essay::{filled, part};
+use crate::cli::table::{self, Column, Table};
+use crate::experiments::document::{Conditions, Experiment};
+use crate::experiments::jumps::{self, BOUND, Bandwidth, Finding, Jumps};
+use crate::experiments::ladder::{AgainstCompiler, Explanation, Rung, SIZE};
+use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, PaperRow, Timing, paper_mean_ratio, paper_row};
 use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
 use crate::plan::grouped;
+use crate::render::PixelFormat;
+
+/// The prose of it.
+const EXPLANATION: &str = include_str!("explanation.md");
 
 fn counted(cores: usize) -> String {
     if cores == 1 { "1 core".into() } else { format!("{cores} cores") }
@@ -21,7 +25,7 @@ fn interval(estimate: &Estimate) -> String {
 }
 
 /// What was measured where, and how far it can be trusted: what stands above the table.
-pub(super) fn preamble(document: &Document) -> String {
+pub(super) fn preamble(document: &Experiment) -> String {
     let Machine { cpu, cores, tsc_hz, tsc_invariant, nasm, cc, cflags, rustc, version, .. } = &document.machine;
     let unknown = || "unknown".to_owned();
     let clock = tsc_hz.map_or_else(unknown, |hz| format!("{:.3} GHz", hz / 1e9));
@@ -63,7 +67,7 @@ pub(super) fn preamble(document: &Document) -> String {
 }
 
 /// C/SIMD over all sizes, beside the paper's.
-pub(super) fn headline(document: &Document) -> String {
+pub(super) fn headline(document: &Experiment) -> String {
     let ratios = PAPER.map(|row| row.ratio());
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
     format!(
@@ -73,53 +77,51 @@ pub(super) fn headline(document: &Document) -> String {
     )
 }
 
-fn size(row: &Row) -> String {
+fn size(row: &Timing) -> String {
     format!("{}×{}", row.width, row.height)
 }
 
-/// The paper's table beside ours.
-pub(super) fn paper_table(document: &Document) -> String {
-    let mut table = Table::new(
-        1,
-        [
-            "w×h",
-            "pixels",
-            "C, mean cycles",
-            "SIMD, mean cycles",
-            "C/SIMD",
-            "paper's C/SIMD",
-            "C/SIMD by pairs",
-            "95 % interval",
-        ],
-    );
-    for rows in document.sizes() {
-        let find = |name| rows.iter().find(|row: &&Row| row.is(name)).expect("it is measured at every size");
-        let (c, simd) = (find(BASELINE), find(CONTROL));
-        let paper = paper_row(c.width, c.height).map_or("-".into(), |row| format!("{:.2}", row.ratio()));
-        table.row(vec![
-            size(c),
-            c.pixels.to_string(),
-            grouped(c.cycles_mean.round() as u64, ' '),
-            grouped(simd.cycles_mean.round() as u64, ' '),
-            format!("{:.2}", c.cycles_mean / simd.cycles_mean),
-            paper,
-            format!("{:.3}", simd.ratio_to_c),
-            format!("[{:.3}, {:.3}]", simd.ratio_low, simd.ratio_high),
-        ]);
-    }
-    table.text()
+fn cycles(mean: f64) -> String {
+    grouped(mean.round() as u64, ' ')
 }
 
-fn contestant(row: &Row) -> String {
+fn ratio_interval(row: &Timing) -> String {
+    format!("[{:.3}, {:.3}]", row.ratio_low, row.ratio_high)
+}
+
+/// The paper's table beside ours.
+pub(super) fn paper_table(document: &Experiment) -> String {
+    /// C and SIMD at a size.
+    struct Pair<'a>(&'a Timing, &'a Timing);
+    let columns: [Column<Pair<'_>>; 8] = [
+        ("w×h", |Pair(c, _)| size(c)),
+        ("pixels", |Pair(c, _)| c.pixels.to_string()),
+        ("C, mean cycles", |Pair(c, _)| cycles(c.cycles_mean)),
+        ("SIMD, mean cycles", |Pair(_, simd)| cycles(simd.cycles_mean)),
+        ("C/SIMD", |Pair(c, simd)| format!("{:.2}", c.cycles_mean / simd.cycles_mean)),
+        ("paper's C/SIMD", |Pair(c, _)| {
+            paper_row(c.width, c.height).map_or("-".into(), |row| format!("{:.2}", row.ratio()))
+        }),
+        ("C/SIMD by pairs", |Pair(_, simd)| format!("{:.3}", simd.ratio_to_c)),
+        ("95 % interval", |Pair(_, simd)| ratio_interval(simd)),
+    ];
+    let pairs = document.sizes().map(|rows| {
+        let find = |name| rows.iter().find(|row| row.is(name)).expect("it is measured at every size");
+        Pair(find(BASELINE), find(CONTROL))
+    });
+    Table::of(1, &columns, &pairs.collect::<Vec<_>>())
+}
+
+fn contestant(row: &Timing) -> String {
     if row.is(row.engine) { row.engine.into() } else { format!("{} {}", row.engine, row.output) }
 }
 
 /// Cycles per pixel of every engine, and how many times as fast as `c` that is.
-pub(super) fn engine_table(document: &Document) -> String {
+pub(super) fn engine_table(document: &Experiment) -> String {
     let Some(first) = document.sizes().next() else { return String::new() };
     let mut table = Table::new(1, ["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
     for rows in document.sizes() {
-        let cell = |row: &Row| {
+        let cell = |row: &Timing| {
             // What noise could have made is not shown as a difference.
             let same = !row.is(BASELINE) && (row.ratio_to_c - 1.0).abs() <= document.noise_floor;
             let ratio = if same { "≈1".into() } else { format!("{:.2}", row.ratio_to_c) };
@@ -131,27 +133,23 @@ pub(super) fn engine_table(document: &Document) -> String {
 }
 
 /// Mean, median, minimum and ratio of everything that was measured.
-pub(super) fn full_table(document: &Document) -> String {
-    let mut table =
-        Table::new(2, ["w×h", "engine", "mean", "median", "minimum", "ratio to c", "95 % interval", "migrated", "off"]);
-    for row in &document.rows {
-        table.row(vec![
-            size(row),
-            contestant(row),
-            grouped(row.cycles_mean.round() as u64, ' '),
-            grouped(row.cycles_median.round() as u64, ' '),
-            grouped(row.cycles_min.round() as u64, ' '),
-            format!("{:.3}", row.ratio_to_c),
-            format!("[{:.3}, {:.3}]", row.ratio_low, row.ratio_high),
-            row.migrations.to_string(),
-            row.off.to_string(),
-        ]);
-    }
-    table.text()
+pub(super) fn full_table(document: &Experiment) -> String {
+    let columns: [Column<Timing>; 9] = [
+        ("w×h", size),
+        ("engine", contestant),
+        ("mean", |row| cycles(row.cycles_mean)),
+        ("median", |row| cycles(row.cycles_median)),
+        ("minimum", |row| cycles(row.cycles_min)),
+        ("ratio to c", |row| format!("{:.3}", row.ratio_to_c)),
+        ("95 % interval", ratio_interval),
+        ("migrated", |row| row.migrations.to_string()),
+        ("off", |row| row.off.to_string()),
+    ];
+    Table::of(2, &columns, &document.rows)
 }
 
 /// The ladder, and what it is held against.
-fn ladder(document: &Document) -> String {
+fn ladder(document: &Experiment) -> String {
     let (width, height) = SIZE;
     let heading = "an aside in brackets, which the next rung does not build on";
     let mut parts = vec![format!("The ladder, {width}×{height}; {heading}:\n"), ladder_table(document)];
@@ -163,37 +161,22 @@ fn ladder(document: &Document) -> String {
 }
 
 /// The ladder, a rung a line.
-fn ladder_table(document: &Document) -> String {
-    let mut table = Table::new(
-        2,
-        [
-            "rung",
-            "what is different",
-            "cycles/pixel",
-            "instructions/pixel",
-            "gain",
-            "95 % interval",
-            "over",
-            "over the first",
-        ],
-    );
-    for rung in &document.ladder {
-        table.row(vec![
-            if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() },
-            rung.change.clone(),
-            format!("{:.2}", rung.cycles_per_pixel),
-            rung.instructions_per_pixel.map_or("n/a".into(), |count| format!("{count:.1}")),
-            format!("{:.2}", rung.gain),
-            format!("[{:.2}, {:.2}]", rung.gain_low, rung.gain_high),
-            rung.over.clone().unwrap_or("-".into()),
-            format!("{:.2}", rung.gain_total),
-        ]);
-    }
-    table.text()
+fn ladder_table(document: &Experiment) -> String {
+    let columns: [Column<Rung>; 8] = [
+        ("rung", |rung| if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() }),
+        ("what is different", |rung| rung.change.clone()),
+        ("cycles/pixel", |rung| format!("{:.2}", rung.cycles_per_pixel)),
+        ("instructions/pixel", |rung| rung.instructions_per_pixel.map_or("n/a".into(), |count| format!("{count:.1}"))),
+        ("gain", |rung| format!("{:.2}", rung.gain)),
+        ("95 % interval", |rung| format!("[{:.2}, {:.2}]", rung.gain_low, rung.gain_high)),
+        ("over", |rung| rung.over.clone().unwrap_or("-".into())),
+        ("over the first", |rung| format!("{:.2}", rung.gain_total)),
+    ];
+    Table::of(2, &columns, &document.ladder)
 }
 
 /// The packet engines against the compiler.
-fn against_compiler(document: &Document) -> String {
+fn against_compiler(document: &Experiment) -> String {
     let line = |against: &AgainstCompiler| {
         let AgainstCompiler { engine, compiled, ratio, low, high } = against;
         format!("`{engine}` is {ratio:.2} [{low:.2}, {high:.2}] times as fast as `{compiled}`\n")
@@ -207,7 +190,7 @@ fn against_compiler(document: &Document) -> String {
 }
 
 /// Which share of the factor is what.
-fn explanation(document: &Document) -> String {
+fn explanation(document: &Experiment) -> String {
     let mut text = String::new();
     for Explanation { from, to, factor, shares } in &document.explanations {
         let shares: Vec<_> = shares
@@ -218,8 +201,7 @@ fn explanation(document: &Document) -> String {
                 format!("{} {percent:.0} % (times {:.2})", share.cause, share.factor)
             })
             .collect();
-        writeln!(text, "From `{from}` to `{to}`, times {factor:.2}: {}.", shares.join(", "))
-            .expect("a String takes all");
+        text += &format!("From `{from}` to `{to}`, times {factor:.2}: {}.\n", shares.join(", "));
     }
     if !text.is_empty() {
         text += "Shares are on a logarithmic scale, on which factors add up.\n";
@@ -229,43 +211,63 @@ fn explanation(document: &Document) -> String {
 
 /// The sweep behind the two jumps.
 fn jumps_table(jumps: &Jumps) -> String {
-    let mut table = Table::new(
-        3,
-        [
-            "w×h",
-            "engine",
-            "framebuffer",
-            "cycles/pixel",
-            "core clock/TSC",
-            "taken by others",
-            "core cycles/pixel",
-            "page faults",
-            "bytes/cycle",
-        ],
-    );
-    for row in &jumps.rows {
-        table.row(vec![
-            format!("{}×{}", row.width, row.height),
-            row.engine.into(),
-            if row.touched { "touched" } else { "untouched" }.into(),
-            format!("{:.2}", row.cycles_per_pixel),
-            format!("{:.3}", row.clock_per_tick),
-            row.taken_share.map_or("n/a".into(), |share| format!("{:.0} %", 100.0 * share)),
-            format!("{:.2}", row.core_cycles_per_pixel),
-            format!("{:.0}", row.page_faults),
-            format!("{:.3}", row.bytes_per_cycle),
-        ]);
-    }
-    let mut text = table.text();
+    let columns: [Column<jumps::PictureTime>; 9] = [
+        ("w×h", |row| format!("{}×{}", row.width, row.height)),
+        ("engine", |row| row.engine.into()),
+        ("framebuffer", |row| if row.touched { "touched" } else { "untouched" }.into()),
+        ("cycles/pixel", |row| format!("{:.2}", row.cycles_per_pixel)),
+        ("core clock/TSC", |row| format!("{:.3}", row.clock_per_tick)),
+        ("taken by others", |row| row.taken_share.map_or("n/a".into(), |share| format!("{:.0} %", 100.0 * share))),
+        ("core cycles/pixel", |row| format!("{:.2}", row.core_cycles_per_pixel)),
+        ("page faults", |row| format!("{:.0}", row.page_faults)),
+        ("bytes/cycle", |row| format!("{:.3}", row.bytes_per_cycle)),
+    ];
+    let mut text = Table::of(3, &columns, &jumps.rows);
     for level in &jumps.bandwidth {
-        writeln!(text, "{} takes {:.1} bytes a cycle ({} KiB)", level.level, level.bytes_per_cycle, level.bytes >> 10)
-            .expect("a String takes all");
+        let Bandwidth { level, bytes, bytes_per_cycle } = level;
+        text += &format!("{level} takes {bytes_per_cycle:.1} bytes a cycle ({} KiB)\n", bytes >> 10);
     }
     text
 }
 
+/// What this machine shows of the two jumps, and what it cannot show.
+fn jumps_text(jumps: &Jumps) -> String {
+    let levels = jumps.bandwidth.iter().map(|level| format!("{} {:.1}", level.level, level.bytes_per_cycle));
+    let levels = levels.collect::<Vec<_>>().join(", ");
+    let mut text = format!("Bytes that plain stores write in a TSC cycle: {levels}.\n");
+    for finding in jumps.findings() {
+        let Finding { engine, change, clock_change, core_change, bandwidth_share, cycles_per_fault, .. } = finding;
+        let percent = |share: Option<f64>| share.map_or("unknown".into(), |share| format!("{:.1} %", 100.0 * share));
+        text += &format!(
+            "`{engine}` in a touched framebuffer: between the sizes, TSC cycles a pixel differ by {}, the core's \
+            clock by {}, and the cycles of that clock which the core gave to a pixel by {}. It writes at most {} of \
+            what the slowest level of memory takes{}. An untouched framebuffer costs {:.1} cycles a pixel more{}.\n",
+            percent(Some(change)),
+            percent(Some(clock_change)),
+            percent(Some(core_change)),
+            percent(bandwidth_share),
+            if bandwidth_share.is_some_and(|share| share <= BOUND) { ", and so is not bound by it" } else { "" },
+            finding.fault_cycles_per_pixel,
+            cycles_per_fault.map_or_else(String::new, |cycles| format!(", {cycles:.0} a page fault")),
+        );
+    }
+    // How many times as many cycles a pixel takes in a row of the paper's table as in the one before.
+    let jump = |row: usize, of: fn(&PaperRow) -> f64| {
+        let by_pixel = |row: &PaperRow| of(row) / row.pixels() as f64;
+        format!("{:.2}", by_pixel(&PAPER[row]) / by_pixel(&PAPER[row - 1]))
+    };
+    text + &filled(part(EXPLANATION, "the paper's jumps"), |what| match what {
+        "C, first" => jump(5, |row| row.c),
+        "SIMD, first" => jump(5, |row| row.simd),
+        "C, second" => jump(8, |row| row.c),
+        "SIMD, second" => jump(8, |row| row.simd),
+        "bytes" => format!("{:.3}", (PixelFormat::F32x4.bytes() as u64 * PAPER[8].pixels()) as f64 / PAPER[8].c),
+        _ => unreachable!("no figure `{what}`"),
+    })
+}
+
 /// The claims as a list: their figures are too long for a table.
-fn verdicts(document: &Document) -> String {
+fn verdicts(document: &Experiment) -> String {
     document
         .verdicts
         .iter()
@@ -274,7 +276,7 @@ fn verdicts(document: &Document) -> String {
 }
 
 /// What this run cannot tell, and why: above all figures and below them.
-fn disturbed(document: &Document) -> Option<String> {
+fn disturbed(document: &Experiment) -> Option<String> {
     let reasons: String = document.disturbed.iter().map(|reason| format!("- {reason}\n")).collect();
     (!reasons.is_empty())
         .then(|| format!("Not all of it can be judged here; run it again on a quiet machine:\n\n{reasons}"))
@@ -282,7 +284,7 @@ fn disturbed(document: &Document) -> Option<String> {
 
 /// What is printed: the result in some ten lines, with `full` all tables too, the ladder where somebody climbed it, and
 /// where the files are.
-pub(super) fn printed(document: &Document, full: bool, directory: &Path) -> String {
+pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> String {
     let mut parts: Vec<_> = disturbed(document).into_iter().chain([summary(document)]).collect();
     if full {
         parts.push(text(document));
@@ -297,7 +299,7 @@ pub(super) fn printed(document: &Document, full: bool, directory: &Path) -> Stri
 }
 
 /// The factor, and a verdict on each claim, whose figure is in the tables.
-fn summary(document: &Document) -> String {
+fn summary(document: &Experiment) -> String {
     let Estimate { value, low, high } = document.c_by_simd;
     let Machine { cpu, cores, .. } = &document.machine;
     let mut text = format!(
@@ -312,13 +314,13 @@ fn summary(document: &Document) -> String {
         text += "Stopped early: only what was finished is here\n";
     }
     for claim in &document.verdicts {
-        writeln!(text, "- {}: {}", claim.claim, claim.verdict).expect("a String takes all");
+        text += &format!("- {}: {}\n", claim.claim, claim.verdict);
     }
     text
 }
 
 /// All of it, as one text: what is written, and but for the summary printed with `--full`.
-pub(super) fn text(document: &Document) -> String {
+pub(super) fn text(document: &Experiment) -> String {
     let mut parts = vec![preamble(document)];
     if !document.conditions.complete {
         parts.push("Stopped early: only what was finished is here\n".into());
@@ -339,7 +341,7 @@ pub(super) fn text(document: &Document) -> String {
     if let Some(jumps) = &document.jumps {
         parts.push("The two jumps:\n".into());
         parts.push(jumps_table(jumps));
-        parts.push(jumps.text());
+        parts.push(jumps_text(jumps));
     }
     if !document.verdicts.is_empty() {
         parts.push("The paper's claims:\n".into());
@@ -350,49 +352,42 @@ pub(super) fn text(document: &Document) -> String {
 }
 
 /// A line per engine and size.
-pub(super) fn csv(document: &Document) -> String {
-    let mut text = String::from(
-        "width,height,pixels,engine,precision,output,threads,cycles_mean,cycles_median,cycles_min,\
-        cycles_per_pixel,ratio_to_c,ratio_low,ratio_high,paper_ratio,migrations,off\n",
-    );
-    for row in &document.rows {
-        let paper = paper_row(row.width, row.height).filter(|_| row.is(CONTROL));
-        let paper = paper.map_or_else(String::new, |paper| format!("{:.4}", paper.ratio()));
-        writeln!(
-            text,
-            "{},{},{},{},{},{},{},{:.2},{:.2},{:.2},{:.4},{:.4},{:.4},{:.4},{paper},{},{}",
-            row.width,
-            row.height,
-            row.pixels,
-            row.engine,
-            row.precision,
-            row.output,
-            row.threads,
-            row.cycles_mean,
-            row.cycles_median,
-            row.cycles_min,
-            row.cycles_per_pixel(),
-            row.ratio_to_c,
-            row.ratio_low,
-            row.ratio_high,
-            row.migrations,
-            row.off,
-        )
-        .expect("a String takes all");
-    }
-    text
+pub(super) fn csv(document: &Experiment) -> String {
+    let columns: [Column<Timing>; 17] = [
+        ("width", |row| row.width.to_string()),
+        ("height", |row| row.height.to_string()),
+        ("pixels", |row| row.pixels.to_string()),
+        ("engine", |row| row.engine.into()),
+        ("precision", |row| row.precision.into()),
+        ("output", |row| row.output.into()),
+        ("threads", |row| row.threads.to_string()),
+        ("cycles_mean", |row| format!("{:.2}", row.cycles_mean)),
+        ("cycles_median", |row| format!("{:.2}", row.cycles_median)),
+        ("cycles_min", |row| format!("{:.2}", row.cycles_min)),
+        ("cycles_per_pixel", |row| format!("{:.4}", row.cycles_per_pixel())),
+        ("ratio_to_c", |row| format!("{:.4}", row.ratio_to_c)),
+        ("ratio_low", |row| format!("{:.4}", row.ratio_low)),
+        ("ratio_high", |row| format!("{:.4}", row.ratio_high)),
+        ("paper_ratio", |row| {
+            let paper = paper_row(row.width, row.height).filter(|_| row.is(CONTROL));
+            paper.map_or_else(String::new, |paper| format!("{:.4}", paper.ratio()))
+        }),
+        ("migrations", |row| row.migrations.to_string()),
+        ("off", |row| row.off.to_string()),
+    ];
+    table::csv(&columns, &document.rows)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::experiments::claims::{Claim, Verdict};
-    use crate::experiments::ladder::{Rung, Share};
+    use crate::experiments::ladder::Share;
     use crate::experiments::speedup::{self, Settings, Speedup};
     use crate::measure::Cache;
 
     /// Two sizes of three engines on a machine that is nobody's.
-    fn document() -> Document {
+    fn document() -> Experiment {
         let engines = [BASELINE, CONTROL, "rust"].map(|name| name.parse().unwrap()).to_vec();
         let settings = Settings { sizes: vec![0, 19], runs: 3, engines };
         let runs = speedup::scripted_runs(&settings, &[47_000_000, 7_400_000, 7_500_000, 5_000_000]);
@@ -418,23 +413,18 @@ mod tests {
             timed_share: Some(0.912),
             taken_share: Some(0.01),
         };
-        let mut document = Document::new(measured, machine, conditions);
+        let mut document = Experiment::new(measured, machine, conditions);
         let rung = |rung: &str, over: Option<&str>, cycles: f64, gain: f64| Rung {
             rung: rung.into(),
             change: "a change".into(),
-            flags: "-O3",
             over: over.map(Into::into),
-            aside: false,
-            threads: 1,
             cycles_per_pixel: cycles,
             instructions_per_pixel: over.map(|_| 123.4),
             gain,
             gain_low: 0.9 * gain,
             gain_high: 1.1 * gain,
             gain_total: gain,
-            samples: vec![cycles],
-            taken: vec![false],
-            samples_per_run: 1,
+            ..Rung::default()
         };
         document.ladder =
             vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];

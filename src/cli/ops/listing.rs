@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::experiments::ops::{Line, OPS, Report, Row};
+use crate::experiments::ops::{Counts, Line, OPS, Report};
 
 /// The least and the most columns beside each other.
 const ABREAST: (usize, usize) = (2, 4);
@@ -44,9 +44,9 @@ fn cell(line: &Line, common: bool) -> String {
 }
 
 /// Listings beside each other, each in so many characters, a space at the end included.
-fn band(text: &mut String, base: &Row, others: &[&&Row], width: usize) {
+fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize) {
     let width = width - 1;
-    let lines_of = |row: &Row| row.listing.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
+    let lines_of = |row: &Counts| row.listing.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
     let base_lines = lines_of(base);
     let mut columns = vec![(base, vec![true; base_lines.len()])];
     columns.extend(others.iter().map(|row| (**row, common(&base_lines, &lines_of(row)))));

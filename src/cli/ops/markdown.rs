@@ -1,10 +1,9 @@
 //! The document docs/results/instruction-counts.md.
 
-use std::fmt::Write as _;
-
-use super::table::short;
+use super::table::{pair, short};
 use crate::cli::essay::{filled, part};
-use crate::experiments::ops::{IMPLEMENTATIONS, OPS, Report, Row};
+use crate::cli::table::Table;
+use crate::experiments::ops::{Counts, FrameRow, IMPLEMENTATIONS, OPS, Report};
 use crate::measure::cpu_name;
 
 /// What stands around the tables.
@@ -16,16 +15,32 @@ const COMPILED: [&str; 7] = ["c-O0", "c-O1", "c-O2", "c-O3", "c-native", "rust",
 
 /// The document.
 pub fn text(report: &Report) -> String {
-    let mut text = part(EXPLANATION, "the page").to_owned();
-    assembled(&mut text, report);
-    compiled(&mut text, report);
-    executed(&mut text, report);
-    cost(&mut text, report);
-    lessons(&mut text, report);
-    text
+    let explanation = |name| part(EXPLANATION, name);
+    let by_compilers = filled(explanation("by compilers"), |what| match what {
+        "C" => report.compilers.cc.to_string(),
+        "Rust" => report.compilers.rustc.to_string(),
+        _ => unreachable!("no figure `{what}`"),
+    });
+    let cpu = cpu_name().unwrap_or_else(|| "an unknown CPU".into());
+    let cost_of_cpu = explanation("cost").replace("{CPU}", &cpu);
+    [
+        explanation("the page"),
+        explanation("in assembly"),
+        &assembled(report),
+        "<!-- end -->\n\n",
+        &by_compilers,
+        &compiled(report),
+        "<!-- end -->\n\n",
+        explanation("executed"),
+        &executed(report),
+        &cost_of_cpu,
+        &cost(report),
+        &lessons(report),
+    ]
+    .concat()
 }
 
-fn find<'a>(report: &'a Report, op: &str, implementation: &str) -> Option<&'a Row> {
+fn find<'a>(report: &'a Report, op: &str, implementation: &str) -> Option<&'a Counts> {
     report.rows.iter().find(|row| row.op == op && row.implementation == implementation)
 }
 
@@ -39,78 +54,58 @@ fn there<'a>(report: &Report, names: &[&'a str]) -> Vec<&'a str> {
     names.iter().filter(has).copied().collect()
 }
 
-fn table(text: &mut String, head: &[String], rows: impl IntoIterator<Item = Vec<String>>) {
-    writeln!(text, "| {} |", head.join(" | ")).unwrap();
-    writeln!(text, "|---|{}", "--:|".repeat(head.len() - 1)).unwrap();
-    for row in rows {
-        writeln!(text, "| {} |", row.join(" | ")).unwrap();
-    }
-    text.push('\n');
+/// A table with a row for each operation: its name, and its cells under `heads`.
+fn by_operation<S: Into<String>>(
+    heads: impl IntoIterator<Item = S>,
+    cells: impl Fn(&'static str) -> Vec<String>,
+) -> Table {
+    let mut table = Table::new(1, ["operation".to_owned()].into_iter().chain(heads.into_iter().map(Into::into)));
+    OPS.iter().for_each(|op| table.row([vec![op.to_string()], cells(op)].concat()));
+    table
 }
 
-fn assembled(text: &mut String, report: &Report) {
+fn assembled(report: &Report) -> String {
     let names = there(report, &ASSEMBLED);
-    text.push_str(part(EXPLANATION, "in assembly"));
-    let head = ["operation", "printed"].into_iter().chain(names.iter().copied()).map(str::to_owned).collect::<Vec<_>>();
-    let rows = OPS.iter().map(|op| {
-        let mut cells = vec![op.to_string(), number(find(report, op, "printed-simd").and_then(|row| row.body))];
-        cells.extend(names.iter().map(|name| {
-            let row = find(report, op, name);
-            let cell = row.and_then(|row| {
-                let (body, function) = (row.body_mix.as_ref()?, row.function?);
-                let each = match row.vectors {
-                    Some(vectors) if vectors > 1 => format!(", {:.2} a vector", row.per_vector?),
-                    _ => String::new(),
-                };
-                Some(format!("{} / {function}, {} B{each}", body.instructions, body.bytes))
-            });
-            number(cell)
-        }));
-        cells
+    let cell = |op: &str, name: &str| {
+        let row = find(report, op, name)?;
+        let (body, function) = (row.body_mix.as_ref()?, row.function?);
+        let each = match row.vectors {
+            Some(vectors) if vectors > 1 => format!(", {:.2} a vector", row.per_vector?),
+            _ => String::new(),
+        };
+        Some(format!("{} / {function}, {} B{each}", body.instructions, body.bytes))
+    };
+    let counts = by_operation(["printed"].iter().chain(&names).copied(), |op| {
+        let printed = number(find(report, op, "printed-simd").and_then(|row| row.body));
+        [printed].into_iter().chain(names.iter().map(|name| number(cell(op, name)))).collect()
     });
-    table(text, &head, rows);
-    text.push_str("| operation | critical path, `paper` | critical path, `aos` | critical path, packets with FMA |\n");
-    text.push_str("|---|---|---|---|\n");
-    for op in OPS {
+    let heads = ["critical path, `paper`", "critical path, `aos`", "critical path, packets with FMA"];
+    let paths = by_operation(heads, |op| {
         let path = |name| number(find(report, op, name).and_then(|row| row.critical_path.clone()));
-        writeln!(text, "| {op} | {} | {} | {} |", path("paper"), path("aos"), path("avx2")).unwrap();
-    }
-    text.push_str("<!-- end -->\n\n");
+        ["paper", "aos", "avx2"].map(path).to_vec()
+    });
+    format!("{}\n{}", counts.compact(), paths.left(usize::MAX).compact())
 }
 
-fn compiled(text: &mut String, report: &Report) {
+fn compiled(report: &Report) -> String {
     let names = there(report, &COMPILED);
-    *text += &filled(part(EXPLANATION, "by compilers"), |what| match what {
-        "C" => report.compilers.cc.to_string(),
-        "Rust" => report.compilers.rustc.to_string(),
-        _ => unreachable!("no figure `{what}`"),
+    let counts = by_operation(["printed"].iter().chain(&names).copied(), |op| {
+        let count = |name: &&str| number(find(report, op, name).and_then(|row| row.function));
+        ["printed-c"].iter().chain(&names).map(count).collect()
     });
-    let head = ["operation", "printed"].into_iter().chain(names.iter().copied()).map(str::to_owned).collect::<Vec<_>>();
-    let rows = OPS.iter().map(|op| {
-        let counts = ["printed-c"].iter().chain(&names);
-        let counts = counts.map(|name| number(find(report, op, name).and_then(|row| row.function)));
-        std::iter::once(op.to_string()).chain(counts).collect()
-    });
-    table(text, &head, rows);
-    text.push_str("<!-- end -->\n\n");
+    counts.compact() + "\n"
 }
 
-fn executed(text: &mut String, report: &Report) {
-    text.push_str(part(EXPLANATION, "executed"));
+fn executed(report: &Report) -> String {
     if let Some(reason) = &report.executed_unavailable {
-        writeln!(text, "Not available: {reason}.\n").unwrap();
-        return;
+        return format!("Not available: {reason}.\n\n");
     }
-    let names: Vec<_> = IMPLEMENTATIONS
-        .into_iter()
-        .filter(|name| report.rows.iter().any(|row| row.implementation == *name && !row.paths.is_empty()))
-        .collect();
+    let has_paths = |name: &&str| report.rows.iter().any(|row| row.implementation == *name && !row.paths.is_empty());
+    let names: Vec<_> = IMPLEMENTATIONS.into_iter().filter(has_paths).collect();
     if names.is_empty() {
-        text.push_str("Not counted: `--executed` was not given.\n\n");
-        return;
+        return "Not counted: `--executed` was not given.\n\n".into();
     }
-    let head: Vec<_> = ["operation"].into_iter().chain(names.iter().copied()).map(str::to_owned).collect();
-    let mut rows = Vec::new();
+    let mut table = Table::new(1, ["operation"].iter().chain(&names).copied());
     for op in OPS {
         let paths = names.iter().find_map(|name| find(report, op, name).filter(|row| !row.paths.is_empty()));
         for (case, path) in paths.iter().flat_map(|row| row.paths.iter().enumerate()) {
@@ -119,55 +114,46 @@ fn executed(text: &mut String, report: &Report) {
             let counts = names.iter().map(|name| {
                 number(find(report, op, name).and_then(|row| row.paths.get(case)).map(|path| path.executed))
             });
-            rows.push(std::iter::once(label).chain(counts).collect());
+            table.row([label].into_iter().chain(counts).collect());
         }
     }
-    table(text, &head, rows);
+    let mut text = table.compact() + "\n";
     if !report.frames.is_empty() {
-        text.push_str("The paper's picture of one sphere and one light, a ray for each pixel, by whole engines:\n\n");
-        let head = ["engine", "pixels", "instructions", "per pixel and ray"].map(str::to_owned);
-        let rows = report.frames.iter().map(|frame| {
-            let size = format!("{}×{}", frame.width, frame.height);
-            vec![frame.engine.into(), size, frame.instructions.to_string(), format!("{:.1}", frame.per_pixel)]
-        });
-        table(text, &head, rows);
+        text += "The paper's picture of one sphere and one light, a ray for each pixel, by whole engines:\n\n";
+        let mut table = Table::new(1, ["engine", "pixels", "instructions", "per pixel and ray"]);
+        for FrameRow { engine, width, height, instructions, per_pixel, .. } in &report.frames {
+            let size = format!("{width}×{height}");
+            table.row(vec![(*engine).into(), size, instructions.to_string(), format!("{per_pixel:.1}")]);
+        }
+        text += &(table.compact() + "\n");
     }
+    text
 }
 
-fn cost(text: &mut String, report: &Report) {
+fn cost(report: &Report) -> String {
     let names = there(report, &[&COMPILED[..], &ASSEMBLED[..]].concat());
-    let cpu = cpu_name().unwrap_or_else(|| "an unknown CPU".into());
-    text.push_str(&part(EXPLANATION, "cost").replace("{CPU}", &cpu));
-    let pair = |latency: Option<f64>, throughput: Option<f64>| {
-        number(
-            latency.zip(throughput).map(|(latency, throughput)| format!("{} / {}", short(latency), short(throughput))),
-        )
-    };
-    let mut head = vec!["operation".to_owned()];
     let bodies: Vec<_> = names
         .iter()
         .filter(|name| report.rows.iter().any(|row| row.implementation == **name && row.cost_of == Some("body")))
         .collect();
-    head.extend(bodies.iter().map(|name| format!("body of {name}")));
-    head.extend(names.iter().map(|name| format!("call of {name}")));
-    let rows = OPS.iter().map(|op| {
+    let heads = bodies.iter().map(|name| format!("body of {name}"));
+    let costs = by_operation(heads.chain(names.iter().map(|name| format!("call of {name}"))), |op| {
         let body = bodies.iter().map(|name| {
-            let row = find(report, op, name).filter(|row| row.cost_of == Some("body"));
-            pair(row.and_then(|row| row.latency), row.and_then(|row| row.throughput))
+            find(report, op, name).filter(|row| row.cost_of == Some("body")).map(|row| (row.latency, row.throughput))
         });
-        let call = names.iter().map(|name| {
-            let row = find(report, op, name);
-            pair(row.and_then(|row| row.call_latency), row.and_then(|row| row.call_throughput))
-        });
-        std::iter::once(op.to_string()).chain(body).chain(call).collect()
+        let call = names.iter().map(|name| find(report, op, name).map(|row| (row.call_latency, row.call_throughput)));
+        let cell = |of: Option<(Option<f64>, Option<f64>)>| {
+            number(of.and_then(|(latency, throughput)| pair(latency, throughput, " / ")))
+        };
+        body.chain(call).map(cell).collect()
     });
-    table(text, &head, rows);
+    costs.compact() + "\n"
 }
 
 /// What the figures teach, with those of this report: `{function add c-O0}` is the figure of a kind, an operation and an
 /// implementation.
-fn lessons(text: &mut String, report: &Report) {
-    *text += &filled(part(EXPLANATION, "what it teaches"), |what| {
+fn lessons(report: &Report) -> String {
+    filled(part(EXPLANATION, "what it teaches"), |what| {
         let [kind, op, name] = what.split(' ').collect::<Vec<_>>()[..] else { unreachable!("no figure `{what}`") };
         let row = find(report, op, name);
         let of_body = row.filter(|row| row.cost_of == Some("body"));
@@ -180,5 +166,5 @@ fn lessons(text: &mut String, report: &Report) {
             "call" => number(row.and_then(|row| row.call_throughput).map(short)),
             _ => unreachable!("no figure `{what}`"),
         }
-    });
+    })
 }

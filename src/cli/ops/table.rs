@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use crate::experiments::ops::{IMPLEMENTATIONS, OPS, Report, Row};
+use crate::experiments::ops::{Counts, IMPLEMENTATIONS, OPS, Report};
 use crate::measure::instructions::Mix;
 
 /// What goes into a line of an operation.
-type Cell = fn(&Row) -> Option<String>;
+type Cell = fn(&Counts) -> Option<String>;
 
 const LABEL: usize = 12;
 
@@ -32,12 +32,13 @@ pub fn short(cycles: f64) -> String {
     if cycles < 9.95 { format!("{cycles:.1}") } else { format!("{cycles:.0}") }
 }
 
-fn pair(latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
-    Some(format!("{}/{}", short(latency?), short(throughput?)))
+/// Latency and throughput, where both are known.
+pub fn pair(latency: Option<f64>, throughput: Option<f64>, between: &str) -> Option<String> {
+    Some(format!("{}{between}{}", short(latency?), short(throughput?)))
 }
 
 /// The same of a row, where it was measured.
-fn measured(row: &Row, latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
+fn measured(row: &Counts, latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
     let known = |cycles: Option<f64>| cycles.map_or("n/a".into(), short);
     row.cost_of.map(|_| format!("{}/{}", known(latency), known(throughput)))
 }
@@ -45,9 +46,9 @@ fn measured(row: &Row, latency: Option<f64>, throughput: Option<f64>) -> Option<
 /// The whole text, in lines of some `columns` characters; `detail`: some operations alone, with kinds of instructions and
 /// paths.
 pub fn text(report: &Report, detail: bool, executed: bool, columns: usize) -> String {
-    let has: fn(&Row) -> bool = |row| row.body.or(row.function).is_some();
+    let has: fn(&Counts) -> bool = |row| row.body.or(row.function).is_some();
     let any =
-        |name: &str, what: fn(&Row) -> bool| report.rows.iter().any(|row| row.implementation == name && what(row));
+        |name: &str, what: fn(&Counts) -> bool| report.rows.iter().any(|row| row.implementation == name && what(row));
     let (implementations, empty): (Vec<&str>, Vec<&str>) =
         IMPLEMENTATIONS.into_iter().filter(|name| any(name, |_| true)).partition(|name| any(name, has));
     let mut text = String::new();
@@ -68,7 +69,7 @@ pub fn text(report: &Report, detail: bool, executed: bool, columns: usize) -> St
         measured(row, row.latency, row.throughput).filter(|_| row.cost_of == Some("body"))
     }));
     if report.rows.iter().any(|row| row.model.is_some()) {
-        lines.push(("llvm-mca", |row| row.model.as_ref().and_then(|m| pair(Some(m.cycles), Some(m.throughput)))));
+        lines.push(("llvm-mca", |row| row.model.as_ref().and_then(|m| pair(Some(m.cycles), Some(m.throughput), "/"))));
     }
     lines.push(("call cycles", |row| measured(row, row.call_latency, row.call_throughput)));
 
@@ -159,7 +160,7 @@ const KINDS_LABEL: usize = 18;
 const NEEDS: usize = 18;
 
 /// The kinds of instructions of one operation.
-fn kinds(text: &mut String, op: &str, rows: &[&Row], columns: usize) {
+fn kinds(text: &mut String, op: &str, rows: &[&Counts], columns: usize) {
     // Where not all fit, what an implementation needs is beside the last of them.
     let most = columns.saturating_sub(KINDS_LABEL + NEEDS);
     let parts = parts(&KINDS, most, |(_, width, _)| *width);
@@ -188,13 +189,13 @@ fn beyond_x86_64(feature: &str) -> bool {
 }
 
 /// Executed instructions of one operation, by path.
-fn paths(text: &mut String, op: &str, rows: &[&Row], columns: usize) {
+fn paths(text: &mut String, op: &str, rows: &[&Counts], columns: usize) {
     let Some(longest) = rows.iter().max_by_key(|row| row.paths.len()).filter(|row| row.paths.len() > 1) else {
         return;
     };
     writeln!(text, "\nexecuted in a call of {op}, by path").unwrap();
     let rows: Vec<_> = rows.iter().filter(|row| !row.paths.is_empty()).collect();
-    let width = |row: &&&Row| (row.implementation.len() + 1).max(8);
+    let width = |row: &&&Counts| (row.implementation.len() + 1).max(8);
     for part in parts(&rows, columns.saturating_sub(23), width) {
         let mut heading = format!("{:<23}", "");
         for row in part {
@@ -251,7 +252,7 @@ pub fn models(report: &Report) -> Vec<String> {
     cpus.dedup();
     let of = |cpu: &str| {
         let modelled = |name: &&str| {
-            let by = |row: &Row| row.model.as_ref().is_some_and(|model| model.cpu == cpu);
+            let by = |row: &Counts| row.model.as_ref().is_some_and(|model| model.cpu == cpu);
             report.rows.iter().any(|row| row.implementation == *name && by(row))
         };
         let names: Vec<_> = IMPLEMENTATIONS.into_iter().filter(modelled).collect();

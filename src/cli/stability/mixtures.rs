@@ -1,13 +1,12 @@
 //! `rayo stability --mixtures`: random mixtures, and what is left of those that fail.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
-use super::{StabilityArgs, failure};
-use crate::cli::measuring::{bar, stop_on_ctrl_c, write_file};
-use crate::cli::{Failure, print, print_json, say};
+use super::StabilityArgs;
+use crate::cli::measuring::{bar, stop_on_ctrl_c, tell_whether, write_file};
+use crate::cli::{Failure, print_result};
 use crate::experiments::accuracy::Contender;
 use crate::experiments::stability::Settings;
 use crate::experiments::stability::mixtures::{self, Failing};
@@ -27,24 +26,18 @@ pub fn run(args: &StabilityArgs, settings: &Settings, count: usize) -> Result<Ex
         bar.inc(1);
         !stop.load(Ordering::Relaxed)
     };
-    let found = mixtures::judge_mixtures(&contenders, args.seed, count, &proceed).map_err(failure)?;
+    let found = mixtures::judge_mixtures(&contenders, args.seed, count, &proceed).map_err(Failure::input)?;
     bar.finish_and_clear();
     for failing in found.failing.iter().take(MINIMISED) {
         write_scene(args, failing, &contenders)?;
     }
-    if args.json {
-        print_json(&found)?;
-    } else {
-        for failing in &found.failing {
-            print(&text(failing))?;
-        }
+    print_result(args.json, &found, || {
+        let failing: String = found.failing.iter().map(text).collect();
         let last = args.seed.wrapping_add(found.mixtures as u64).wrapping_sub(1);
         let seeds = if found.mixtures > 0 { format!(", seeds {} to {last}", args.seed) } else { String::new() };
-        print(&format!("{} mixtures{seeds}: {} fail\n", found.mixtures, found.failing.len()))?;
-    }
-    if !found.complete {
-        say("warning: stopped early: only what was finished is in the results");
-    }
+        format!("{failing}{} mixtures{seeds}: {} fail\n", found.mixtures, found.failing.len())
+    })?;
+    tell_whether(found.complete);
     Ok(if found.failing.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
@@ -59,15 +52,13 @@ fn text(failing: &Failing) -> String {
         let engines: BTreeSet<_> = of().map(|failure| failure.engine).collect();
         let outputs: BTreeSet<_> = of().filter_map(|failure| failure.output).collect();
         let [engines, outputs] = [engines, outputs].map(|names| names.into_iter().collect::<Vec<_>>().join(" "));
-        write!(text, "    {what} in {precision} by {engines} {outputs}").expect("a string takes any text");
+        text += &format!("    {what} in {precision} by {engines} {outputs}");
         let Some(worst) = of().max_by_key(|failure| failure.pixels).filter(|worst| worst.pixels > 0) else { continue };
         let mixtures::Failure { engine, output, pixels, pixel: [x, y], expected, found, .. } = worst;
         let output = output.unwrap_or("hits");
-        writeln!(text, ": {pixels} pixels, {engine} {output} at {x},{y} {found} for {expected}")
-            .expect("a string takes any text");
+        text += &format!(": {pixels} pixels, {engine} {output} at {x},{y} {found} for {expected}\n");
     }
-    writeln!(text, "    rayo stability --mixtures 1 --seed {seed}").expect("a string takes any text");
-    text
+    text + &format!("    rayo stability --mixtures 1 --seed {seed}\n")
 }
 
 /// Writes what is left of a mixture that fails when all that does not matter is left out.

@@ -1,17 +1,13 @@
 //! What was found as tables: one for each family.
 
-use std::fmt::Write;
-
-use crate::cli::table::Table;
+use crate::cli::table::{Column, Table};
 use crate::experiments::stability::cost::Cost;
 use crate::experiments::stability::operations::OperationRow;
-use crate::experiments::stability::{Document, Row};
+use crate::experiments::stability::{Stability, StabilityReport};
 use crate::scene::families::family;
 
-/// The columns after engine and precision: their heads and what is below.
-type Column = (&'static str, fn(&Row) -> String);
-
-pub(super) const COLUMNS: [Column; 9] = [
+/// The columns after engine and precision.
+pub(super) const COLUMNS: [Column<Stability>; 10] = [
     ("t, ulp", |row| number(row.worst)),
     ("of bound", |row| number(row.bound)),
     ("normal", |row| number(row.angle)),
@@ -21,44 +17,38 @@ pub(super) const COLUMNS: [Column; 9] = [
     ("off by 2", |row| row.off_by_2.to_string()),
     ("breaks at", |row| row.breaks_at.clone().unwrap_or_else(|| "-".into())),
     ("limits", |row| if row.holds { "kept" } else { "BROKEN" }.into()),
+    ("slowdown", |row| number(row.slowdown)),
 ];
 
+fn line(engine: &str, cells: [String; COLUMNS.len()]) -> String {
+    let [cells @ .., slowdown] = cells;
+    let cells = cells.map(|cell| format!(" {cell:>10}")).concat();
+    format!("  {engine:<16}{cells} {slowdown:>9}\n")
+}
+
 /// A table for each family, and what limits could be tightened.
-pub fn text(document: &Document) -> String {
+pub fn text(document: &StabilityReport) -> String {
     let mut text = String::new();
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
         let Some(family) = family(rows[0].family) else { continue };
         let (first, last) = (family.levels[0], family.levels[family.levels.len() - 1]);
-        let head = format!("{} {}: {}, {first} to {last}", family.id, family.name, family.parameter);
-        writeln!(text, "{head}\n  correct: {}", family.correct).expect("a string takes any text");
-        write!(text, "  {:<16}", "engine").expect("a string takes any text");
-        for (head, _) in COLUMNS {
-            write!(text, " {head:>10}").expect("a string takes any text");
-        }
-        writeln!(text, " {:>9}", "slowdown").expect("a string takes any text");
+        text += &format!("{} {}: {}, {first} to {last}\n", family.id, family.name, family.parameter);
+        text += &format!("  correct: {}\n", family.correct);
+        text += &line("engine", COLUMNS.map(|(head, _)| head.to_owned()));
         for row in rows {
-            write!(text, "  {:<16}", format!("{} {}", row.engine, row.precision)).expect("a string takes any text");
-            for (_, cell) in COLUMNS {
-                write!(text, " {:>10}", cell(row)).expect("a string takes any text");
-            }
-            writeln!(text, " {:>9}", number(row.slowdown)).expect("a string takes any text");
+            text += &line(&format!("{} {}", row.engine, row.precision), COLUMNS.map(|(_, cell)| cell(row)));
         }
         text += "\n";
     }
     if !document.costs.is_empty() {
         text += "The time of a stiff picture by that of the same picture of an ordinary scene\n\n";
-        text += &costs(&document.costs);
-        text += "\n";
+        text += &(costs(&document.costs) + "\n");
     }
     if !document.operations.is_empty() {
         text += "The operations by themselves\n\n";
-        text += &operations(&document.operations);
-        text += "\n";
+        text += &(operations(&document.operations) + "\n");
     }
-    for line in &document.tighter {
-        writeln!(text, "could be tightened: {line}").expect("a string takes any text");
-    }
-    text
+    text + &document.tighter.iter().map(|line| format!("could be tightened: {line}\n")).collect::<String>()
 }
 
 /// What stiffness costs: a column for each kind of it.
@@ -88,38 +78,20 @@ pub(super) fn costs(costs: &[Cost]) -> String {
 
 /// The operations by themselves.
 pub(super) fn operations(rows: &[OperationRow]) -> String {
-    let mut table = Table::new(
-        4,
-        [
-            "family",
-            "operation",
-            "engine",
-            "range",
-            "rays",
-            "t, ulp",
-            "of bound",
-            "wrong hits",
-            "holes",
-            "breaks at",
-            "slowdown",
-        ],
-    );
-    for row in rows {
-        table.row(vec![
-            row.family.into(),
-            row.operation.into(),
-            format!("`{}` {}", row.engine, row.precision),
-            format!("{} to {}", row.from, row.to),
-            row.rays.to_string(),
-            number(row.worst),
-            number(row.bound),
-            row.wrong_hits.to_string(),
-            row.holes.map_or("-".into(), |holes| holes.to_string()),
-            row.breaks_at.clone().unwrap_or_else(|| "-".into()),
-            number(Some(row.slowdown)),
-        ]);
-    }
-    table.text()
+    let columns: [Column<OperationRow>; 11] = [
+        ("family", |row| row.family.into()),
+        ("operation", |row| row.operation.into()),
+        ("engine", |row| format!("`{}` {}", row.engine, row.precision)),
+        ("range", |row| format!("{} to {}", row.from, row.to)),
+        ("rays", |row| row.rays.to_string()),
+        ("t, ulp", |row| number(row.worst)),
+        ("of bound", |row| number(row.bound)),
+        ("wrong hits", |row| row.wrong_hits.to_string()),
+        ("holes", |row| row.holes.map_or("-".into(), |holes| holes.to_string())),
+        ("breaks at", |row| row.breaks_at.clone().unwrap_or_else(|| "-".into())),
+        ("slowdown", |row| number(Some(row.slowdown))),
+    ];
+    Table::of(4, &columns, rows)
 }
 
 /// Three digits, or a power of ten where that is far from 1; a dash for None.

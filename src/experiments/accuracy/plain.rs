@@ -30,6 +30,7 @@ mod with_assembly {
 
     use super::AgainstPlain;
     use crate::experiments::accuracy::{AccuracyError, Contender, contenders};
+    use crate::experiments::ladder::TURNED;
     use crate::kernels::{Vec4, ladder};
     use crate::measure::statistics::{median, median_with_interval, pairwise_ratios};
     use crate::measure::{Clock, Work, interleave};
@@ -37,14 +38,12 @@ mod with_assembly {
     use crate::render::{FilmMut, Precision};
     use crate::scene::{Rng, Scene};
 
-    /// The packet engines, and `turned.c` for the instructions of each: eq. 5 by half of b, eq. 9 and eq. 10, all in f32, over
-    /// arrays of rays.
-    const PLAIN: [(&str, &str); 3] = [("sse41", "turned_sse41"), ("avx2", "turned_v3"), ("avx512", "turned_v4")];
     const ROUNDS: usize = 41;
     /// Where the bootstrap's draws begin.
     const SEED: u64 = 0x0070_1a17;
 
-    /// Times both on a scene, in turns, for every instruction set of this machine; nothing where the plain formulas take fewer
+    /// Times the packets, and `turned.c` for their instructions (eq. 5 by half of b, eq. 9 and eq. 10, all in f32, over arrays
+    /// of rays), on a scene, in turns, for every instruction set of this machine; nothing where the plain formulas take fewer
     /// objects than it has. `hz` is the rate of the clock. None where `proceed` says no.
     ///
     /// # Errors
@@ -63,7 +62,7 @@ mod with_assembly {
         let rows = 0..camera.height();
         let out = RefCell::new(vec![Vec4::default(); camera.pixels() as usize]);
         let mut pairs = Vec::new();
-        for (engine, rung) in PLAIN {
+        for (engine, _, rung) in TURNED {
             let single =
                 |contender: &Contender| contender.engine.name() == engine && contender.precision == Precision::Single;
             let rung = ladder::C.iter().find(|of| of.name == rung && of.usable());

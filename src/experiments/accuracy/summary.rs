@@ -2,19 +2,13 @@
 
 use serde::Serialize;
 
-use super::Row;
+use super::{Accuracy, Who};
 
 /// An engine, precision and output over all scenes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
     /// Who.
-    pub engine: &'static str,
-    /// In what numbers.
-    pub precision: &'static str,
-    /// `--keep-all`, or none.
-    pub option: Option<&'static str>,
-    /// What a pixel is written as.
-    pub output: &'static str,
+    pub who: Who,
     /// Scenes.
     pub scenes: usize,
     /// Wrong hits outside of the margin, in all scenes.
@@ -39,37 +33,27 @@ pub struct Summary {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Reason {
     /// Who.
-    pub engine: &'static str,
-    /// In what numbers.
-    pub precision: &'static str,
-    /// `--keep-all`, or none.
-    pub option: Option<&'static str>,
-    /// What a pixel is written as.
-    pub output: &'static str,
+    #[serde(flatten)]
+    pub who: Who,
     /// One sentence.
     pub reason: &'static str,
 }
 
 /// The rows taken together, in the order in which they appear.
-pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
-    let mut groups: Vec<Vec<&Row>> = Vec::new();
-    let key = |row: &Row| (row.engine, row.precision, row.option, row.output);
+pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Accuracy>) -> Vec<Summary> {
+    let mut groups: Vec<Vec<&Accuracy>> = Vec::new();
     for row in rows {
-        match groups.iter_mut().find(|group| key(group[0]) == key(row)) {
+        match groups.iter_mut().find(|group| group[0].who == row.who) {
             Some(group) => group.push(row),
             None => groups.push(vec![row]),
         }
     }
-    let summary = |group: &Vec<&Row>| {
-        let (engine, precision, option, output) = key(group[0]);
-        let sum = |of: fn(&Row) -> usize| group.iter().map(|row| of(row)).sum();
-        let largest = |of: fn(&Row) -> Option<f64>| group.iter().filter_map(|row| of(row)).reduce(f64::max);
+    let summary = |group: &Vec<&Accuracy>| {
+        let sum = |of: fn(&Accuracy) -> usize| group.iter().map(|row| of(row)).sum();
+        let largest = |of: fn(&Accuracy) -> Option<f64>| group.iter().filter_map(|row| of(row)).reduce(f64::max);
         let logarithms: f64 = group.iter().map(|row| row.ns_per_ray.ln()).sum();
         Summary {
-            engine,
-            precision,
-            option,
-            output,
+            who: group[0].who,
             scenes: group.len(),
             wrong_hits: sum(|row| row.errors.wrong_hits),
             wrong_objects: sum(|row| row.errors.wrong_objects),
@@ -85,22 +69,15 @@ pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<Summary> {
 }
 
 /// Everything that is on no front, with the sentence why it stays.
-pub fn off_every_front(rows: &[Row]) -> Vec<Reason> {
+pub fn off_every_front(rows: &[Accuracy]) -> Vec<Reason> {
     let off = summaries(rows).into_iter().filter(|summary| summary.fronts == 0);
-    off.map(|Summary { engine, precision, option, output, .. }| Reason {
-        engine,
-        precision,
-        option,
-        output,
-        reason: reason(engine, precision, option, output),
-    })
-    .collect()
+    off.map(|Summary { who, .. }| Reason { who, reason: reason(who) }).collect()
 }
 
 /// Why an engine and precision is there, though another may be as good and faster.
-pub fn reason(engine: &str, precision: &str, option: Option<&str>, output: &str) -> &'static str {
-    match (engine, precision, output) {
-        _ if option.is_some() => {
+pub fn reason(who: Who) -> &'static str {
+    match (who.engine, who.precision, who.output) {
+        _ if who.option.is_some() => {
             "It does all that the plan leaves out: the same bytes in more time, which is what leaving out is worth."
         }
         ("reference", ..) => "It is what the others are tested against, written to be read, and runs on any machine.",

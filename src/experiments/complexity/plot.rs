@@ -2,27 +2,18 @@
 
 use plotters::prelude::*;
 
-use super::{Row, ZEROS, lines};
+use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
-use crate::experiments::svg::{Area, FONT, PlotError, draw, legend};
+use crate::experiments::svg::{Area, BLUE, FONT, GREEN, ORANGE, PURPLE, PlotError, SKY, VERMILION, draw, legend};
 
 const PANEL: (i32, i32) = (460, 460);
 /// How many times as high as its highest point a panel is: above, there is room for the list of its lines.
 const ROOM: f64 = 50.0;
 
-/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
-const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(0, 0, 0),
-];
+const COLOURS: [RGBColor; 7] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK];
 
 /// Draws the panels side by side.
-pub fn figure(rows: &[Row]) -> Result<String, PlotError> {
+pub fn figure(rows: &[Growth]) -> Result<String, PlotError> {
     let axes = [Axis::Pixels, Axis::Objects, Axis::Lights];
     draw(PANEL.0 * axes.len() as i32, PANEL.1, |area| {
         for (cell, axis) in area.split_evenly((1, axes.len())).iter().zip(axes) {
@@ -40,8 +31,8 @@ pub fn figure(rows: &[Row]) -> Result<String, PlotError> {
     })
 }
 
-fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotError> {
-    let point = |row: &&Row| (row.count as f64, row.cycles_per_pixel());
+fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), PlotError> {
+    let point = |row: &&Growth| (row.count as f64, row.cycles_per_pixel());
     let points = || lines.iter().flatten().map(point);
     let ends = |of: fn((f64, f64)) -> f64| {
         let values = || points().map(of);
@@ -53,8 +44,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         .margin(8)
         .x_label_area_size(36)
         .y_label_area_size(52)
-        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..ROOM * high).log_scale())
-        .map_err(PlotError::new)?;
+        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..ROOM * high).log_scale())?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
@@ -64,13 +54,12 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         .x_label_formatter(&|x| format!("{x:e}"))
         .label_style((FONT, 12))
         .axis_desc_style((FONT, 13))
-        .draw()
-        .map_err(PlotError::new)?;
+        .draw()?;
     for (place, line) in lines.iter().enumerate() {
         // What only fills the film has the colour of those who trace the same kind of pixels.
-        let same = |other: &Vec<&Row>| line[0].axis == Axis::Pixels && other[0].output == line[0].output;
+        let same = |other: &Vec<&Growth>| line[0].axis == Axis::Pixels && other[0].output == line[0].output;
         let colour = COLOURS[lines.iter().position(same).unwrap_or(place) % COLOURS.len()];
-        let Row { scene, engine, output, keep_all, .. } = *line[0];
+        let Growth { scene, engine, output, keep_all, .. } = *line[0];
         let label = match line[0].axis {
             Axis::Objects => format!("{scene}{}", if keep_all { ", by brute force" } else { "" }),
             Axis::Pixels => format!("{engine}, {output}"),
@@ -78,8 +67,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Row>]) -> Result<(), PlotErr
         };
         let width = if engine == ZEROS || keep_all { 1 } else { 2 };
         chart
-            .draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)).point_size(3))
-            .map_err(PlotError::new)?
+            .draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)).point_size(3))?
             .label(label)
             .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
     }

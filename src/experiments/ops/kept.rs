@@ -1,11 +1,21 @@
 //! Every operation in Rust as a function that is kept whole, with the signature of those in NASM: out, a, b.
 
+use super::subjects::{Subject, whole};
+
 macro_rules! kept {
     ($($name:ident($a:ident: $a_type:ty, $b:ident: $b_type:ty) -> $out:ty { $value:expr })*) => {
         $(#[inline(never)]
-        pub fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
+        fn $name(out: &mut $out, $a: &$a_type, $b: &$b_type) {
             *out = $value;
         })*
+
+        /// The operation of that name.
+        pub fn subject(op: &str) -> super::Subject {
+            match op {
+                $(stringify!($name) => super::whole($name),)*
+                _ => unreachable!("there is no operation {op}"),
+            }
+        }
     };
 }
 
@@ -33,24 +43,14 @@ pub mod rust {
 pub mod glam {
     use glam::Vec3A;
 
-    /// As [`crate::reference::aos::Sphere`].
-    pub struct Sphere {
-        pub centre: Vec3A,
-        pub radius: f32,
-    }
-
-    /// As [`crate::reference::aos::Surface`].
-    pub struct Surface {
-        pub point: Vec3A,
-        pub normal: Vec3A,
-        pub colour: Vec3A,
-    }
-
-    /// As [`crate::reference::aos::Light`].
-    pub struct Light {
-        pub position: Vec3A,
-        pub radiance: Vec3A,
-    }
+    /// A centre, and a radius.
+    pub type Sphere = (Vec3A, f32);
+    /// Vertices.
+    pub type Triangle = [Vec3A; 3];
+    /// A point, its normal, and the colour there.
+    pub type Surface = [Vec3A; 3];
+    /// A place, and what light comes from it.
+    pub type Light = [Vec3A; 2];
 
     kept! {
         add(a: Vec3A, b: Vec3A) -> Vec3A { *a + *b }
@@ -61,16 +61,19 @@ pub mod glam {
         cross(a: Vec3A, b: Vec3A) -> Vec3A { a.cross(*b) }
         normalise(a: Vec3A, _b: Vec3A) -> Vec3A { a.normalize() }
         sphere(ray: Vec3A, s: Sphere) -> f32 { sphere_hit(*ray, s) }
-        triangle(ray: Vec3A, s: [Vec3A; 3]) -> f32 { triangle_hit(*ray, s) }
-        lambert(s: Surface, l: Light) -> Vec3A {
-            (l.position - s.point).normalize_or_zero().dot(s.normal).max(0.0) * l.radiance * s.colour
-        }
+        triangle(ray: Vec3A, s: Triangle) -> f32 { triangle_hit(*ray, s) }
+        lambert(s: Surface, l: Light) -> Vec3A { shade(s, l) }
     }
 
     #[inline(always)]
-    fn sphere_hit(ray: Vec3A, s: &Sphere) -> f32 {
-        let (a, h) = (ray.length_squared(), ray.dot(s.centre));
-        let disc = h * h - (s.centre.length_squared() - s.radius * s.radius) * a;
+    fn shade([point, normal, colour]: &Surface, [position, radiance]: &Light) -> Vec3A {
+        (position - point).normalize_or_zero().dot(*normal).max(0.0) * radiance * colour
+    }
+
+    #[inline(always)]
+    fn sphere_hit(ray: Vec3A, (centre, radius): &Sphere) -> f32 {
+        let (a, h) = (ray.length_squared(), ray.dot(*centre));
+        let disc = h * h - (centre.length_squared() - radius * radius) * a;
         if disc >= 0.0 {
             let root = disc.sqrt();
             for t in [(h - root) / a, (h + root) / a] {
@@ -83,7 +86,7 @@ pub mod glam {
     }
 
     #[inline(always)]
-    fn triangle_hit(ray: Vec3A, &[v1, v2, v3]: &[Vec3A; 3]) -> f32 {
+    fn triangle_hit(ray: Vec3A, &[v1, v2, v3]: &Triangle) -> f32 {
         let n = (v1 - v2).cross(v1 - v3);
         let t = v1.dot(n) / ray.dot(n);
         let p = t * ray;

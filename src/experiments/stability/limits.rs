@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::{Row, Worst};
+use super::{Stability, Worst};
 
 /// `limits.csv`: what every engine may do on every family. `c` and `paper` are in it too: their limits say where the
 /// paper's formulas stop.
@@ -124,14 +124,14 @@ impl Limits {
         limits.collect::<Result<Vec<_>, _>>().map(Limits)
     }
 
-    fn of(&self, row: &Row) -> Option<&Limit> {
+    fn of(&self, row: &Stability) -> Option<&Limit> {
         self.0
             .iter()
             .find(|limit| limit.family == row.family && limit.engine == row.engine && limit.precision == row.precision)
     }
 
     /// The limits that a row does not keep.
-    pub fn broken(&self, row: &Row) -> Vec<Broken> {
+    pub fn broken(&self, row: &Stability) -> Vec<Broken> {
         let Some(limit) = self.of(row) else {
             return vec![Broken { why: "there is no limit for it".into(), case: row.worst_case }];
         };
@@ -148,23 +148,23 @@ impl Limits {
     }
 
     /// The limits of a row that could be tightened, in words.
-    pub fn tighter(&self, row: &Row) -> Option<String> {
+    pub fn tighter(&self, row: &Stability) -> Option<String> {
         let limit = self.of(row)?;
         let checks = MEASURES.iter().zip(row.worst_by).zip(limit.most);
         let loose = checks.filter(|((measure, worst), most)| *most > measure.small && *most > LOOSE * worst.figure);
         let loose: Vec<_> = loose
             .map(|((measure, worst), most)| format!("{} {most} ({} found)", measure.column, two_digits(worst.figure)))
             .collect();
-        let Row { family, engine, precision, .. } = row;
+        let Stability { family, engine, precision, .. } = row;
         (!loose.is_empty()).then(|| format!("{family} {engine} {precision}: {}", loose.join(", ")))
     }
 }
 
 /// The table of limits that these rows would just keep, with some room.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(rows: &[Stability]) -> String {
     let mut text = header() + "\n";
     for row in rows {
-        let Row { family, engine, precision, .. } = row;
+        let Stability { family, engine, precision, .. } = row;
         let limit = |(measure, worst): (&Measure, Worst)| {
             let (Measure { least, promised, .. }, found) = (*measure, worst.figure);
             let room = if found > 0.0 { (ROOM * found).max(least) } else { 0.0 };
@@ -197,29 +197,21 @@ mod tests {
     const WRONG: usize = 3;
 
     /// A row whose error of t is `worst` in case 7, and its share of wrong hits `wrong_share` in case 5.
-    fn row(worst: f64, wrong_share: f64) -> Row {
+    fn row(worst: f64, wrong_share: f64) -> Stability {
         let of_case = |figure, case| Worst { figure, case, of_case: figure };
         let mut worst_by = [of_case(0.0, 3); MEASURES.len()];
         worst_by[..2].copy_from_slice(&[of_case(worst, 7), of_case(0.5, 7)]);
         // Three cases, of which one has them all.
         worst_by[WRONG] = Worst { of_case: 3.0 * wrong_share, ..of_case(wrong_share, 5) };
-        Row {
+        Stability {
             family: "S1",
             engine: "avx2",
             precision: "single",
             worst: Some(worst),
             bound: Some(0.5),
-            angle: None,
-            wrong_hits: 0,
-            holes: 0,
-            off_by_1: 0,
-            off_by_2: 0,
-            breaks_at: None,
-            slowdown: None,
-            holds: true,
-            broken: Vec::new(),
             worst_case: 7,
             worst_by,
+            ..Stability::default()
         }
     }
 
@@ -235,7 +227,7 @@ mod tests {
         assert_eq!(broken[0].why, "the error of t in ulp is 8.5, above 8");
         assert_eq!(broken[1].why, "the share of wrong hits is 0.25 (0.75 of case 5 alone), above 0");
         assert_eq!(limits().broken(&row(f64::NAN, 0.0)).len(), 1, "what is no number keeps no limit");
-        assert_eq!(limits().broken(&Row { engine: "sse41", ..row(1.0, 0.0) }).len(), 1);
+        assert_eq!(limits().broken(&Stability { engine: "sse41", ..row(1.0, 0.0) }).len(), 1);
         let replay = row(8.5, 0.25).replay(5, 3, true);
         assert_eq!(replay, "rayo stability --family S1 --engine avx2 --seed 3 --case 5 --quick");
     }
@@ -281,7 +273,7 @@ mod tests {
             let packets = packets.flat_map(|engine| ["single", "fast", "double"].map(|precision| (engine, precision)));
             let scalar = [("reference", "double"), ("rust", "single"), ("c", "single"), ("paper", "single")];
             for (engine, precision) in packets.chain(scalar) {
-                let row = Row { family: family.id, engine, precision, ..row(0.0, 0.0) };
+                let row = Stability { family: family.id, engine, precision, ..row(0.0, 0.0) };
                 let limit = limits.of(&row).unwrap_or_else(|| panic!("{} {engine} {precision}", family.id));
                 let [_, bound, angle, wrong, holes, off_by_1, off_by_2] = limit.most;
                 if ["rust", "c", "paper"].contains(&engine) {

@@ -76,8 +76,6 @@ pub struct Failing {
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
 pub struct Mixtures {
-    /// [`SCHEMA`](super::SCHEMA).
-    pub schema: u32,
     /// The machine and the build.
     pub machine: Machine,
     /// The seed of the first mixture.
@@ -111,7 +109,6 @@ pub fn judge_mixtures(
     });
     let judged: Vec<Failing> = judged.collect::<Result<Vec<_>, AccuracyError>>()?.into_iter().flatten().collect();
     Ok(Mixtures {
-        schema: super::SCHEMA,
         machine: Machine::this(),
         seed,
         mixtures: judged.len(),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// One operation of one instruction set over a family. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct OperationRow {
     /// The family's id.
     pub family: &'static str,
@@ -50,7 +50,7 @@ mod with_assembly {
     use crate::measure::statistics::median;
     use crate::plan::{InUnits, sphere_hit, triangle_hit};
     use crate::reference::exact::{self, Meeting, Ray, Split};
-    use crate::render::{Colour, Distance, Found};
+    use crate::render::{Colour, Distance, Found, Precision};
     use crate::scene::families::{Family, Level};
     use crate::scene::{self, Camera, Object, Rng, Scene};
 
@@ -253,38 +253,45 @@ mod with_assembly {
     }
 
     fn of_family(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
+        [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
+    }
+
+    fn of_precision<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
         let rays = RAYS[usize::from(!quick)];
-        let mut rows = Vec::new();
         if let Some(sweep) = SWEEPS.iter().find(|sweep| sweep.id == family.id) {
-            let values = family.levels.iter().map(|level| level.value);
-            rows.extend(of_element::<f32>(family, sweep, &values.clone().collect::<Vec<_>>(), seed, rays, "single"));
-            let mut wide: Vec<f64> = values.chain(sweep.beyond.iter().copied()).collect();
-            wide.sort_unstable_by(f64::total_cmp);
-            rows.extend(of_element::<f64>(family, sweep, &wide, seed, rays, "double"));
-        }
-        if PICTURES.contains(&family.id) {
-            rows.extend(of_pictures::<f32>(family, seed, quick, "single"));
-            rows.extend(of_pictures::<f64>(family, seed, quick, "double"));
+            let mut values: Vec<f64> = family.levels.iter().map(|level| level.value).collect();
+            if is_double::<E>() {
+                values.extend(sweep.beyond);
+                values.sort_unstable_by(f64::total_cmp);
+            }
+            return of_element::<E>(family, sweep, &values, seed, rays);
         }
         match family.id {
-            "T6" => {
-                rows.extend(of_meshes::<f32>(family, seed, quick, "single"));
-                rows.extend(of_meshes::<f64>(family, seed, quick, "double"));
-            }
-            "N1" => {
-                rows.extend(not_numbers::<f32>(seed, rays, "single"));
-                rows.extend(not_numbers::<f64>(seed, rays, "double"));
-            }
-            _ => {}
+            id if PICTURES.contains(&id) => of_pictures::<E>(family, seed, quick),
+            "T6" => of_meshes::<E>(family, seed, quick),
+            "N1" => not_numbers::<E>(seed, rays),
+            _ => Vec::new(),
         }
-        rows
+    }
+
+    fn is_double<E: PacketElement>() -> bool {
+        size_of::<E>() == size_of::<f64>()
+    }
+
+    /// A row of which nothing is known yet.
+    fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
+        let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
+        OperationRow { family, operation, engine: isa.name(), precision, ..OperationRow::default() }
+    }
+
+    fn usable() -> impl Iterator<Item = Isa> {
+        Isa::ALL.into_iter().filter(|isa| isa.usable())
     }
 
     /// One operation over one parameter.
     struct Over<'a> {
         id: &'static str,
         operation: &'static str,
-        precision: &'static str,
         /// The values as they are written, and which of them is ordinary.
         values: &'a [String],
         ordinary: usize,
@@ -296,12 +303,11 @@ mod with_assembly {
         values: &[f64],
         seed: u64,
         rays: usize,
-        precision: &'static str,
     ) -> Vec<OperationRow> {
         let usual = family.levels[family.ordinary].value;
         let ordinary = values.iter().position(|value| *value == usual).expect("the ordinary value is one of them");
         let written: Vec<_> = values.iter().map(|value| Level { value: *value, label: "" }.to_string()).collect();
-        let over = Over { id: family.id, operation: sweep.operation, precision, values: &written, ordinary };
+        let over = Over { id: family.id, operation: sweep.operation, values: &written, ordinary };
         rows_of::<E>(&over, |i| {
             let mut rng = Rng::new(seed ^ ((i as u64) << 32));
             (0..OBJECTS).map(|_| Held::new(sweep, values[i], rays.div_ceil(OBJECTS), &mut rng)).collect()
@@ -315,12 +321,7 @@ mod with_assembly {
         (0..camera.height()).flat_map(row).collect()
     }
 
-    fn of_pictures<E: PacketElement>(
-        family: &Family,
-        seed: u64,
-        quick: bool,
-        precision: &'static str,
-    ) -> Vec<OperationRow> {
+    fn of_pictures<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
         let variants = family.variants.len();
         let shapes = |scene: &Scene, operation: &str| -> Vec<Shape> {
             let sphere = |s: &scene::Sphere| Shape::Sphere { centre: s.centre.into(), radius: s.radius.into() };
@@ -342,20 +343,20 @@ mod with_assembly {
         };
         let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
         let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
-        let over = Over { id: family.id, operation, precision, values: &values, ordinary: family.ordinary };
+        let over = Over { id: family.id, operation, values: &values, ordinary: family.ordinary };
         rows_of(&over, |level| held(level, operation))
     }
 
     /// A row for each instruction set; `held` makes what is held against the truth at a value.
     fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
-        let isas: Vec<_> = Isa::ALL.into_iter().filter(|isa| isa.usable()).collect();
+        let isas: Vec<_> = usable().collect();
         // Of each value, each instruction set's errors, and nanoseconds of an object.
         let mut found: Vec<Vec<(Errors, f64)>> = Vec::new();
         for value in 0..over.values.len() {
             let held = held(value);
             let of = |isa: &Isa| {
                 let op = op_of::<E>(*isa, over.operation).expect("every instruction set has it");
-                let (mut tally, mut ns) = (Tally::of_exact_rays(size_of::<E>() == 8), 0.0);
+                let (mut tally, mut ns) = (Tally::of_exact_rays(is_double::<E>()), 0.0);
                 for held in &held {
                     let (hits, time) = held.call(op, RUNS);
                     ns += time / held.rays.len() as f64;
@@ -370,7 +371,7 @@ mod with_assembly {
             };
             found.push(isas.iter().map(of).collect());
         }
-        let Over { id, operation, precision, values, ordinary } = *over;
+        let Over { id, operation, values, ordinary } = *over;
         let row = |(i, isa): (usize, &Isa)| {
             let own = || found.iter().map(|of| &of[i]);
             let largest = |of: fn(&Errors) -> Option<f64>| own().filter_map(|(errors, _)| of(errors)).reduce(f64::max);
@@ -378,31 +379,22 @@ mod with_assembly {
             let broken = own().enumerate().filter(|(_, (errors, _))| breaks(errors)).map(|(level, _)| level);
             let usual = found[ordinary][i].1;
             OperationRow {
-                family: id,
-                operation,
-                engine: isa.name(),
-                precision,
                 from: values[0].clone(),
                 to: values[values.len() - 1].clone(),
                 rays: own().map(|(errors, _)| errors.rays).min().unwrap_or(0),
                 worst: largest(|errors| errors.max_ulp),
                 bound: largest(|errors| errors.bound_share),
                 wrong_hits: own().map(|(errors, _)| errors.wrong_hits).sum(),
-                holes: None,
                 breaks_at: broken.min_by_key(|level| level.abs_diff(ordinary)).map(|level| values[level].clone()),
                 slowdown: own().map(|(_, ns)| ns / usual).fold(0.0, f64::max),
+                ..empty::<E>(id, operation, *isa)
             }
         };
         isas.iter().enumerate().map(row).collect()
     }
 
     /// The meshes that cover their picture, triangle by triangle: how many rays meet none of them, though each meets some.
-    fn of_meshes<E: PacketElement>(
-        family: &Family,
-        seed: u64,
-        quick: bool,
-        precision: &'static str,
-    ) -> Vec<OperationRow> {
+    fn of_meshes<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
         let case = |level: usize| family.case(level * family.variants.len(), seed, side(family, quick));
         let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
         let rays: Vec<_> = cases.iter().map(|case| rays_of::<E>(&case.scene.camera)).collect();
@@ -425,26 +417,19 @@ mod with_assembly {
                 ns.push(median(&taken) / rays.len() as f64);
             }
             OperationRow {
-                family: family.id,
-                operation: "triangle",
-                engine: isa.name(),
-                precision,
                 from: cases[0].level.to_string(),
                 to: cases[cases.len() - 1].level.to_string(),
                 rays: rays.iter().map(Vec::len).min().unwrap_or(0),
-                worst: None,
-                bound: None,
-                wrong_hits: 0,
                 holes: Some(holes),
-                breaks_at: None,
                 slowdown: ns.iter().map(|of| of / ns[0]).fold(0.0, f64::max),
+                ..empty::<E>(family.id, "triangle", isa)
             }
         };
-        Isa::ALL.into_iter().filter(|isa| isa.usable()).map(of).collect()
+        usable().map(of).collect()
     }
 
     /// An ordinary sphere and triangle with each number in turn made NaN or infinite, and rays that are: nothing is hit.
-    fn not_numbers<E: PacketElement>(seed: u64, rays: usize, precision: &'static str) -> Vec<OperationRow> {
+    fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
         let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
         let mut rows = Vec::new();
         for sweep in &SWEEPS[1..] {
@@ -480,7 +465,7 @@ mod with_assembly {
                 rays.iter_mut().for_each(|ray| ray[axis] = E::from_f64(f64::NAN));
                 held(shape, rays)
             }));
-            for isa in Isa::ALL.into_iter().filter(|isa| isa.usable()) {
+            for isa in usable() {
                 let op = op_of::<E>(isa, sweep.operation).expect("every instruction set has it");
                 let (_, usual) = ordinary.call(op, RUNS);
                 let (mut wrong_hits, mut slowdown) = (0, 0.0_f64);
@@ -490,19 +475,13 @@ mod with_assembly {
                     slowdown = slowdown.max(ns / usual);
                 }
                 rows.push(OperationRow {
-                    family: "N1",
-                    operation: sweep.operation,
-                    engine: isa.name(),
-                    precision,
                     from: "NaN".into(),
                     to: "infinity".into(),
                     rays: rays.len(),
-                    worst: None,
-                    bound: None,
                     wrong_hits,
-                    holes: None,
                     breaks_at: (wrong_hits > 0).then(|| "NaN".into()),
                     slowdown,
+                    ..empty::<E>("N1", sweep.operation, isa)
                 });
             }
         }

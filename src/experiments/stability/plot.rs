@@ -2,8 +2,8 @@
 
 use plotters::prelude::*;
 
-use super::{Cell, Document};
-use crate::experiments::svg::{Area, FONT, PlotError, draw};
+use super::{Cell, StabilityReport};
+use crate::experiments::svg::{Area, PlotError, draw, write};
 use crate::scene::families::{Family, family as family_of};
 
 /// Pixels of a cell, of the names at the left, and of what stands above.
@@ -39,7 +39,7 @@ fn shade(cell: &Cell) -> usize {
 }
 
 /// Draws the map.
-pub fn figure(document: &Document) -> Result<String, PlotError> {
+pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
     let mut names: Vec<(&str, &str)> = Vec::new();
     let mut families: Vec<(&str, usize)> = Vec::new();
     for cell in &document.cells {
@@ -54,9 +54,7 @@ pub fn figure(document: &Document) -> Result<String, PlotError> {
     let widths: i32 = families.iter().map(|(_, levels)| CELL.0 * (*levels).min(COLUMNS) as i32 + GAP).sum();
     let (width, height) = ((LEFT + widths + GAP).max(900), TOP + CELL.1 * names.len() as i32 + 30);
     draw(width, height, |area| {
-        let text = |text: &str, at: (i32, i32), size: i32| {
-            area.draw(&Text::new(text.to_owned(), at, (FONT, size).into_font())).map_err(PlotError::new)
-        };
+        let text = |text: &str, at: (i32, i32), size: i32| write(area, text, at, size);
         text("Engines on stiff and extreme scenes: each column a value of the family's parameter", (LEFT, 8), 16)?;
         let mut x = LEFT;
         for (label, colour) in SHADES {
@@ -101,5 +99,5 @@ fn rectangle(
     (width, height): (i32, i32),
     colour: RGBColor,
 ) -> Result<(), PlotError> {
-    area.draw(&Rectangle::new([(x, y), (x + width, y + height)], colour.filled())).map_err(PlotError::new)
+    Ok(area.draw(&Rectangle::new([(x, y), (x + width, y + height)], colour.filled()))?)
 }
