@@ -1,6 +1,8 @@
 //! Triangle meshes: what their files hold, and where a scene puts them.
 
 #[cfg(feature = "files")]
+mod bulk;
+#[cfg(feature = "files")]
 mod obj;
 #[cfg(feature = "files")]
 mod ply;
