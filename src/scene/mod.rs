@@ -28,6 +28,8 @@ pub use mesh::{Mesh, MeshError, MeshFormat};
 pub use open::{MAX_TOML, SceneFormat, open, read};
 pub use opened::Opened;
 pub use parse::parse;
+#[doc(hidden)]
+pub use parse::parse_with_care;
 pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;
