@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rayo::render::{ImageError, ImageFile};
-use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml};
+use rayo::scene::{Mesh, MeshFormat, Scene, SceneError, parse, parse_toml, parse_with_care};
 
 /// What takes any bytes.
 pub type Target = fn(&[u8]);
@@ -26,7 +26,11 @@ pub const TARGETS: [(&str, Target); 12] = [
 
 /// The paper's scene format.
 pub fn scene_in(source: &[u8]) {
-    match parse(source, "fuzz.in") {
+    let read = parse(source, "fuzz.in");
+    // Debug tells -0 from 0.
+    let [quick, with_care] = [&read, &parse_with_care(source, "fuzz.in")].map(|read| format!("{read:?}"));
+    assert_eq!(quick, with_care);
+    match read {
         Ok(scene) => {
             // What was read can be written, and is the same when it is read again.
             assert_eq!(parse(scene.to_text().as_bytes(), "again.in").unwrap(), scene);
@@ -65,7 +69,11 @@ pub fn mesh_stl(source: &[u8]) {
 }
 
 fn mesh(source: &[u8], format: MeshFormat) {
-    match Mesh::from_bytes(source.to_vec(), format, "fuzz") {
+    let read = Mesh::from_bytes(source.to_vec(), format, "fuzz");
+    let with_care = Mesh::from_bytes_with_care(source.to_vec(), format, "fuzz");
+    // Debug tells -0 from 0.
+    assert_eq!(format!("{read:?}"), format!("{with_care:?}"));
+    match read {
         Ok(mesh) => {
             assert!(!mesh.triangles.is_empty());
             assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()));

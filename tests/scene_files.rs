@@ -10,15 +10,25 @@ use std::path::{Path, PathBuf};
 use counting::peak_of;
 use glam::Vec3;
 use proptest::prelude::*;
-use rayo::scene::{Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, read};
+use rayo::scene::{
+    Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
+};
 
 /// What diagnostics may take, however short the file.
 const SLACK: usize = 64 << 10;
 
-/// Parses, and holds the memory that it takes to 16 times the file.
+/// Parses, quickly where numbers are as usual and token by token, and holds the memory that each takes to 16 times the
+/// file.
 fn parse_bounded(source: &[u8]) -> Result<Scene, SceneError> {
-    let (scene, peak) = peak_of(|| parse(source, "test.in"));
-    assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
+    let [scene, with_care] = [parse, parse_with_care].map(|parse| {
+        let (scene, peak) = peak_of(|| parse(source, "test.in"));
+        assert!(peak <= 16 * source.len() + SLACK, "{peak} bytes for a file of {}", source.len());
+        scene
+    });
+    match (&scene, &with_care) {
+        (Ok(scene), Ok(with_care)) => assert!(scene == with_care && bits(scene) == bits(with_care)),
+        _ => assert_eq!(format!("{scene:?}"), format!("{with_care:?}")),
+    }
     scene
 }
 
@@ -379,6 +389,7 @@ fn every_scene_of_the_project_is_read_and_names_its_image_after_itself() {
     assert!(files.len() >= 5, "{files:?}");
     for file in files {
         let scene = read(&file).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(accepted(fs::read(&file).unwrap()), scene);
         assert_eq!(Path::new(&scene.name), file.with_extension("png").file_name().unwrap());
         assert_eq!(accepted(scene.to_text()), scene);
     }

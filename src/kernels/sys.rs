@@ -99,6 +99,13 @@ pub fn zeros<T: Plain>(len: usize) -> Vec<T> {
     unsafe { Vec::from_raw_parts(first.cast(), len, len) }
 }
 
+/// Room for so many values, on large pages as far as these lie within it.
+pub fn room<T>(count: usize) -> Vec<T> {
+    let mut room = Vec::with_capacity(count);
+    large_pages(&mut room);
+    room
+}
+
 /// Asks for large pages for the room of a vector, as far as they lie within it. Only a wish: nothing else depends on it.
 #[cfg(target_os = "linux")]
 pub fn large_pages<T>(room: &mut Vec<T>) {

@@ -1,6 +1,8 @@
 //! Triangle meshes: what their files hold, and where a scene puts them.
 
 #[cfg(feature = "files")]
+mod bulk;
+#[cfg(feature = "files")]
 mod obj;
 #[cfg(feature = "files")]
 mod ply;
@@ -21,7 +23,8 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::diagnostic::printable;
-use super::{Scene, Triangle};
+use super::{Scene, Triangle, has_no_area};
+use crate::kernels::sys::room;
 
 /// Triangles that share their corners.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -144,7 +147,7 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 
 impl Mesh {
     /// The vertices that triangles have, each once, in their order.
-    pub fn used(&self) -> impl Iterator<Item = Vec3> {
+    pub fn used(&self) -> impl Iterator<Item = Vec3> + Clone {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
         self.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex))
@@ -161,13 +164,19 @@ impl Mesh {
         let place = |vertex: &Vec3| {
             if map == DAffine3::IDENTITY { *vertex } else { map.transform_point3(vertex.as_dvec3()).as_vec3() }
         };
-        let vertices: Vec<Vec3> = self.vertices.iter().map(place).collect();
-        let triangles = self.triangles.iter().map(|&triangle| {
+        let mut vertices = room(self.vertices.len());
+        vertices.extend(self.vertices.iter().map(place));
+        let mut triangles = room(self.triangles.len());
+        // Those that no triangle has may be anywhere.
+        let all_finite = vertices.iter().all(|vertex: &Vec3| vertex.is_finite());
+        for &triangle in &self.triangles {
             let placed = triangle.map(|index| vertices[index as usize]);
-            let were = self.corners(triangle).map(|corner| corner.as_dvec3());
-            placed.iter().all(|vertex| vertex.is_finite()).then(|| Triangle::of_moved(colour, were, placed))
-        });
-        triangles.collect()
+            if !all_finite && !placed.iter().all(|vertex| vertex.is_finite()) {
+                return None;
+            }
+            triangles.push(Triangle::of_moved(colour, has_no_area(self.corners(triangle)), placed));
+        }
+        Some(triangles)
     }
 
     /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the

@@ -7,6 +7,7 @@ pub mod families;
 mod log;
 pub mod mesh;
 mod misfit;
+mod number;
 #[cfg(feature = "files")]
 mod open;
 mod opened;
@@ -27,13 +28,15 @@ pub use mesh::{Mesh, MeshError, MeshFormat};
 pub use open::{MAX_TOML, SceneFormat, open, read};
 pub use opened::Opened;
 pub use parse::parse;
+#[doc(hidden)]
+pub use parse::parse_with_care;
 pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
 pub use view::{Setting, View};
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
 use crate::reference::geometry;
 
@@ -72,17 +75,28 @@ impl Light {
 impl Triangle {
     /// Whether its corners are on one line, or one point: no ray hits it then.
     pub fn has_no_area(&self) -> bool {
-        geometry::has_no_area(self.vertices.map(|v| v.as_dvec3()))
+        has_no_area(self.vertices)
     }
 
-    /// Of corners that have been `moved` from where they `were`, and rounded: where rounding has drawn apart what was on
-    /// one line, the third is put on the first, so that a triangle of no area stays one.
-    fn of_moved(colour: Vec3, were: [DVec3; 3], moved: [Vec3; 3]) -> Self {
+    /// Of corners that have been `moved`, and rounded: where that has drawn apart what had no area, the third is put on the
+    /// first, so that a triangle of no area stays one.
+    fn of_moved(colour: Vec3, had_no_area: bool, moved: [Vec3; 3]) -> Self {
         let [a, b, _] = moved;
         let triangle = Triangle { colour, vertices: moved };
-        let drawn_apart = geometry::has_no_area(were) && !triangle.has_no_area();
+        let drawn_apart = had_no_area && !triangle.has_no_area();
         if drawn_apart { Triangle { colour, vertices: [a, b, a] } } else { triangle }
     }
+}
+
+/// [`geometry::has_no_area`] of corners in f32.
+fn has_no_area(corners: [Vec3; 3]) -> bool {
+    // Nearly all are so far from it that f32 tells, whatever it loses: their normal is longer than 1e-5 of the longest side
+    // times the furthest corner, and what has no area is below 1e-15 of that.
+    let [v1, v2, v3] = corners.map(Vec3A::from);
+    let (a, b) = (v2 - v1, v3 - v1);
+    let sides = a.length_squared() + b.length_squared();
+    let plain = a.cross(b).length_squared() > 1e-10 * sides * (sides + v1.length_squared());
+    !plain && geometry::has_no_area(corners.map(|corner| corner.as_dvec3()))
 }
 
 /// An object of a scene by its place in its list.

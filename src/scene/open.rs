@@ -10,6 +10,7 @@ use super::diagnostic::printable;
 use super::log::is_line_end;
 use super::parse::parse_with_warnings;
 use super::{Camera, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, Triangle, parse_toml};
+use crate::kernels::sys::room;
 
 /// The longest scene file, in bytes.
 const MAX_FILE: u64 = 4 << 30;
@@ -58,7 +59,7 @@ impl SceneFormat {
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     let unread = |cause| SceneError::Read { path: path.to_owned(), cause };
     if path == Path::new(STANDARD_INPUT) {
-        let source = within(io::stdin().lock(), MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
+        let source = within(io::stdin().lock(), 0, MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
         let parse = if is_toml(&source) {
             |source: &[u8], name: &str| parse_toml(source, name, Path::new(""))
         } else {
@@ -186,11 +187,12 @@ fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>>
         return Err(too_large(limit, advice));
     }
     // The length is only what the file system says: what is read is held to the limit, too.
-    within(File::open(path)?, limit, advice)
+    within(File::open(path)?, metadata.len(), limit, advice)
 }
 
-fn within(reader: impl Read, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
-    let mut source = Vec::new();
+/// What `reader` has, with room for `likely` bytes from the start.
+fn within(reader: impl Read, likely: u64, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
+    let mut source = room(likely as usize);
     reader.take(limit + 1).read_to_end(&mut source)?;
     if source.len() as u64 > limit { Err(too_large(limit, advice)) } else { Ok(source) }
 }

@@ -7,8 +7,10 @@ use glam::Vec3;
 
 use super::log::{Log, is_line_end};
 use super::misfit::{List, first_misfit};
+use super::number::number;
 use super::opened::{NoArea, Opened};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+use crate::kernels::sys::room;
 
 /// The film diagonal of Algorithm 1; the format has no place for another.
 const FILM: f32 = 1.0;
@@ -29,12 +31,24 @@ pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
 
 /// As [`parse`], with a warning of each triangle that has no area.
 pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
+    parse_in(source, name, true)
+}
+
+/// As [`parse`], with every number by its token: tests hold the two against each other.
+#[doc(hidden)]
+pub fn parse_with_care(source: &[u8], name: &str) -> Result<Scene, SceneError> {
+    Ok(parse_in(source, name, false)?.scene)
+}
+
+fn parse_in(source: &[u8], name: &str, quick: bool) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
     let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
         let (log, no_area) = (&mut log, &mut no_area);
         let last = start..start;
-        Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
+        Parser { name, text, at: start, last, tokens: 0, quick, lists: Vec::new(), announced: None, log, no_area }
+            .scene()
+            .ok()
     });
     let scene = log.finish(scene, name)?;
     Ok(Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
@@ -86,8 +100,15 @@ pub(super) struct Problem {
 /// A number's name in a diagnostic: "the width", "sphere 3's radius".
 #[derive(Clone, Copy)]
 struct Field {
-    owner: Option<(&'static str, u64)>,
+    owner: Option<Owner>,
     part: &'static str,
+}
+
+/// An item of a list, by its kind and its number from 1.
+#[derive(Clone, Copy)]
+struct Owner {
+    one: &'static str,
+    number: u64,
 }
 
 /// The three lists of a scene.
@@ -116,6 +137,8 @@ struct Parser<'a, 'b> {
     last: Range<usize>,
     /// Tokens so far.
     tokens: usize,
+    /// Whether numbers may be read without a token of their own.
+    quick: bool,
     /// The lists that were begun.
     lists: Vec<List>,
     /// The one that was begun last.
@@ -169,24 +192,24 @@ impl<'a> Parser<'a, '_> {
         }
         let focal = self.number(Field { owner: None, part: "the focal distance" }, Rule::Positive)?;
         let lights = self.list(&LIGHTS, |parser, light| {
-            let intensity = parser.number(light("intensity"), Rule::NotNegative)?;
-            let colour = parser.vector(COLOUR.map(light), Rule::NotNegative)?;
-            Ok(Light { intensity, colour, position: parser.vector(POSITION.map(light), Rule::Any)? })
+            let intensity = parser.number(light.part("intensity"), Rule::NotNegative)?;
+            let colour = parser.vector(light, COLOUR, Rule::NotNegative)?;
+            Ok(Light { intensity, colour, position: parser.vector(light, POSITION, Rule::Any)? })
         })?;
         let spheres = self.list(&SPHERES, |parser, sphere| {
-            let radius = parser.number(sphere("radius"), Rule::Positive)?;
-            let colour = parser.vector(COLOUR.map(sphere), Rule::NotNegative)?;
-            Ok(Sphere { radius, colour, centre: parser.vector(POSITION.map(sphere), Rule::Any)? })
+            let radius = parser.number(sphere.part("radius"), Rule::Positive)?;
+            let colour = parser.vector(sphere, COLOUR, Rule::NotNegative)?;
+            Ok(Sphere { radius, colour, centre: parser.vector(sphere, POSITION, Rule::Any)? })
         })?;
         let triangles = self.list(&TRIANGLES, |parser, triangle| {
-            let colour = parser.vector(COLOUR.map(triangle), Rule::NotNegative)?;
-            let mut vertex = |names: [&'static str; 3]| parser.vector(names.map(triangle), Rule::Any);
+            let colour = parser.vector(triangle, COLOUR, Rule::NotNegative)?;
+            let mut vertex = |names| parser.vector(triangle, names, Rule::Any);
             let [a, b, c] = VERTICES;
             let item = Triangle { colour, vertices: [vertex(a)?, vertex(b)?, vertex(c)?] };
             if item.has_no_area() {
-                let (which, end) = (triangle("corners").owner.expect("a triangle has a number"), parser.last.start);
+                let end = parser.last.start;
                 let Parser { log, no_area, name, .. } = parser;
-                no_area.add(name, &format!("{} {}", which.0, which.1), || log.line(end));
+                no_area.add(name, &triangle.to_string(), || log.line(end));
             }
             Ok(item)
         })?;
@@ -235,6 +258,11 @@ impl<'a> Parser<'a, '_> {
 
     /// A number rounded to f32; 1 stands in for what cannot be.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
+        if self.quick
+            && let Some(number) = self.plain_number(rule)
+        {
+            return Ok(number);
+        }
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
             let help = help.map(str::to_owned);
@@ -243,21 +271,41 @@ impl<'a> Parser<'a, '_> {
         })
     }
 
-    fn vector(&mut self, [x, y, z]: [Field; 3], rule: Rule) -> Result<Vec3, Stop> {
-        Ok(Vec3::new(self.number(x, rule)?, self.number(y, rule)?, self.number(z, rule)?))
+    /// The next number, if it is written as nearly all are and one that the rule allows; otherwise nothing is taken.
+    fn plain_number(&mut self, rule: Rule) -> Option<f32> {
+        let text = self.text.as_bytes();
+        let spaces = text[self.at..].iter().position(|byte| !is_space(*byte))?;
+        let start = self.at + spaces;
+        let (number, rest) =
+            number(&text[start..]).filter(|(_, rest)| rest.first().is_none_or(|byte| is_space(*byte)))?;
+        let number = match rule {
+            Rule::Any => number,
+            Rule::NotNegative if number >= 0.0 => number + 0.0,
+            Rule::Positive if number > 0.0 => number,
+            _ => return None,
+        };
+        self.at = text.len() - rest.len();
+        self.last = start..self.at;
+        self.tokens += 1;
+        Some(number)
     }
 
-    /// A count and as many items; `item` is given what names a part of it.
+    fn vector(&mut self, of: Owner, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {
+        let mut number = |part| self.number(of.part(part), rule);
+        Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
+    }
+
+    /// A count and as many items.
     fn list<T>(
         &mut self,
         kind: &'static Kind,
-        item: impl Fn(&mut Self, &dyn Fn(&'static str) -> Field) -> Result<T, Stop>,
+        item: impl Fn(&mut Self, Owner) -> Result<T, Stop>,
     ) -> Result<Vec<T>, Stop> {
         let count = self.count(kind)?;
-        // Grown item by item: memory follows what is there, not what the count says.
-        let mut items = Vec::new();
+        // No more than the file's bytes can hold.
+        let mut items = room(count as usize);
         for number in 1..=count {
-            items.push(item(self, &|part| Field { owner: Some((kind.one, number)), part })?);
+            items.push(item(self, Owner { one: kind.one, number })?);
         }
         Ok(items)
     }
@@ -362,9 +410,21 @@ fn whole(token: &str) -> Result<u64, &'static str> {
 impl fmt::Display for Field {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.owner {
-            Some((owner, number)) => write!(f, "{owner} {number}'s {}", self.part),
+            Some(owner) => write!(f, "{owner}'s {}", self.part),
             None => f.write_str(self.part),
         }
+    }
+}
+
+impl Owner {
+    fn part(self, part: &'static str) -> Field {
+        Field { owner: Some(self), part }
+    }
+}
+
+impl fmt::Display for Owner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.one, self.number)
     }
 }
 

@@ -14,6 +14,7 @@ use super::opened::NoArea;
 use super::parse::{Problem, Rule};
 use super::view::{NoView, View};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
+use crate::reference::geometry;
 
 /// The focal distance and the film's diagonal where the file gives none: those of Algorithm 1.
 const FOCAL: f32 = 1.0;
@@ -169,7 +170,7 @@ impl Reader<'_> {
             let triangle = if to_camera == DAffine3::IDENTITY {
                 Triangle { colour, vertices: moved }
             } else {
-                Triangle::of_moved(colour, vertices.map(double), moved)
+                Triangle::of_moved(colour, geometry::has_no_area(vertices.map(double)), moved)
             };
             if triangle.has_no_area() {
                 self.no_area.push((self.start + fields.span.start, fields.owner.clone()));

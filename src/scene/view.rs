@@ -41,20 +41,20 @@ impl View {
 
     /// A view of points of the world from the front, the right and above, as near as `camera` sees all of them with
     /// some room around; how far away it is from the middle of them comes along.
-    fn framing(points: &[DVec3], camera: &Camera) -> View {
+    fn framing(points: impl Iterator<Item = DVec3> + Clone, camera: &Camera) -> View {
         let up = DVec3::Y;
         let eye = DVec3::new(0.55, 0.5, -1.0).normalize();
         let around = View { position: eye, look_at: DVec3::ZERO, up };
         let turn = around.to_camera().expect("a view from the front").matrix3;
-        let turned = || points.iter().map(|point| turn * *point);
-        let low = turned().fold(DVec3::INFINITY, DVec3::min);
-        let high = turned().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let turned = points.map(|point| turn * point);
+        let nowhere = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = turned.clone().fold(nowhere, |(low, high), point| (low.min(point), high.max(point)));
         let middle = (low + high) / 2.0;
         let grid = camera.grid::<f64>();
         // Within the share ROOM of the film: |x| f / (z + distance) <= ROOM w for each point.
         const ROOM: f64 = 0.9;
         let needed = |across: f64, half: f64, z: f64| across.abs() * grid.focal / (ROOM * half) - z;
-        let distance = turned()
+        let distance = turned
             .map(|point| point - middle)
             .map(|p| needed(p.x, grid.half_width, p.z).max(needed(p.y, grid.half_height, p.z)))
             .fold(0.0, f64::max);
@@ -84,8 +84,8 @@ impl Setting {
     pub fn of(mesh: &Mesh, format: MeshFormat, camera: &Camera) -> Option<Setting> {
         let placement = format.placement();
         let to_world = placement.to_world();
-        let points: Vec<DVec3> = mesh.used().map(|vertex| to_world.transform_point3(vertex.as_dvec3())).collect();
-        let view = View::framing(&points, camera);
+        let points = mesh.used().map(|vertex| to_world.transform_point3(vertex.as_dvec3()));
+        let view = View::framing(points, camera);
         let to_camera = view.to_camera().ok()?;
         let away = view.position.distance(view.look_at);
         let light = to_camera.inverse().transform_point3(DVec3::new(-0.8, 1.0, -0.3) * away);

@@ -13,7 +13,8 @@ const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
 pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     let mut lines = Lines::new(source);
-    let options = LoadOptions { single_index: true, ..LoadOptions::default() };
+    // A vertex with two normals is one vertex.
+    let options = LoadOptions { single_index: false, ..LoadOptions::default() };
     // Materials do not come into it: the lines that name them are not handed on.
     let loaded = tobj::load_obj_buf(&mut lines, &options, |_| Ok(Default::default()));
     let models = loaded.map_err(|error| fault(error, &lines, source))?.0;

@@ -11,7 +11,8 @@ use ply_rs_bw::ply::{
 use super::Mesh;
 use super::read::{Fault, counted, not_finite};
 
-pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
+/// The header, held to what is a mesh and to what the file can hold; what follows it, and in which line.
+pub(super) fn header(source: &[u8]) -> Result<(Header, &[u8], usize), Fault> {
     if !source.starts_with(b"ply") {
         return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
     }
@@ -27,7 +28,11 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     let line = reader.line();
     let payload = reader.into_inner();
     check(&header, &source[..source.len() - payload.len()], payload.len())?;
+    Ok((header, payload, line))
+}
 
+pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
+    let (header, payload, line) = header(source)?;
     let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
     let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
     for element in header.elements.values() {
@@ -130,7 +135,7 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
 }
 
 /// The fewest bytes that a property takes in a binary file.
-fn least_bytes(property: &PropertyType) -> usize {
+pub(super) fn least_bytes(property: &PropertyType) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = property;
     match scalar {
         ScalarType::Char | ScalarType::UChar => 1,

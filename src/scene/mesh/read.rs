@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use super::polygon::{self, Fan};
-use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
+use super::{Mesh, MeshError, MeshFormat, bulk, obj, ply, stl};
 use crate::scene::open;
 
 /// What is wrong with a mesh, before it is known by which name its file goes.
@@ -61,7 +61,18 @@ impl Mesh {
         Mesh::parse(source, format).map_err(fault)
     }
 
+    /// As [`Mesh::from_bytes`], without reading in bulk: tests hold the two against each other.
+    #[doc(hidden)]
+    pub fn from_bytes_with_care(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
+        let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
+        Mesh::parse_with_care(source, format).map_err(fault)
+    }
+
     fn parse(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
+        bulk::read(&source, format).map_or_else(|| Mesh::parse_with_care(source, format), Ok)
+    }
+
+    fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
         if source.is_empty() {
             return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
         }

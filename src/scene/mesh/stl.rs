@@ -8,17 +8,26 @@ use super::Mesh;
 use super::read::{Fault, not_finite};
 
 /// A binary file: this many bytes of anything, a count of 4 bytes, and the facets.
-const TITLE: usize = 80;
-const FACET: usize = 50;
+pub(super) const TITLE: usize = 80;
+pub(super) const FACET: usize = 50;
+
+/// Whether a file is binary: its title may begin like a text does.
+pub(super) fn is_binary(source: &[u8]) -> bool {
+    let body = source.len().saturating_sub(TITLE + 4);
+    let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
+    fits || !source.starts_with(b"solid")
+}
+
+/// The number of facets that a binary file claims.
+fn claimed(source: &[u8]) -> Option<u32> {
+    source.get(TITLE..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
+}
 
 pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
-    let claimed = source.get(TITLE..TITLE + 4).map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")));
-    let body = source.len().saturating_sub(TITLE + 4);
-    let fits = claimed.is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
-    // The title of a binary file may begin like a text does.
-    let binary = fits || !source.starts_with(b"solid");
+    let binary = is_binary(&source);
     if binary {
-        let Some(claimed) = claimed else {
+        let body = source.len().saturating_sub(TITLE + 4);
+        let Some(claimed) = claimed(&source) else {
             let message = format!("the file has {} bytes", source.len());
             return Err(Fault::new(message).expected("the word solid at its start, or 84 bytes and more"));
         };

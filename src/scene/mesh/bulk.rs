@@ -1,0 +1,318 @@
+//! Mesh files in the layouts that nearly all have, read in bulk.
+//!
+//! Whatever is unusual or wrong gives nothing: then [`super::read`] has the file read from its start by the reader of its
+//! format, which is careful, and has words for what is wrong.
+
+use glam::Vec3;
+use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
+
+use super::{Mesh, MeshFormat, ply, stl};
+use crate::kernels::sys::room;
+use crate::scene::number::{number, whole};
+
+/// The mesh of a file in a format's usual layout.
+pub(super) fn read(source: &[u8], format: MeshFormat) -> Option<Mesh> {
+    let mesh = match format {
+        MeshFormat::Obj => obj(source),
+        MeshFormat::Ply => ply(source),
+        MeshFormat::Stl => stl(source),
+    };
+    mesh.filter(|mesh| !mesh.triangles.is_empty())
+}
+
+/// The point of three coordinates, if it is finite.
+fn point(x: &[u8; 4], y: &[u8; 4], z: &[u8; 4]) -> Option<Vec3> {
+    Some(Vec3::from([x, y, z].map(|bytes| f32::from_le_bytes(*bytes)))).filter(|point| point.is_finite())
+}
+
+/// Binary STL.
+fn stl(source: &[u8]) -> Option<Mesh> {
+    let (claimed, facets) = source.get(stl::TITLE..)?.split_first_chunk()?;
+    let facets = facets.as_chunks::<{ stl::FACET }>().0.get(..u32::from_le_bytes(*claimed) as usize)?;
+    let corners = u32::try_from(facets.len()).ok()?.checked_mul(3).filter(|corners| *corners < u32::MAX - 3)?;
+    if !stl::is_binary(source) {
+        return None;
+    }
+    let mut vertices = room(corners as usize);
+    for facet in facets {
+        // After the normal.
+        for [x, y, z] in facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 {
+            vertices.push(point(x, y, z)?);
+        }
+    }
+    let mut triangles = room(facets.len());
+    triangles.extend((0..corners).step_by(3).map(|first| [first, first + 1, first + 2]));
+    Some(Mesh { vertices, triangles, polygons: 0 })
+}
+
+/// Binary little-endian PLY of vertices, whose properties are numbers, and then faces, which have corners alone.
+fn ply(source: &[u8]) -> Option<Mesh> {
+    let (header, mut rest, _) = ply::header(source).ok()?;
+    let [vertex, face] = header.elements.values().collect::<Vec<_>>()[..] else { return None };
+    let corners_alone = face.properties.len() == 1
+        && face.properties.values().all(|property| {
+            matches!(property.data_type, PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt))
+        });
+    if header.encoding != Encoding::BinaryLittleEndian || vertex.name != "vertex" || !corners_alone {
+        return None;
+    }
+    // Where x, y and z are among a vertex's bytes.
+    let (mut places, mut length) = ([None; 3], 0);
+    for (name, property) in &vertex.properties {
+        let axis = ["x", "y", "z"].iter().position(|axis| axis == name);
+        match (axis, &property.data_type) {
+            (_, PropertyType::List(..)) => return None,
+            (Some(axis), PropertyType::Scalar(ScalarType::Float)) => places[axis] = Some(length),
+            (Some(_), _) => return None,
+            (None, PropertyType::Scalar(_)) => {}
+        }
+        length += ply::least_bytes(&property.data_type);
+    }
+    let [Some(x), Some(y), Some(z)] = places else { return None };
+
+    let points = rest.split_off(..length.checked_mul(vertex.count)?)?;
+    let mut mesh = Mesh { vertices: room(vertex.count), ..Mesh::default() };
+    for bytes in points.chunks_exact(length) {
+        let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk());
+        mesh.vertices.push(point(x?, y?, z?)?);
+    }
+    // A face of three corners.
+    const TRIANGLE: usize = 1 + 3 * 4;
+    if face.count > rest.len() / TRIANGLE {
+        return None;
+    }
+    mesh.triangles = room(face.count);
+    // A negative index is beyond it, too.
+    let end = u32::try_from(vertex.count).ok()?.min(1 << 31);
+    let index = |bytes: &[u8; 4]| Some(u32::from_le_bytes(*bytes)).filter(|index| *index < end);
+    let (mut fans, mut corners) = (Vec::new(), Vec::new());
+    for number in 1..=face.count {
+        let corners_of = usize::from(*rest.split_off_first()?);
+        let indices = rest.split_off(..4 * corners_of)?.as_chunks().0;
+        if let [a, b, c] = indices {
+            mesh.triangles.push([index(a)?, index(b)?, index(c)?]);
+        } else if corners_of > 3 {
+            corners.clear();
+            for bytes in indices {
+                corners.push(index(bytes)?);
+            }
+            mesh.push_face(number, &corners, &mut fans);
+        } else {
+            return None;
+        }
+    }
+    mesh.cut(&fans).ok()
+}
+
+/// OBJ without lines that go on in the next one, and vertices without weights.
+fn obj(source: &[u8]) -> Option<Mesh> {
+    // "v 0 0 0" and "f 1 2 3" are the shortest lines.
+    let most = source.len() / 8 + 1;
+    let (mut points, mut mesh) = (room(most), Mesh { triangles: room(most), ..Mesh::default() });
+    let (mut fans, mut corners, mut faces) = (Vec::new(), Vec::new(), 0);
+    let mut rest = source.trim_ascii_start();
+    while let [kind, after @ ..] = rest {
+        let whole_word = after.first().is_none_or(u8::is_ascii_whitespace);
+        match kind {
+            b'v' if whole_word => {
+                rest = after;
+                let mut coordinate = || word(&mut rest, number);
+                points.push(Vec3::new(coordinate()?, coordinate()?, coordinate()?));
+                let more = line(&mut rest)?.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+                // A colour is of no interest; one number is a weight.
+                if more == 1 {
+                    return None;
+                }
+            }
+            b'f' if whole_word => {
+                rest = after;
+                corners.clear();
+                while !blanks(rest).first().is_none_or(|byte| matches!(byte, b'\r' | b'\n')) {
+                    corners.push(word(&mut rest, |text| corner(text, points.len() as u32))?);
+                }
+                if !line(&mut rest)?.trim_ascii().is_empty() {
+                    return None;
+                }
+                faces += 1;
+                match corners[..] {
+                    [a, b, c] => mesh.triangles.push([a, b, c]),
+                    [_, _, _, ..] => mesh.push_face(faces, &corners, &mut fans),
+                    _ => return None,
+                }
+            }
+            _ => drop(line(&mut rest)?),
+        }
+        rest = rest.trim_ascii_start();
+    }
+
+    // Vertices in the order in which faces name them, as tobj has them.
+    const NOWHERE: u32 = u32::MAX;
+    let mut places = vec![NOWHERE; points.len()];
+    mesh.vertices = room(points.len());
+    for index in mesh.triangles.as_flattened_mut() {
+        let place = places.get_mut(*index as usize)?;
+        if *place == NOWHERE {
+            *place = mesh.vertices.len() as u32;
+            mesh.vertices.push(points[*index as usize]);
+        }
+        *index = *place;
+    }
+    mesh.cut(&fans).ok()
+}
+
+/// Takes the next word of the line, which is all that `read` takes.
+fn word<'a, T>(rest: &mut &'a [u8], read: impl FnOnce(&'a [u8]) -> Option<(T, &'a [u8])>) -> Option<T> {
+    let (value, after) = read(blanks(rest))?;
+    *rest = after;
+    after.first().is_none_or(u8::is_ascii_whitespace).then_some(value)
+}
+
+/// What follows blanks.
+fn blanks(text: &[u8]) -> &[u8] {
+    let mut text = text;
+    while let [b' ' | b'\t', after @ ..] = text {
+        text = after;
+    }
+    text
+}
+
+/// Takes what is left of the line; nothing if it goes on in the next one.
+fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
+    let line = rest.split_off(..end)?.trim_ascii_end();
+    (!line.ends_with(b"\\")).then_some(line)
+}
+
+/// A corner of a face, as the place of its vertex from 0, and what follows it; `vertices` there are so far.
+fn corner(text: &[u8], vertices: u32) -> Option<(u32, &[u8])> {
+    let (back, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
+    let (number, mut rest) = whole(text)?;
+    let before = number.checked_sub(1)?;
+    // The numbers of a texture and a normal, which may be left out.
+    for _ in 0..2 {
+        if let [b'/', text @ ..] = rest {
+            let number = text.strip_prefix(b"-").unwrap_or(text);
+            let left_out = text.first().is_none_or(|byte| *byte == b'/' || byte.is_ascii_whitespace());
+            rest = if left_out { text } else { whole(number)?.1 };
+        }
+    }
+    Some((if back { vertices.checked_sub(number)? } else { before }, rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::super::shapes::{icosphere, terrain};
+    use super::{Mesh, MeshFormat, read};
+
+    /// What is read in bulk, which is what is read with care.
+    fn in_bulk(source: impl Into<Vec<u8>>, format: MeshFormat) -> Option<Mesh> {
+        let source = source.into();
+        let mesh = read(&source, format)?;
+        let with_care = Mesh::from_bytes_with_care(source, format, "test").unwrap();
+        // Debug tells -0 from 0.
+        assert_eq!(format!("{mesh:?}"), format!("{with_care:?}"));
+        Some(mesh)
+    }
+
+    #[test]
+    fn what_is_written_is_read_in_bulk() {
+        for shape in [icosphere(3000, 0.1, 1), terrain(3000, 2)] {
+            for &(_, format) in MeshFormat::EXTENSIONS {
+                let mut file = Vec::new();
+                shape.write(format, &mut file).unwrap();
+                let mesh = in_bulk(file, format).unwrap();
+                let soup = |mesh: &Mesh| mesh.triangles.iter().map(|&it| mesh.corners(it)).collect::<Vec<_>>();
+                assert_eq!(soup(&mesh), soup(&shape));
+            }
+        }
+    }
+
+    #[test]
+    fn the_meshes_of_the_project_are_read_in_bulk() {
+        for name in ["hills", "ring", "rock"] {
+            let file = fs::read(format!("{}/scenes/meshes/{name}.ply", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            assert!(in_bulk(file, MeshFormat::Ply).is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn an_obj_file_as_programs_write_it_is_read_in_bulk() {
+        const VERTICES: &str = "v 0 0 -0\nv  1.5e+00 .25 0\n  v 1 1. 7e-41 \r\nv\t0 1 0.30000000000000004 1 0.5 0\n";
+        for (faces, bulk) in [
+            ("f 1 2 3", true),
+            ("f 1/1 2/2 3/1\nf 1//1 2//2 4//3\nf 1/1/1 2/1/2 1/2/1", true),
+            ("f 1/ 2/-7 3//-8 \t 4/0/0\t\r\n\r\n", true),
+            ("f -1 -2 -3 -4\nf 4 3 2 1", true),
+            ("f 1 4 5\nv 9 9 9\nv 8 8 8", true),
+            ("# \u{e9}\nmtllib a b.mtl\nvt 0 0\nvn 0 0 1\nvp 1\no x\nusemtl y\ns off\nl 1 2\nfo\nf 3 2 1", true),
+            // What goes on in the next line, weights, blanks of other kinds.
+            ("f 1 2 \\\n3", false),
+            ("# \\\nf 1 2 3\nf 1 2 3", false),
+            ("v 1 2 3 4\nf 1 2 3", false),
+            ("f 1 2 3\r4", false),
+            ("f 1\x0b2 3 4", false),
+            ("f\x0c1 2 3", false),
+            // What is wrong.
+            ("f 1 2", false),
+            ("f 1 2 5", false),
+            ("f 1 2 0", false),
+            ("f 1 2 -0", false),
+            ("f 1 2 -5", false),
+            ("f 1 2 3/x", false),
+            ("f 1 2 3/1/2/3", false),
+            ("f 1 2 +3", false),
+            ("v 1 2 1e39\nf 1 2 3", false),
+            ("v 1 2\n3\nf 1 2 3", false),
+            ("v 1 2 3x\nf 1 2 3", false),
+            ("v\nf 1 2 3", false),
+            ("", false),
+        ] {
+            let source = [VERTICES.as_bytes(), faces.as_bytes()].concat();
+            assert_eq!(in_bulk(source, MeshFormat::Obj).is_some(), bulk, "{faces:?}");
+        }
+    }
+
+    #[test]
+    fn a_ply_file_as_programs_write_it_is_read_in_bulk() {
+        const LITTLE: &str = "binary_little_endian";
+        const POINT: &str = "property float x\nproperty float y\nproperty float z\n";
+        const CORNERS: &str = "property list uchar int vertex_indices\n";
+        for (format, vertex, length, face, bulk) in [
+            (LITTLE, POINT, 12, CORNERS, true),
+            (LITTLE, POINT, 12, "property list uint8 uint32 vertex_index\n", true),
+            (LITTLE, &format!("property double nx\nproperty uchar red\n{POINT}property short s\n"), 23, CORNERS, true),
+            ("binary_big_endian", POINT, 12, CORNERS, false),
+            ("ascii", POINT, 12, CORNERS, false),
+            (LITTLE, &POINT.replace("float", "double"), 24, CORNERS, false),
+            (LITTLE, &format!("property list uchar int of\n{POINT}"), 13, CORNERS, false),
+            (LITTLE, POINT, 12, "property list uchar ushort vertex_indices\n", false),
+            (LITTLE, POINT, 12, &format!("{CORNERS}property uchar red\n"), false),
+            (LITTLE, POINT, 12, &format!("{CORNERS}element edge 0\nproperty int a\n"), false),
+        ] {
+            let header =
+                format!("ply\nformat {format} 1.0\nelement vertex 4\n{vertex}element face 2\n{face}end_header\n");
+            let corners = |of: &[u32]| of.iter().flat_map(|corner| corner.to_le_bytes()).collect::<Vec<_>>();
+            let faces = [&[3], &corners(&[3, 1, 0])[..], &[4], &corners(&[0, 1, 2, 3])].concat();
+            // Whatever the properties of a vertex, zeros are numbers.
+            let file = [header.as_bytes(), &vec![0; 4 * length], &faces].concat();
+            assert_eq!(read(&file, MeshFormat::Ply).is_some(), bulk, "{header}");
+            if !bulk {
+                continue;
+            }
+            let mesh = in_bulk(&file[..], MeshFormat::Ply).unwrap();
+            assert_eq!((mesh.triangles.len(), mesh.polygons), (3, 1));
+            // An index beyond the vertices and one below 0, a face of two corners, a point that is nowhere.
+            let end = header.len() + 4 * length;
+            for (wrong, byte) in
+                [(end + 1..end + 2, 4), (end + 4..end + 5, 0x80), (end..end + 1, 2), (header.len()..end, 0xff)]
+            {
+                let mut file = file.clone();
+                file[wrong].fill(byte);
+                assert_eq!(read(&file, MeshFormat::Ply), None);
+            }
+            (0..file.len()).for_each(|length| assert_eq!(read(&file[..length], MeshFormat::Ply), None));
+        }
+    }
+}
