@@ -522,6 +522,11 @@ mod tests {
         Jumps { rows: rows.collect(), bandwidth: vec![bandwidth] }
     }
 
+    /// A table, and nothing else.
+    fn alone<'a>(speedup: &'a Speedup, machine: &'a Machine) -> Evidence<'a> {
+        Evidence { speedup, sweeps: None, rungs: None, jumps: None, machine }
+    }
+
     fn verdict(evidence: &Evidence<'_>, claim: &str) -> Verdict {
         let claims = judge(evidence);
         claims.iter().find(|judged| judged.claim.contains(claim)).unwrap_or_else(|| panic!("{claim}")).verdict
@@ -540,7 +545,7 @@ mod tests {
             (6.3, 0.3, Verdict::NotTestable),
         ] {
             let speedup = table(ratio, spread, 0.01);
-            let evidence = Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: None, machine: &machine };
+            let evidence = alone(&speedup, &machine);
             assert_eq!(verdict(&evidence, "6 times"), expected, "{ratio} {spread}");
             assert!(judge(&evidence)[0].figure.contains("about 6 is from 5 to 7, and the interval is "));
             assert_eq!(verdict(&evidence, "depend on the size"), Verdict::Reproduced);
@@ -620,8 +625,7 @@ mod tests {
         for (c, is_apart) in [(52.8, false), (63.0, false), (167.4, true), (30.0, true)] {
             let rungs = rungs(&steps.map(|(name, cycles)| (name, if name == "c" { c } else { cycles })));
             let speedup = table(5.28, 0.01, 0.01);
-            let evidence =
-                Evidence { speedup: &speedup, sweeps: None, rungs: Some(&rungs), jumps: None, machine: &machine };
+            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
             let why = format!("5.28 [5.23, 5.33] by the table and {:.2} [{0:.2}, {0:.2}] by the ladder", c / 10.0);
             let claims = ["about 6", "the size", "in pixels", "calls matter", "calls explain"];
             none_of(&evidence, if is_apart { &claims } else { &[] }, &why);
@@ -633,7 +637,7 @@ mod tests {
         let speedup = table(6.3, 0.01, 0.01);
         for invariant in [true, false] {
             let machine = machine(invariant);
-            let evidence = Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: None, machine: &machine };
+            let evidence = alone(&speedup, &machine);
             for claim in ["in objects", "in lights", "matter little", "explain", "cache"] {
                 assert_eq!(verdict(&evidence, claim), Verdict::NotTestable, "{claim}");
             }
@@ -662,8 +666,7 @@ mod tests {
             (1.02, 1.5, Verdict::NotReproduced, Verdict::NotReproduced),
         ] {
             let rungs = of(calls, paper_called);
-            let evidence =
-                Evidence { speedup: &speedup, sweeps: None, rungs: Some(&rungs), jumps: None, machine: &machine };
+            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
             assert_eq!(verdict(&evidence, "matter little"), little, "{calls} {paper_called}");
             assert_eq!(verdict(&evidence, "explain"), explain, "{calls} {paper_called}");
         }
@@ -689,8 +692,7 @@ mod tests {
             (&[100.0, 150.0, 250.0], 0.9, 0.5, Verdict::NotTestable),
         ] {
             let (speedup, jumps) = (table(6.3, 0.01, floor), sweep_of_sizes(cycles, share));
-            let evidence =
-                Evidence { speedup: &speedup, sweeps: None, rungs: None, jumps: Some(&jumps), machine: &machine };
+            let evidence = Evidence { jumps: Some(&jumps), ..alone(&speedup, &machine) };
             assert_eq!(verdict(&evidence, "cache"), expected, "{cycles:?} {share} {floor}");
         }
     }
@@ -710,8 +712,7 @@ mod tests {
             (&crooked, 0.2, Verdict::NotTestable),
         ] {
             let speedup = table(6.3, 0.01, floor);
-            let evidence =
-                Evidence { speedup: &speedup, sweeps: Some(sweeps), rungs: None, jumps: None, machine: &machine };
+            let evidence = Evidence { sweeps: Some(sweeps), ..alone(&speedup, &machine) };
             assert_eq!(verdict(&evidence, "in objects"), expected, "{floor}");
         }
     }

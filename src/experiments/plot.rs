@@ -1,5 +1,6 @@
 //! The figures of the experiment as SVG: time against pixels, as the paper's Figure 2, and the ratio.
 
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use super::document::Experiment;
@@ -26,6 +27,15 @@ fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     0.0..1.08 * values.fold(f64::MIN_POSITIVE, f64::max)
 }
 
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Megapixels to the right, and upwards what `y` says.
+fn axes(chart: &mut Chart<'_, '_>, y: &str) -> Result<(), PlotError> {
+    let mut mesh = chart.configure_mesh();
+    mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).x_desc("megapixels").y_desc(y);
+    Ok(mesh.label_style((FONT, 14)).axis_desc_style((FONT, 16)).draw()?)
+}
+
 /// Time against pixels: our C and SIMD on the left axis, the paper's on the right one, which is its machine's own.
 pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
     draw(WIDTH, HEIGHT, |area| {
@@ -40,15 +50,7 @@ pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
             .right_y_label_area_size(64)
             .build_cartesian_2d(x.clone(), ours)?
             .set_secondary_coord(x, papers);
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(BLACK.mix(0.12))
-            .x_desc("megapixels")
-            .y_desc("10⁹ TSC cycles, this machine")
-            .label_style((FONT, 14))
-            .axis_desc_style((FONT, 16))
-            .draw()?;
+        axes(&mut chart, "10⁹ TSC cycles, this machine")?;
         chart
             .configure_secondary_axes()
             .y_desc("10⁹ TSC cycles, the paper's machine")
@@ -90,15 +92,7 @@ pub fn ratio(document: &Experiment) -> Result<String, PlotError> {
             .x_label_area_size(44)
             .y_label_area_size(56)
             .build_cartesian_2d(0.0..2.1, y)?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(BLACK.mix(0.12))
-            .x_desc("megapixels")
-            .y_desc("C/SIMD")
-            .label_style((FONT, 14))
-            .axis_desc_style((FONT, 16))
-            .draw()?;
+        axes(&mut chart, "C/SIMD")?;
         // An interval that noise has blown up ends at the frame.
         let bar = |x: f64, value: f64, low: f64, high: f64, colour: RGBColor| {
             ErrorBar::new_vertical(x, low.min(top), value.min(top), high.min(top), colour.filled(), 8)

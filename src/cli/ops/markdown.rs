@@ -10,8 +10,10 @@ use crate::measure::cpu_name;
 const EXPLANATION: &str = include_str!("explanation.md");
 
 /// The implementations whose code the assembler fixes, and those that a compiler makes.
-const ASSEMBLED: [&str; 5] = ["paper", "aos", "sse41", "avx2", "avx512"];
-const COMPILED: [&str; 7] = ["c-O0", "c-O1", "c-O2", "c-O3", "c-native", "rust", "glam"];
+const ASSEMBLED: &[&str] = BUILT.split_at(7).1;
+const COMPILED: &[&str] = BUILT.split_at(7).0;
+/// All but the two columns that the paper printed.
+const BUILT: &[&str] = IMPLEMENTATIONS.split_at(2).1;
 
 /// The document.
 pub fn text(report: &Report) -> String {
@@ -65,7 +67,7 @@ fn by_operation<S: Into<String>>(
 }
 
 fn assembled(report: &Report) -> String {
-    let names = there(report, &ASSEMBLED);
+    let names = there(report, ASSEMBLED);
     let cell = |op: &str, name: &str| {
         let row = find(report, op, name)?;
         let (body, function) = (row.body_mix.as_ref()?, row.function?);
@@ -88,7 +90,7 @@ fn assembled(report: &Report) -> String {
 }
 
 fn compiled(report: &Report) -> String {
-    let names = there(report, &COMPILED);
+    let names = there(report, COMPILED);
     let counts = by_operation(["printed"].iter().chain(&names).copied(), |op| {
         let count = |name: &&str| number(find(report, op, name).and_then(|row| row.function));
         ["printed-c"].iter().chain(&names).map(count).collect()
@@ -131,7 +133,7 @@ fn executed(report: &Report) -> String {
 }
 
 fn cost(report: &Report) -> String {
-    let names = there(report, &[&COMPILED[..], &ASSEMBLED[..]].concat());
+    let names = there(report, BUILT);
     let bodies: Vec<_> = names
         .iter()
         .filter(|name| report.rows.iter().any(|row| row.implementation == **name && row.cost_of == Some("body")))
