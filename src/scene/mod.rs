@@ -80,6 +80,7 @@ impl Triangle {
 
     /// Of corners that have been `moved`, and rounded: where that has drawn apart what had no area, the third is put on the
     /// first, so that a triangle of no area stays one.
+    #[inline]
     fn of_moved(colour: Vec3, had_no_area: bool, moved: [Vec3; 3]) -> Self {
         let [a, b, _] = moved;
         let triangle = Triangle { colour, vertices: moved };
@@ -89,6 +90,7 @@ impl Triangle {
 }
 
 /// [`geometry::has_no_area`] of corners in f32.
+#[inline]
 fn has_no_area(corners: [Vec3; 3]) -> bool {
     // Nearly all are so far from it that f32 tells, whatever it loses: their normal is longer than 1e-5 of the longest side
     // times the furthest corner, and what has no area is below 1e-15 of that.
