@@ -72,6 +72,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Threads that trace.
+    #[cfg(feature = "files")]
     pub(super) fn threads(&self) -> usize {
         1 + self.others.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
     }
