@@ -1,114 +1,18 @@
 //! Decimal numbers read straight from a file's bytes, rounded to f32 as `str::parse` rounds them.
 
-/// The powers of ten that f64 holds exactly.
-const POWERS: [f64; 23] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
-    1e21, 1e22,
-];
-/// The most digits that u64 holds, whatever they are.
-const MOST_DIGITS: usize = 19;
-
 /// The finite number that a text begins with, and what follows it: whether that may follow is for the caller to say.
-/// Nothing where the text begins otherwise, be it with a word that stands for a number.
 pub(super) fn number(text: &[u8]) -> Option<(f32, &[u8])> {
-    short(text).or_else(|| {
-        let in_number = |byte: &u8| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
-        let (token, rest) = text.split_at(text.iter().position(|byte| !in_number(byte)).unwrap_or(text.len()));
-        let value: f32 = str::from_utf8(token).ok()?.parse().ok()?;
-        value.is_finite().then_some((value, rest))
-    })
+    let (value, length) = fast_float2::parse_partial::<f32, _>(text).ok()?;
+    value.is_finite().then(|| (value, &text[length..]))
 }
 
 /// The whole number that a text begins with, of nine digits at most, and what follows it.
 #[cfg(feature = "files")]
 pub(super) fn whole(text: &[u8]) -> Option<(u32, &[u8])> {
-    let (value, rest) = digits(text, 0);
-    (1..=9).contains(&(text.len() - rest.len())).then_some((value as u32, rest))
-}
-
-/// A number of few digits: their whole number and a power of ten are both exact in f64, so that one operation gives the
-/// number as f64 rounds it, and that gives it as f32 does unless it is half-way between two of these.
-fn short(text: &[u8]) -> Option<(f32, &[u8])> {
-    let (negative, text) = match text {
-        [b'-', text @ ..] => (true, text),
-        _ => (false, text),
-    };
-    let (mut value, mut rest) = digits(text, 0);
-    let (mut count, mut exponent) = (text.len() - rest.len(), 0);
-    if let [b'.', fraction @ ..] = rest {
-        let length;
-        (value, length) = fraction_after(value, fraction);
-        (count, exponent) = (count + length, -(length as i64));
-        rest = &fraction[length..];
-    }
-    if !(1..=MOST_DIGITS).contains(&count) || value > 1 << f64::MANTISSA_DIGITS {
-        return None;
-    }
-    if let [b'e' | b'E', power @ ..] = rest {
-        let (down, power) = match power {
-            [b'-', power @ ..] => (true, power),
-            [b'+', power @ ..] => (false, power),
-            _ => (false, power),
-        };
-        let (power_of_ten, after) = digits(power, 0);
-        if !(1..=MOST_DIGITS).contains(&(power.len() - after.len())) {
-            return None;
-        }
-        let power_of_ten = i64::try_from(power_of_ten).ok()?;
-        (exponent, rest) = (exponent.checked_add(if down { -power_of_ten } else { power_of_ten })?, after);
-    }
-    let power = *POWERS.get(usize::try_from(exponent.unsigned_abs()).ok()?)?;
-    let wide = if exponent < 0 { value as f64 / power } else { value as f64 * power };
-    // Of f32's fraction f64 has 29 bits more.
-    let half_way = wide.to_bits() << 35 == 1 << 63;
-    let ordinary = (f32::MIN_POSITIVE.into()..=f32::MAX.into()).contains(&wide);
-    if wide != 0.0 && (half_way || !ordinary) {
-        return None;
-    }
-    Some((if negative { -(wide as f32) } else { wide as f32 }, rest))
-}
-
-/// Appends the digits that a text begins with to those of `value`; more than [`MOST_DIGITS`] make nothing of use.
-fn digits(mut text: &[u8], mut value: u64) -> (u64, &[u8]) {
-    while let [digit @ b'0'..=b'9', rest @ ..] = text {
-        value = value.wrapping_mul(10).wrapping_add((digit - b'0').into());
-        text = rest;
-    }
-    (value, text)
-}
-
-/// Appends the digits that a text begins with, and says how many they are: if they are at most 16, without a branch by
-/// their number, which would be guessed wrongly at every other one.
-fn fraction_after(value: u64, text: &[u8]) -> (u64, usize) {
-    const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
-    let whole = |eights: &&[u8; 16]| text.get(eights.len()).is_none_or(|byte| !byte.is_ascii_digit());
-    let Some(eights) = text.first_chunk::<16>().filter(whole) else {
-        let (value, rest) = digits(text, value);
-        return (value, text.len() - rest.len());
-    };
-    let [one, two] = [0, 8].map(|at| u64::from_le_bytes(eights[at..at + 8].try_into().expect("eight bytes")));
-    let in_one = count_digits(one);
-    let in_two = if in_one == 8 { count_digits(two) } else { 0 };
-    let value = value.wrapping_mul(POWERS[in_one]).wrapping_add(first_digits(one, in_one));
-    (value.wrapping_mul(POWERS[in_two]).wrapping_add(first_digits(two, in_two)), in_one + in_two)
-}
-
-/// How many of eight characters, the first in the lowest byte, come before one that is no digit.
-fn count_digits(text: u64) -> usize {
-    let digits = text ^ 0x3030_3030_3030_3030;
-    // What is 10 or more gets its highest bit; what that carries into is not looked at.
-    let others = (digits | digits.wrapping_add(0x7676_7676_7676_7676)) & 0x8080_8080_8080_8080;
-    (others.trailing_zeros() / 8) as usize
-}
-
-/// The number that the first of eight characters make.
-fn first_digits(text: u64, count: usize) -> u64 {
-    // They become the last of eight, after zeros.
-    let digits = if count == 0 { 0 } else { (text ^ 0x3030_3030_3030_3030) << (64 - 8 * count) };
-    // Neighbours are put together: digits to pairs, pairs to fours, and the two fours.
-    let pairs = digits.wrapping_mul((10 << 8) | 1) >> 8 & 0x00ff_00ff_00ff_00ff;
-    let fours = pairs.wrapping_mul((100 << 16) | 1) >> 16 & 0x0000_ffff_0000_ffff;
-    fours.wrapping_mul((10_000 << 32) | 1) >> 32
+    let digits = text.iter().position(|byte| !byte.is_ascii_digit()).unwrap_or(text.len());
+    let (number, rest) = text.split_at(digits);
+    let value = || number.iter().fold(0, |value, digit| 10 * value + u32::from(digit - b'0'));
+    (1..=9).contains(&digits).then(|| (value(), rest))
 }
 
 #[cfg(test)]
