@@ -102,7 +102,7 @@
     VMOV_TO [SCRATCH], v%[%%near]
 %endmacro
 
-%assign AHEAD 3072                      ; bytes from an object to those that are asked for: some chunks
+%assign AHEAD 3072                      ; bytes from an object to those that are prefetched: some chunks
 
 ; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
 ;                which END_BOUNDS comes back for the next one.

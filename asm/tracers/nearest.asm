@@ -303,7 +303,8 @@ endstruc
 ;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
 ;               them, v8 x
 ;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
-;               rows; r13 block; v0 to v8 and v14 the same, v12 first x
+;               rows; r13 block; v0 to v8 and v14 the same, v12 first x,
+;               OWN_ID its number
 %macro NEAREST 4
 %define %%name %1       ; [in]       triangles or spheres
 %define %%kind %2       ; [in]       TRIANGLE or SPHERE

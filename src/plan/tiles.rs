@@ -31,7 +31,7 @@ use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 const MOST_TILES: usize = 11;
 
 /// In a scene of so few triangles they may be in more, as spheres may: the memory for it is little.
-const FEW: usize = 1 << 12;
+const FEW_TRIANGLES: usize = 1 << 12;
 const MOST_TILES_OF_FEW: usize = 64;
 
 /// As many triangles of a tile are traced before those are forgotten that have no pixel of it: what a tile needs beside its
@@ -178,7 +178,7 @@ impl<'a> Binned<'a> {
             surely_narrow: &|extremes| forms.surely_narrow_triangles(extremes),
             form: &|triangle, seen| forms.of_triangle(triangle, seen),
             steep: &|triangle, seen, tiles| forms.steep_tiles(triangle, seen, tiles),
-            most_tiles: most_tiles(if scene.triangles.len() <= FEW { MOST_TILES_OF_FEW } else { MOST_TILES }),
+            most_tiles: most_tiles(if scene.triangles.len() <= FEW_TRIANGLES { MOST_TILES_OF_FEW } else { MOST_TILES }),
             most_sorted: 0,
             in_f32,
         };

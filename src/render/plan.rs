@@ -72,7 +72,7 @@ impl<'a> Plan<'a> {
                 Way::Rays(ray_tracer(engine, scene)?)
             }
         };
-        Ok(Plan { engine, precision, scene, bytes: purpose.format.is_none_or(PixelFormat::is_8bit), way })
+        Ok(Self::of(engine, precision, scene, purpose, way))
     }
 
     /// Plans `scene`, whose numbers are valid, for tiles, however few objects there are. None for an engine that has none,
@@ -82,7 +82,11 @@ impl<'a> Plan<'a> {
         let Engine::Packet(isa) = engine else { return None };
         let precision = engine.precision_for(purpose).ok()?;
         let (way, _) = tiles(kernels::packets(isa)?, precision, scene, purpose);
-        Some(Plan { engine, precision, scene, bytes: purpose.format.is_none_or(PixelFormat::is_8bit), way })
+        Some(Self::of(engine, precision, scene, purpose, way))
+    }
+
+    fn of(engine: Engine, precision: Precision, scene: &'a Scene, purpose: Purpose, way: Way<'a>) -> Self {
+        Plan { engine, precision, scene, bytes: purpose.format.is_none_or(PixelFormat::is_8bit), way }
     }
 
     /// What is kept and what is left out. Where the purpose has no format, for bytes.
