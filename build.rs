@@ -38,6 +38,9 @@ mod native {
     use super::first_line;
 
     /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
+    /// Those of the engines.
+    #[cfg(feature = "lab")]
+    const TRACERS: [&str; 3] = ["sse41", "avx2", "avx512"];
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
     const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
     /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
@@ -108,7 +111,7 @@ mod native {
         println!("cargo::rerun-if-env-changed=NASM");
         println!("cargo::rustc-cfg=rayo_asm");
 
-        let assembled = assemble();
+        let assembled = assemble(out);
         let compiled = compile(out);
         let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
         // What is counted, timed and taken apart, and rendered by no engine.
@@ -127,10 +130,25 @@ mod native {
         }
     }
 
-    fn assemble() -> Vec<PathBuf> {
+    fn assemble(out: &Path) -> Vec<PathBuf> {
+        // A call for each unit, since each has a listing of its own.
+        let objects = std::thread::scope(|threads| {
+            let units = UNITS.map(|unit| threads.spawn(move || assemble_unit(out, unit)));
+            units.map(|unit| unit.join().expect("assembling does not panic")).into_iter().collect()
+        });
+        let program = env::var("NASM").unwrap_or("nasm".into());
+        println!("cargo::rustc-env=RAYO_NASM={}", first_line(program, "-v"));
+        objects
+    }
+
+    fn assemble_unit(out: &Path, unit: &str) -> PathBuf {
         let mut nasm = nasm_rs::Build::new();
         nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
-        nasm.files(UNITS.map(|unit| format!("asm/{unit}.asm")));
+        let listing = out.join(format!("{unit}.lst"));
+        if cfg!(feature = "lab") {
+            nasm.flag("-Lm").flag("-l").flag(listing.to_str().expect("Cargo's paths are UTF-8"));
+        }
+        nasm.file(format!("asm/{unit}.asm"));
         let objects = nasm.compile_objects().unwrap_or_else(|error| {
             // nasm-rs says of NASM itself only how it ended; what it found is in the output above.
             let ended = error.contains("exit status");
@@ -144,10 +162,18 @@ mod native {
             )
         });
         // nasm-rs names objects after their sources alone and can lose one without an error.
-        assert_eq!(objects.len(), UNITS.len(), "NASM did not make every object: {objects:?}");
-        let program = env::var("NASM").unwrap_or("nasm".into());
-        println!("cargo::rustc-env=RAYO_NASM={}", first_line(program, "-v"));
-        objects
+        let [object] = &objects[..] else { panic!("NASM did not make one object of {unit}: {objects:?}") };
+        #[cfg(feature = "lab")]
+        {
+            if TRACERS.contains(&unit) {
+                // Where nothing can be stepped through, nobody asks.
+                let asked = env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux");
+                let table = if asked { super::listing::table(&listing, object) } else { Vec::new() };
+                fs::write(out.join(format!("{unit}.lines")), table).unwrap();
+            }
+            fs::remove_file(listing).unwrap(); // tens of megabytes
+        }
+        object.clone()
     }
 
     /// The compiler as the paper uses it.
@@ -239,6 +265,10 @@ mod native {
 }
 
 /// Reads the `struc` blocks of asm/include and writes them as records for Rust, and their offsets for C.
+#[cfg(all(feature = "asm", feature = "lab"))]
+#[path = "build/listing.rs"]
+mod listing;
+
 mod layout {
     use std::fmt::Write as _;
     use std::fs;

@@ -72,3 +72,11 @@ pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 /// The objects that build.rs assembled and compiled, by the names of their sources, for those who want to disassemble them.
 #[cfg(all(rayo_asm, feature = "lab"))]
 pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));
+
+/// The tables of source lines that build.rs made of the units with the engines' kernels; `measure::source` reads them.
+#[cfg(all(rayo_asm, feature = "lab"))]
+pub(crate) static LINES: [&[u8]; 3] = [
+    include_bytes!(concat!(env!("OUT_DIR"), "/sse41.lines")),
+    include_bytes!(concat!(env!("OUT_DIR"), "/avx2.lines")),
+    include_bytes!(concat!(env!("OUT_DIR"), "/avx512.lines")),
+];

@@ -6,8 +6,17 @@
 //!
 //! What is counted: every instruction, once. A string instruction with a repeat prefix is one, however often it repeats.
 //! A system call and the instruction after it count as one, since the CPU clears the flag on the way into the kernel.
+//!
+//! [`record`] keeps the registers between instructions too, of code that it is told to watch.
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod recorder;
+mod recording;
 
 use std::fmt;
+use std::ops::Range;
+
+pub use recording::{Moment, Recording, State, Step, Touched};
 
 /// Why instructions cannot be counted here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +90,7 @@ pub struct Visits {
 /// Where `action` panics, and where it counts instructions itself.
 pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::self_test()?;
-    imp::run(0, 0, action).map(|counts| counts.total)
+    imp::count(0, 0, action).map(|counts| counts.total)
 }
 
 /// The instructions of the function of `bytes` bytes at `address` and of what it calls, over all its calls in `action`.
@@ -95,7 +104,20 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
 /// As [`count_instructions`].
 pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Result<Visits, Unavailable> {
     imp::self_test()?;
-    imp::run(address, bytes, action).map(|counts| counts.visits)
+    imp::count(address, bytes, action).map(|counts| counts.visits)
+}
+
+/// The instructions that the thread executes in `action` at the addresses `watched`, the first `most` of them, with all
+/// registers and what they touch in memory.
+///
+/// # Errors
+/// Where single-stepping is not available or not exact.
+///
+/// # Panics
+/// As [`count_instructions`].
+pub fn record(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<Recording, Unavailable> {
+    imp::self_test()?;
+    imp::record(watched, most, action)
 }
 
 /// What one run counted.
@@ -116,9 +138,11 @@ mod imp {
     use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering::Relaxed};
     use std::sync::{Mutex, OnceLock};
 
-    use super::{Counts, Unavailable, Visits};
+    use super::recorder::Recorder;
+    use super::{Counts, Range, Recording, Unavailable, Visits};
 
-    const TRAP_FLAG: u64 = 0x100;
+    /// In the flags register.
+    pub const TRAP_FLAG: u64 = 0x100;
 
     /// What the handler and the thread that it interrupts share. They are one thread, so that the order of relaxed
     /// accesses is that of the program.
@@ -139,6 +163,8 @@ mod imp {
         frame: AtomicUsize,
         calls: AtomicU64,
         instructions: AtomicU64,
+        /// What keeps the registers; null where nobody wants them.
+        recorder: AtomicPtr<Recorder>,
     }
 
     static SHARED: Shared = Shared {
@@ -153,6 +179,7 @@ mod imp {
         frame: AtomicUsize::new(0),
         calls: AtomicU64::new(0),
         instructions: AtomicU64::new(0),
+        recorder: AtomicPtr::new(ptr::null_mut()),
     };
 
     /// The one thread that counts; the handler belongs to the whole process.
@@ -180,7 +207,8 @@ mod imp {
             return;
         }
         // SAFETY: the third argument is the interrupted context, a ucontext_t that nobody else holds.
-        let registers = unsafe { &mut (*context.cast::<libc::ucontext_t>()).uc_mcontext.gregs };
+        let context = unsafe { &mut *context.cast::<libc::ucontext_t>() };
+        let registers = &mut context.uc_mcontext.gregs;
         let rip = registers[libc::REG_RIP as usize] as usize;
         let rsp = registers[libc::REG_RSP as usize] as usize;
         let s = &SHARED;
@@ -193,6 +221,12 @@ mod imp {
             return;
         }
         s.current.store(rip, Relaxed);
+        let recorder = s.recorder.load(Relaxed);
+        if !recorder.is_null() {
+            // SAFETY: it outlives the stepping, in which only this handler touches it; and the context is that of a trap.
+            unsafe { (*recorder).trap(context) };
+        }
+        let registers = &mut context.uc_mcontext.gregs;
         if done != 0 {
             increment(&s.total);
             if s.frame.load(Relaxed) != 0 {
@@ -282,8 +316,18 @@ mod imp {
         }
     }
 
+    /// Runs `action` with the trap flag set, and counts.
+    pub fn count(entry: usize, bytes: usize, action: impl FnOnce()) -> Result<Counts, Unavailable> {
+        run(entry, bytes, None, action)
+    }
+
     /// Runs `action` with the trap flag set.
-    pub fn run(entry: usize, bytes: usize, action: impl FnOnce()) -> Result<Counts, Unavailable> {
+    fn run(
+        entry: usize,
+        bytes: usize,
+        recorder: Option<&mut Recorder>,
+        action: impl FnOnce(),
+    ) -> Result<Counts, Unavailable> {
         fn call_of<F: FnOnce()>(_: &Action<F>) -> extern "sysv64" fn(&mut Action<F>) {
             call::<F>
         }
@@ -306,6 +350,7 @@ mod imp {
         s.entry.store(entry, Relaxed);
         s.bytes.store(bytes, Relaxed);
         s.at.store(at.as_mut_ptr(), Relaxed);
+        s.recorder.store(recorder.map_or(ptr::null_mut(), ptr::from_mut), Relaxed);
         let handled = with_handler(|| {
             // SAFETY: the compiler has aligned the stack for a call and keeps nothing below rsp; flags are pushed and
             // popped in pairs; `call` takes its argument in rdi and keeps to the convention whose clobbers are listed.
@@ -332,6 +377,7 @@ mod imp {
         COUNTING.set(false);
         s.entry.store(0, Relaxed);
         s.bytes.store(0, Relaxed);
+        s.recorder.store(ptr::null_mut(), Relaxed);
         if let Some(panic) = action.panicked {
             panic::resume_unwind(panic);
         }
@@ -344,6 +390,14 @@ mod imp {
         }
         let visits = Visits { calls: s.calls.load(Relaxed), instructions: s.instructions.load(Relaxed), at };
         Ok(Counts { total: s.total.load(Relaxed), visits })
+    }
+
+    /// Runs `action` with the trap flag set, and keeps the registers in the code that is watched.
+    pub fn record(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<Recording, Unavailable> {
+        let mut recorder = Recorder::new(watched.to_vec(), most);
+        let counts = run(0, 0, Some(&mut recorder), action)?;
+        debug_assert_eq!(counts.visits.calls, 0, "no function was watched");
+        Ok(recorder.into_recording())
     }
 
     /// Runs `action` while SIGTRAP comes to [`on_trap`] and is not blocked, and puts both back as they were.
@@ -400,7 +454,7 @@ mod imp {
         }
         *RESULT.get_or_init(|| {
             let known: extern "sysv64" fn() = known;
-            let counted = run(known as usize, 0, || std::hint::black_box(known)())?.visits.instructions;
+            let counted = run(known as usize, 0, None, || std::hint::black_box(known)())?.visits.instructions;
             if counted == KNOWN { Ok(()) } else { Err(Unavailable::Inexact { executed: KNOWN, counted }) }
         })
     }
@@ -408,9 +462,13 @@ mod imp {
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod imp {
-    use super::{Counts, Unavailable};
+    use super::{Counts, Range, Recording, Unavailable};
 
-    pub fn run(_: usize, _: usize, _: impl FnOnce()) -> Result<Counts, Unavailable> {
+    pub fn count(_: usize, _: usize, _: impl FnOnce()) -> Result<Counts, Unavailable> {
+        Err(Unavailable::Platform)
+    }
+
+    pub fn record(_: &[Range<usize>], _: usize, _: impl FnOnce()) -> Result<Recording, Unavailable> {
         Err(Unavailable::Platform)
     }
 

@@ -12,6 +12,8 @@ mod interleave;
 mod machine;
 #[cfg(feature = "files")]
 pub mod picture;
+#[cfg(all(rayo_asm, feature = "lab"))]
+pub mod source;
 #[cfg(feature = "lab")]
 pub mod statistics;
 #[cfg(feature = "lab")]

@@ -1,0 +1,315 @@
+//! The table of source lines: for each instruction of a unit the macros that it came from, out of NASM's own listing.
+//!
+//! A listing has, for each line, its number in its file, where it gave bytes their offset and the bytes, its depth of nesting,
+//! and its text; and before the lines of a macro, the call with its parameters expanded:
+//!
+//! ```text
+//!    29                              <2>  VEC_DOT %%k, %%k, %%s
+//!    29                              <2>  ;;; [macro] VEC_DOT {xmm10},{xmm10},{xmm11}
+//!   109 000210FD 450F59D2            <3>  mulps %%d, %%b
+//! ```
+//!
+//! `src/measure/source.rs` reads what is written here: numbers of seven bits a byte, the lowest first, the eighth bit saying
+//! that more follow; and strings, each after its length. It is, each list after its length,
+//!
+//! ```text
+//! strings
+//! macros:        name, file, what the first line of its comment says: strings; names of its parameters: a list of strings
+//! calls:         the call that it stands in, 0 for none and else one more than its place in this list; macro; number of the
+//!                line that calls it; that line: a string; its arguments: a list of strings
+//! instructions:  bytes since the end of the one before; length; call, one more than its place; line; text: a string
+//! ```
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use object::{Object, ObjectSection};
+
+/// What is known of a macro from its definition.
+struct Macro {
+    name: usize,
+    file: usize,
+    says: usize,
+    parameters: Vec<usize>,
+}
+
+/// A call of a macro.
+struct Call {
+    within: usize,
+    of: usize,
+    line: usize,
+    text: usize,
+    arguments: Vec<usize>,
+    /// The depth of the line that calls.
+    depth: usize,
+}
+
+struct Instruction {
+    offset: usize,
+    bytes: Vec<Option<u8>>,
+    call: usize,
+    line: usize,
+    text: usize,
+}
+
+/// Strings, each once.
+#[derive(Default)]
+struct Strings {
+    all: Vec<String>,
+    places: HashMap<String, usize>,
+}
+
+impl Strings {
+    fn place(&mut self, text: &str) -> usize {
+        if let Some(&place) = self.places.get(text) {
+            return place;
+        }
+        self.places.insert(text.into(), self.all.len());
+        self.all.push(text.into());
+        self.all.len() - 1
+    }
+}
+
+/// A line of a listing.
+struct Line<'a> {
+    number: usize,
+    /// Offset and bytes in hexadecimal, as NASM writes them.
+    code: Option<(usize, &'a str)>,
+    depth: usize,
+    text: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// The columns: five for the number, eight for the offset, eighteen for bytes, then the depth.
+    fn new(line: &'a str) -> Option<Self> {
+        const NUMBER: usize = 6;
+        const OFFSET: usize = 7;
+        const BYTES: usize = 16;
+        const DEPTH: usize = 35;
+        let number = line.get(..NUMBER)?.trim().parse().ok()?;
+        let offset = line.get(OFFSET..BYTES).and_then(|text| usize::from_str_radix(text.trim(), 16).ok());
+        let end = line.get(BYTES..).and_then(|rest| rest.find(' ')).map_or(line.len(), |length| BYTES + length);
+        let code = offset.map(|offset| (offset, line.get(BYTES..end).unwrap_or("")));
+        let rest = line.get(DEPTH.max(if code.is_some() { end } else { 0 })..).unwrap_or("").trim_start();
+        let nested = rest.strip_prefix('<').and_then(|rest| rest.split_once('>'));
+        let (depth, text) = nested.and_then(|(depth, text)| Some((depth.parse().ok()?, text))).unwrap_or((0, rest));
+        Some(Line { number, code, depth, text: text.trim() })
+    }
+}
+
+/// Adds bytes as a listing writes them; None for what is only known when linked.
+fn add_bytes(bytes: &mut Vec<Option<u8>>, text: &str) {
+    let text = text.trim_end_matches('-');
+    let (mut known, mut at) = (true, 0);
+    while at < text.len() {
+        match text.as_bytes()[at] {
+            b'(' | b'[' => (known, at) = (false, at + 1),
+            b')' | b']' => (known, at) = (true, at + 1),
+            _ => {
+                let byte = u8::from_str_radix(&text[at..at + 2], 16).expect("two digits of a byte");
+                bytes.push(known.then_some(byte));
+                at += 2;
+            }
+        }
+    }
+}
+
+/// The arguments of `{first},{second}`, which may have braces themselves.
+fn arguments(text: &str) -> Vec<&str> {
+    let mut found = Vec::new();
+    let (mut depth, mut start) = (0, 0);
+    for (at, letter) in text.char_indices() {
+        match letter {
+            '{' => {
+                depth += 1;
+                if depth == 1 {
+                    start = at + 1;
+                }
+            }
+            '}' => {
+                depth -= 1;
+                if depth == 0 {
+                    found.push(&text[start..at]);
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// The macros of the files in `asm`, by their names.
+fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>) {
+    let mut files: Vec<_> = ["asm/include", "asm/ops", "asm/tracers"]
+        .iter()
+        .flat_map(|folder| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()))
+        .collect();
+    files.sort();
+    let (mut all, mut places) = (Vec::new(), HashMap::new());
+    for path in files {
+        let text = fs::read_to_string(&path).unwrap();
+        let file = strings.place(&path.to_str().unwrap().replace('\\', "/"));
+        for line in text.lines() {
+            if let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) {
+                let heads = [format!("; {name} - "), format!("; {name}  - ")];
+                let said = text.lines().find_map(|line| heads.iter().find_map(|head| line.strip_prefix(head)));
+                let says = strings.place(said.unwrap_or("").trim());
+                places.insert(name.to_owned(), all.len());
+                all.push(Macro { name: strings.place(name), file, says, parameters: Vec::new() });
+            } else if let (Some(rest), Some(last)) = (line.strip_prefix("%define %%"), all.last_mut())
+                && let Some((name, number)) = rest.split_once(" %")
+                && let Ok(number) =
+                    number.split(';').next().unwrap().trim().trim_start_matches("{-1:}").parse::<usize>()
+                && number == last.parameters.len() + 1
+            {
+                last.parameters.push(strings.place(name));
+            }
+        }
+    }
+    (all, places)
+}
+
+/// Whether `function` is there for a measurement alone: a chain of one operation, or the tracer whose operations lie elsewhere.
+fn is_measured(function: &str) -> bool {
+    function.ends_with("_latency") || function.ends_with("_throughput") || function.starts_with("calls_")
+}
+
+/// The table of the unit that NASM wrote `listing` and `object` of.
+///
+/// # Panics
+/// Where the bytes of an instruction are not those of the object.
+pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
+    let mut strings = Strings::default();
+    let (macros, places) = macros(&mut strings);
+    let (mut calls, mut open): (Vec<Call>, Vec<usize>) = (Vec::new(), Vec::new());
+    let mut instructions: Vec<Instruction> = Vec::new();
+    let (mut text_section, mut wanted) = (false, false);
+    let listing = fs::read_to_string(listing).unwrap();
+    let mut last_text = "";
+    let mut continues = false;
+    for line in listing.lines().filter_map(Line::new) {
+        if let (true, Some((_, bytes))) = (continues, line.code) {
+            continues = bytes.ends_with('-');
+            if text_section && wanted && !bytes.contains('<') {
+                add_bytes(&mut instructions.last_mut().expect("what goes on has begun").bytes, bytes);
+            }
+            continue;
+        }
+        if let Some(section) = line.text.strip_prefix("section ") {
+            text_section = section == ".text";
+        }
+        if let Some(call) = line.text.strip_prefix(";;; [macro] ") {
+            let (name, rest) = call.split_once(' ').unwrap_or((call, ""));
+            if name == "FUNC" {
+                wanted = !is_measured(rest.trim_matches(['{', '}']));
+            }
+            open.retain(|&open| calls[open].depth < line.depth);
+            if let Some(&of) = places.get(name) {
+                let within = open.last().map_or(0, |&open| open + 1);
+                let arguments = arguments(rest).into_iter().map(|argument| strings.place(argument)).collect();
+                let text = strings.place(last_text);
+                open.push(calls.len());
+                calls.push(Call { within, of, line: line.number, text, arguments, depth: line.depth });
+            }
+            continue;
+        }
+        last_text = line.text;
+        let Some((offset, bytes)) = line.code else { continue };
+        continues = bytes.ends_with('-');
+        // Bytes that are repeated fill up to an alignment.
+        if !text_section || !wanted || bytes.contains('<') {
+            continue;
+        }
+        while open.last().is_some_and(|&open| calls[open].depth >= line.depth) {
+            open.pop();
+        }
+        let call = open.last().map_or(0, |&open| open + 1);
+        let mut instruction =
+            Instruction { offset, bytes: Vec::new(), call, line: line.number, text: strings.place(line.text) };
+        add_bytes(&mut instruction.bytes, bytes);
+        instructions.push(instruction);
+    }
+    check(&instructions, object);
+    write(&strings, &macros, &calls, &instructions)
+}
+
+/// Holds the listing's bytes against the object's.
+fn check(instructions: &[Instruction], object: &Path) {
+    let data = fs::read(object).unwrap();
+    let file = object::File::parse(&*data).unwrap();
+    let text = file.sections().find(|section| matches!(section.name(), Ok(".text" | "__text"))).unwrap();
+    let text = text.data().unwrap();
+    assert!(!instructions.is_empty(), "NASM's listing has no instructions");
+    for Instruction { offset, bytes, line, .. } in instructions {
+        for (at, byte) in (*offset..).zip(bytes) {
+            let byte = byte.unwrap_or(text[at]);
+            assert_eq!(byte, text[at], "the listing differs from the object at {at:#x}, line {line}");
+        }
+    }
+}
+
+/// Only what instructions refer to, in the order that the head of this file has.
+fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[Instruction]) -> Vec<u8> {
+    fn number(out: &mut Vec<u8>, mut value: usize) {
+        while value >= 0x80 {
+            out.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        out.push(value as u8);
+    }
+    fn numbers(out: &mut Vec<u8>, values: &[usize]) {
+        number(out, values.len());
+        values.iter().for_each(|&value| number(out, value));
+    }
+    // Calls of macros that make no instruction are not told.
+    let mut used = vec![false; calls.len() + 1];
+    for instruction in instructions {
+        let mut call = instruction.call;
+        while call != 0 && !used[call] {
+            used[call] = true;
+            call = calls[call - 1].within;
+        }
+    }
+    let mut places = vec![0; calls.len() + 1];
+    let kept: Vec<_> = (1..=calls.len()).filter(|&call| used[call]).collect();
+    for (place, &call) in kept.iter().enumerate() {
+        places[call] = place + 1;
+    }
+    let mut new_strings = Strings::default();
+    let mut place = |old: usize| new_strings.place(&strings.all[old]);
+    let mut body = Vec::new();
+    number(&mut body, macros.len());
+    for Macro { name, file, says, parameters } in macros {
+        for string in [*name, *file, *says] {
+            number(&mut body, place(string));
+        }
+        let parameters: Vec<_> = parameters.iter().map(|&parameter| place(parameter)).collect();
+        numbers(&mut body, &parameters);
+    }
+    number(&mut body, kept.len());
+    for call in kept {
+        let Call { within, of, line, text, arguments, .. } = &calls[call - 1];
+        for value in [places[*within], *of, *line, place(*text)] {
+            number(&mut body, value);
+        }
+        let arguments: Vec<_> = arguments.iter().map(|&argument| place(argument)).collect();
+        numbers(&mut body, &arguments);
+    }
+    number(&mut body, instructions.len());
+    let mut end = 0;
+    for Instruction { offset, bytes, call, line, text } in instructions {
+        for value in [offset - end, bytes.len(), places[*call], *line, place(*text)] {
+            number(&mut body, value);
+        }
+        end = offset + bytes.len();
+    }
+    let mut out = Vec::new();
+    number(&mut out, new_strings.all.len());
+    for string in &new_strings.all {
+        number(&mut out, string.len());
+        out.extend_from_slice(string.as_bytes());
+    }
+    out.extend(body);
+    out
+}

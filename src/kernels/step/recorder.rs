@@ -1,0 +1,222 @@
+//! What the handler of traps keeps: registers out of the saved context of a signal, and memory before and after it is touched.
+
+use std::arch::x86_64::__cpuid_count;
+use std::ops::Range;
+use std::ptr;
+
+use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
+
+use super::imp::TRAP_FLAG;
+use super::recording::{Moment, Recording, State, Touched};
+
+/// The components of the extended state beyond SSE, by their numbers in XCR0.
+const UPPER_YMM: u32 = 2;
+const MASKS: u32 = 5;
+const UPPER_ZMM: u32 = 6;
+const HIGH_ZMM: u32 = 7;
+
+/// Bytes of what a stack is of.
+const WORD: usize = 8;
+
+/// Where the state that XSAVE wrote has a component: its offset by CPUID, leaf 0DH.
+fn offset_of(component: u32) -> usize {
+    __cpuid_count(0xd, component).ebx as usize
+}
+
+/// Keeps what happens in some ranges of addresses.
+pub struct Recorder {
+    watched: Vec<Range<usize>>,
+    most: usize,
+    /// With room for all that it will hold: the handler takes no memory.
+    moments: Vec<Moment>,
+    left_out: u64,
+    /// The instruction whose traces in memory are to be read again: the one that is being executed, if it is watched.
+    running: Option<Instruction>,
+    /// Offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
+    offsets: [usize; 4],
+}
+
+impl Recorder {
+    pub fn new(watched: Vec<Range<usize>>, most: usize) -> Self {
+        Recorder {
+            watched,
+            most,
+            // One more for what the last one leaves, and where a kernel has returned there is one that is not watched.
+            moments: Vec::with_capacity(most + 1),
+            left_out: 0,
+            running: None,
+            offsets: [UPPER_YMM, MASKS, UPPER_ZMM, HIGH_ZMM].map(offset_of),
+        }
+    }
+
+    pub fn into_recording(self) -> Recording {
+        Recording { moments: self.moments, left_out: self.left_out }
+    }
+
+    /// Comes before each instruction, with the context that it interrupted.
+    ///
+    /// # Safety
+    /// The context is that of a trap after an instruction, and its instruction pointer is about to be executed.
+    pub unsafe fn trap(&mut self, context: &libc::ucontext_t) {
+        let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
+        let range = self.watched.iter().find(|range| range.contains(&rip));
+        let ran = self.running.take();
+        if ran.is_none() && range.is_none() {
+            return;
+        }
+        if self.moments.len() > self.most {
+            self.left_out += u64::from(range.is_some());
+            return;
+        }
+        if let (Some(instruction), Some(Moment { state, touched: Some(touched), .. })) = (ran, self.moments.last_mut())
+        {
+            // SAFETY: the instruction has just read or written these bytes.
+            unsafe { touch(&instruction, state, touched.address, &mut touched.after) };
+        }
+        // SAFETY: by the contract of this function.
+        let state = unsafe { self.state(context) };
+        let mut code = [0; 16];
+        let mut touched = None;
+        if let Some(range) = range {
+            let length = code.len().min(range.end - rip);
+            // SAFETY: code from here to the end of the range, which is mapped and read by nobody else but the CPU.
+            unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
+            let instruction = Decoder::with_ip(64, &code, rip as u64, DecoderOptions::NONE).decode();
+            touched = operand(&instruction, &state).map(|(address, bytes)| {
+                let mut touched = Touched { address, bytes: bytes as u8, before: [0; 64], after: [0; 64] };
+                // SAFETY: the instruction is about to read or write these bytes, and would fault where they are not there.
+                unsafe { touch(&instruction, &state, address, &mut touched.before) };
+                touched
+            });
+            self.running = Some(instruction);
+        }
+        self.moments.push(Moment { state, code, touched });
+    }
+
+    /// The registers of a context.
+    ///
+    /// # Safety
+    /// The context is that of a signal: behind its pointer lies what the operating system saved of floating point.
+    unsafe fn state(&self, context: &libc::ucontext_t) -> State {
+        /// By their numbers in instructions.
+        const GENERAL: [libc::c_int; 16] = [
+            libc::REG_RAX,
+            libc::REG_RCX,
+            libc::REG_RDX,
+            libc::REG_RBX,
+            libc::REG_RSP,
+            libc::REG_RBP,
+            libc::REG_RSI,
+            libc::REG_RDI,
+            libc::REG_R8,
+            libc::REG_R9,
+            libc::REG_R10,
+            libc::REG_R11,
+            libc::REG_R12,
+            libc::REG_R13,
+            libc::REG_R14,
+            libc::REG_R15,
+        ];
+        /// Offsets in what FXSAVE writes, and what the operating system writes into the bytes that it leaves alone: a mark
+        /// that the extended state follows.
+        const MXCSR: usize = 24;
+        const XMM: usize = 160;
+        const MARK: usize = 464;
+        const IS_EXTENDED: u32 = 0x4650_5853;
+        /// Of the header that follows: which components are there, the others being 0.
+        const PRESENT: usize = 512;
+
+        let registers = &context.uc_mcontext.gregs;
+        let mut state = State {
+            general: GENERAL.map(|register| registers[register as usize] as u64),
+            rip: registers[libc::REG_RIP as usize] as u64,
+            flags: registers[libc::REG_EFL as usize] as u64 & !TRAP_FLAG,
+            mxcsr: 0,
+            vectors: [[0; 64]; 32],
+            masks: [0; 8],
+        };
+        let saved = context.uc_mcontext.fpregs.cast::<u8>().cast_const();
+        let [upper_ymm, masks, upper_zmm, high_zmm] = self.offsets;
+        // SAFETY: the legacy area is always there, the extended one where it is marked, and each component at its offset in
+        // the standard form, which signals have, where the header says so.
+        unsafe {
+            state.mxcsr = saved.add(MXCSR).cast::<u32>().read_unaligned();
+            let copy =
+                |from: usize, to: &mut [u8]| ptr::copy_nonoverlapping(saved.add(from), to.as_mut_ptr(), to.len());
+            for (number, vector) in state.vectors[..16].iter_mut().enumerate() {
+                copy(XMM + 16 * number, &mut vector[..16]);
+            }
+            if saved.add(MARK).cast::<u32>().read_unaligned() != IS_EXTENDED {
+                return state;
+            }
+            let present = saved.add(PRESENT).cast::<u64>().read_unaligned();
+            let has = |component: u32| present & 1 << component != 0;
+            for (number, vector) in state.vectors.iter_mut().enumerate() {
+                match number {
+                    16.. if has(HIGH_ZMM) => copy(high_zmm + 64 * (number - 16), vector),
+                    16.. => {}
+                    _ => {
+                        if has(UPPER_YMM) {
+                            copy(upper_ymm + 16 * number, &mut vector[16..32]);
+                        }
+                        if has(UPPER_ZMM) {
+                            copy(upper_zmm + 32 * number, &mut vector[32..]);
+                        }
+                    }
+                }
+            }
+            if has(MASKS) {
+                for (number, mask) in state.masks.iter_mut().enumerate() {
+                    *mask = saved.add(masks + 8 * number).cast::<u64>().read_unaligned();
+                }
+            }
+        }
+        state
+    }
+}
+
+/// The address and length of what an instruction reads or writes in memory.
+fn operand(instruction: &Instruction, state: &State) -> Option<(u64, usize)> {
+    let stack = state.general[4];
+    match instruction.mnemonic() {
+        // These have an address, and touch nothing there.
+        Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 => return None,
+        Mnemonic::Push | Mnemonic::Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
+        Mnemonic::Pop | Mnemonic::Ret => return Some((stack, WORD)),
+        _ => {}
+    }
+    let operand = (0..instruction.op_count()).find(|&index| instruction.op_kind(index) == OpKind::Memory)?;
+    let address = instruction.virtual_address(operand, 0, |register, _, _| match register {
+        Register::ES | Register::CS | Register::SS | Register::DS => Some(0),
+        _ if register.is_gpr64() => Some(state.general[register.number()]),
+        _ => None,
+    })?;
+    Some((address, instruction.memory_size().size().min(64)))
+}
+
+/// Copies what an instruction touches at `address`; elements that its mask leaves out stay 0.
+///
+/// # Safety
+/// It is being executed with the mask registers of `state`, and touches what [`operand`] says.
+unsafe fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 64]) {
+    let from = address as *const u8;
+    let size = instruction.memory_size();
+    if size.size() == 0 {
+        // SAFETY: a word of the stack: the operand is implicit.
+        unsafe { ptr::copy_nonoverlapping(from, to.as_mut_ptr(), WORD) };
+        return;
+    }
+    let mask = match instruction.op_mask() {
+        Register::None => u64::MAX,
+        register => state.masks[register.number()],
+    };
+    let element = size.element_size();
+    for index in 0..size.size().min(64) / element {
+        if mask >> index & 1 != 0 || size.is_broadcast() {
+            // SAFETY: an element that is touched.
+            unsafe {
+                ptr::copy_nonoverlapping(from.add(index * element), to.as_mut_ptr().add(index * element), element)
+            };
+        }
+    }
+}

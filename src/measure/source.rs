@@ -1,0 +1,203 @@
+//! Where an instruction of our kernels comes from: its line, and the macros that it stands in, by the tables of build.rs.
+
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use object::{Object, ObjectSection, ObjectSymbol};
+
+use crate::kernels::{self, Isa};
+
+/// A macro, as its definition has it.
+#[derive(Clone, Debug)]
+pub struct Macro {
+    /// Its name.
+    pub name: &'static str,
+    /// The file that defines it.
+    pub file: &'static str,
+    /// The first line of its comment: what it does, or its formula.
+    pub says: &'static str,
+    /// What it calls its parameters, as far as it gives them names.
+    pub parameters: Vec<&'static str>,
+}
+
+/// A call of a macro in a kernel.
+#[derive(Clone, Debug)]
+pub struct Call {
+    /// The call that it stands in, by its place.
+    pub within: Option<usize>,
+    /// The macro, by its place.
+    pub of: usize,
+    /// The number of the line that calls it, in the file of the macro around it.
+    pub line: usize,
+    /// That line.
+    pub text: &'static str,
+    /// What it is called with: registers, addresses, labels.
+    pub arguments: Vec<&'static str>,
+}
+
+/// An instruction in the sources.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Bytes from the beginning of the unit's code.
+    pub offset: usize,
+    /// The innermost macro call that it stands in, by its place.
+    pub call: Option<usize>,
+    /// The number of its line, in the file of that macro.
+    pub number: usize,
+    /// The line.
+    pub text: &'static str,
+}
+
+/// The kernels of an instruction set in this process, with the lines that they came from.
+#[derive(Debug)]
+pub struct Unit {
+    /// The instruction set.
+    pub isa: Isa,
+    /// Where their code lies.
+    pub code: Range<usize>,
+    /// The macros.
+    pub macros: Vec<Macro>,
+    /// Their calls, each after the one that it stands in.
+    pub calls: Vec<Call>,
+    /// By their offsets.
+    lines: Vec<Line>,
+    /// The functions: where each begins and ends, and its name.
+    functions: Vec<(Range<usize>, String)>,
+}
+
+impl Unit {
+    /// That of an instruction set; None where this CPU does not run it, or this build has no table.
+    pub fn of(isa: Isa) -> Option<&'static Unit> {
+        static UNITS: [OnceLock<Option<Unit>>; 3] = [const { OnceLock::new() }; 3];
+        UNITS[isa as usize].get_or_init(|| Unit::read(isa)).as_ref()
+    }
+
+    fn read(isa: Isa) -> Option<Unit> {
+        let known = kernels::packet_ops::<f32>(isa)?.first()?;
+        let table = kernels::LINES[isa as usize];
+        let (_, data) = kernels::OBJECTS.iter().find(|(name, _)| *name == isa.name())?;
+        if table.is_empty() {
+            return None;
+        }
+        let file = object::File::parse(*data).ok()?;
+        let text = file.section_by_name(".text")?;
+        let mut functions: Vec<_> = file
+            .symbols()
+            .filter(|symbol| symbol.section_index() == Some(text.index()) && symbol.size() > 0)
+            .filter_map(|symbol| {
+                let start = symbol.address() as usize;
+                Some((start..start + symbol.size() as usize, symbol.name().ok()?.to_owned()))
+            })
+            .collect();
+        functions.sort_by_key(|(range, _)| range.start);
+        let (at, _) = functions.iter().find(|(_, name)| name == known.symbol())?;
+        let start = known.address() - at.start;
+        let mut table = Table { bytes: table };
+        let strings = table.strings();
+        let macros = table.list(|table| Macro {
+            name: strings[table.number()],
+            file: strings[table.number()],
+            says: strings[table.number()],
+            parameters: table.list(|table| strings[table.number()]),
+        });
+        let calls = table.list(|table| Call {
+            within: table.number().checked_sub(1),
+            of: table.number(),
+            line: table.number(),
+            text: strings[table.number()],
+            arguments: table.list(|table| strings[table.number()]),
+        });
+        let mut end = 0;
+        let lines = table.list(|table| {
+            let offset = end + table.number();
+            end = offset + table.number();
+            Line { offset, call: table.number().checked_sub(1), number: table.number(), text: strings[table.number()] }
+        });
+        Some(Unit { isa, code: start..start + text.size() as usize, macros, calls, lines, functions })
+    }
+
+    /// The line of the instruction at `address`.
+    pub fn line(&self, address: usize) -> Option<&Line> {
+        let offset = address.checked_sub(self.code.start)?;
+        self.lines.binary_search_by_key(&offset, |line| line.offset).ok().map(|place| &self.lines[place])
+    }
+
+    /// The macro calls that a line stands in, the outermost first.
+    pub fn calls_of(&self, line: &Line) -> Vec<usize> {
+        let mut calls: Vec<_> = std::iter::successors(line.call, |&call| self.calls[call].within).collect();
+        calls.reverse();
+        calls
+    }
+
+    /// The file of a line in a macro call.
+    pub fn file(&self, call: Option<usize>) -> &'static str {
+        call.map_or("", |call| self.macros[self.calls[call].of].file)
+    }
+
+    /// The symbol of the function that has the instruction at `address`, and where it begins.
+    pub fn function(&self, address: usize) -> Option<(&str, usize)> {
+        let offset = address.checked_sub(self.code.start)?;
+        let after = self.functions.partition_point(|(range, _)| range.start <= offset);
+        let (range, name) = self.functions.get(after.checked_sub(1)?)?;
+        range.contains(&offset).then_some((name, self.code.start + range.start))
+    }
+}
+
+/// A table as `build/listing.rs` writes it, from where it is read.
+struct Table {
+    bytes: &'static [u8],
+}
+
+impl Table {
+    fn number(&mut self) -> usize {
+        let (mut value, mut shift) = (0, 0);
+        loop {
+            let byte = self.bytes[0];
+            self.bytes = &self.bytes[1..];
+            value |= usize::from(byte & 0x7f) << shift;
+            shift += 7;
+            if byte & 0x80 == 0 {
+                return value;
+            }
+        }
+    }
+
+    fn list<T>(&mut self, mut item: impl FnMut(&mut Self) -> T) -> Vec<T> {
+        (0..self.number()).map(|_| item(self)).collect()
+    }
+
+    fn strings(&mut self) -> Vec<&'static str> {
+        self.list(|table| {
+            let length = table.number();
+            let (string, rest) = table.bytes.split_at(length);
+            table.bytes = rest;
+            std::str::from_utf8(string).expect("build.rs wrote it")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Unit;
+    use crate::kernels::Isa;
+    use crate::measure::instructions::Code;
+
+    #[test]
+    fn every_instruction_of_an_operation_has_its_line_and_its_macro() {
+        for isa in Isa::ALL {
+            let Some(unit) = Unit::of(isa) else { continue };
+            let symbol = format!("rayo_{isa}_single_cross3");
+            let (range, _) = unit.functions.iter().find(|(_, name)| *name == symbol).unwrap();
+            let code = Code::of_symbol(&symbol).unwrap();
+            let body = code.body.clone().unwrap();
+            for instruction in &code.instructions {
+                let address = unit.code.start + range.start + instruction.offset;
+                assert_eq!(unit.function(address), Some((&*symbol, unit.code.start + range.start)));
+                let line = unit.line(address).unwrap_or_else(|| panic!("{symbol}: {}", instruction.text));
+                let macros = unit.calls_of(line).into_iter().map(|call| unit.macros[unit.calls[call].of].name);
+                let within = macros.collect::<Vec<_>>().contains(&"CROSS3");
+                assert_eq!(within, body.contains(&instruction.offset), "{symbol}: {}", instruction.text);
+            }
+        }
+    }
+}
