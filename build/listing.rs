@@ -14,7 +14,8 @@
 //!
 //! ```text
 //! strings
-//! macros:        name, file, what the first line of its comment says: strings; names of its parameters: a list of strings
+//! macros:        name, file, what the first line of its comment says: strings; of its parameters the names, and what they are
+//!                for, such as `in` or `out`: a list of pairs of strings
 //! calls:         the call that it stands in, 0 for none and else one more than its place in this list; macro; number of the
 //!                line that calls it; that line: a string; its arguments: a list of strings
 //! instructions:  bytes since the end of the one before; length; call, one more than its place; line; text: a string
@@ -31,7 +32,7 @@ struct Macro {
     name: usize,
     file: usize,
     says: usize,
-    parameters: Vec<usize>,
+    parameters: Vec<(usize, usize)>,
 }
 
 /// A call of a macro.
@@ -158,12 +159,12 @@ fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>) {
                 places.insert(name.to_owned(), all.len());
                 all.push(Macro { name: strings.place(name), file, says, parameters: Vec::new() });
             } else if let (Some(rest), Some(last)) = (line.strip_prefix("%define %%"), all.last_mut())
-                && let Some((name, number)) = rest.split_once(" %")
-                && let Ok(number) =
-                    number.split(';').next().unwrap().trim().trim_start_matches("{-1:}").parse::<usize>()
-                && number == last.parameters.len() + 1
+                && let Some((name, rest)) = rest.split_once(" %")
+                && let (number, comment) = rest.split_once(';').unwrap_or((rest, ""))
+                && number.trim().parse() == Ok(last.parameters.len() + 1)
             {
-                last.parameters.push(strings.place(name));
+                let kind = comment.trim().strip_prefix('[').and_then(|rest| rest.split([' ', ']']).next());
+                last.parameters.push((strings.place(name), strings.place(kind.unwrap_or(""))));
             }
         }
     }
@@ -284,8 +285,11 @@ fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[In
         for string in [*name, *file, *says] {
             number(&mut body, place(string));
         }
-        let parameters: Vec<_> = parameters.iter().map(|&parameter| place(parameter)).collect();
-        numbers(&mut body, &parameters);
+        number(&mut body, parameters.len());
+        for &(name, kind) in parameters {
+            number(&mut body, place(name));
+            number(&mut body, place(kind));
+        }
     }
     number(&mut body, kept.len());
     for call in kept {

@@ -16,7 +16,8 @@ mod recording;
 use std::fmt;
 use std::ops::Range;
 
-pub use recording::{Moment, Recording, State, Step, Touched};
+use imp::Recorder;
+pub use recording::{Recording, State, Step, Touched, Visit};
 
 /// Why instructions cannot be counted here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,7 +91,7 @@ pub struct Visits {
 /// Where `action` panics, and where it counts instructions itself.
 pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::self_test()?;
-    imp::count(0, 0, action).map(|counts| counts.total)
+    imp::run(0, 0, None, action).map(|counts| counts.total)
 }
 
 /// The instructions of the function of `bytes` bytes at `address` and of what it calls, over all its calls in `action`.
@@ -104,20 +105,42 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
 /// As [`count_instructions`].
 pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Result<Visits, Unavailable> {
     imp::self_test()?;
-    imp::count(address, bytes, action).map(|counts| counts.visits)
+    imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 
-/// The instructions that the thread executes in `action` at the addresses `watched`, the first `most` of them, with all
-/// registers and what they touch in memory.
+/// That the thread executes instructions at the addresses `watched` in `action`: the first `most` of them, and how many there
+/// are.
 ///
 /// # Errors
 /// Where single-stepping is not available or not exact.
 ///
 /// # Panics
 /// As [`count_instructions`].
-pub fn record(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<Recording, Unavailable> {
+pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, u64), Unavailable> {
     imp::self_test()?;
-    imp::record(watched, most, action)
+    let mut recorder = Recorder::of_visits(watched, most);
+    imp::run(0, 0, Some(&mut recorder), action)?;
+    Ok(recorder.into_visits())
+}
+
+/// The instructions that the thread executes in `action` at the addresses `watched`, with all registers and what they touch
+/// in memory: of those whose numbers are `wanted`, in ascending order, the first `most`. Memory is taken for so many.
+///
+/// # Errors
+/// Where single-stepping is not available or not exact.
+///
+/// # Panics
+/// As [`count_instructions`].
+pub fn record(
+    watched: &[Range<usize>],
+    wanted: &[Range<u64>],
+    most: usize,
+    action: impl FnOnce(),
+) -> Result<Recording, Unavailable> {
+    imp::self_test()?;
+    let mut recorder = Recorder::of_moments(watched, wanted, most);
+    imp::run(0, 0, Some(&mut recorder), action)?;
+    Ok(recorder.into_recording())
 }
 
 /// What one run counted.
@@ -138,8 +161,8 @@ mod imp {
     use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering::Relaxed};
     use std::sync::{Mutex, OnceLock};
 
-    use super::recorder::Recorder;
-    use super::{Counts, Range, Recording, Unavailable, Visits};
+    pub use super::recorder::Recorder;
+    use super::{Counts, Unavailable, Visits};
 
     /// In the flags register.
     pub const TRAP_FLAG: u64 = 0x100;
@@ -316,13 +339,8 @@ mod imp {
         }
     }
 
-    /// Runs `action` with the trap flag set, and counts.
-    pub fn count(entry: usize, bytes: usize, action: impl FnOnce()) -> Result<Counts, Unavailable> {
-        run(entry, bytes, None, action)
-    }
-
     /// Runs `action` with the trap flag set.
-    fn run(
+    pub fn run(
         entry: usize,
         bytes: usize,
         recorder: Option<&mut Recorder>,
@@ -392,14 +410,6 @@ mod imp {
         Ok(Counts { total: s.total.load(Relaxed), visits })
     }
 
-    /// Runs `action` with the trap flag set, and keeps the registers in the code that is watched.
-    pub fn record(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<Recording, Unavailable> {
-        let mut recorder = Recorder::new(watched.to_vec(), most);
-        let counts = run(0, 0, Some(&mut recorder), action)?;
-        debug_assert_eq!(counts.visits.calls, 0, "no function was watched");
-        Ok(recorder.into_recording())
-    }
-
     /// Runs `action` while SIGTRAP comes to [`on_trap`] and is not blocked, and puts both back as they were.
     fn with_handler(action: impl FnOnce()) -> Result<(), Unavailable> {
         let refused = || Unavailable::Handler { errno: std::io::Error::last_os_error().raw_os_error().unwrap_or(0) };
@@ -462,13 +472,30 @@ mod imp {
 
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod imp {
-    use super::{Counts, Range, Recording, Unavailable};
+    use super::{Counts, Range, Recording, Unavailable, Visit};
 
-    pub fn count(_: usize, _: usize, _: impl FnOnce()) -> Result<Counts, Unavailable> {
-        Err(Unavailable::Platform)
+    /// There is nothing to record.
+    pub struct Recorder;
+
+    impl Recorder {
+        pub fn of_visits(_: &[Range<usize>], _: usize) -> Self {
+            Recorder
+        }
+
+        pub fn of_moments(_: &[Range<usize>], _: &[Range<u64>], _: usize) -> Self {
+            Recorder
+        }
+
+        pub fn into_visits(self) -> (Vec<Visit>, u64) {
+            (Vec::new(), 0)
+        }
+
+        pub fn into_recording(self) -> Recording {
+            Recording { moments: Vec::new(), executed: 0, left_out: 0 }
+        }
     }
 
-    pub fn record(_: &[Range<usize>], _: usize, _: impl FnOnce()) -> Result<Recording, Unavailable> {
+    pub fn run(_: usize, _: usize, _: Option<&mut Recorder>, _: impl FnOnce()) -> Result<Counts, Unavailable> {
         Err(Unavailable::Platform)
     }
 

@@ -16,8 +16,8 @@ pub struct Macro {
     pub file: &'static str,
     /// The first line of its comment: what it does, or its formula.
     pub says: &'static str,
-    /// What it calls its parameters, as far as it gives them names.
-    pub parameters: Vec<&'static str>,
+    /// What it calls its parameters, as far as it gives them names, and what they are for: `in`, `out`, `in/out`, `clobbered`.
+    pub parameters: Vec<(&'static str, &'static str)>,
 }
 
 /// A call of a macro in a kernel.
@@ -98,7 +98,7 @@ impl Unit {
             name: strings[table.number()],
             file: strings[table.number()],
             says: strings[table.number()],
-            parameters: table.list(|table| strings[table.number()]),
+            parameters: table.list(|table| (strings[table.number()], strings[table.number()])),
         });
         let calls = table.list(|table| Call {
             within: table.number().checked_sub(1),

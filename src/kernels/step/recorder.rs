@@ -7,7 +7,7 @@ use std::ptr;
 use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register};
 
 use super::imp::TRAP_FLAG;
-use super::recording::{Moment, Recording, State, Touched};
+use super::recording::{Moment, Recording, State, Touched, Visit};
 
 /// The components of the extended state beyond SSE, by their numbers in XCR0.
 const UPPER_YMM: u32 = 2;
@@ -26,31 +26,63 @@ fn offset_of(component: u32) -> usize {
 /// Keeps what happens in some ranges of addresses.
 pub struct Recorder {
     watched: Vec<Range<usize>>,
+    /// How many instructions have been executed there.
+    executed: u64,
+    keeps: Keeps,
+}
+
+/// With room for all that it will hold: the handler takes no memory.
+enum Keeps {
+    /// All, but only that they were executed.
+    Visits(Vec<Visit>),
+    /// The registers too.
+    Moments(Moments),
+}
+
+struct Moments {
+    /// By their numbers, in ascending order.
+    wanted: Vec<Range<u64>>,
     most: usize,
-    /// With room for all that it will hold: the handler takes no memory.
-    moments: Vec<Moment>,
+    kept: Vec<Moment>,
     left_out: u64,
-    /// The instruction whose traces in memory are to be read again: the one that is being executed, if it is watched.
+    /// The one that is being executed, if it is wanted: its memory is to be read again.
     running: Option<Instruction>,
     /// Offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
     offsets: [usize; 4],
 }
 
 impl Recorder {
-    pub fn new(watched: Vec<Range<usize>>, most: usize) -> Self {
-        Recorder {
-            watched,
+    pub fn of_visits(watched: &[Range<usize>], most: usize) -> Self {
+        Recorder { watched: watched.into(), executed: 0, keeps: Keeps::Visits(Vec::with_capacity(most)) }
+    }
+
+    pub fn of_moments(watched: &[Range<usize>], wanted: &[Range<u64>], most: usize) -> Self {
+        let keeps = Keeps::Moments(Moments {
+            wanted: wanted.into(),
             most,
-            // One more for what the last one leaves, and where a kernel has returned there is one that is not watched.
-            moments: Vec::with_capacity(most + 1),
+            // What follows the last of each row of them is kept too.
+            kept: Vec::with_capacity(most + 1),
             left_out: 0,
             running: None,
             offsets: [UPPER_YMM, MASKS, UPPER_ZMM, HIGH_ZMM].map(offset_of),
+        });
+        Recorder { watched: watched.into(), executed: 0, keeps }
+    }
+
+    /// What was executed, and how much there was in all.
+    pub fn into_visits(self) -> (Vec<Visit>, u64) {
+        match self.keeps {
+            Keeps::Visits(visits) => (visits, self.executed),
+            Keeps::Moments(_) => (Vec::new(), self.executed),
         }
     }
 
     pub fn into_recording(self) -> Recording {
-        Recording { moments: self.moments, left_out: self.left_out }
+        let (moments, left_out) = match self.keeps {
+            Keeps::Visits(_) => (Vec::new(), 0),
+            Keeps::Moments(moments) => (moments.kept, moments.left_out),
+        };
+        Recording { moments, executed: self.executed, left_out }
     }
 
     /// Comes before each instruction, with the context that it interrupted.
@@ -60,29 +92,56 @@ impl Recorder {
     pub unsafe fn trap(&mut self, context: &libc::ucontext_t) {
         let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
         let range = self.watched.iter().find(|range| range.contains(&rip));
+        let number = range.is_some().then_some(self.executed);
+        self.executed += u64::from(range.is_some());
+        let mut code = [0; 16];
+        if let Some(range) = range {
+            let length = code.len().min(range.end - rip);
+            // SAFETY: code from here to the end of the range, which is mapped and which nobody writes.
+            unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
+        }
+        match &mut self.keeps {
+            Keeps::Visits(visits) => {
+                if number.is_some() && visits.len() < visits.capacity() {
+                    let (address, bytes) = operand(&decoded(&code, rip), &general(context)).unwrap_or_default();
+                    visits.push(Visit { rip: rip as u64, address, bytes: bytes as u8 });
+                }
+            }
+            // SAFETY: by the contract of this function.
+            Keeps::Moments(moments) => unsafe { moments.trap(context, number, code) },
+        }
+    }
+}
+
+fn decoded(code: &[u8], rip: usize) -> Instruction {
+    Decoder::with_ip(64, code, rip as u64, DecoderOptions::NONE).decode()
+}
+
+impl Moments {
+    /// As [`Recorder::trap`], of an instruction with that number, if it is watched.
+    ///
+    /// # Safety
+    /// As there.
+    unsafe fn trap(&mut self, context: &libc::ucontext_t, number: Option<u64>, code: [u8; 16]) {
+        let number = number.filter(|number| self.wanted.iter().any(|range| range.contains(number)));
         let ran = self.running.take();
-        if ran.is_none() && range.is_none() {
+        if ran.is_none() && number.is_none() {
             return;
         }
-        if self.moments.len() > self.most {
-            self.left_out += u64::from(range.is_some());
-            return;
-        }
-        if let (Some(instruction), Some(Moment { state, touched: Some(touched), .. })) = (ran, self.moments.last_mut())
-        {
+        if let (Some(instruction), Some(Moment { state, touched: Some(touched), .. })) = (ran, self.kept.last_mut()) {
             // SAFETY: the instruction has just read or written these bytes.
             unsafe { touch(&instruction, state, touched.address, &mut touched.after) };
         }
+        if self.kept.len() > self.most {
+            self.left_out += u64::from(number.is_some());
+            return;
+        }
         // SAFETY: by the contract of this function.
         let state = unsafe { self.state(context) };
-        let mut code = [0; 16];
         let mut touched = None;
-        if let Some(range) = range {
-            let length = code.len().min(range.end - rip);
-            // SAFETY: code from here to the end of the range, which is mapped and read by nobody else but the CPU.
-            unsafe { ptr::copy_nonoverlapping(rip as *const u8, code.as_mut_ptr(), length) };
-            let instruction = Decoder::with_ip(64, &code, rip as u64, DecoderOptions::NONE).decode();
-            touched = operand(&instruction, &state).map(|(address, bytes)| {
+        if number.is_some() && self.kept.len() < self.most {
+            let instruction = decoded(&code, state.rip as usize);
+            touched = operand(&instruction, &state.general).map(|(address, bytes)| {
                 let mut touched = Touched { address, bytes: bytes as u8, before: [0; 64], after: [0; 64] };
                 // SAFETY: the instruction is about to read or write these bytes, and would fault where they are not there.
                 unsafe { touch(&instruction, &state, address, &mut touched.before) };
@@ -90,7 +149,8 @@ impl Recorder {
             });
             self.running = Some(instruction);
         }
-        self.moments.push(Moment { state, code, touched });
+        self.left_out += u64::from(number.is_some() && self.running.is_none());
+        self.kept.push(Moment { state, number: number.filter(|_| self.running.is_some()), code, touched });
     }
 
     /// The registers of a context.
@@ -98,25 +158,6 @@ impl Recorder {
     /// # Safety
     /// The context is that of a signal: behind its pointer lies what the operating system saved of floating point.
     unsafe fn state(&self, context: &libc::ucontext_t) -> State {
-        /// By their numbers in instructions.
-        const GENERAL: [libc::c_int; 16] = [
-            libc::REG_RAX,
-            libc::REG_RCX,
-            libc::REG_RDX,
-            libc::REG_RBX,
-            libc::REG_RSP,
-            libc::REG_RBP,
-            libc::REG_RSI,
-            libc::REG_RDI,
-            libc::REG_R8,
-            libc::REG_R9,
-            libc::REG_R10,
-            libc::REG_R11,
-            libc::REG_R12,
-            libc::REG_R13,
-            libc::REG_R14,
-            libc::REG_R15,
-        ];
         /// Offsets in what FXSAVE writes, and what the operating system writes into the bytes that it leaves alone: a mark
         /// that the extended state follows.
         const MXCSR: usize = 24;
@@ -128,7 +169,7 @@ impl Recorder {
 
         let registers = &context.uc_mcontext.gregs;
         let mut state = State {
-            general: GENERAL.map(|register| registers[register as usize] as u64),
+            general: general(context),
             rip: registers[libc::REG_RIP as usize] as u64,
             flags: registers[libc::REG_EFL as usize] as u64 & !TRAP_FLAG,
             mxcsr: 0,
@@ -175,9 +216,32 @@ impl Recorder {
     }
 }
 
+/// The general registers of a context, by their numbers in instructions.
+fn general(context: &libc::ucontext_t) -> [u64; 16] {
+    const ORDER: [libc::c_int; 16] = [
+        libc::REG_RAX,
+        libc::REG_RCX,
+        libc::REG_RDX,
+        libc::REG_RBX,
+        libc::REG_RSP,
+        libc::REG_RBP,
+        libc::REG_RSI,
+        libc::REG_RDI,
+        libc::REG_R8,
+        libc::REG_R9,
+        libc::REG_R10,
+        libc::REG_R11,
+        libc::REG_R12,
+        libc::REG_R13,
+        libc::REG_R14,
+        libc::REG_R15,
+    ];
+    ORDER.map(|register| context.uc_mcontext.gregs[register as usize] as u64)
+}
+
 /// The address and length of what an instruction reads or writes in memory.
-fn operand(instruction: &Instruction, state: &State) -> Option<(u64, usize)> {
-    let stack = state.general[4];
+fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize)> {
+    let stack = general[4];
     match instruction.mnemonic() {
         // These have an address, and touch nothing there.
         Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 => return None,
@@ -188,7 +252,7 @@ fn operand(instruction: &Instruction, state: &State) -> Option<(u64, usize)> {
     let operand = (0..instruction.op_count()).find(|&index| instruction.op_kind(index) == OpKind::Memory)?;
     let address = instruction.virtual_address(operand, 0, |register, _, _| match register {
         Register::ES | Register::CS | Register::SS | Register::DS => Some(0),
-        _ if register.is_gpr64() => Some(state.general[register.number()]),
+        _ if register.is_gpr64() => Some(general[register.number()]),
         _ => None,
     })?;
     Some((address, instruction.memory_size().size().min(64)))

@@ -33,18 +33,33 @@ pub struct Touched {
 
 /// An instruction on its way: what it finds, and what it touches.
 #[derive(Clone, Debug)]
-pub struct Moment {
+pub(super) struct Moment {
     /// Before it.
     pub state: State,
-    /// Its bytes, and what follows them; all 0 of code that is not watched.
+    /// The how many-th it is of those that are watched; None: it is not wanted.
+    pub number: Option<u64>,
+    /// Its bytes, and what follows them.
     pub code: [u8; 16],
     /// What it touches in memory.
     pub touched: Option<Touched>,
 }
 
+/// That an instruction was executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Visit {
+    /// Its address.
+    pub rip: u64,
+    /// The memory that it reads or writes: the address, and how many bytes, 0 for none.
+    pub address: u64,
+    /// See `address`.
+    pub bytes: u8,
+}
+
 /// An instruction that was executed.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
+    /// The how many-th it is of those that are watched, from 0 on.
+    pub number: u64,
     /// The registers that it found.
     pub before: &'a State,
     /// And left.
@@ -55,22 +70,27 @@ pub struct Step<'a> {
     pub touched: Option<&'a Touched>,
 }
 
-/// The instructions that a thread executed in code that was watched.
-#[derive(Clone, Debug, Default)]
+/// Instructions that a thread executed in code that was watched.
+#[derive(Clone, Debug)]
 pub struct Recording {
     pub(super) moments: Vec<Moment>,
-    /// Instructions that were executed there and are not recorded, since there were more than was asked for.
+    /// How many there were in all.
+    pub executed: u64,
+    /// Those that were wanted and are not recorded, since there were more than the most that one asked for.
     pub left_out: u64,
 }
 
 impl Recording {
     /// Its instructions, in the order of their execution.
     pub fn steps(&self) -> impl DoubleEndedIterator<Item = Step<'_>> {
-        self.moments.windows(2).filter(|pair| pair[0].code != [0; 16]).map(|pair| Step {
-            before: &pair[0].state,
-            after: &pair[1].state,
-            code: &pair[0].code,
-            touched: pair[0].touched.as_ref(),
+        self.moments.windows(2).filter_map(|pair| {
+            Some(Step {
+                number: pair[0].number?,
+                before: &pair[0].state,
+                after: &pair[1].state,
+                code: &pair[0].code,
+                touched: pair[0].touched.as_ref(),
+            })
         })
     }
 }
