@@ -14,11 +14,11 @@
 //!
 //! ```text
 //! strings
-//! macros:        name, file, what the first line of its comment says: strings; of its parameters the names, and what they are
-//!                for, such as `in` or `out`: a list of pairs of strings
+//! macros:        name, file, what the first line of its comment says: strings; of each parameter its name, what it is for, such
+//!                as `in` or `out`, and what it is: strings
 //! calls:         the call that it stands in, 0 for none and else one more than its place in this list; macro; number of the
-//!                line that calls it; that line: a string; its arguments: a list of strings
-//! instructions:  bytes since the end of the one before; length; call, one more than its place; line; text: a string
+//!                line that calls it; that line and its comment: strings; its arguments: a list of strings
+//! instructions:  bytes since the end of the one before; length; call, one more than its place; line; text, comment: strings
 //! ```
 
 use std::collections::HashMap;
@@ -32,7 +32,7 @@ struct Macro {
     name: usize,
     file: usize,
     says: usize,
-    parameters: Vec<(usize, usize)>,
+    parameters: Vec<[usize; 3]>,
 }
 
 /// A call of a macro.
@@ -41,6 +41,7 @@ struct Call {
     of: usize,
     line: usize,
     text: usize,
+    comment: usize,
     arguments: Vec<usize>,
     /// The depth of the line that calls.
     depth: usize,
@@ -52,6 +53,7 @@ struct Instruction {
     call: usize,
     line: usize,
     text: usize,
+    comment: usize,
 }
 
 /// Strings, each once.
@@ -140,18 +142,21 @@ fn arguments(text: &str) -> Vec<&str> {
     found
 }
 
-/// The macros of the files in `asm`, by their names.
-fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>) {
+/// The macros of the files in `asm`, their places by their names, and the comments of the files' lines.
+fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>, HashMap<(usize, usize), usize>) {
     let mut files: Vec<_> = ["asm/include", "asm/ops", "asm/tracers"]
         .iter()
         .flat_map(|folder| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()))
         .collect();
     files.sort();
-    let (mut all, mut places) = (Vec::new(), HashMap::new());
+    let (mut all, mut places, mut comments) = (Vec::new(), HashMap::new(), HashMap::new());
     for path in files {
         let text = fs::read_to_string(&path).unwrap();
         let file = strings.place(&path.to_str().unwrap().replace('\\', "/"));
-        for line in text.lines() {
+        for (number, line) in text.lines().enumerate() {
+            if let Some((_, comment)) = line.split_once(';') {
+                comments.insert((file, number + 1), strings.place(comment.trim()));
+            }
             if let Some(name) = line.strip_prefix("%macro ").and_then(|rest| rest.split_whitespace().next()) {
                 let heads = [format!("; {name} - "), format!("; {name}  - ")];
                 let said = text.lines().find_map(|line| heads.iter().find_map(|head| line.strip_prefix(head)));
@@ -163,12 +168,12 @@ fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>) {
                 && let (number, comment) = rest.split_once(';').unwrap_or((rest, ""))
                 && number.trim().parse() == Ok(last.parameters.len() + 1)
             {
-                let kind = comment.trim().strip_prefix('[').and_then(|rest| rest.split([' ', ']']).next());
-                last.parameters.push((strings.place(name), strings.place(kind.unwrap_or(""))));
+                let (kind, says) = comment.trim().trim_start_matches('[').split_once(']').unwrap_or_default();
+                last.parameters.push([name, kind.trim(), says.trim()].map(|text| strings.place(text)));
             }
         }
     }
-    (all, places)
+    (all, places, comments)
 }
 
 /// Whether `function` is there for a measurement alone: a chain of one operation, or the tracer whose operations lie elsewhere.
@@ -182,7 +187,8 @@ fn is_measured(function: &str) -> bool {
 /// Where the bytes of an instruction are not those of the object.
 pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
     let mut strings = Strings::default();
-    let (macros, places) = macros(&mut strings);
+    let (macros, places, comments) = macros(&mut strings);
+    let nothing = strings.place("");
     let (mut calls, mut open): (Vec<Call>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut instructions: Vec<Instruction> = Vec::new();
     let (mut text_section, mut wanted) = (false, false);
@@ -207,11 +213,13 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
             }
             open.retain(|&open| calls[open].depth < line.depth);
             if let Some(&of) = places.get(name) {
+                let around = open.last().map(|&open: &usize| macros[calls[open].of].file);
+                let comment = around.and_then(|file| comments.get(&(file, line.number))).copied().unwrap_or(nothing);
                 let within = open.last().map_or(0, |&open| open + 1);
                 let arguments = arguments(rest).into_iter().map(|argument| strings.place(argument)).collect();
                 let text = strings.place(last_text);
                 open.push(calls.len());
-                calls.push(Call { within, of, line: line.number, text, arguments, depth: line.depth });
+                calls.push(Call { within, of, line: line.number, text, comment, arguments, depth: line.depth });
             }
             continue;
         }
@@ -226,8 +234,10 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
             open.pop();
         }
         let call = open.last().map_or(0, |&open| open + 1);
-        let mut instruction =
-            Instruction { offset, bytes: Vec::new(), call, line: line.number, text: strings.place(line.text) };
+        let around = open.last().map(|&open| macros[calls[open].of].file);
+        let comment = around.and_then(|file| comments.get(&(file, line.number))).copied().unwrap_or(nothing);
+        let text = strings.place(line.text);
+        let mut instruction = Instruction { offset, bytes: Vec::new(), call, line: line.number, text, comment };
         add_bytes(&mut instruction.bytes, bytes);
         instructions.push(instruction);
     }
@@ -286,15 +296,14 @@ fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[In
             number(&mut body, place(string));
         }
         number(&mut body, parameters.len());
-        for &(name, kind) in parameters {
-            number(&mut body, place(name));
-            number(&mut body, place(kind));
+        for &string in parameters.iter().flatten() {
+            number(&mut body, place(string));
         }
     }
     number(&mut body, kept.len());
     for call in kept {
-        let Call { within, of, line, text, arguments, .. } = &calls[call - 1];
-        for value in [places[*within], *of, *line, place(*text)] {
+        let Call { within, of, line, text, comment, arguments, .. } = &calls[call - 1];
+        for value in [places[*within], *of, *line, place(*text), place(*comment)] {
             number(&mut body, value);
         }
         let arguments: Vec<_> = arguments.iter().map(|&argument| place(argument)).collect();
@@ -302,8 +311,8 @@ fn write(strings: &Strings, macros: &[Macro], calls: &[Call], instructions: &[In
     }
     number(&mut body, instructions.len());
     let mut end = 0;
-    for Instruction { offset, bytes, call, line, text } in instructions {
-        for value in [offset - end, bytes.len(), places[*call], *line, place(*text)] {
+    for Instruction { offset, bytes, call, line, text, comment } in instructions {
+        for value in [offset - end, bytes.len(), places[*call], *line, place(*text), place(*comment)] {
             number(&mut body, value);
         }
         end = offset + bytes.len();

@@ -16,8 +16,19 @@ pub struct Macro {
     pub file: &'static str,
     /// The first line of its comment: what it does, or its formula.
     pub says: &'static str,
-    /// What it calls its parameters, as far as it gives them names, and what they are for: `in`, `out`, `in/out`, `clobbered`.
-    pub parameters: Vec<(&'static str, &'static str)>,
+    /// Its parameters, as far as it gives them names.
+    pub parameters: Vec<Parameter>,
+}
+
+/// A parameter of a macro.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is for: `in`, `out`, `in/out`, `clobbered`.
+    pub kind: &'static str,
+    /// What it is.
+    pub says: &'static str,
 }
 
 /// A call of a macro in a kernel.
@@ -31,6 +42,8 @@ pub struct Call {
     pub line: usize,
     /// That line.
     pub text: &'static str,
+    /// The comment behind it.
+    pub comment: &'static str,
     /// What it is called with: registers, addresses, labels.
     pub arguments: Vec<&'static str>,
 }
@@ -46,6 +59,8 @@ pub struct Line {
     pub number: usize,
     /// The line.
     pub text: &'static str,
+    /// The comment behind it.
+    pub comment: &'static str,
 }
 
 /// The kernels of an instruction set in this process, with the lines that they came from.
@@ -98,20 +113,27 @@ impl Unit {
             name: strings[table.number()],
             file: strings[table.number()],
             says: strings[table.number()],
-            parameters: table.list(|table| (strings[table.number()], strings[table.number()])),
+            parameters: table.list(|table| Parameter {
+                name: strings[table.number()],
+                kind: strings[table.number()],
+                says: strings[table.number()],
+            }),
         });
         let calls = table.list(|table| Call {
             within: table.number().checked_sub(1),
             of: table.number(),
             line: table.number(),
             text: strings[table.number()],
+            comment: strings[table.number()],
             arguments: table.list(|table| strings[table.number()]),
         });
         let mut end = 0;
         let lines = table.list(|table| {
             let offset = end + table.number();
             end = offset + table.number();
-            Line { offset, call: table.number().checked_sub(1), number: table.number(), text: strings[table.number()] }
+            let call = table.number().checked_sub(1);
+            let number = table.number();
+            Line { offset, call, number, text: strings[table.number()], comment: strings[table.number()] }
         });
         Some(Unit { isa, code: start..start + text.size() as usize, macros, calls, lines, functions })
     }
