@@ -14,6 +14,8 @@ mod ops;
 mod plan;
 mod render;
 mod stability;
+#[cfg(rayo_asm)]
+mod step;
 mod table;
 mod view;
 
@@ -49,6 +51,8 @@ enum Command {
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
     Stability(stability::StabilityArgs),
+    #[cfg(rayo_asm)]
+    Step(step::StepArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -97,6 +101,8 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
         Command::Stability(args) => stability::run(&args),
+        #[cfg(rayo_asm)]
+        Command::Step(args) => step::run(&args),
     };
     result.unwrap_or_else(|failure| failure.tell())
 }
@@ -134,7 +140,15 @@ fn remove_part_files_on_signals() -> Result<(), Failure> {
 }
 
 fn colour_on_stderr() -> bool {
-    io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+    io::stderr().is_terminal() && colour_is_wanted()
+}
+
+fn colour_on_stdout() -> bool {
+    io::stdout().is_terminal() && colour_is_wanted()
+}
+
+fn colour_is_wanted() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
 /// Tells the user something that is no result.

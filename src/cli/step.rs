@@ -1,0 +1,127 @@
+//! `rayo step`: one ray, or one operation, instruction by instruction.
+
+mod text;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::str::FromStr;
+
+use clap::Args;
+
+use super::view::ViewArgs;
+use super::{Failure, colour_on_stdout, print_result};
+use crate::experiments::step::{self, Ray, StepError};
+use crate::render::{Engine, Precision};
+
+/// Watch one ray go through the kernels that trace it, instruction by instruction
+///
+/// The kernel that runs is the one that is shown: it is single-stepped, and each instruction is told in the words of its
+/// source, with what it changed. Of packets it is the packet that makes the pixel, and of its lanes the pixel's.
+#[derive(Debug, Args)]
+pub struct StepArgs {
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
+    #[arg(required_unless_present = "op")]
+    scene: Option<PathBuf>,
+    /// The pixel: its column and its row, counted from 0 from the upper left. Default: the middle of the picture
+    #[arg(long, value_name = "X,Y", conflicts_with = "op")]
+    pixel: Option<Pixel>,
+    /// Whose kernels: paper, sse41, avx2, avx512, or auto for the widest packets that this CPU runs
+    #[arg(long, value_name = "ENGINE", default_value = "paper")]
+    engine: String,
+    /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
+    #[arg(long)]
+    precision: Option<String>,
+    /// The lane of the packet to tell of, counted from 0. Default: the pixel's
+    #[arg(long, value_name = "N")]
+    lane: Option<usize>,
+    /// How many macros deep to tell; what is deeper is one line for each macro, with what went in and what came out
+    #[arg(long, value_name = "N")]
+    depth: Option<usize>,
+    /// Tell only of the calls of one macro, such as SPHERE_HIT
+    #[arg(long, value_name = "MACRO")]
+    only: Option<String>,
+    /// The most instructions to record
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
+    steps: usize,
+    /// One operation in place of a scene: add, sub, scale, dot, norm, cross or normalise
+    #[arg(long, value_name = "NAME", requires = "a", conflicts_with = "scene")]
+    op: Option<String>,
+    /// The first vector of the operation
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "op")]
+    a: Option<Vector>,
+    /// The second one; of `scale` the factor
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "op")]
+    b: Option<Vector>,
+    /// Print one JSON document: everything that is known
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    view: ViewArgs,
+}
+
+/// A column and a row.
+#[derive(Clone, Copy, Debug)]
+struct Pixel(u32, u32);
+
+impl FromStr for Pixel {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let numbers =
+            text.split_once(',').and_then(|(x, y)| Some(Pixel(x.trim().parse().ok()?, y.trim().parse().ok()?)));
+        numbers.ok_or("expected a column and a row, as in 816,612")
+    }
+}
+
+/// Up to three numbers.
+#[derive(Clone, Debug)]
+struct Vector(Vec<f32>);
+
+impl FromStr for Vector {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let numbers: Result<Vec<f32>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+        match numbers {
+            Ok(numbers) if [1, 3].contains(&numbers.len()) => Ok(Vector(numbers)),
+            _ => Err("expected three numbers, as in 1,2,3, or one to scale by"),
+        }
+    }
+}
+
+/// Watches and prints.
+pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
+    let failure = |error: StepError| match error {
+        StepError::Unavailable(_) | StepError::Memory | StepError::Differs(..) => Failure::output(error),
+        _ => Failure::input(error),
+    };
+    let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
+    let precision = args.precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
+    let watched = match (&args.op, &args.scene) {
+        (Some(op), _) => {
+            let numbers = |vector: &Option<Vector>| vector.as_ref().map(|vector| vector.0.clone());
+            step::watch_operation(op, engine, numbers(&args.a).unwrap_or_default(), numbers(&args.b))
+                .map_err(failure)?
+        }
+        (None, Some(path)) => {
+            let scene = args.view.open(path)?.scene;
+            let middle = Pixel(scene.camera.width() / 2, scene.camera.height() / 2);
+            let Pixel(x, y) = args.pixel.unwrap_or(middle);
+            let ray = Ray { engine, precision, pixel: (x, y), lane: args.lane, most: args.steps };
+            step::watch(&scene, &ray).map_err(failure)?
+        }
+        (None, None) => return Err(Failure::input("a scene is needed, or --op with --a")),
+    };
+    if let Some(only) = &args.only
+        && !watched.steps.iter().flat_map(|step| &step.macros).any(|call| call.name == only)
+    {
+        let mut names: Vec<_> = watched.steps.iter().flat_map(|step| &step.macros).map(|call| call.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        return Err(Failure::input(format!("no macro `{only}` was called here; there were: {}", names.join(", "))));
+    }
+    let how = text::How { depth: args.depth, only: args.only.clone(), colour: colour_on_stdout() };
+    print_result(args.json, &watched, || text::text(&watched, &how))?;
+    // The model and the CPU agree, or nothing that follows from the model is to be believed.
+    Ok(if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}

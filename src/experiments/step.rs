@@ -1,0 +1,478 @@
+//! One ray through the kernels that trace it, or one operation: every instruction, in the words of its source.
+
+mod describe;
+pub mod model;
+mod operation;
+mod parts;
+mod slice;
+mod tree;
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::DVec3;
+use serde::Serialize;
+
+pub use describe::{Branch, Change, Line, MacroCall, Value};
+pub use tree::{Argument, Node};
+
+use crate::kernels::Isa;
+use crate::kernels::step::{self, Step, Unavailable, Visit};
+use crate::measure::instructions::Mix;
+use crate::measure::source::Unit;
+use crate::render::{Distance, Engine, EngineError, Film, FilmMut, Found, PixelFormat, Precision};
+use crate::scene::{Object, Scene};
+use model::{Element, Operation, Place};
+use parts::{Part, parts_of_call, range_of};
+
+/// Instructions of a row of pixels that are followed at most, to find those of one pixel among them.
+const MOST_VISITS: usize = 1 << 23;
+
+/// What to watch of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Who traces.
+    pub engine: Engine,
+    /// In what numbers; None: the engine's own.
+    pub precision: Option<Precision>,
+    /// Column and row.
+    pub pixel: (u32, u32),
+    /// A lane of the packet, in place of the pixel's own.
+    pub lane: Option<usize>,
+    /// The most instructions to record.
+    pub most: usize,
+}
+
+/// Why there is nothing to watch.
+#[derive(Debug, thiserror::Error)]
+pub enum StepError {
+    /// An engine that is not written in assembly.
+    #[error("{0}")]
+    Engine(String),
+    /// The engine does not trace this scene.
+    #[error(transparent)]
+    Prepare(#[from] EngineError),
+    /// A pixel outside of the picture.
+    #[error("there is no pixel {},{}: the picture has {} columns and {} rows, counted from 0", .pixel.0, .pixel.1, .size.0, .size.1)]
+    Pixel {
+        /// Column and row.
+        pixel: (u32, u32),
+        /// Width and height.
+        size: (u32, u32),
+    },
+    /// A lane that the packet has not.
+    #[error("there is no lane {lane}: {}", if *lanes == 1 { "this engine traces ray by ray".into() } else { format!("the packet has {lanes}, counted from 0, and the picture no pixel beyond its edge") })]
+    Lane {
+        /// As it was asked for.
+        lane: usize,
+        /// Those that there are.
+        lanes: usize,
+    },
+    /// Single-stepping does not work here.
+    #[error("instructions cannot be watched here: {0}")]
+    Unavailable(#[from] Unavailable),
+    /// More instructions than were asked for.
+    #[error("this takes {needed} instructions, more than the {most} that are recorded: raise --steps")]
+    TooMany {
+        /// Instructions that would be recorded.
+        needed: u64,
+        /// The limit.
+        most: usize,
+    },
+    /// An operation that cannot be watched so.
+    #[error("{0}")]
+    Operation(String),
+    /// No memory.
+    #[error("there is not enough memory for a row of the picture")]
+    Memory,
+    /// Two runs of the same row were not the same.
+    #[error("two runs of the same row took {0} and {1} instructions: nothing can be said of one pixel")]
+    Differs(u64, u64),
+}
+
+/// What was watched: the `step` document without its schema.
+#[derive(Debug, Serialize)]
+pub struct Watched {
+    /// Who computed.
+    pub engine: &'static str,
+    /// In what numbers.
+    pub precision: &'static str,
+    /// Column and row; null for an operation.
+    pub pixel: Option<[u32; 2]>,
+    /// The lane that is told of, of a packet.
+    pub lane: Option<usize>,
+    /// Those of a packet; 1 for engines that trace ray by ray.
+    pub lanes: usize,
+    /// Instructions that are told of.
+    pub instructions: usize,
+    /// Those that the model does not know, or of which it had other bits.
+    pub unknown: usize,
+    /// Bits of registers and memory that were held against the model, and all were the same but for what `unknown` counts.
+    pub bits_compared: u64,
+    /// Each instruction, in the order of execution.
+    pub steps: Vec<Line>,
+    /// What the ray hits.
+    pub hit: Option<Hit>,
+    /// What the pixel shows: linear red, green and blue.
+    pub colour: Option<[f32; 3]>,
+    /// What the operation gives.
+    pub result: Option<Vec<f32>>,
+    /// Kinds of instructions.
+    pub kinds: Mix,
+    /// The same in the order of the source, for those who read.
+    #[serde(skip)]
+    pub tree: Vec<Node>,
+}
+
+/// What a ray hits.
+#[derive(Debug, Serialize)]
+pub struct Hit {
+    /// The object, such as `sphere 0`.
+    pub object: String,
+    /// Where, in lengths of r_d.
+    pub t: f64,
+    /// The point.
+    pub point: [f64; 3],
+    /// The unit normal, where the engine can tell.
+    pub normal: Option<[f64; 3]>,
+}
+
+impl Hit {
+    fn new(found: &Found, direction: DVec3) -> Self {
+        let t = match found.distance {
+            Distance::T(t) => t,
+            Distance::Inverse(inverse) => 1.0 / inverse,
+        };
+        let object = match found.object {
+            Object::Sphere(index) => format!("sphere {index}"),
+            Object::Triangle(index) => format!("triangle {index}"),
+        };
+        Hit { object, t, point: (direction * t).into(), normal: found.normal.map(Into::into) }
+    }
+}
+
+/// The instruction set of an engine's kernels, if it has kernels in assembly.
+fn isa(engine: Engine) -> Result<Isa, StepError> {
+    match engine {
+        Engine::Paper => Ok(Isa::Sse41),
+        Engine::Packet(isa) => Ok(isa),
+        Engine::C => Err(StepError::Engine(
+            "`c` is compiled, and its instructions have no macros to be told by: `rayo ops --engine c --asm` lists them; \
+             paper, sse41, avx2 and avx512 can be watched"
+                .into(),
+        )),
+        other => Err(StepError::Engine(format!(
+            "`{other}` is Rust, which has no kernel to watch: try paper, the same computation in assembly, or sse41, avx2, avx512"
+        ))),
+    }
+}
+
+/// Rays of a packet; 1 for an engine that traces one by one.
+fn lanes(engine: Engine, precision: Option<Precision>) -> usize {
+    match engine {
+        Engine::Packet(isa) if precision == Some(Precision::Double) => 2 << isa as usize,
+        Engine::Packet(isa) => 4 << isa as usize,
+        _ => 1,
+    }
+}
+
+/// The kernels that `isa` has.
+fn unit(isa: Isa) -> Result<&'static Unit, StepError> {
+    Unit::of(isa).ok_or(StepError::Unavailable(Unavailable::Platform))
+}
+
+/// Watches how a pixel is made.
+pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
+    let Ray { engine, precision, pixel, most, .. } = *ray;
+    let unit = unit(isa(engine)?)?;
+    let (width, height) = (scene.camera.width(), scene.camera.height());
+    if pixel.0 >= width || pixel.1 >= height {
+        return Err(StepError::Pixel { pixel, size: (width, height) });
+    }
+    let tracer = engine.prepare(precision, scene)?;
+    let mut film = Film::new(PixelFormat::F32x4, width as usize).map_err(|_| StepError::Memory)?;
+    let row = pixel.1..pixel.1 + 1;
+    let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
+    let (address, bytes) = (pixels.as_ptr() as u64, size_of_val(pixels) as u64);
+    let size = PixelFormat::F32x4.bytes() as u64;
+    let mut trace = || tracer.rows(row.clone(), film.as_mut());
+    // Once before: what is computed or bound at the first call is not the row's.
+    trace();
+    let watched = [unit.code.clone()];
+    let (visits, executed) = step::visits(&watched, MOST_VISITS, &mut trace)?;
+    if executed > visits.len() as u64 {
+        return Err(StepError::TooMany { needed: executed, most: MOST_VISITS });
+    }
+    let calls = calls(unit, &visits);
+    let mut run = Run { visits: &visits, film: address..address + bytes, pixel: 0..0 };
+    run.pixel = pixel_bytes(address, size, pixel.0);
+    let wanted = run.wanted(&calls);
+    let needed: u64 = wanted.iter().map(|range| range.end - range.start).sum();
+    if needed > most as u64 {
+        return Err(StepError::TooMany { needed, most });
+    }
+    let recording = step::record(&watched, &wanted, needed as usize, &mut trace)?;
+    if recording.executed != executed {
+        return Err(StepError::Differs(executed, recording.executed));
+    }
+    let mut seen = Seen::of(recording.steps());
+    let of_pixel = |bytes: &Range<u64>| (bytes.start..bytes.end).map(|byte| Element::new(Place::Memory, byte, 1));
+    let mut slice = slice::slice(&seen.steps, of_pixel(&run.pixel));
+    let lanes = lanes(engine, precision);
+    let own = lane_of(&seen.steps, &slice).filter(|_| lanes > 1);
+    let lane = match ray.lane {
+        None => own,
+        Some(lane) => {
+            let column = i64::from(pixel.0) + lane as i64 - own.map_or(0, |own| own as i64);
+            if lane >= lanes || own.is_none() && lanes > 1 || column < 0 || column >= i64::from(width) {
+                return Err(StepError::Lane { lane, lanes });
+            }
+            // The neighbour that is in that lane of the same packet.
+            run.pixel = pixel_bytes(address, size, column as u32);
+            slice = slice::slice(&seen.steps, of_pixel(&run.pixel));
+            (lanes > 1).then_some(lane)
+        }
+    };
+    let told = ray.lane.zip(own).map_or(pixel.0, |(lane, own)| pixel.0 + lane as u32 - own as u32);
+    let by_number: HashMap<u64, usize> = seen.steps.iter().enumerate().map(|(at, (s, _))| (s.number, at)).collect();
+    let items = run.items(&calls, &by_number, &slice);
+    let mut watched = seen.tell(unit, &items, &slice, lane);
+    let found = tracer.hits(row).swap_remove(told as usize);
+    let direction = DVec3::from(scene.camera.grid::<f64>().ray(pixel.1, told));
+    let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
+    let colour = pixels[told as usize];
+    watched.hit = found.map(|found| Hit::new(&found, direction));
+    watched.colour = Some([colour.x, colour.y, colour.z]);
+    watched.pixel = Some([told, pixel.1]);
+    watched.lanes = lanes;
+    watched.engine = engine.name();
+    watched.precision = precision.unwrap_or(engine.precision()).name();
+    Ok(watched)
+}
+
+/// Watches one operation on vectors of one's own.
+pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Watched, StepError> {
+    let isa = isa(engine)?;
+    let unit = unit(isa)?;
+    let operation = operation::Operation::new(op, engine, isa, a, b)?;
+    let mut result = Vec::new();
+    let watched = [unit.code.clone()];
+    let recording = step::record(&watched, &[0..u64::MAX], operation::MOST, || result = operation.call())?;
+    let mut seen = Seen::of(recording.steps());
+    let visits: Vec<_> = seen.steps.iter().map(|(s, _)| Visit { rip: s.before.rip, address: 0, bytes: 0 }).collect();
+    let mut items = vec![Item::Kernel];
+    items.extend((0..visits.len()).map(Item::Step));
+    let nothing = vec![slice::Part::default(); seen.steps.len()];
+    let lanes = lanes(engine, None);
+    let mut watched = seen.tell(unit, &items, &nothing, (lanes > 1).then_some(0));
+    watched.engine = engine.name();
+    watched.precision = Precision::Single.name();
+    watched.lanes = lanes;
+    watched.result = Some(result);
+    Ok(watched)
+}
+
+fn pixel_bytes(film: u64, size: u64, column: u32) -> Range<u64> {
+    let start = film + size * u64::from(column);
+    start..start + size
+}
+
+/// The calls of kernels, as rows of visits, each with its parts.
+fn calls(unit: &Unit, visits: &[Visit]) -> Vec<Vec<Part>> {
+    let is_entry = |visit: &Visit| unit.function(visit.rip as usize).is_some_and(|(_, at)| at == visit.rip as usize);
+    let mut starts: Vec<_> = (0..visits.len()).filter(|&number| is_entry(&visits[number])).collect();
+    starts.push(visits.len());
+    starts.windows(2).map(|call| parts_of_call(visits, call[0]..call[1])).collect()
+}
+
+/// A row that was traced.
+struct Run<'a> {
+    visits: &'a [Visit],
+    /// Where the row's pixels are, and the one that is watched.
+    film: Range<u64>,
+    pixel: Range<u64>,
+}
+
+/// What is told of, in the order of execution.
+enum Item {
+    /// A kernel begins.
+    Kernel,
+    /// An instruction, by its place among those recorded.
+    Step(usize),
+    /// Rounds of a loop, or a kernel's call, that are for other pixels.
+    Others { rounds: usize, instructions: usize },
+}
+
+impl Run<'_> {
+    fn touches(&self, range: &Range<usize>, bytes: &Range<u64>) -> bool {
+        self.visits[range.clone()]
+            .iter()
+            .any(|visit| visit.address < bytes.end && bytes.start < visit.address + u64::from(visit.bytes))
+    }
+
+    /// Whether a round is left out: it makes other pixels of the film.
+    fn is_of_others(&self, round: &[Part]) -> bool {
+        let range = range_of(round);
+        self.touches(&range, &self.film) && !self.touches(&range, &self.pixel)
+    }
+
+    /// The numbers of what is to be recorded: all but the rounds that make other pixels.
+    fn wanted(&self, calls: &[Vec<Part>]) -> Vec<Range<u64>> {
+        fn add(run: &Run<'_>, parts: &[Part], wanted: &mut Vec<Range<u64>>) {
+            for part in parts {
+                match part {
+                    Part::Row(range) => {
+                        let range = range.start as u64..range.end as u64;
+                        match wanted.last_mut() {
+                            Some(last) if last.end == range.start => last.end = range.end,
+                            _ => wanted.push(range),
+                        }
+                    }
+                    Part::Loop(rounds) => {
+                        for round in rounds.iter().filter(|round| !run.is_of_others(round)) {
+                            add(run, round, wanted);
+                        }
+                    }
+                }
+            }
+        }
+        let mut wanted = Vec::new();
+        for call in calls {
+            add(self, call, &mut wanted);
+        }
+        wanted
+    }
+
+    /// What is told of: of kernels that have to do with the pixel, the rounds that do.
+    fn items(&self, calls: &[Vec<Part>], by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> Vec<Item> {
+        let mut items = Vec::new();
+        for call in calls {
+            let range = range_of(call);
+            if self.has_to_do(&range, by_number, slice) {
+                items.push(Item::Kernel);
+                self.add(call, by_number, slice, false, &mut items);
+            } else {
+                others(&mut items, range.len());
+            }
+        }
+        items
+    }
+
+    fn has_to_do(&self, range: &Range<usize>, by_number: &HashMap<u64, usize>, slice: &[slice::Part]) -> bool {
+        let of = |number: usize| by_number.get(&(number as u64)).is_some_and(|&at| slice[at].any());
+        range.clone().any(of)
+    }
+
+    /// `within`: the parts are of a round that makes the pixel alone, so that all of it is told.
+    fn add(
+        &self,
+        parts: &[Part],
+        by_number: &HashMap<u64, usize>,
+        slice: &[slice::Part],
+        within: bool,
+        items: &mut Vec<Item>,
+    ) {
+        for part in parts {
+            match part {
+                Part::Row(range) => {
+                    items.extend(range.clone().filter_map(|n| by_number.get(&(n as u64)).map(|&at| Item::Step(at))));
+                }
+                Part::Loop(rounds) => {
+                    for round in rounds {
+                        let range = range_of(round);
+                        let makes_it = self.touches(&range, &self.film) && self.touches(&range, &self.pixel);
+                        let tell = within || makes_it || self.has_to_do(&range, by_number, slice);
+                        if tell && !self.is_of_others(round) {
+                            self.add(round, by_number, slice, within || makes_it, items);
+                        } else {
+                            others(items, range.len());
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn others(items: &mut Vec<Item>, more: usize) {
+    match items.last_mut() {
+        Some(Item::Others { rounds, instructions }) => {
+            *rounds += 1;
+            *instructions += more;
+        }
+        _ => items.push(Item::Others { rounds: 1, instructions: more }),
+    }
+}
+
+/// Instructions that were recorded, with what the model has to say of each.
+struct Seen<'a> {
+    steps: Vec<(Step<'a>, Vec<Operation>)>,
+    /// By their places, those that the model does not know or has other bits of.
+    unknown: HashMap<usize, String>,
+    bits_compared: u64,
+}
+
+impl<'a> Seen<'a> {
+    fn of(steps: impl Iterator<Item = Step<'a>>) -> Self {
+        let mut seen = Seen { steps: Vec::new(), unknown: HashMap::new(), bits_compared: 0 };
+        for step in steps {
+            let place = seen.steps.len();
+            let operations = model::model(&step).unwrap_or_else(|unknown| {
+                seen.unknown.insert(place, unknown.to_string());
+                Vec::new()
+            });
+            seen.steps.push((step, operations));
+        }
+        seen
+    }
+
+    /// What there is to be told of some of them.
+    fn tell(&mut self, unit: &'static Unit, items: &[Item], slice: &[slice::Part], lane: Option<usize>) -> Watched {
+        let mut describer = describe::Describer::new(unit, lane);
+        let mut lines = Vec::new();
+        let mut line_of = HashMap::new();
+        let mut kinds = Vec::new();
+        let mut unknown = 0;
+        for item in items {
+            let &Item::Step(at) = item else { continue };
+            let (step, operations) = &self.steps[at];
+            let (mut line, instruction) = describer.line(step, operations, &slice[at]);
+            line.unknown = self.unknown.get(&at).cloned();
+            unknown += usize::from(line.unknown.is_some());
+            kinds.push(instruction);
+            line_of.insert(at, lines.len());
+            lines.push(line);
+        }
+        let tree = tree::grow(unit, items, &self.steps, &line_of, lane);
+        Watched {
+            engine: "",
+            precision: "",
+            pixel: None,
+            lane,
+            lanes: 1,
+            instructions: lines.len(),
+            unknown,
+            bits_compared: self.bits_compared,
+            steps: lines,
+            hit: None,
+            colour: None,
+            result: None,
+            kinds: Mix::of(&kinds),
+            tree,
+        }
+    }
+}
+
+/// The lane that most of the pixel's arithmetic is in.
+fn lane_of(steps: &[(Step<'_>, Vec<Operation>)], slice: &[slice::Part]) -> Option<usize> {
+    let mut counts: HashMap<u64, usize> = HashMap::new();
+    for ((_, operations), part) in steps.iter().zip(slice) {
+        for &index in &part.made {
+            let Operation { to, what, .. } = &operations[index];
+            if let (Place::Vector(_), model::What::Float(..)) = (to.place, what) {
+                *counts.entry(to.at / u64::from(to.bits)).or_default() += 1;
+            }
+        }
+    }
+    counts.into_iter().max_by_key(|&(lane, count)| (count, std::cmp::Reverse(lane))).map(|(lane, _)| lane as usize)
+}

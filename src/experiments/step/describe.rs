@@ -1,0 +1,494 @@
+//! An instruction in the words of its source: names in place of registers, and what it changed.
+
+use iced_x86::{
+    ConditionCode, Decoder, DecoderOptions, FlowControl, Formatter, IntelFormatter, MemorySizeOptions, OpKind, Register,
+};
+use serde::Serialize;
+
+use super::model::{Element, Operation, Place, What};
+use super::slice;
+use crate::kernels::step::{State, Step};
+use crate::measure::instructions::{self, Instruction};
+use crate::measure::source::{Call, Macro, Unit};
+
+/// An instruction that was executed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Line {
+    /// The how many-th of the kernels' it is, counted from 0, with those that are not told of.
+    pub number: u64,
+    /// As a disassembler has it, in Intel's syntax.
+    pub text: String,
+    /// As its source has it, with the names that the macro gives its parameters.
+    pub source: String,
+    /// The comment in the source.
+    pub comment: &'static str,
+    /// Where it stands.
+    pub file: &'static str,
+    /// The number of the line there.
+    pub line: usize,
+    /// The kernel.
+    pub kernel: String,
+    /// The macros that it came from, the outermost first.
+    pub macros: Vec<MacroCall>,
+    /// What it wrote, but for flags.
+    pub changed: Vec<Change>,
+    /// Of a jump whether it was taken.
+    pub branch: Option<Branch>,
+    /// Bits that cancelled, for each element that is told of.
+    pub cancelled_bits: Vec<Option<u32>>,
+    /// Why it is not known, where it is not, or what differs.
+    pub unknown: Option<String>,
+    /// Whether the pixel is made of what it wrote; of the others one sees what they looked at, or decided.
+    pub made: bool,
+}
+
+/// A call of a macro.
+#[derive(Clone, Debug, Serialize)]
+pub struct MacroCall {
+    /// Its name.
+    pub name: &'static str,
+    /// Each parameter, as in `t = xmm3`.
+    pub parameters: Vec<String>,
+}
+
+/// A register, or memory, that an instruction wrote.
+#[derive(Clone, Debug, Serialize)]
+pub struct Change {
+    /// The register, or the operand in memory.
+    pub register: String,
+    /// What the source calls it there.
+    pub name: String,
+    /// The elements that are told of, by their numbers.
+    pub lanes: Vec<usize>,
+    /// What they were.
+    pub before: Vec<Value>,
+    /// What they are.
+    pub after: Vec<Value>,
+    /// How far from the exact values, in units of the last place; null where there is none.
+    pub error_ulp: Vec<Option<f64>>,
+}
+
+/// An element.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// A float.
+    Single(f32),
+    /// A double.
+    Double(f64),
+    /// A whole number, an address, a mask.
+    Bits(u64),
+}
+
+/// What became of a jump.
+#[derive(Clone, Debug, Serialize)]
+pub struct Branch {
+    /// Whether it was taken.
+    pub taken: bool,
+    /// What was compared, where it depends on that.
+    pub why: String,
+}
+
+/// What elements are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Single,
+    Double,
+    Whole(u32),
+}
+
+impl Kind {
+    fn bits(self) -> u32 {
+        match self {
+            Kind::Single => 32,
+            Kind::Double => 64,
+            Kind::Whole(bits) => bits,
+        }
+    }
+
+    fn value(self, bytes: &[u8]) -> Value {
+        let mut word = [0; 8];
+        let length = bytes.len().min(8);
+        word[..length].copy_from_slice(&bytes[..length]);
+        let word = u64::from_le_bytes(word);
+        match self {
+            Kind::Single => Value::Single(f32::from_bits(word as u32)),
+            Kind::Double => Value::Double(f64::from_bits(word)),
+            Kind::Whole(64) => Value::Bits(word),
+            Kind::Whole(bits) => Value::Bits(word & ((1 << bits) - 1)),
+        }
+    }
+}
+
+/// Writes lines; it remembers what was compared last.
+pub struct Describer {
+    unit: &'static Unit,
+    lane: Option<usize>,
+    formatter: IntelFormatter,
+    /// What set the flags.
+    compared: String,
+}
+
+impl Describer {
+    pub fn new(unit: &'static Unit, lane: Option<usize>) -> Self {
+        let mut formatter = IntelFormatter::new();
+        formatter.options_mut().set_space_after_operand_separator(true);
+        formatter.options_mut().set_branch_leading_zeros(false);
+        formatter.options_mut().set_memory_size_options(MemorySizeOptions::Never);
+        Describer { unit, lane, formatter, compared: String::new() }
+    }
+
+    /// The line of a step, and the instruction as it is counted.
+    pub fn line(&mut self, step: &Step<'_>, operations: &[Operation], part: &slice::Part) -> (Line, Instruction) {
+        let raw = Decoder::with_ip(64, step.code, step.before.rip, DecoderOptions::NONE).decode();
+        let instruction = instructions::decode(&step.code[..raw.len()], step.before.rip).next();
+        let instruction = instruction.expect("the CPU has executed it");
+        let mut text = String::new();
+        self.formatter.format(&raw, &mut text);
+        let place = Origin::of(self.unit, step.before.rip);
+        let kernel = self.unit.function(step.before.rip as usize).map_or("", |(name, _)| name).to_owned();
+        let kind = kind_of(&raw, &kernel);
+        let changed = self.changes(step, operations, part, &place, kind);
+        let branch = match raw.flow_control() {
+            FlowControl::ConditionalBranch => Some(Branch {
+                taken: step.after.rip != raw.next_ip(),
+                why: format!("{} {}", condition(raw.condition_code()), self.compared).trim().into(),
+            }),
+            _ => None,
+        };
+        if operations.iter().any(|operation| operation.to.place == Place::Flags) {
+            self.compared = self.comparison(step, &raw, &place, kind);
+        }
+        let cancelled_bits = changed.iter().flat_map(|change| change.lanes.iter().map(|_| None)).collect();
+        let line = Line {
+            number: step.number,
+            text,
+            source: place.source.clone(),
+            comment: place.comment,
+            file: place.file,
+            line: place.line,
+            kernel,
+            macros: place.macros(self.unit),
+            changed,
+            branch,
+            cancelled_bits,
+            unknown: None,
+            made: !part.made.is_empty(),
+        };
+        (line, instruction)
+    }
+
+    /// What the operations wrote, a change for each place, its elements those of the pixel or of the lane.
+    fn changes(
+        &self,
+        step: &Step<'_>,
+        operations: &[Operation],
+        part: &slice::Part,
+        place: &Origin,
+        kind: Kind,
+    ) -> Vec<Change> {
+        let mut places: Vec<Place> = Vec::new();
+        for operation in operations.iter().filter(|o| !matches!(o.to.place, Place::Flags | Place::Next)) {
+            if !places.contains(&operation.to.place) {
+                places.push(operation.to.place);
+            }
+        }
+        // The stack and the frame of a kernel are no news.
+        places.retain(|place| *place != Place::General(4));
+        let mut changes = Vec::new();
+        for of in places {
+            let kind = match of {
+                Place::General(_) => Kind::Whole(64),
+                Place::Mask(_) => Kind::Whole(1),
+                _ => kind,
+            };
+            let bits = u64::from(kind.bits());
+            let base = if of == Place::Memory { step.touched.map_or(0, |touched| 8 * touched.address) } else { 0 };
+            let lanes_of = |operation: &Operation| {
+                let Element { at, .. } = operation.to;
+                (at - base) / bits..(operation.to.end() - base).div_ceil(bits)
+            };
+            let all = || operations.iter().filter(|operation| operation.to.place == of && !is_zero(operation));
+            let made = part.made.iter().map(|&index| &operations[index]).filter(|operation| operation.to.place == of);
+            let mut lanes: Vec<_> = made.flat_map(lanes_of).collect();
+            if let (true, Some(lane)) = (lanes.is_empty(), self.lane) {
+                lanes =
+                    all().flat_map(lanes_of).filter(|&l| matches!(of, Place::General(_)) || l == lane as u64).collect();
+            }
+            if self.lane.is_none() || lanes.is_empty() && matches!(of, Place::General(_)) {
+                lanes = all().flat_map(lanes_of).filter(|&lane| lane < 4).collect();
+            }
+            lanes.sort_unstable();
+            lanes.dedup();
+            let value = |state: &State, after: bool, lane: u64| element(step, state, after, of, lane, kind);
+            let before: Vec<_> = lanes.iter().map(|&lane| value(step.before, false, lane)).collect();
+            let after: Vec<_> = lanes.iter().map(|&lane| value(step.after, true, lane)).collect();
+            if lanes.is_empty() {
+                continue;
+            }
+            let register = match of {
+                Place::Memory => place.memory.clone(),
+                of => register_name(of, kind, step, operations),
+            };
+            changes.push(Change {
+                name: place.name_of(self.unit, &register).unwrap_or_else(|| register.clone()),
+                register,
+                error_ulp: vec![None; lanes.len()],
+                lanes: lanes.into_iter().map(|lane| lane as usize).collect(),
+                before,
+                after,
+            });
+        }
+        changes
+    }
+
+    /// What was compared, in words: `s = -3.2 < zero = 0`.
+    fn comparison(&self, step: &Step<'_>, raw: &iced_x86::Instruction, place: &Origin, kind: Kind) -> String {
+        let name = format!("{:?}", raw.mnemonic()).to_lowercase();
+        let float = name.contains("comis");
+        if !float && !["cmp", "test"].contains(&&*name) {
+            return format!("after {name}");
+        }
+        let operand = |index: u32| -> Option<(String, Value)> {
+            let kind = if float { kind } else { Kind::Whole(8 * raw.op_register(0).size().clamp(1, 8) as u32) };
+            match raw.op_kind(index) {
+                OpKind::Register => {
+                    let register = raw.op_register(index);
+                    let place_of = match register {
+                        _ if register.is_gpr() => Place::General(register.number() as u8),
+                        _ => Place::Vector(register.number() as u8),
+                    };
+                    let text = format!("{register:?}").to_lowercase();
+                    let value = element(step, step.before, false, place_of, 0, kind);
+                    Some((place.name_of(self.unit, &text).unwrap_or(text), value))
+                }
+                OpKind::Memory => Some((place.memory.clone(), kind.value(&step.touched?.before))),
+                _ => Some((String::new(), Value::Bits(raw.try_immediate(index).ok()?))),
+            }
+        };
+        let (Some((a_name, a)), Some((b_name, b))) = (operand(0), operand(1)) else { return String::new() };
+        if name == "test" {
+            return if a_name == b_name {
+                format!("{a_name} = {a}")
+            } else {
+                format!("{a_name} = {a} and {b_name} = {b}")
+            };
+        }
+        let relation = match (a.number(), b.number()) {
+            (a, b) if a < b => "<",
+            (a, b) if a > b => ">",
+            (a, b) if a == b => "=",
+            _ => "is not comparable to",
+        };
+        let b_text = if b_name.is_empty() { b.to_string() } else { format!("{b_name} = {b}") };
+        format!("{a_name} = {a} {relation} {b_text}")
+    }
+}
+
+/// An element that is zeroed on the way: the upper part of a register.
+fn is_zero(operation: &Operation) -> bool {
+    operation.what == What::Computed(0) && operation.from.is_empty() && operation.to.at >= 128
+}
+
+/// Where an instruction comes from, in the macro that a reader looks at: what stands for one operation on every lane, in
+/// isa.inc and packet.inc, is taken as the instruction itself.
+pub struct Origin {
+    pub file: &'static str,
+    pub line: usize,
+    pub comment: &'static str,
+    /// With the names of parameters.
+    pub source: String,
+    /// The macro calls around it, the outermost first.
+    pub calls: Vec<usize>,
+    /// The operand in memory, in the source's words.
+    memory: String,
+}
+
+/// Whether a macro is no more than a word for an instruction, or a brace around some.
+fn is_plain(of: &Macro) -> bool {
+    let words = ["asm/include/isa.inc", "asm/include/packet.inc"];
+    words.contains(&of.file) || ["OPERATION", "END_OPERATION", "DISTINCT"].contains(&of.name)
+}
+
+impl Origin {
+    pub fn of(unit: &'static Unit, rip: u64) -> Self {
+        let Some(line) = unit.line(rip as usize) else {
+            let nothing = String::new();
+            return Origin {
+                file: "",
+                line: 0,
+                comment: "",
+                source: nothing.clone(),
+                calls: Vec::new(),
+                memory: nothing,
+            };
+        };
+        let mut calls = unit.calls_of(line);
+        let (mut number, mut text, mut comment) = (line.number, line.text, line.comment);
+        while let Some(&last) = calls.last()
+            && is_plain(&unit.macros[unit.calls[last].of])
+        {
+            Call { line: number, text, comment, .. } = unit.calls[last];
+            calls.pop();
+        }
+        let source = in_words(text, calls.last().map(|&call| &unit.calls[call]));
+        let memory = source.find('[').and_then(|start| Some(&source[start..=start + source[start..].find(']')?]));
+        let memory = memory.unwrap_or("memory").to_owned();
+        Origin { file: unit.file(calls.last().copied()), line: number, comment, source, calls, memory }
+    }
+
+    fn macros(&self, unit: &Unit) -> Vec<MacroCall> {
+        let call = |&call: &usize| {
+            let Call { of, arguments, .. } = &unit.calls[call];
+            let Macro { name, parameters, .. } = &unit.macros[*of];
+            let names = parameters.iter().map(|parameter| parameter.name).chain(std::iter::repeat(""));
+            let parameter = |(name, argument): (&str, &&str)| match name {
+                "" => (*argument).to_owned(),
+                name => format!("{name} = {argument}"),
+            };
+            MacroCall { name, parameters: names.zip(arguments).map(parameter).collect() }
+        };
+        self.calls.iter().map(call).collect()
+    }
+
+    /// What the innermost macro that has a name for a register calls it.
+    fn name_of(&self, unit: &Unit, register: &str) -> Option<String> {
+        self.calls.iter().rev().find_map(|&call| {
+            let Call { of, arguments, .. } = &unit.calls[call];
+            let mut named = unit.macros[*of].parameters.iter().zip(arguments);
+            named
+                .find(|(_, argument)| same_register(argument, register))
+                .map(|(parameter, _)| parameter.name.to_owned())
+        })
+    }
+}
+
+/// A line of the source, with the marks of NASM's parameters left out, and numbers replaced by what they stand for.
+fn in_words(text: &str, within: Option<&Call>) -> String {
+    let mut words = text.replace("%%", "");
+    for (index, argument) in within.map_or(&[][..], |call| &call.arguments).iter().enumerate().rev() {
+        words = words.replace(&format!("%{}", index + 1), argument);
+    }
+    words.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Whether two names are of the same register, of whatever width.
+pub fn same_register(a: &str, b: &str) -> bool {
+    let number = |name: &str| -> Option<(char, u32)> {
+        if let Some(rest) =
+            name.strip_suffix(|_: char| true).and(name.strip_prefix(['x', 'y', 'z'])).and_then(|n| n.strip_prefix("mm"))
+        {
+            return Some(('v', rest.parse().ok()?));
+        }
+        const OLD: [&str; 8] = ["ax", "cx", "dx", "bx", "sp", "bp", "si", "di"];
+        if let Some(place) = OLD.iter().position(|old| name == *old || name.len() == 3 && &name[1..] == *old) {
+            return Some(('r', place as u32));
+        }
+        let digits = name.strip_prefix('r')?.trim_end_matches(['d', 'w', 'b']);
+        Some(('r', digits.parse().ok()?))
+    };
+    a == b || number(a).is_some() && number(a) == number(b)
+}
+
+/// What the elements of an instruction's result are.
+fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
+    let name = format!("{:?}", raw.mnemonic()).to_lowercase();
+    let whole = name.starts_with('p') && !name.starts_with("push") && !name.starts_with("pop")
+        || name.starts_with("vp") && !name.starts_with("vperm")
+        || name.ends_with("2dq")
+        || name.contains("2si")
+        || name.starts_with("vmovdqu")
+        || name.starts_with("vmovdqa");
+    match () {
+        () if whole => Kind::Whole(32),
+        () if name.ends_with("ps") || name.ends_with("ss") => Kind::Single,
+        () if name.ends_with("pd") || name.ends_with("sd") => Kind::Double,
+        () if kernel.contains("_double_") => Kind::Double,
+        () => Kind::Single,
+    }
+}
+
+/// The register of a place, as wide as it was written.
+fn register_name(of: Place, kind: Kind, _: &Step<'_>, operations: &[Operation]) -> String {
+    let register = match of {
+        Place::General(number) => Register::RAX + u32::from(number),
+        Place::Mask(number) => Register::K0 + u32::from(number),
+        Place::Vector(number) => {
+            let end = operations.iter().filter(|o| o.to.place == of && !is_zero(o)).map(|o| o.to.end()).max();
+            let first = match end.unwrap_or(0) {
+                257.. => Register::ZMM0,
+                129.. => Register::YMM0,
+                _ => Register::XMM0,
+            };
+            first + u32::from(number)
+        }
+        _ => return String::new(),
+    };
+    let _ = kind;
+    format!("{register:?}").to_lowercase()
+}
+
+/// An element of a place.
+fn element(step: &Step<'_>, state: &State, after: bool, of: Place, lane: u64, kind: Kind) -> Value {
+    let bytes = (kind.bits() / 8) as usize;
+    let from = lane as usize * bytes;
+    match of {
+        Place::General(number) => Value::Bits(state.general[usize::from(number)]),
+        Place::Mask(number) => Value::Bits(state.masks[usize::from(number)] >> lane & 1),
+        Place::Vector(number) => kind.value(&state.vectors[usize::from(number)][from..from + bytes]),
+        Place::Memory => match step.touched {
+            Some(touched) if from + bytes <= 64 => {
+                kind.value(&(if after { &touched.after } else { &touched.before })[from..from + bytes])
+            }
+            _ => Value::Bits(0),
+        },
+        Place::Flags | Place::Next => Value::Bits(0),
+    }
+}
+
+/// What a condition asks for.
+fn condition(code: ConditionCode) -> &'static str {
+    match code {
+        ConditionCode::b => "if below, or not comparable:",
+        ConditionCode::be => "if not above, or not comparable:",
+        ConditionCode::a => "if above:",
+        ConditionCode::ae => "if not below:",
+        ConditionCode::e => "if equal, or 0:",
+        ConditionCode::ne => "if not equal, or not 0:",
+        ConditionCode::l => "if less:",
+        ConditionCode::le => "if not greater:",
+        ConditionCode::g => "if greater:",
+        ConditionCode::ge => "if not less:",
+        ConditionCode::s => "if negative:",
+        ConditionCode::ns => "if not negative:",
+        ConditionCode::p => "if not comparable:",
+        ConditionCode::np => "if comparable:",
+        ConditionCode::o | ConditionCode::no | ConditionCode::None => "",
+    }
+}
+
+impl Value {
+    /// As a number.
+    pub fn number(self) -> f64 {
+        match self {
+            Value::Single(value) => value.into(),
+            Value::Double(value) => value,
+            Value::Bits(bits) => bits as f64,
+        }
+    }
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let plain = |value: f64| value == 0.0 || !value.is_finite() || (1e-4..1e7).contains(&value.abs());
+        match *self {
+            Value::Single(value) if plain(value.into()) => write!(f, "{value}"),
+            Value::Single(value) => write!(f, "{value:e}"),
+            Value::Double(value) if plain(value) => write!(f, "{value}"),
+            Value::Double(value) => write!(f, "{value:e}"),
+            // What is large is an address, or bits.
+            Value::Bits(value) if value < 1 << 20 => write!(f, "{value}"),
+            Value::Bits(value) => write!(f, "{value:#x}"),
+        }
+    }
+}

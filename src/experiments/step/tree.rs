@@ -1,0 +1,175 @@
+//! What was executed as a tree: kernels, the macros in them, and instructions.
+
+use std::collections::HashMap;
+
+use super::Item;
+use super::describe::{Origin, Value, same_register};
+use super::model::Operation;
+use crate::kernels::step::{State, Step};
+use crate::measure::source::{Call, Macro, Parameter, Unit};
+
+/// A part of the tree.
+#[derive(Clone, Debug)]
+pub enum Node {
+    /// A call of a kernel.
+    Kernel {
+        /// Its symbol.
+        symbol: String,
+        /// What it does, in the words of its macro.
+        says: &'static str,
+        /// What it executed.
+        children: Vec<Node>,
+    },
+    /// A call of a macro.
+    Macro {
+        /// Its name.
+        name: &'static str,
+        /// What it does, in its own words.
+        says: &'static str,
+        /// Where it stands.
+        file: &'static str,
+        /// The line that calls it, in the file of what is around it.
+        line: usize,
+        /// The comment there.
+        comment: &'static str,
+        /// What it was called with.
+        arguments: Vec<Argument>,
+        /// Instructions in it.
+        instructions: usize,
+        /// What it executed.
+        children: Vec<Node>,
+    },
+    /// An instruction, by its place among the lines.
+    Step(usize),
+    /// What is for other pixels.
+    Others {
+        /// Rounds of a loop, or calls of a kernel.
+        rounds: usize,
+        /// Instructions in them.
+        instructions: usize,
+    },
+}
+
+/// What a parameter was.
+#[derive(Clone, Debug)]
+pub struct Argument {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is for: `in`, `out`, `in/out`, `clobbered`.
+    pub kind: &'static str,
+    /// The register, address or label.
+    pub is: &'static str,
+    /// What a register held before the macro, and after it: of the lane that is told of, or of a vector its elements.
+    pub values: Option<[Vec<Value>; 2]>,
+}
+
+/// A leaf, with the macros that it stands in, and the place of its step.
+struct Leaf {
+    node: Node,
+    calls: Vec<usize>,
+    step: Option<usize>,
+}
+
+/// The tree of `items`; `line_of` are the places of steps among the lines.
+pub fn grow(
+    unit: &'static Unit,
+    items: &[Item],
+    steps: &[(Step<'_>, Vec<Operation>)],
+    line_of: &HashMap<usize, usize>,
+    lane: Option<usize>,
+) -> Vec<Node> {
+    let grower = Grower { unit, steps, lane };
+    let mut tree = Vec::new();
+    let mut rest = items;
+    while let [first, others @ ..] = rest {
+        let Item::Kernel = first else {
+            if let Item::Others { rounds, instructions } = *first {
+                tree.push(Node::Others { rounds, instructions });
+            }
+            rest = others;
+            continue;
+        };
+        let end = others.iter().position(|item| matches!(item, Item::Kernel)).unwrap_or(others.len());
+        let mut leaves: Vec<Leaf> = Vec::new();
+        let mut symbol = "";
+        for item in &others[..end] {
+            leaves.push(match *item {
+                Item::Step(at) => {
+                    let rip = steps[at].0.before.rip;
+                    symbol = unit.function(rip as usize).map_or(symbol, |(name, _)| name);
+                    Leaf { node: Node::Step(line_of[&at]), calls: Origin::of(unit, rip).calls, step: Some(at) }
+                }
+                // It stands where what was before it stood.
+                Item::Others { rounds, instructions } => {
+                    let calls = leaves.last().map_or(Vec::new(), |leaf| leaf.calls.clone());
+                    Leaf { node: Node::Others { rounds, instructions }, calls, step: None }
+                }
+                Item::Kernel => unreachable!("the next kernel ends these"),
+            });
+        }
+        // What all of it stands in is the kernel itself.
+        let mut depth = leaves.first().map_or(0, |leaf| leaf.calls.len());
+        for leaf in &leaves {
+            let same = leaves[0].calls.iter().zip(&leaf.calls).take_while(|(a, b)| a == b).count();
+            depth = depth.min(same);
+        }
+        let kernel = leaves.first().and_then(|leaf| leaf.calls.get(depth.checked_sub(1)?));
+        let says = kernel.map_or("", |&call| unit.macros[unit.calls[call].of].says);
+        tree.push(Node::Kernel { symbol: symbol.into(), says, children: grower.nodes(&leaves, depth) });
+        rest = &others[end..];
+    }
+    tree
+}
+
+struct Grower<'a> {
+    unit: &'static Unit,
+    steps: &'a [(Step<'a>, Vec<Operation>)],
+    lane: Option<usize>,
+}
+
+impl Grower<'_> {
+    fn nodes(&self, leaves: &[Leaf], depth: usize) -> Vec<Node> {
+        let together = |a: &Leaf, b: &Leaf| a.calls.len() > depth && a.calls.get(depth) == b.calls.get(depth);
+        let group = |group: &[Leaf]| match group {
+            [leaf] if leaf.calls.len() <= depth => leaf.node.clone(),
+            group => self.called(group, group[0].calls[depth], depth),
+        };
+        leaves.chunk_by(together).map(group).collect()
+    }
+
+    fn called(&self, leaves: &[Leaf], call: usize, depth: usize) -> Node {
+        let Call { of, line, comment, arguments, .. } = &self.unit.calls[call];
+        let Macro { name, file, says, parameters } = &self.unit.macros[*of];
+        let (line, comment) = (*line, *comment);
+        let mut steps = leaves.iter().filter_map(|leaf| leaf.step).map(|at| &self.steps[at].0);
+        let first = steps.next();
+        let last = steps.next_back().or(first);
+        let states = first.zip(last).map(|(first, last)| [first.before, last.after]);
+        let argument = |(parameter, &is): (&Parameter, &&'static str)| Argument {
+            name: parameter.name,
+            kind: parameter.kind,
+            is,
+            values: states.and_then(|states| self.values(is, parameter.says, states)),
+        };
+        let arguments = parameters.iter().zip(arguments).map(argument).collect();
+        let instructions = leaves.iter().filter(|leaf| leaf.step.is_some()).count();
+        let children = self.nodes(leaves, depth + 1);
+        Node::Macro { name, says, file, line, comment, arguments, instructions, children }
+    }
+
+    /// The elements of a register in two states.
+    fn values(&self, register: &str, says: &str, states: [&State; 2]) -> Option<[Vec<Value>; 2]> {
+        let vector = (0..32).find(|number| same_register(register, &format!("xmm{number}")))?;
+        let elements = match self.lane {
+            Some(lane) => lane..lane + 1,
+            None if says.starts_with("scalar") => 0..1,
+            None => 0..3,
+        };
+        let value = |state: &State| -> Vec<Value> {
+            let bytes = &state.vectors[vector];
+            let float = |lane: usize| f32::from_le_bytes(bytes[4 * lane..4 * lane + 4].try_into().expect("four bytes"));
+            elements.clone().map(|lane| Value::Single(float(lane))).collect()
+        };
+        Some(states.map(value))
+    }
+}
