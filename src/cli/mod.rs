@@ -14,7 +14,6 @@ mod ops;
 mod plan;
 mod render;
 mod stability;
-#[cfg(rayo_asm)]
 mod step;
 mod table;
 mod view;
@@ -51,7 +50,6 @@ enum Command {
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
     Stability(stability::StabilityArgs),
-    #[cfg(rayo_asm)]
     Step(step::StepArgs),
 }
 
@@ -101,7 +99,6 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
         Command::Stability(args) => stability::run(&args),
-        #[cfg(rayo_asm)]
         Command::Step(args) => step::run(&args),
     };
     result.unwrap_or_else(|failure| failure.tell())
@@ -143,6 +140,7 @@ fn colour_on_stderr() -> bool {
     io::stderr().is_terminal() && colour_is_wanted()
 }
 
+#[cfg(rayo_asm)]
 fn colour_on_stdout() -> bool {
     io::stdout().is_terminal() && colour_is_wanted()
 }

@@ -1,5 +1,8 @@
 //! `rayo step`: one ray, or one operation, instruction by instruction.
 
+#[cfg(rayo_asm)]
+mod html;
+#[cfg(rayo_asm)]
 mod text;
 
 use std::path::PathBuf;
@@ -8,10 +11,8 @@ use std::str::FromStr;
 
 use clap::Args;
 
+use super::Failure;
 use super::view::ViewArgs;
-use super::{Failure, colour_on_stdout, print_result};
-use crate::experiments::step::{self, Ray, StepError};
-use crate::render::{Engine, Precision};
 
 /// Watch one ray go through the kernels that trace it, instruction by instruction
 ///
@@ -40,6 +41,9 @@ pub struct StepArgs {
     /// Tell only of the calls of one macro, such as SPHERE_HIT
     #[arg(long, value_name = "MACRO")]
     only: Option<String>,
+    /// Tell how far each number is from what it would be without rounding, and where digits are lost
+    #[arg(long)]
+    error: bool,
     /// The most instructions to record
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     steps: usize,
@@ -55,6 +59,9 @@ pub struct StepArgs {
     /// Print one JSON document: everything that is known
     #[arg(long)]
     json: bool,
+    /// Write a page to a file, in place of text: its tree folds, and the arrow keys step through it
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
 }
@@ -90,9 +97,16 @@ impl FromStr for Vector {
 }
 
 /// Watches and prints.
+#[cfg(rayo_asm)]
 pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
-    let failure = |error: StepError| match error {
-        StepError::Unavailable(_) | StepError::Memory | StepError::Differs(..) => Failure::output(error),
+    use std::io::Write;
+
+    use super::{colour_on_stdout, convert, print_result, remove_part_files_on_signals};
+    use crate::experiments::step::{self, Ray, WatchError};
+    use crate::render::{Engine, Precision};
+
+    let failure = |error: WatchError| match error {
+        WatchError::Unavailable(_) | WatchError::Memory | WatchError::Differs(..) => Failure::output(error),
         _ => Failure::input(error),
     };
     let engine = Engine::from_str(&args.engine).map_err(Failure::input)?;
@@ -120,8 +134,21 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
         names.dedup();
         return Err(Failure::input(format!("no macro `{only}` was called here; there were: {}", names.join(", "))));
     }
-    let how = text::How { depth: args.depth, only: args.only.clone(), colour: colour_on_stdout() };
-    print_result(args.json, &watched, || text::text(&watched, &how))?;
     // The model and the CPU agree, or nothing that follows from the model is to be believed.
-    Ok(if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    let verdict = if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) };
+    if let Some(path) = &args.html {
+        let of = args.scene.as_ref().map_or(String::new(), |scene| scene.display().to_string());
+        remove_part_files_on_signals()?;
+        convert::write(path, |out| out.write_all(html::page(&watched, &of).as_bytes()))?;
+        return Ok(verdict);
+    }
+    let how = text::How { depth: args.depth, only: args.only.clone(), error: args.error, colour: colour_on_stdout() };
+    print_result(args.json, &watched, || text::text(&watched, &how))?;
+    Ok(verdict)
+}
+
+/// Without assembly there is nothing to watch.
+#[cfg(not(rayo_asm))]
+pub fn run(_: &StepArgs) -> Result<ExitCode, Failure> {
+    Err(Failure::input("this build has no kernels in assembly to watch: it was built without the feature `asm`"))
 }

@@ -4,6 +4,7 @@ mod describe;
 pub mod model;
 mod operation;
 mod parts;
+pub mod shadow;
 mod slice;
 mod tree;
 
@@ -13,6 +14,7 @@ use std::ops::Range;
 use glam::DVec3;
 use serde::Serialize;
 
+use describe::Describer;
 pub use describe::{Branch, Change, Line, MacroCall, Value};
 pub use tree::{Argument, Node};
 
@@ -24,9 +26,13 @@ use crate::render::{Distance, Engine, EngineError, Film, FilmMut, Found, PixelFo
 use crate::scene::{Object, Scene};
 use model::{Element, Operation, Place};
 use parts::{Part, parts_of_call, range_of};
+use shadow::{Shadow, StepError};
 
 /// Instructions of a row of pixels that are followed at most, to find those of one pixel among them.
 const MOST_VISITS: usize = 1 << 23;
+
+/// The instructions that cost most digits, that are named.
+const DEAREST: usize = 3;
 
 /// What to watch of a scene.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +51,7 @@ pub struct Ray {
 
 /// Why there is nothing to watch.
 #[derive(Debug, thiserror::Error)]
-pub enum StepError {
+pub enum WatchError {
     /// An engine that is not written in assembly.
     #[error("{0}")]
     Engine(String),
@@ -109,6 +115,8 @@ pub struct Watched {
     pub unknown: usize,
     /// Bits of registers and memory that were held against the model, and all were the same but for what `unknown` counts.
     pub bits_compared: u64,
+    /// The instructions that cost most digits, by their places in `steps`, the worst first.
+    pub dearest: Vec<usize>,
     /// Each instruction, in the order of execution.
     pub steps: Vec<Line>,
     /// What the ray hits.
@@ -152,16 +160,16 @@ impl Hit {
 }
 
 /// The instruction set of an engine's kernels, if it has kernels in assembly.
-fn isa(engine: Engine) -> Result<Isa, StepError> {
+fn isa(engine: Engine) -> Result<Isa, WatchError> {
     match engine {
         Engine::Paper => Ok(Isa::Sse41),
         Engine::Packet(isa) => Ok(isa),
-        Engine::C => Err(StepError::Engine(
+        Engine::C => Err(WatchError::Engine(
             "`c` is compiled, and its instructions have no macros to be told by: `rayo ops --engine c --asm` lists them; \
              paper, sse41, avx2 and avx512 can be watched"
                 .into(),
         )),
-        other => Err(StepError::Engine(format!(
+        other => Err(WatchError::Engine(format!(
             "`{other}` is Rust, which has no kernel to watch: try paper, the same computation in assembly, or sse41, avx2, avx512"
         ))),
     }
@@ -177,20 +185,20 @@ fn lanes(engine: Engine, precision: Option<Precision>) -> usize {
 }
 
 /// The kernels that `isa` has.
-fn unit(isa: Isa) -> Result<&'static Unit, StepError> {
-    Unit::of(isa).ok_or(StepError::Unavailable(Unavailable::Platform))
+fn unit(isa: Isa) -> Result<&'static Unit, WatchError> {
+    Unit::of(isa).ok_or(WatchError::Unavailable(Unavailable::Platform))
 }
 
 /// Watches how a pixel is made.
-pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
+pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let Ray { engine, precision, pixel, most, .. } = *ray;
     let unit = unit(isa(engine)?)?;
     let (width, height) = (scene.camera.width(), scene.camera.height());
     if pixel.0 >= width || pixel.1 >= height {
-        return Err(StepError::Pixel { pixel, size: (width, height) });
+        return Err(WatchError::Pixel { pixel, size: (width, height) });
     }
     let tracer = engine.prepare(precision, scene)?;
-    let mut film = Film::new(PixelFormat::F32x4, width as usize).map_err(|_| StepError::Memory)?;
+    let mut film = Film::new(PixelFormat::F32x4, width as usize).map_err(|_| WatchError::Memory)?;
     let row = pixel.1..pixel.1 + 1;
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
     let (address, bytes) = (pixels.as_ptr() as u64, size_of_val(pixels) as u64);
@@ -201,7 +209,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
     let watched = [unit.code.clone()];
     let (visits, executed) = step::visits(&watched, MOST_VISITS, &mut trace)?;
     if executed > visits.len() as u64 {
-        return Err(StepError::TooMany { needed: executed, most: MOST_VISITS });
+        return Err(WatchError::TooMany { needed: executed, most: MOST_VISITS });
     }
     let calls = calls(unit, &visits);
     let mut run = Run { visits: &visits, film: address..address + bytes, pixel: 0..0 };
@@ -209,13 +217,13 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
     let wanted = run.wanted(&calls);
     let needed: u64 = wanted.iter().map(|range| range.end - range.start).sum();
     if needed > most as u64 {
-        return Err(StepError::TooMany { needed, most });
+        return Err(WatchError::TooMany { needed, most });
     }
     let recording = step::record(&watched, &wanted, needed as usize, &mut trace)?;
     if recording.executed != executed {
-        return Err(StepError::Differs(executed, recording.executed));
+        return Err(WatchError::Differs(executed, recording.executed));
     }
-    let mut seen = Seen::of(recording.steps());
+    let seen = Seen::of(recording.steps());
     let of_pixel = |bytes: &Range<u64>| (bytes.start..bytes.end).map(|byte| Element::new(Place::Memory, byte, 1));
     let mut slice = slice::slice(&seen.steps, of_pixel(&run.pixel));
     let lanes = lanes(engine, precision);
@@ -225,7 +233,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
         Some(lane) => {
             let column = i64::from(pixel.0) + lane as i64 - own.map_or(0, |own| own as i64);
             if lane >= lanes || own.is_none() && lanes > 1 || column < 0 || column >= i64::from(width) {
-                return Err(StepError::Lane { lane, lanes });
+                return Err(WatchError::Lane { lane, lanes });
             }
             // The neighbour that is in that lane of the same packet.
             run.pixel = pixel_bytes(address, size, column as u32);
@@ -251,14 +259,14 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, StepError> {
 }
 
 /// Watches one operation on vectors of one's own.
-pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Watched, StepError> {
+pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Watched, WatchError> {
     let isa = isa(engine)?;
     let unit = unit(isa)?;
     let operation = operation::Operation::new(op, engine, isa, a, b)?;
     let mut result = Vec::new();
     let watched = [unit.code.clone()];
     let recording = step::record(&watched, &[0..u64::MAX], operation::MOST, || result = operation.call())?;
-    let mut seen = Seen::of(recording.steps());
+    let seen = Seen::of(recording.steps());
     let visits: Vec<_> = seen.steps.iter().map(|(s, _)| Visit { rip: s.before.rip, address: 0, bytes: 0 }).collect();
     let mut items = vec![Item::Kernel];
     items.extend((0..visits.len()).map(Item::Step));
@@ -299,6 +307,8 @@ enum Item {
     Kernel,
     /// An instruction, by its place among those recorded.
     Step(usize),
+    /// The same, which the row needs once, and not for each pixel.
+    Once(usize),
     /// Rounds of a loop, or a kernel's call, that are for other pixels.
     Others { rounds: usize, instructions: usize },
 }
@@ -350,7 +360,16 @@ impl Run<'_> {
             let range = range_of(call);
             if self.has_to_do(&range, by_number, slice) {
                 items.push(Item::Kernel);
+                let first = items.len();
                 self.add(call, by_number, slice, false, &mut items);
+                // Where a kernel makes pixels in the rounds of a loop, the rest is the row's.
+                if !items[first..].iter().any(|item| matches!(item, Item::Step(_))) {
+                    for item in &mut items[first..] {
+                        if let Item::Once(at) = *item {
+                            *item = Item::Step(at);
+                        }
+                    }
+                }
             } else {
                 others(&mut items, range.len());
             }
@@ -375,7 +394,8 @@ impl Run<'_> {
         for part in parts {
             match part {
                 Part::Row(range) => {
-                    items.extend(range.clone().filter_map(|n| by_number.get(&(n as u64)).map(|&at| Item::Step(at))));
+                    let recorded = range.clone().filter_map(|number| by_number.get(&(number as u64)));
+                    items.extend(recorded.map(|&at| if within { Item::Step(at) } else { Item::Once(at) }));
                 }
                 Part::Loop(rounds) => {
                     for round in rounds {
@@ -404,46 +424,35 @@ fn others(items: &mut Vec<Item>, more: usize) {
     }
 }
 
-/// Instructions that were recorded, with what the model has to say of each.
+/// Instructions that were recorded, with what the model and the exact values have to say of each.
 struct Seen<'a> {
-    steps: Vec<(Step<'a>, Vec<Operation>)>,
-    /// By their places, those that the model does not know or has other bits of.
-    unknown: HashMap<usize, String>,
-    bits_compared: u64,
+    steps: Vec<(Step<'a>, StepError)>,
 }
 
 impl<'a> Seen<'a> {
     fn of(steps: impl Iterator<Item = Step<'a>>) -> Self {
-        let mut seen = Seen { steps: Vec::new(), unknown: HashMap::new(), bits_compared: 0 };
-        for step in steps {
-            let place = seen.steps.len();
-            let operations = model::model(&step).unwrap_or_else(|unknown| {
-                seen.unknown.insert(place, unknown.to_string());
-                Vec::new()
-            });
-            seen.steps.push((step, operations));
-        }
-        seen
+        let mut shadow = Shadow::new();
+        Seen { steps: steps.map(|step| (step, shadow.step(&step))).collect() }
     }
 
     /// What there is to be told of some of them.
-    fn tell(&mut self, unit: &'static Unit, items: &[Item], slice: &[slice::Part], lane: Option<usize>) -> Watched {
-        let mut describer = describe::Describer::new(unit, lane);
+    fn tell(&self, unit: &'static Unit, items: &[Item], slice: &[slice::Part], lane: Option<usize>) -> Watched {
+        let mut describer = Describer::new(unit, lane);
         let mut lines = Vec::new();
         let mut line_of = HashMap::new();
         let mut kinds = Vec::new();
-        let mut unknown = 0;
         for item in items {
-            let &Item::Step(at) = item else { continue };
-            let (step, operations) = &self.steps[at];
-            let (mut line, instruction) = describer.line(step, operations, &slice[at]);
-            line.unknown = self.unknown.get(&at).cloned();
-            unknown += usize::from(line.unknown.is_some());
+            let &(Item::Step(at) | Item::Once(at)) = item else { continue };
+            let (step, error) = &self.steps[at];
+            let (line, instruction) = describer.line(step, error, &slice[at]);
             kinds.push(instruction);
             line_of.insert(at, lines.len());
             lines.push(line);
         }
         let tree = tree::grow(unit, items, &self.steps, &line_of, lane);
+        let mut dearest: Vec<_> = (0..lines.len()).filter(|&at| lines[at].cost() > 0.0).collect();
+        dearest.sort_by(|&a, &b| lines[b].cost().total_cmp(&lines[a].cost()));
+        dearest.truncate(DEAREST);
         Watched {
             engine: "",
             precision: "",
@@ -451,8 +460,9 @@ impl<'a> Seen<'a> {
             lane,
             lanes: 1,
             instructions: lines.len(),
-            unknown,
-            bits_compared: self.bits_compared,
+            unknown: self.steps.iter().filter(|(_, error)| describe::unknown(error).is_some()).count(),
+            bits_compared: self.steps.iter().filter_map(|(_, error)| error.check.as_ref().ok()).map(|c| c.bits).sum(),
+            dearest,
             steps: lines,
             hit: None,
             colour: None,
@@ -464,11 +474,11 @@ impl<'a> Seen<'a> {
 }
 
 /// The lane that most of the pixel's arithmetic is in.
-fn lane_of(steps: &[(Step<'_>, Vec<Operation>)], slice: &[slice::Part]) -> Option<usize> {
+fn lane_of(steps: &[(Step<'_>, StepError)], slice: &[slice::Part]) -> Option<usize> {
     let mut counts: HashMap<u64, usize> = HashMap::new();
-    for ((_, operations), part) in steps.iter().zip(slice) {
-        for &index in &part.made {
-            let Operation { to, what, .. } = &operations[index];
+    for ((_, error), part) in steps.iter().zip(slice) {
+        for made in &part.made {
+            let Operation { to, what, .. } = &error.operations[made.operation];
             if let (Place::Vector(_), model::What::Float(..)) = (to.place, what) {
                 *counts.entry(to.at / u64::from(to.bits)).or_default() += 1;
             }

@@ -9,6 +9,8 @@ pub struct How {
     pub depth: Option<usize>,
     /// The one macro that is told of.
     pub only: Option<String>,
+    /// Whether the errors against exact values are told.
+    pub error: bool,
     /// Whether there are colours.
     pub colour: bool,
 }
@@ -41,20 +43,36 @@ const SOURCE: usize = 44;
 /// All of it.
 pub fn text(watched: &Watched, how: &How) -> String {
     let mut out = String::new();
-    head(&mut out, watched, how);
+    out += &format!("{}\n", how.bold(&title(watched)));
     nodes(&mut out, &watched.tree, watched, how, 0, how.only.is_none());
-    end(&mut out, watched);
-    out
+    out + "\n" + &if how.error { dearest(watched) } else { String::new() } + &summary(watched)
 }
 
-fn head(out: &mut String, watched: &Watched, how: &How) {
+/// What is watched, in a line.
+pub fn title(watched: &Watched) -> String {
     let Watched { engine, precision, pixel, lane, lanes, .. } = watched;
     let of = match pixel {
         Some([x, y]) => format!("pixel {x},{y} by {engine} in {precision}"),
         None => format!("one operation by {engine}"),
     };
     let lane = lane.map_or(String::new(), |lane| format!(", lane {lane} of {lanes}"));
-    *out += &format!("{}\n", how.bold(&(of + &lane)));
+    of + &lane
+}
+
+/// So many instructions, in words.
+pub fn count(instructions: usize) -> String {
+    if instructions == 1 { "1 instruction".into() } else { format!("{instructions} instructions") }
+}
+
+/// What only fills up, in words.
+pub fn padding(instructions: usize) -> String {
+    format!("{} that only fill up to an alignment", count(instructions))
+}
+
+/// What is not told of, in words.
+pub fn others(rounds: usize, instructions: usize) -> String {
+    let rounds = if rounds == 1 { "one round".into() } else { format!("{rounds} rounds") };
+    format!("… {rounds} for other pixels or without effect on this one: {}", count(instructions))
 }
 
 fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usize, told: bool) {
@@ -66,18 +84,16 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
                     let says = if says.is_empty() { String::new() } else { format!(" - {says}") };
                     *out += &format!("\n{}{}\n", how.bold(symbol), how.dim(&says));
                 }
+                if told && how.depth == Some(0) {
+                    continue;
+                }
                 nodes(out, children, watched, how, depth + 1, told);
             }
             Node::Macro { name, says, file, line, comment, arguments, instructions, children } => {
                 let wanted = told || how.only.as_deref() == Some(name);
-                // The kernel is the first level.
-                let folded = how.depth.is_some_and(|most| depth > most);
+                let folded = how.depth.is_some_and(|most| depth >= most);
                 if wanted {
-                    let count = if *instructions == 1 {
-                        "1 instruction".into()
-                    } else {
-                        format!("{instructions} instructions")
-                    };
+                    let count = count(*instructions);
                     if folded {
                         let values = values(arguments);
                         *out += &format!("{indent}{line:>4}  {}{values}  {}\n", how.bold(name), how.dim(&count));
@@ -90,28 +106,45 @@ fn nodes(out: &mut String, of: &[Node], watched: &Watched, how: &How, depth: usi
                 }
                 nodes(out, children, watched, how, depth + 1, wanted);
             }
+            Node::Once { instructions, children } => {
+                let title = format!("{indent}      once for the row: {instructions} instructions\n");
+                if told {
+                    *out += &how.dim(&title);
+                }
+                if !(told && how.depth.is_some_and(|most| depth >= most)) {
+                    nodes(out, children, watched, how, depth + 1, told);
+                }
+            }
             Node::Step(at) if told => {
                 *out += &indent;
                 step(out, &watched.steps[*at], how);
             }
-            Node::Others { rounds, instructions } if told => {
-                let rounds = if *rounds == 1 { "one round".into() } else { format!("{rounds} rounds") };
-                *out += &how.dim(&format!("{indent}      … {rounds} for other pixels or without effect on this one: {instructions} instructions\n"));
+            Node::Padding(count) if told => {
+                *out += &how.dim(&format!("{indent}      {}\n", padding(*count)));
             }
-            Node::Step(_) | Node::Others { .. } => {}
+            Node::Others { rounds, instructions } if told => {
+                *out += &how.dim(&format!("{indent}      {}\n", others(*rounds, *instructions)));
+            }
+            Node::Step(_) | Node::Padding(_) | Node::Others { .. } => {}
         }
     }
 }
 
 fn step(out: &mut String, line: &Line, how: &How) {
-    let Line { line: number, source, text, changed, branch, comment, unknown, made, .. } = line;
-    let source = if source.is_empty() { text } else { source };
+    let Line { line: number, source, changed, compared, branch, comment, unknown, overturned, made, .. } = line;
     let padded = format!("{source:<SOURCE$}");
     let padded = if *made || branch.is_some() { padded } else { how.dim(&padded) };
     let mut told: Vec<_> = changed.iter().map(|change| changes(change, how)).collect();
+    if how.error {
+        told.extend(changed.iter().filter_map(|change| error(change, how)));
+    }
+    if *overturned {
+        told.push(how.red("exact values would decide otherwise"));
+    }
+    told.extend(compared.clone());
     if let Some(branch) = branch {
         let taken = if branch.taken { "taken" } else { "not taken" };
-        told.push(format!("{}, {}", how.green(taken), branch.why));
+        told.push(format!("{} {}", how.green(taken), branch.why));
     }
     let comment = if comment.is_empty() { String::new() } else { how.dim(&format!("  ; {comment}")) };
     *out += &format!("{number:>4}  {padded}  {}{comment}", told.join("; "));
@@ -123,7 +156,7 @@ fn step(out: &mut String, line: &Line, how: &How) {
 }
 
 /// One element alone, more in brackets.
-fn elements(values: &[Value]) -> String {
+pub fn elements(values: &[Value]) -> String {
     match values {
         [value] => value.to_string(),
         values => format!("({})", values.iter().map(Value::to_string).collect::<Vec<_>>().join(", ")),
@@ -136,8 +169,62 @@ fn changes(change: &Change, how: &How) -> String {
     format!("{} {} {} {}", how.bold(name), how.dim(&before), how.dim("→"), after)
 }
 
+/// What the elements of a change have lost.
+fn error(change: &Change, how: &How) -> Option<String> {
+    let Change { error_ulp, added_ulp, cancelled_bits, after, .. } = change;
+    let known = || error_ulp.iter().flatten().copied();
+    known().next()?;
+    let ulp = |values: &[Option<f64>]| {
+        let values: Vec<_> = values.iter().map(|v| v.map_or("?".into(), in_ulp)).collect();
+        if values.len() == 1 { values[0].clone() } else { format!("({})", values.join(", ")) }
+    };
+    let mut told = format!("error {} ulp", ulp(error_ulp));
+    if known().any(|error| error != 0.0) {
+        told += &format!(", of which {} added here", ulp(added_ulp));
+    }
+    let digits = if after.iter().any(|value| matches!(value, Value::Double(_))) { 53 } else { 24 };
+    Some(match cancelled_bits.iter().flatten().max() {
+        Some(&bits) if bits > MUCH => {
+            format!("{told}; {}", how.red(&format!("{bits} of {digits} bits cancelled here")))
+        }
+        _ => told,
+    })
+}
+
+/// Cancelled bits that are worth a word.
+const MUCH: u32 = 2;
+
+/// An error with three digits.
+fn in_ulp(error: f64) -> String {
+    match error.abs() {
+        0.0 => "0".into(),
+        size if (0.01..1000.0).contains(&size) => format!("{error:.2}"),
+        _ => format!("{error:.1e}"),
+    }
+}
+
+/// The instructions that cost most.
+pub fn dearest(watched: &Watched) -> String {
+    let mut out = String::new();
+    let lost = |line: &Line| line.cost() > LITTLE;
+    if !watched.dearest.iter().any(|&at| lost(&watched.steps[at])) {
+        return format!("digits: no instruction cost more than {LITTLE} units of the last place\n");
+    }
+    for &at in &watched.dearest {
+        let line = &watched.steps[at];
+        let Line { file, line: number, source, .. } = line;
+        let bits = line.cancelled_bits.iter().flatten().max().copied().unwrap_or(0);
+        let cost = in_ulp(line.cost());
+        out += &format!("digits: {source} ({file}:{number}) cost {cost} ulp; {bits} bits cancelled\n");
+    }
+    out
+}
+
+/// A cost that is no news: some roundings.
+const LITTLE: f64 = 2.0;
+
 /// What went into a macro, and what came out.
-fn values(arguments: &[Argument]) -> String {
+pub fn values(arguments: &[Argument]) -> String {
     let mut told = String::new();
     for Argument { name, kind, values, .. } in arguments {
         let Some([before, after]) = values else { continue };
@@ -151,25 +238,28 @@ fn values(arguments: &[Argument]) -> String {
     told
 }
 
-fn end(out: &mut String, watched: &Watched) {
-    let Watched { instructions, unknown, bits_compared, hit, colour, result, kinds, .. } = watched;
-    *out += "\n";
-    let vector = |v: &[f64; 3]| format!("({}, {}, {})", v[0], v[1], v[2]);
+/// What came of it: the hit, the colour, and how many instructions it took.
+pub fn summary(watched: &Watched) -> String {
+    let mut out = String::new();
+    let Watched { precision, instructions, unknown, bits_compared, hit, colour, result, kinds, .. } = watched;
+    // In the numbers of the engine: what is a float is told as one.
+    let number = |v: f64| if *precision == "double" { Value::Double(v) } else { Value::Single(v as f32) };
+    let vector = |v: &[f64; 3]| elements(&v.map(number));
     if colour.is_some() {
-        *out += &match hit {
+        out += &match hit {
             Some(hit) => {
                 let normal = hit.normal.as_ref().map_or(String::new(), |n| format!(", N = {}", vector(n)));
-                format!("hits {} at t = {}, P = {}{normal}\n", hit.object, hit.t, vector(&hit.point))
+                format!("hits {} at t = {}, P = {}{normal}\n", hit.object, number(hit.t), vector(&hit.point))
             }
             None => "hits nothing\n".into(),
         };
     }
     if let Some([r, g, b]) = colour {
-        *out += &format!("colour ({r}, {g}, {b}), linear\n");
+        out += &format!("colour ({r}, {g}, {b}), linear\n");
     }
     if let Some(result) = result {
         let values: Vec<_> = result.iter().map(f32::to_string).collect();
-        *out += &format!("result ({})\n", values.join(", "));
+        out += &format!("result ({})\n", values.join(", "));
     }
     let Mix { arithmetic, shuffle, load, store, branch, r#move, other, .. } = kinds;
     let kinds = [
@@ -182,8 +272,9 @@ fn end(out: &mut String, watched: &Watched) {
         (other, "others"),
     ];
     let kinds: Vec<_> = kinds.iter().filter(|(count, _)| **count > 0).map(|(n, name)| format!("{n} {name}")).collect();
-    *out += &format!("{instructions} instructions: {}\n", kinds.join(", "));
-    *out += &format!(
+    out += &format!("{instructions} instructions: {}\n", kinds.join(", "));
+    out += &format!(
         "the model of the instructions against the CPU: {bits_compared} bits compared, {unknown} unknown or wrong\n"
     );
+    out
 }

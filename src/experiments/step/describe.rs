@@ -1,15 +1,17 @@
 //! An instruction in the words of its source: names in place of registers, and what it changed.
 
 use iced_x86::{
-    ConditionCode, Decoder, DecoderOptions, FlowControl, Formatter, IntelFormatter, MemorySizeOptions, OpKind, Register,
+    ConditionCode, Decoder, DecoderOptions, FlowControl, Formatter, IntelFormatter, MemorySizeOptions, Mnemonic,
+    OpKind, Register,
 };
 use serde::Serialize;
 
 use super::model::{Element, Operation, Place, What};
+use super::shadow::{ElementError, StepError};
 use super::slice;
 use crate::kernels::step::{State, Step};
 use crate::measure::instructions::{self, Instruction};
-use crate::measure::source::{Call, Macro, Unit};
+use crate::measure::source::{Call, Macro, Parameter, Unit};
 
 /// An instruction that was executed.
 #[derive(Clone, Debug, Serialize)]
@@ -32,12 +34,18 @@ pub struct Line {
     pub macros: Vec<MacroCall>,
     /// What it wrote, but for flags.
     pub changed: Vec<Change>,
+    /// What it compared, in words.
+    pub compared: Option<String>,
     /// Of a jump whether it was taken.
     pub branch: Option<Branch>,
     /// Bits that cancelled, for each element that is told of.
     pub cancelled_bits: Vec<Option<u32>>,
     /// Why it is not known, where it is not, or what differs.
     pub unknown: Option<String>,
+    /// Whether exact values would compare otherwise, or choose another.
+    pub overturned: bool,
+    /// Whether something that it wrote counts as exact from here on, though it was made of what is not.
+    pub restarted: bool,
     /// Whether the pixel is made of what it wrote; of the others one sees what they looked at, or decided.
     pub made: bool,
 }
@@ -64,8 +72,13 @@ pub struct Change {
     pub before: Vec<Value>,
     /// What they are.
     pub after: Vec<Value>,
-    /// How far from the exact values, in units of the last place; null where there is none.
+    /// How far from the exact values, in units of the last place; null where none is known.
     pub error_ulp: Vec<Option<f64>>,
+    /// The part of that which this instruction added by rounding; the rest it inherited.
+    pub added_ulp: Vec<Option<f64>>,
+    /// Of sums how many leading bits cancelled.
+    #[serde(skip)]
+    pub cancelled_bits: Vec<Option<u32>>,
 }
 
 /// An element.
@@ -76,8 +89,10 @@ pub enum Value {
     Single(f32),
     /// A double.
     Double(f64),
-    /// A whole number, an address, a mask.
+    /// A whole number, or an address.
     Bits(u64),
+    /// A mask, lane 0 in the lowest bit.
+    Mask(u64),
 }
 
 /// What became of a jump.
@@ -95,6 +110,7 @@ enum Kind {
     Single,
     Double,
     Whole(u32),
+    Mask,
 }
 
 impl Kind {
@@ -103,6 +119,7 @@ impl Kind {
             Kind::Single => 32,
             Kind::Double => 64,
             Kind::Whole(bits) => bits,
+            Kind::Mask => 64,
         }
     }
 
@@ -114,19 +131,49 @@ impl Kind {
         match self {
             Kind::Single => Value::Single(f32::from_bits(word as u32)),
             Kind::Double => Value::Double(f64::from_bits(word)),
+            Kind::Mask => Value::Mask(word),
             Kind::Whole(64) => Value::Bits(word),
             Kind::Whole(bits) => Value::Bits(word & ((1 << bits) - 1)),
         }
     }
 }
 
-/// Writes lines; it remembers what was compared last.
+impl Line {
+    /// How many units of the last place it cost: what it added, and what cancelling made more of what it inherited.
+    pub fn cost(&self) -> f64 {
+        let cost = |change: &Change| {
+            let parts = change.error_ulp.iter().zip(&change.added_ulp).zip(&change.cancelled_bits);
+            let costs = parts.map(|((error, added), cancelled)| match (error, added) {
+                (Some(error), Some(added)) => {
+                    let more = 1.0 - (-f64::from(cancelled.unwrap_or(0))).exp2();
+                    added.abs() + (error - added).abs() * more
+                }
+                _ => 0.0,
+            });
+            costs.fold(0.0, f64::max)
+        };
+        self.changed.iter().map(cost).fold(0.0, f64::max)
+    }
+}
+
+/// Why the model says nothing of an instruction, or where it was wrong.
+pub fn unknown(error: &StepError) -> Option<String> {
+    match &error.check {
+        Err(unknown) => Some(unknown.to_string()),
+        Ok(check) => check.differences.first().map(|difference| {
+            format!(
+                "{:?}: {:#x} was predicted, {:#x} found",
+                difference.at.place, difference.predicted, difference.found
+            )
+        }),
+    }
+}
+
+/// Writes lines.
 pub struct Describer {
     unit: &'static Unit,
     lane: Option<usize>,
     formatter: IntelFormatter,
-    /// What set the flags.
-    compared: String,
 }
 
 impl Describer {
@@ -135,12 +182,12 @@ impl Describer {
         formatter.options_mut().set_space_after_operand_separator(true);
         formatter.options_mut().set_branch_leading_zeros(false);
         formatter.options_mut().set_memory_size_options(MemorySizeOptions::Never);
-        Describer { unit, lane, formatter, compared: String::new() }
+        Describer { unit, lane, formatter }
     }
 
     /// The line of a step, and the instruction as it is counted.
-    pub fn line(&mut self, step: &Step<'_>, operations: &[Operation], part: &slice::Part) -> (Line, Instruction) {
-        let raw = Decoder::with_ip(64, step.code, step.before.rip, DecoderOptions::NONE).decode();
+    pub fn line(&mut self, step: &Step<'_>, error: &StepError, part: &slice::Part) -> (Line, Instruction) {
+        let raw = decoded(step);
         let instruction = instructions::decode(&step.code[..raw.len()], step.before.rip).next();
         let instruction = instruction.expect("the CPU has executed it");
         let mut text = String::new();
@@ -148,31 +195,38 @@ impl Describer {
         let place = Origin::of(self.unit, step.before.rip);
         let kernel = self.unit.function(step.before.rip as usize).map_or("", |(name, _)| name).to_owned();
         let kind = kind_of(&raw, &kernel);
-        let changed = self.changes(step, operations, part, &place, kind);
+        let changed = self.changes(step, error, part, &place, kind);
         let branch = match raw.flow_control() {
-            FlowControl::ConditionalBranch => Some(Branch {
-                taken: step.after.rip != raw.next_ip(),
-                why: format!("{} {}", condition(raw.condition_code()), self.compared).trim().into(),
-            }),
+            FlowControl::ConditionalBranch => {
+                Some(Branch { taken: step.after.rip != raw.next_ip(), why: condition(raw.condition_code()).into() })
+            }
             _ => None,
         };
-        if operations.iter().any(|operation| operation.to.place == Place::Flags) {
-            self.compared = self.comparison(step, &raw, &place, kind);
-        }
-        let cancelled_bits = changed.iter().flat_map(|change| change.lanes.iter().map(|_| None)).collect();
+        let compared = self.comparison(step, &raw, &place, kind);
+        let cancelled_bits = changed.iter().flat_map(|change| change.cancelled_bits.clone()).collect();
+        let source = match () {
+            // It fills up to an alignment.
+            () if place.line == 0 => text.clone(),
+            // Names that only NASM knows.
+            () if place.source.contains('%') => text.clone(),
+            () => place.source.clone(),
+        };
         let line = Line {
             number: step.number,
             text,
-            source: place.source.clone(),
+            source,
             comment: place.comment,
             file: place.file,
             line: place.line,
             kernel,
             macros: place.macros(self.unit),
             changed,
+            compared,
             branch,
             cancelled_bits,
-            unknown: None,
+            unknown: unknown(error),
+            overturned: !error.overturned.is_empty(),
+            restarted: !error.restarted.is_empty(),
             made: !part.made.is_empty(),
         };
         (line, instruction)
@@ -182,24 +236,29 @@ impl Describer {
     fn changes(
         &self,
         step: &Step<'_>,
-        operations: &[Operation],
+        error: &StepError,
         part: &slice::Part,
         place: &Origin,
         kind: Kind,
     ) -> Vec<Change> {
+        let operations = &error.operations;
         let mut places: Vec<Place> = Vec::new();
         for operation in operations.iter().filter(|o| !matches!(o.to.place, Place::Flags | Place::Next)) {
             if !places.contains(&operation.to.place) {
                 places.push(operation.to.place);
             }
         }
-        // The stack and the frame of a kernel are no news.
+        // What is saved on the stack is no news.
+        let name = decoded(step).mnemonic();
+        if matches!(name, Mnemonic::Push | Mnemonic::Pop | Mnemonic::Call | Mnemonic::Ret) {
+            return Vec::new();
+        }
         places.retain(|place| *place != Place::General(4));
         let mut changes = Vec::new();
         for of in places {
             let kind = match of {
                 Place::General(_) => Kind::Whole(64),
-                Place::Mask(_) => Kind::Whole(1),
+                Place::Mask(_) => Kind::Mask,
                 _ => kind,
             };
             let bits = u64::from(kind.bits());
@@ -209,13 +268,19 @@ impl Describer {
                 (at - base) / bits..(operation.to.end() - base).div_ceil(bits)
             };
             let all = || operations.iter().filter(|operation| operation.to.place == of && !is_zero(operation));
-            let made = part.made.iter().map(|&index| &operations[index]).filter(|operation| operation.to.place == of);
-            let mut lanes: Vec<_> = made.flat_map(lanes_of).collect();
+            let made = part.made.iter().filter(|made| operations[made.operation].to.place == of);
+            let unit = if matches!(of, Place::Mask(_)) { 1 } else { 8 };
+            let lanes_of_units = |made: &slice::Made| {
+                (unit * made.units.start - base) / bits..(unit * made.units.end - base).div_ceil(bits)
+            };
+            let mut lanes: Vec<_> = made.flat_map(lanes_of_units).collect();
             if let (true, Some(lane)) = (lanes.is_empty(), self.lane) {
-                lanes =
-                    all().flat_map(lanes_of).filter(|&l| matches!(of, Place::General(_)) || l == lane as u64).collect();
+                lanes = all()
+                    .flat_map(lanes_of)
+                    .filter(|&l| matches!(of, Place::General(_) | Place::Mask(_)) || l == lane as u64)
+                    .collect();
             }
-            if self.lane.is_none() || lanes.is_empty() && matches!(of, Place::General(_)) {
+            if self.lane.is_none() || lanes.is_empty() && matches!(of, Place::General(_) | Place::Mask(_)) {
                 lanes = all().flat_map(lanes_of).filter(|&lane| lane < 4).collect();
             }
             lanes.sort_unstable();
@@ -228,12 +293,19 @@ impl Describer {
             }
             let register = match of {
                 Place::Memory => place.memory.clone(),
-                of => register_name(of, kind, step, operations),
+                of => register_name(of, operations),
             };
+            let errors = lanes.iter().map(|&lane| {
+                let at = Element { place: of, at: base + lane * bits, bits: kind.bits() };
+                error.errors.iter().find(|error| error.at == at && error.exact.is_some())
+            });
+            let errors: Vec<Option<&ElementError>> = errors.collect();
             changes.push(Change {
                 name: place.name_of(self.unit, &register).unwrap_or_else(|| register.clone()),
                 register,
-                error_ulp: vec![None; lanes.len()],
+                error_ulp: errors.iter().map(|error| Some((*error)?.error)).collect(),
+                added_ulp: errors.iter().map(|error| Some((*error)?.added)).collect(),
+                cancelled_bits: errors.iter().map(|error| (*error)?.cancelled).collect(),
                 lanes: lanes.into_iter().map(|lane| lane as usize).collect(),
                 before,
                 after,
@@ -243,11 +315,11 @@ impl Describer {
     }
 
     /// What was compared, in words: `s = -3.2 < zero = 0`.
-    fn comparison(&self, step: &Step<'_>, raw: &iced_x86::Instruction, place: &Origin, kind: Kind) -> String {
+    fn comparison(&self, step: &Step<'_>, raw: &iced_x86::Instruction, place: &Origin, kind: Kind) -> Option<String> {
         let name = format!("{:?}", raw.mnemonic()).to_lowercase();
         let float = name.contains("comis");
         if !float && !["cmp", "test"].contains(&&*name) {
-            return format!("after {name}");
+            return None;
         }
         let operand = |index: u32| -> Option<(String, Value)> {
             let kind = if float { kind } else { Kind::Whole(8 * raw.op_register(0).size().clamp(1, 8) as u32) };
@@ -266,13 +338,10 @@ impl Describer {
                 _ => Some((String::new(), Value::Bits(raw.try_immediate(index).ok()?))),
             }
         };
-        let (Some((a_name, a)), Some((b_name, b))) = (operand(0), operand(1)) else { return String::new() };
+        let ((a_name, a), (b_name, b)) = (operand(0)?, operand(1)?);
         if name == "test" {
-            return if a_name == b_name {
-                format!("{a_name} = {a}")
-            } else {
-                format!("{a_name} = {a} and {b_name} = {b}")
-            };
+            let both = || format!("{a_name} = {a} and {b_name} = {b}");
+            return Some(if a_name == b_name { format!("{a_name} = {a}") } else { both() });
         }
         let relation = match (a.number(), b.number()) {
             (a, b) if a < b => "<",
@@ -281,8 +350,12 @@ impl Describer {
             _ => "is not comparable to",
         };
         let b_text = if b_name.is_empty() { b.to_string() } else { format!("{b_name} = {b}") };
-        format!("{a_name} = {a} {relation} {b_text}")
+        Some(format!("{a_name} = {a} {relation} {b_text}"))
     }
+}
+
+fn decoded(step: &Step<'_>) -> iced_x86::Instruction {
+    Decoder::with_ip(64, step.code, step.before.rip, DecoderOptions::NONE).decode()
 }
 
 /// An element that is zeroed on the way: the upper part of a register.
@@ -331,7 +404,8 @@ impl Origin {
             Call { line: number, text, comment, .. } = unit.calls[last];
             calls.pop();
         }
-        let source = in_words(text, calls.last().map(|&call| &unit.calls[call]));
+        let within = calls.last().map(|&call| &unit.calls[call]);
+        let source = in_words(text, within, within.map_or(&[], |call| &unit.macros[call.of].parameters));
         let memory = source.find('[').and_then(|start| Some(&source[start..=start + source[start..].find(']')?]));
         let memory = memory.unwrap_or("memory").to_owned();
         Origin { file: unit.file(calls.last().copied()), line: number, comment, source, calls, memory }
@@ -364,10 +438,18 @@ impl Origin {
 }
 
 /// A line of the source, with the marks of NASM's parameters left out, and numbers replaced by what they stand for.
-fn in_words(text: &str, within: Option<&Call>) -> String {
+fn in_words(text: &str, within: Option<&Call>, parameters: &[Parameter]) -> String {
     let mut words = text.replace("%%", "");
+    // What NASM pastes together.
+    for (parameter, argument) in parameters.iter().zip(within.map_or(&[][..], |call| &call.arguments)) {
+        words = words.replace(&format!("{} %+ ", parameter.name), argument);
+    }
+    words = words.replace(" %+ ", "");
     for (index, argument) in within.map_or(&[][..], |call| &call.arguments).iter().enumerate().rev() {
         words = words.replace(&format!("%{}", index + 1), argument);
+    }
+    for (parameter, argument) in parameters.iter().zip(within.map_or(&[][..], |call| &call.arguments)) {
+        words = words.replace(&format!("%[{}]", parameter.name), argument);
     }
     words.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -393,8 +475,9 @@ pub fn same_register(a: &str, b: &str) -> bool {
 /// What the elements of an instruction's result are.
 fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
     let name = format!("{:?}", raw.mnemonic()).to_lowercase();
-    let whole = name.starts_with('p') && !name.starts_with("push") && !name.starts_with("pop")
-        || name.starts_with("vp") && !name.starts_with("vperm")
+    // Shuffles of integers serve floats too.
+    let whole = name.starts_with('p') && !name.starts_with("pshufd")
+        || name.starts_with("vp") && !name.starts_with("vperm") && !name.starts_with("vpshufd")
         || name.ends_with("2dq")
         || name.contains("2si")
         || name.starts_with("vmovdqu")
@@ -409,7 +492,7 @@ fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
 }
 
 /// The register of a place, as wide as it was written.
-fn register_name(of: Place, kind: Kind, _: &Step<'_>, operations: &[Operation]) -> String {
+fn register_name(of: Place, operations: &[Operation]) -> String {
     let register = match of {
         Place::General(number) => Register::RAX + u32::from(number),
         Place::Mask(number) => Register::K0 + u32::from(number),
@@ -424,7 +507,6 @@ fn register_name(of: Place, kind: Kind, _: &Step<'_>, operations: &[Operation]) 
         }
         _ => return String::new(),
     };
-    let _ = kind;
     format!("{register:?}").to_lowercase()
 }
 
@@ -434,7 +516,7 @@ fn element(step: &Step<'_>, state: &State, after: bool, of: Place, lane: u64, ki
     let from = lane as usize * bytes;
     match of {
         Place::General(number) => Value::Bits(state.general[usize::from(number)]),
-        Place::Mask(number) => Value::Bits(state.masks[usize::from(number)] >> lane & 1),
+        Place::Mask(number) => Value::Mask(state.masks[usize::from(number)]),
         Place::Vector(number) => kind.value(&state.vectors[usize::from(number)][from..from + bytes]),
         Place::Memory => match step.touched {
             Some(touched) if from + bytes <= 64 => {
@@ -449,20 +531,20 @@ fn element(step: &Step<'_>, state: &State, after: bool, of: Place, lane: u64, ki
 /// What a condition asks for.
 fn condition(code: ConditionCode) -> &'static str {
     match code {
-        ConditionCode::b => "if below, or not comparable:",
-        ConditionCode::be => "if not above, or not comparable:",
-        ConditionCode::a => "if above:",
-        ConditionCode::ae => "if not below:",
-        ConditionCode::e => "if equal, or 0:",
-        ConditionCode::ne => "if not equal, or not 0:",
-        ConditionCode::l => "if less:",
-        ConditionCode::le => "if not greater:",
-        ConditionCode::g => "if greater:",
-        ConditionCode::ge => "if not less:",
-        ConditionCode::s => "if negative:",
-        ConditionCode::ns => "if not negative:",
-        ConditionCode::p => "if not comparable:",
-        ConditionCode::np => "if comparable:",
+        ConditionCode::b => "if below, or not comparable",
+        ConditionCode::be => "if not above, or not comparable",
+        ConditionCode::a => "if above",
+        ConditionCode::ae => "if not below",
+        ConditionCode::e => "if equal, or 0",
+        ConditionCode::ne => "if not equal, or not 0",
+        ConditionCode::l => "if less",
+        ConditionCode::le => "if not greater",
+        ConditionCode::g => "if greater",
+        ConditionCode::ge => "if not less",
+        ConditionCode::s => "if negative",
+        ConditionCode::ns => "if not negative",
+        ConditionCode::p => "if not comparable",
+        ConditionCode::np => "if comparable",
         ConditionCode::o | ConditionCode::no | ConditionCode::None => "",
     }
 }
@@ -473,7 +555,7 @@ impl Value {
         match self {
             Value::Single(value) => value.into(),
             Value::Double(value) => value,
-            Value::Bits(bits) => bits as f64,
+            Value::Bits(bits) | Value::Mask(bits) => bits as f64,
         }
     }
 }
@@ -489,6 +571,7 @@ impl std::fmt::Display for Value {
             // What is large is an address, or bits.
             Value::Bits(value) if value < 1 << 20 => write!(f, "{value}"),
             Value::Bits(value) => write!(f, "{value:#x}"),
+            Value::Mask(value) => write!(f, "{value:#b}"),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One operation on vectors of one's own, by the kernels that tests and counts call.
 
-use super::StepError;
+use super::WatchError;
 use crate::kernels::{self, Isa, OpRef, PacketOp, Vec4};
 use crate::render::Engine;
 
@@ -24,8 +24,8 @@ enum Of {
 }
 
 impl Operation {
-    pub fn new(name: &str, engine: Engine, isa: Isa, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Self, StepError> {
-        let error = |what: String| Err(StepError::Operation(what));
+    pub fn new(name: &str, engine: Engine, isa: Isa, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Self, WatchError> {
+        let error = |what: String| Err(WatchError::Operation(what));
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
         let Some((name, numbers)) = NAMES.iter().find(|(known, _)| *known == name) else {
             let list = names.join(", ");
@@ -44,7 +44,7 @@ impl Operation {
             (_, 1) => return error(format!("`{name}` takes a number to scale by: --b 0.5")),
             _ => return error(format!("`{name}` takes one vector, and no --b")),
         };
-        let unusable = || StepError::Prepare(crate::render::EngineError::Unusable(engine));
+        let unusable = || WatchError::Prepare(crate::render::EngineError::Unusable(engine));
         let of = if engine == Engine::Paper {
             let kernels = kernels::paper().ok_or_else(unusable)?;
             Of::Paper(kernels.ops().find(|(known, _)| known == name).expect("the names are its own").1)

@@ -1,5 +1,6 @@
 //! What was executed, in its parts: calls of kernels, loops and their rounds, out of the order of addresses alone.
 
+use std::collections::HashSet;
 use std::ops::Range;
 
 use crate::kernels::step::Visit;
@@ -47,21 +48,28 @@ impl Loop {
     fn contains(self, address: u64) -> bool {
         (self.head..=self.tail).contains(&address)
     }
-
-    fn is_within(self, other: Loop) -> bool {
-        self != other && other.contains(self.head) && other.contains(self.tail)
-    }
 }
 
 /// The parts of the instructions `range` of `visits`, which one call of a kernel executed.
 pub fn parts_of_call(visits: &[Visit], range: Range<usize>) -> Vec<Part> {
     let mut loops: Vec<Loop> = Vec::new();
-    for pair in visits[range.clone()].windows(2) {
-        let (from, to) = (pair[0].rip, pair[1].rip);
-        if to <= from {
-            match loops.iter_mut().find(|known| known.head == to) {
-                Some(known) => known.tail = known.tail.max(from),
-                None => loops.push(Loop { head: to, tail: from }),
+    let (mut seen, mut no_heads) = (HashSet::new(), HashSet::new());
+    for number in range.start..range.end.saturating_sub(1) {
+        let (from, to) = (visits[number].rip, visits[number + 1].rip);
+        seen.insert(from);
+        if to > from || no_heads.contains(&to) {
+            continue;
+        }
+        match loops.iter_mut().find(|known| known.head == to) {
+            Some(known) => known.tail = known.tail.max(from),
+            None if seen.contains(&to)
+                || comes_again(&visits[number + 1..range.end], Loop { head: to, tail: from }) =>
+            {
+                loops.push(Loop { head: to, tail: from });
+            }
+            // A way back from code that was put out of the way.
+            None => {
+                no_heads.insert(to);
             }
         }
     }
@@ -70,23 +78,31 @@ pub fn parts_of_call(visits: &[Visit], range: Range<usize>) -> Vec<Part> {
     parts(visits, range, &loops)
 }
 
+/// Whether the end of a loop is executed before anything beside it: then it was entered at its end.
+fn comes_again(visits: &[Visit], of: Loop) -> bool {
+    let outside = |visit: &&Visit| !of.contains(visit.rip) || visit.rip == of.tail;
+    visits.iter().find(outside).is_some_and(|visit| visit.rip == of.tail)
+}
+
 fn parts(visits: &[Visit], range: Range<usize>, loops: &[Loop]) -> Vec<Part> {
     let mut found = Vec::new();
     let mut at = range.start;
+    let of = |number: usize| loops.iter().position(|l| l.contains(visits[number].rip));
     while at < range.end {
-        let of = |number: usize| loops.iter().copied().find(|l| l.contains(visits[number].rip));
         let this = of(at);
-        let end = (at + 1..range.end).find(|&number| of(number) != this).unwrap_or(range.end);
-        found.push(match this {
-            None => Part::Row(at..end),
-            Some(this) => {
-                let inner: Vec<_> = loops.iter().copied().filter(|l| l.is_within(this)).collect();
-                let mut starts = vec![at];
-                starts.extend((at + 1..end).filter(|&n| visits[n].rip == this.head && visits[n - 1].rip >= this.head));
-                starts.push(end);
-                Part::Loop(starts.windows(2).map(|round| parts(visits, round[0]..round[1], &inner)).collect())
-            }
-        });
+        let Some(this) = this else {
+            let end = (at + 1..range.end).find(|&number| of(number).is_some()).unwrap_or(range.end);
+            found.push(Part::Row(at..end));
+            at = end;
+            continue;
+        };
+        let (this, inner) = (loops[this], &loops[this + 1..]);
+        // What was put out of the way is part of it: all until it is left for good.
+        let end = (at..range.end).rfind(|&number| this.contains(visits[number].rip)).map_or(range.end, |last| last + 1);
+        let mut starts = vec![at];
+        starts.extend((at + 1..end).filter(|&number| visits[number].rip == this.head));
+        starts.push(end);
+        found.push(Part::Loop(starts.windows(2).map(|round| parts(visits, round[0]..round[1], inner)).collect()));
         at = end;
     }
     found
@@ -113,6 +129,18 @@ mod tests {
             Part::Row(11..12),
         ];
         assert_eq!(parts_of_call(&visits, 0..12), expected);
+    }
+
+    #[test]
+    fn a_way_back_from_code_aside_is_no_loop_and_a_loop_may_be_entered_at_its_end() {
+        // 8 stands aside, and goes back to 3; 2 to 4 is the loop.
+        let aside = parts_of_call(&visits(&[1, 2, 8, 3, 4, 2, 8, 3, 4, 2, 3, 4, 5]), 0..13);
+        let rounds = [1..5, 5..9, 9..12].map(|round| vec![Part::Row(round)]).to_vec();
+        assert_eq!(aside, [Part::Row(0..1), Part::Loop(rounds), Part::Row(12..13)]);
+        // 1 jumps to 4, the test at the end.
+        let entered = parts_of_call(&visits(&[1, 4, 2, 3, 4, 2, 3, 4, 5]), 0..9);
+        let rounds = vec![vec![Part::Row(1..2)], vec![Part::Row(2..5)], vec![Part::Row(5..8)]];
+        assert_eq!(entered, [Part::Row(0..1), Part::Loop(rounds), Part::Row(8..9)]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::Item;
 use super::describe::{Origin, Value, same_register};
-use super::model::Operation;
+use super::shadow::StepError;
 use crate::kernels::step::{State, Step};
 use crate::measure::source::{Call, Macro, Parameter, Unit};
 
@@ -39,8 +39,17 @@ pub enum Node {
         /// What it executed.
         children: Vec<Node>,
     },
+    /// What a row needs once.
+    Once {
+        /// Instructions in it.
+        instructions: usize,
+        /// What it executed.
+        children: Vec<Node>,
+    },
     /// An instruction, by its place among the lines.
     Step(usize),
+    /// Instructions that fill up to an alignment.
+    Padding(usize),
     /// What is for other pixels.
     Others {
         /// Rounds of a loop, or calls of a kernel.
@@ -63,6 +72,9 @@ pub struct Argument {
     pub values: Option<[Vec<Value>; 2]>,
 }
 
+/// In place of a call of a macro, what is needed once.
+const ONCE: usize = usize::MAX;
+
 /// A leaf, with the macros that it stands in, and the place of its step.
 struct Leaf {
     node: Node,
@@ -74,7 +86,7 @@ struct Leaf {
 pub fn grow(
     unit: &'static Unit,
     items: &[Item],
-    steps: &[(Step<'_>, Vec<Operation>)],
+    steps: &[(Step<'_>, StepError)],
     line_of: &HashMap<usize, usize>,
     lane: Option<usize>,
 ) -> Vec<Node> {
@@ -91,18 +103,30 @@ pub fn grow(
         };
         let end = others.iter().position(|item| matches!(item, Item::Kernel)).unwrap_or(others.len());
         let mut leaves: Vec<Leaf> = Vec::new();
+        let mut once = Vec::new();
         let mut symbol = "";
         for item in &others[..end] {
+            // What has no line fills up to an alignment, and others are no line: both stand where what was before them stood.
+            let before = || leaves.last().map_or(Vec::new(), |leaf: &Leaf| leaf.calls.clone());
+            once.push(match item {
+                Item::Once(_) => true,
+                Item::Others { .. } => once.last() == Some(&true),
+                _ => false,
+            });
             leaves.push(match *item {
-                Item::Step(at) => {
+                Item::Step(at) | Item::Once(at) => {
                     let rip = steps[at].0.before.rip;
                     symbol = unit.function(rip as usize).map_or(symbol, |(name, _)| name);
-                    Leaf { node: Node::Step(line_of[&at]), calls: Origin::of(unit, rip).calls, step: Some(at) }
+                    match unit.line(rip as usize) {
+                        Some(_) => {
+                            let calls = Origin::of(unit, rip).calls;
+                            Leaf { node: Node::Step(line_of[&at]), calls, step: Some(at) }
+                        }
+                        None => Leaf { node: Node::Padding(1), calls: before(), step: Some(at) },
+                    }
                 }
-                // It stands where what was before it stood.
                 Item::Others { rounds, instructions } => {
-                    let calls = leaves.last().map_or(Vec::new(), |leaf| leaf.calls.clone());
-                    Leaf { node: Node::Others { rounds, instructions }, calls, step: None }
+                    Leaf { node: Node::Others { rounds, instructions }, calls: before(), step: None }
                 }
                 Item::Kernel => unreachable!("the next kernel ends these"),
             });
@@ -112,6 +136,9 @@ pub fn grow(
         for leaf in &leaves {
             let same = leaves[0].calls.iter().zip(&leaf.calls).take_while(|(a, b)| a == b).count();
             depth = depth.min(same);
+        }
+        for (leaf, _) in leaves.iter_mut().zip(&once).filter(|(_, once)| **once) {
+            leaf.calls.insert(depth, ONCE);
         }
         let kernel = leaves.first().and_then(|leaf| leaf.calls.get(depth.checked_sub(1)?));
         let says = kernel.map_or("", |&call| unit.macros[unit.calls[call].of].says);
@@ -123,7 +150,7 @@ pub fn grow(
 
 struct Grower<'a> {
     unit: &'static Unit,
-    steps: &'a [(Step<'a>, Vec<Operation>)],
+    steps: &'a [(Step<'a>, StepError)],
     lane: Option<usize>,
 }
 
@@ -132,9 +159,20 @@ impl Grower<'_> {
         let together = |a: &Leaf, b: &Leaf| a.calls.len() > depth && a.calls.get(depth) == b.calls.get(depth);
         let group = |group: &[Leaf]| match group {
             [leaf] if leaf.calls.len() <= depth => leaf.node.clone(),
+            group if group[0].calls[depth] == ONCE => Node::Once {
+                instructions: group.iter().filter(|leaf| leaf.step.is_some()).count(),
+                children: self.nodes(group, depth + 1),
+            },
             group => self.called(group, group[0].calls[depth], depth),
         };
-        leaves.chunk_by(together).map(group).collect()
+        let mut nodes: Vec<Node> = Vec::new();
+        for node in leaves.chunk_by(together).map(group) {
+            match (nodes.last_mut(), node) {
+                (Some(Node::Padding(count)), Node::Padding(more)) => *count += more,
+                (_, node) => nodes.push(node),
+            }
+        }
+        nodes
     }
 
     fn called(&self, leaves: &[Leaf], call: usize, depth: usize) -> Node {
