@@ -19,4 +19,6 @@ pub mod plot;
 #[cfg(rayo_asm)]
 pub mod speedup;
 pub mod stability;
+#[cfg(rayo_asm)]
+pub mod step;
 mod svg;
