@@ -1,0 +1,62 @@
+//! Instructions that compute with integers in vector registers.
+
+use super::instruction::{Instruction, Value};
+
+/// Makes the operations; None where it is not one of these.
+pub(super) fn model(i: &mut Instruction) -> Option<()> {
+    match i.name.clone().as_str() {
+        "paddd" => binary(i, u32::wrapping_add),
+        "psubd" => binary(i, u32::wrapping_sub),
+        "pmulld" => binary(i, u32::wrapping_mul),
+        "pcmpeqd" => binary(i, |a, b| if a == b { u32::MAX } else { 0 }),
+        "pmaxud" => choose(i, |a, b| a >= b),
+        "pminud" => choose(i, |a, b| a <= b),
+        "pslld" => shift(i, u32::checked_shl),
+        "psrld" => shift(i, u32::checked_shr),
+        "packssdw" => pack(i, 4, |bits| (bits as i32).clamp(i16::MIN.into(), i16::MAX.into()) as u64),
+        "packuswb" => pack(i, 2, |bits| (bits as i16).clamp(0, 255) as u64),
+        _ => None,
+    }
+}
+
+fn binary(i: &mut Instruction, compute: impl Fn(u32, u32) -> u32) -> Option<()> {
+    let (a, b) = (i.first()?, i.last()?);
+    i.each(4, |i, lane| {
+        let operands = [a.element(lane, 4), b.element(lane, 4)];
+        let [a, b] = operands.map(|element| i.read(element) as u32);
+        Value::computed(compute(a, b).into(), operands)
+    })
+}
+
+/// One of two elements: the first where `takes_first` says so of the two.
+fn choose(i: &mut Instruction, takes_first: impl Fn(u64, u64) -> bool) -> Option<()> {
+    let (a, b) = (i.first()?, i.last()?);
+    i.each(4, |i, lane| {
+        let (a, b) = (a.element(lane, 4), b.element(lane, 4));
+        let (chosen, other) = if takes_first(i.read(a), i.read(b)) { (a, b) } else { (b, a) };
+        Value::copy(chosen).by(other)
+    })
+}
+
+/// By an immediate operand, which may be more than an element has bits.
+fn shift(i: &mut Instruction, compute: impl Fn(u32, u32) -> Option<u32>) -> Option<()> {
+    let from = i.operand(i.operands().checked_sub(1)?)?;
+    let count = i.immediate()? as u32;
+    i.each(4, |i, lane| {
+        let element = from.element(lane, 4);
+        Value::computed(compute(i.read(element) as u32, count).unwrap_or(0).into(), [element])
+    })
+}
+
+/// Elements of `bytes` bytes into half as many, with saturation: of each 128 bits those of the first operand, then those of
+/// the last.
+fn pack(i: &mut Instruction, bytes: u32, saturate: impl Fn(u64) -> u64) -> Option<()> {
+    let (a, b) = (i.first()?, i.last()?);
+    let lanes = 16 / bytes;
+    i.each(bytes / 2, |i, lane| {
+        let (part, index) = (lane / (2 * lanes), lane % (2 * lanes));
+        let from = if index < lanes { a } else { b };
+        let element = from.element(part * lanes + index % lanes, bytes);
+        Value::computed(saturate(i.read(element)), [element])
+    })
+}
