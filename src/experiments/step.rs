@@ -29,7 +29,7 @@ use parts::{Part, parts_of_call, range_of};
 use shadow::{Shadow, StepError};
 
 /// Instructions of a row of pixels that are followed at most, to find those of one pixel among them.
-const MOST_VISITS: usize = 1 << 23;
+const MOST_VISITS: usize = 1 << 21;
 
 /// The instructions that cost most digits, that are named.
 const DEAREST: usize = 3;
@@ -77,6 +77,14 @@ pub enum WatchError {
     /// Single-stepping does not work here.
     #[error("instructions cannot be watched here: {0}")]
     Unavailable(#[from] Unavailable),
+    /// A row that is too much work to be followed.
+    #[error(
+        "this row of pixels takes {needed} instructions, and {MOST_VISITS} can be followed: choose fewer pixels by --size, or packets by --engine"
+    )]
+    Row {
+        /// Those of the row.
+        needed: u64,
+    },
     /// More instructions than were asked for.
     #[error("this takes {needed} instructions, more than the {most} that are recorded: raise --steps")]
     TooMany {
@@ -209,7 +217,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let watched = [unit.code.clone()];
     let (visits, executed) = step::visits(&watched, MOST_VISITS, &mut trace)?;
     if executed > visits.len() as u64 {
-        return Err(WatchError::TooMany { needed: executed, most: MOST_VISITS });
+        return Err(WatchError::Row { needed: executed });
     }
     let calls = calls(unit, &visits);
     let mut run = Run { visits: &visits, film: address..address + bytes, pixel: 0..0 };
