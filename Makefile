@@ -54,7 +54,7 @@ complexity: build ## Measure large pictures and scenes anew: docs/results/comple
 	cp out/complexity/complexity.md out/complexity/complexity.svg docs/results/
 
 map: ## Print the first line of every source file: what lives there
-	@git ls-files asm benches build.rs examples src tests | while read -r file; do \
+	@git ls-files asm benches build build.rs examples src tests | while read -r file; do \
 	    printf '%-40s %s\n' "$$file" "$$(sed -n '1{s|^//! ||;s|^/\* [^ ]* - ||;s|^; [^ ]* - ||;s| \*/$$||;p;}' "$$file")"; \
 	done
 

@@ -142,14 +142,22 @@ fn arguments(text: &str) -> Vec<&str> {
     found
 }
 
-/// The macros of the files in `asm`, their places by their names, and the comments of the files' lines.
-fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>, HashMap<(usize, usize), usize>) {
+/// What the files in `asm` say.
+struct Sources {
+    macros: Vec<Macro>,
+    /// Of macros by their names.
+    places: HashMap<String, usize>,
+    /// Of lines by their files and numbers.
+    comments: HashMap<(usize, usize), usize>,
+}
+
+fn read_sources(strings: &mut Strings) -> Sources {
     let mut files: Vec<_> = ["asm/include", "asm/ops", "asm/tracers"]
         .iter()
         .flat_map(|folder| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()))
         .collect();
     files.sort();
-    let (mut all, mut places, mut comments) = (Vec::new(), HashMap::new(), HashMap::new());
+    let (mut macros, mut places, mut comments) = (Vec::new(), HashMap::new(), HashMap::new());
     for path in files {
         let text = fs::read_to_string(&path).unwrap();
         let file = strings.place(&path.to_str().unwrap().replace('\\', "/"));
@@ -161,9 +169,9 @@ fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>, HashMap
                 let heads = [format!("; {name} - "), format!("; {name}  - ")];
                 let said = text.lines().find_map(|line| heads.iter().find_map(|head| line.strip_prefix(head)));
                 let says = strings.place(said.unwrap_or("").trim());
-                places.insert(name.to_owned(), all.len());
-                all.push(Macro { name: strings.place(name), file, says, parameters: Vec::new() });
-            } else if let (Some(rest), Some(last)) = (line.strip_prefix("%define %%"), all.last_mut())
+                places.insert(name.to_owned(), macros.len());
+                macros.push(Macro { name: strings.place(name), file, says, parameters: Vec::new() });
+            } else if let (Some(rest), Some(last)) = (line.strip_prefix("%define %%"), macros.last_mut())
                 && let Some((name, rest)) = rest.split_once(" %")
                 && let (number, comment) = rest.split_once(';').unwrap_or((rest, ""))
                 && number.trim().parse() == Ok(last.parameters.len() + 1)
@@ -173,7 +181,7 @@ fn macros(strings: &mut Strings) -> (Vec<Macro>, HashMap<String, usize>, HashMap
             }
         }
     }
-    (all, places, comments)
+    Sources { macros, places, comments }
 }
 
 /// Whether `function` is there for a measurement alone: a chain of one operation, or the tracer whose operations lie elsewhere.
@@ -187,7 +195,7 @@ fn is_measured(function: &str) -> bool {
 /// Where the bytes of an instruction are not those of the object.
 pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
     let mut strings = Strings::default();
-    let (macros, places, comments) = macros(&mut strings);
+    let Sources { macros, places, comments } = read_sources(&mut strings);
     let nothing = strings.place("");
     let (mut calls, mut open): (Vec<Call>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut instructions: Vec<Instruction> = Vec::new();

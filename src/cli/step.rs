@@ -139,7 +139,7 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     if let Some(path) = &args.html {
         let of = args.scene.as_ref().map_or(String::new(), |scene| scene.display().to_string());
         remove_part_files_on_signals()?;
-        convert::write(path, |out| out.write_all(html::page(&watched, &of).as_bytes()))?;
+        convert::write(path, |out| out.write_all(html::page(&watched, &of, args.error).as_bytes()))?;
         return Ok(verdict);
     }
     let how = text::How { depth: args.depth, only: args.only.clone(), error: args.error, colour: colour_on_stdout() };

@@ -10,6 +10,7 @@ mod tree;
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::slice::from_ref;
 
 use glam::DVec3;
 use serde::Serialize;
@@ -273,7 +274,8 @@ pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>
     let operation = operation::Operation::new(op, engine, isa, a, b)?;
     let mut result = Vec::new();
     let watched = [unit.code.clone()];
-    let recording = step::record(&watched, &[0..u64::MAX], operation::MOST, || result = operation.call())?;
+    let all = 0..u64::MAX;
+    let recording = step::record(&watched, from_ref(&all), operation::MOST, || result = operation.call())?;
     let seen = Seen::of(recording.steps());
     let visits: Vec<_> = seen.steps.iter().map(|(s, _)| Visit { rip: s.before.rip, address: 0, bytes: 0 }).collect();
     let mut items = vec![Item::Kernel];

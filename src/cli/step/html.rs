@@ -8,8 +8,8 @@ use crate::experiments::step::{Change, Line, Node, Value, Watched};
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The page.
-pub fn page(watched: &Watched, scene: &str) -> String {
+/// The page; `error`: with the errors against exact values.
+pub fn page(watched: &Watched, scene: &str, error: bool) -> String {
     let title = format!("{} - rayo step", text::title(watched));
     html! {
         (DOCTYPE)
@@ -24,11 +24,11 @@ pub fn page(watched: &Watched, scene: &str) -> String {
                 header {
                     h1 { (text::title(watched)) }
                     p { (scene) }
-                    pre { (text::summary(watched)) }
+                    pre { @if error { (text::dearest(watched)) } (text::summary(watched)) }
                     p.hint { "Arrow keys step from instruction to instruction; Enter opens and closes the macro around it." }
                 }
                 main {
-                    section.tree aria-label="instructions" { @for node in &watched.tree { (tree(node, watched)) } }
+                    section.tree aria-label="instructions" { @for node in &watched.tree { (tree(node, watched, error)) } }
                     aside aria-label="registers" {
                         h2 { "Registers" }
                         table { tbody id="registers" {} }
@@ -41,8 +41,8 @@ pub fn page(watched: &Watched, scene: &str) -> String {
     .into_string()
 }
 
-fn tree(node: &Node, watched: &Watched) -> Markup {
-    let children = |children: &[Node]| html! { @for child in children { (tree(child, watched)) } };
+fn tree(node: &Node, watched: &Watched, error: bool) -> Markup {
+    let children = |children: &[Node]| html! { @for child in children { (tree(child, watched, error)) } };
     html! {
         @match node {
             Node::Kernel { symbol, says, children: of } => {
@@ -62,15 +62,17 @@ fn tree(node: &Node, watched: &Watched) -> Markup {
             Node::Once { instructions, children: of } => {
                 details { summary { "once for the row " span.count { (text::count(*instructions)) } } (children(of)) }
             }
-            Node::Step(at) => { (step(&watched.steps[*at])) }
+            Node::Step(at) => { (step(&watched.steps[*at], error)) }
             Node::Padding(count) => { p.others { (text::padding(*count)) } }
             Node::Others { rounds, instructions } => { p.others { (text::others(*rounds, *instructions)) } }
         }
     }
 }
 
-fn step(line: &Line) -> Markup {
-    let Line { line: number, source, text, file, changed, compared, branch, comment, unknown, made, .. } = line;
+fn step(line: &Line, error: bool) -> Markup {
+    let Line {
+        line: number, source, text, file, changed, compared, branch, comment, unknown, overturned, made, ..
+    } = line;
     let changes: Vec<_> =
         changed.iter().map(|c| [&c.register, &c.name, &text::elements(&c.after)].map(String::clone)).collect();
     let data = serde_json::to_string(&changes).unwrap_or_default();
@@ -85,6 +87,12 @@ fn step(line: &Line) -> Markup {
                     b { @if branch.taken { "taken " } @else { "not taken " } } (branch.why)
                 }
             }
+            @if error {
+                @for lost in changed.iter().filter_map(text::lost) {
+                    span.comment { (lost.error) @if let Some(cancelled) = lost.cancelled { "; " strong.unknown { (cancelled) } } }
+                }
+            }
+            @if *overturned { strong.unknown { (text::OVERTURNED) } }
             @if !comment.is_empty() { span.comment { "; " (comment) } }
             @if let Some(unknown) = unknown { strong.unknown { "the model: " (unknown) } }
         }

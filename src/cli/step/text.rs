@@ -136,10 +136,12 @@ fn step(out: &mut String, line: &Line, how: &How) {
     let padded = if *made || branch.is_some() { padded } else { how.dim(&padded) };
     let mut told: Vec<_> = changed.iter().map(|change| changes(change, how)).collect();
     if how.error {
-        told.extend(changed.iter().filter_map(|change| error(change, how)));
+        for Lost { error, cancelled } in changed.iter().filter_map(lost) {
+            told.push(cancelled.map_or(error.clone(), |cancelled| format!("{error}; {}", how.red(&cancelled))));
+        }
     }
     if *overturned {
-        told.push(how.red("exact values would decide otherwise"));
+        told.push(how.red(OVERTURNED));
     }
     told.extend(compared.clone());
     if let Some(branch) = branch {
@@ -169,8 +171,19 @@ fn changes(change: &Change, how: &How) -> String {
     format!("{} {} {} {}", how.bold(name), how.dim(&before), how.dim("→"), after)
 }
 
-/// What the elements of a change have lost.
-fn error(change: &Change, how: &How) -> Option<String> {
+/// What exact values would do.
+pub const OVERTURNED: &str = "exact values would decide otherwise";
+
+/// What the elements of a change have lost, in words.
+pub struct Lost {
+    /// How far they are from exact values.
+    pub error: String,
+    /// How many bits cancelled, where that is worth a word.
+    pub cancelled: Option<String>,
+}
+
+/// What is known of a change's digits.
+pub fn lost(change: &Change) -> Option<Lost> {
     let Change { error_ulp, added_ulp, cancelled_bits, after, .. } = change;
     let known = || error_ulp.iter().flatten().copied();
     known().next()?;
@@ -178,17 +191,13 @@ fn error(change: &Change, how: &How) -> Option<String> {
         let values: Vec<_> = values.iter().map(|v| v.map_or("?".into(), in_ulp)).collect();
         if values.len() == 1 { values[0].clone() } else { format!("({})", values.join(", ")) }
     };
-    let mut told = format!("error {} ulp", ulp(error_ulp));
+    let mut error = format!("error {} ulp", ulp(error_ulp));
     if known().any(|error| error != 0.0) {
-        told += &format!(", of which {} added here", ulp(added_ulp));
+        error += &format!(", of which {} added here", ulp(added_ulp));
     }
     let digits = if after.iter().any(|value| matches!(value, Value::Double(_))) { 53 } else { 24 };
-    Some(match cancelled_bits.iter().flatten().max() {
-        Some(&bits) if bits > MUCH => {
-            format!("{told}; {}", how.red(&format!("{bits} of {digits} bits cancelled here")))
-        }
-        _ => told,
-    })
+    let cancelled = cancelled_bits.iter().flatten().max().filter(|&&bits| bits > MUCH);
+    Some(Lost { error, cancelled: cancelled.map(|bits| format!("{bits} of {digits} bits cancelled here")) })
 }
 
 /// Cancelled bits that are worth a word.
@@ -206,8 +215,7 @@ fn in_ulp(error: f64) -> String {
 /// The instructions that cost most.
 pub fn dearest(watched: &Watched) -> String {
     let mut out = String::new();
-    let lost = |line: &Line| line.cost() > LITTLE;
-    if !watched.dearest.iter().any(|&at| lost(&watched.steps[at])) {
+    if !watched.dearest.iter().any(|&at| watched.steps[at].cost() > LITTLE) {
         return format!("digits: no instruction cost more than {LITTLE} units of the last place\n");
     }
     for &at in &watched.dearest {

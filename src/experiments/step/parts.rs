@@ -119,12 +119,12 @@ mod tests {
     #[test]
     fn loops_within_loops_are_told_apart() {
         let visits = visits(&[1, 2, 3, 4, 3, 4, 5, 2, 3, 4, 5, 6]);
-        let inner = |rounds: &[Range<usize>]| Part::Loop(rounds.iter().map(|r| vec![Part::Row(r.clone())]).collect());
+        let inner = |rounds: [Range<usize>; 2]| Part::Loop(rounds.map(|round| vec![Part::Row(round)]).to_vec());
         let expected = vec![
             Part::Row(0..1),
             Part::Loop(vec![
-                vec![Part::Row(1..2), inner(&[2..4, 4..6]), Part::Row(6..7)],
-                vec![Part::Row(7..8), inner(&[8..10]), Part::Row(10..11)],
+                vec![Part::Row(1..2), inner([2..4, 4..6]), Part::Row(6..7)],
+                vec![Part::Row(7..8), Part::Loop(vec![vec![Part::Row(8..10)]]), Part::Row(10..11)],
             ]),
             Part::Row(11..12),
         ];
