@@ -20,6 +20,7 @@
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
+;   equals      reference::tile::first_and_past
 %macro FIRST_AND_PAST 3
 %define %%f %1          ; [in/out]   number of a register
 %define %%p %2          ; [in/out]   number of a register
@@ -36,6 +37,7 @@
 %endmacro
 
 ; PROJECT - d = x / z to_pixels, which takes the place of x, widened to the least and the greatest of three vertices.
+;   equals      reference::tile::project
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
 %define %%high %2       ; [out]      vreg
@@ -63,6 +65,7 @@
 
 ; EDGES_HERE - widens v3, the greatest of what is least of the edges v9, v10, v11 at a pixel, and v5, the least of what
 ;              is greatest. Clobbers v7.
+;   equals      reference::tile::edges_here
 %macro EDGES_HERE 0
     VMIN    v7, v9, v10
     VMIN    v7, v7, v11
@@ -73,6 +76,7 @@
 %endmacro
 
 ; CROSS2 - d = ax*by - ay*bx. Clobbers v1.
+;   equals      reference::tile::cross2
 %macro CROSS2 5
 %define %%d %1          ; [out]      vreg, not one of the inputs
 %define %%ax %2         ; [in]       vreg
@@ -85,6 +89,7 @@
 %endmacro
 
 ; LENGTH - v<n> = how many pixels there are in the bounds in w<b>. Clobbers v8.
+;   equals      reference::tile::length
 %macro LENGTH 2
 %define %%n %1          ; [out]      number of a register
 %define %%b %2          ; [in]       number of a register

@@ -12,7 +12,7 @@
 ;               x2, x3 the least and the greatest of each number of the records
 ;   writes      each half, with room for all
 ;   requires    the CPUID features of the ISA; count >= 1
-;   equals      Iterator::partition
+;   equals      Iterator::partition, at reference::tile::middle
 
 ; NEARER_HALF - the function.
 %macro NEARER_HALF 0
