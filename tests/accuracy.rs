@@ -328,10 +328,9 @@ fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
     let expected: Vec<_> = (0..width).map(|col| of(col).to_array().map(level)).collect();
     for contender in contenders().into_iter().filter(|contender| contender.precision == Precision::Double) {
         let tracer = contender.prepare(&scene).unwrap();
-        let mut film = Film::new(PixelFormat::Rgba8, width as usize).unwrap();
+        let mut film = Film::new(PixelFormat::Rgb8, width as usize).unwrap();
         tracer.rows(row..row + 1, film.as_mut());
-        let Film::Rgba8(film) = film else { unreachable!() };
-        let found: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let Film::Rgb8(found) = film else { unreachable!() };
         assert_eq!(found, expected, "{}", contender.engine);
     }
 }
@@ -361,7 +360,7 @@ fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
 fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
     let mut reasons = BTreeMap::new();
     for contender in contenders() {
-        for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+        for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
             let who: Who = Entry { contender, output }.into();
             let reason = summary::reason(who);
             assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
@@ -483,7 +482,7 @@ fn the_errors_of_the_document_are_current() {
             let (engine, precision) = (contender.engine.name(), contender.precision.name());
             let cells = &documented[&name];
             let cell = cells.get(engine).or_else(|| cells.get(&format!("{engine} {precision}")));
-            let (Some(cell), PixelFormat::F32x4) = (cell, judgement.entry.output) else { continue };
+            let (Some(cell), PixelFormat::F32x3) = (cell, judgement.entry.output) else { continue };
             let errors = judgement.errors;
             let (wrong, ulp, off) = figures(cell);
             let what = stale(&format!("{name}, {engine} {precision}: {cell} is {errors:?}"));

@@ -352,7 +352,7 @@ pub fn run(
                 continue;
             }
             let picture =
-                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgba8, setup: true };
+                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgb8, setup: true };
             let mut who = all(fastest);
             if count <= MOST_BY_FORCE {
                 who.extend(fastest.iter().map(|engine| Who::Engine(*engine, Keep::all())));
@@ -369,7 +369,7 @@ pub fn run(
             name: "sphere",
             count,
             scene: &scene,
-            output: PixelFormat::Rgba8,
+            output: PixelFormat::Rgb8,
             setup: true,
         };
         if !measure(&picture, &all(&settings.engines), proceed)? {

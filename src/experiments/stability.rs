@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::accuracy::{self, AccuracyError, Contender, Judged, judge};
 use crate::measure::Machine;
-use crate::render::{EngineError, Film, PixelFormat, Precision};
+use crate::render::{EngineError, Film, Precision};
 use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
 use limits::{Broken, Figures, Limits};
@@ -314,10 +314,10 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     let Some(first) = judged.first().map(|judged| judged.errors) else { return (0, 0.0) };
     let wrong = first.wrong_hits + first.wrong_objects;
     // Floats round what f64 has made, and that alone can be a level; bytes do not.
-    let bytes = judged.iter().any(|judged| judged.entry.output == PixelFormat::Rgba8);
+    let bytes = judged.iter().any(|judged| judged.entry.output.is_8bit());
     let coarse = |judged: &&&Judged| {
         let Contender { precision, .. } = judged.entry.contender;
-        precision == Precision::Double && bytes && judged.entry.output == PixelFormat::F32x4
+        precision == Precision::Double && bytes && !judged.entry.output.is_8bit()
     };
     let seen: Vec<_> = judged.iter().filter(|judged| !coarse(judged)).collect();
     let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
@@ -370,7 +370,7 @@ fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
 fn time(contender: Contender, scene: &Scene) -> Result<f64, AccuracyError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;
-    let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
+    let mut film = Film::new(contender.engine.format_for(false), camera.pixels() as usize)?;
     let start = Instant::now();
     let mut fastest = f64::INFINITY;
     for _ in 0..RUNS {

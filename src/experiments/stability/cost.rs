@@ -92,11 +92,12 @@ pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> R
         let (height, pixels) = (ordinary.camera.height(), ordinary.camera.pixels() as usize);
         for contender in contenders {
             let tracers = [contender.prepare(ordinary)?, contender.prepare(extreme)?];
-            for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
-                if !tracers.iter().all(|tracer| tracer.writes(output)) {
+            for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
+                let format = contender.engine.format_for(output.is_8bit());
+                if output.is_8bit() != format.is_8bit() {
                     continue;
                 }
-                let film = RefCell::new(Film::new(output, pixels)?);
+                let film = RefCell::new(Film::new(format, pixels)?);
                 let (film, trace) = (&film, |tracer: &dyn crate::render::Tracer, film: &RefCell<Film>| {
                     tracer.rows(0..height, film.borrow_mut().as_mut());
                 });
