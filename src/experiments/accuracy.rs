@@ -8,12 +8,13 @@ pub mod subjects;
 pub mod summary;
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet, TryReserveError};
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::PictureError;
 #[cfg(rayo_asm)]
 use crate::kernels::Isa;
 use crate::measure::statistics::{mad, median, minimum};
@@ -208,17 +209,6 @@ pub struct AccuracyReport {
     pub against_plain: Vec<plain::AgainstPlain>,
 }
 
-/// Why a scene was not measured.
-#[derive(Debug, thiserror::Error)]
-pub enum AccuracyError {
-    /// An engine could not be prepared.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// No memory for a picture.
-    #[error("there is no memory for the pictures: {0}")]
-    Memory(#[from] TryReserveError),
-}
-
 /// The errors of one entry on one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
@@ -244,7 +234,7 @@ pub fn errors_of(
     format: PixelFormat,
     expected: &[Expected],
     mut tally: Tally,
-) -> Result<Errors, AccuracyError> {
+) -> Result<Errors, PictureError> {
     let found = tracer.hits(0..height);
     let mut film = Film::new(format, expected.len())?;
     tracer.rows(0..height, film.as_mut());
@@ -255,7 +245,7 @@ pub fn errors_of(
 }
 
 /// What every contender's picture of a scene is worth; no time is taken, and all threads work.
-pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, AccuracyError> {
+pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, PictureError> {
     let camera = scene.camera;
     let expected = expect(scene);
     let judged = contenders.par_iter().map(|contender| {
@@ -266,9 +256,9 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Acc
             let errors = errors_of(tracer.as_ref(), camera.height(), entry.format(), &expected, tally)?;
             Ok(Judged { entry, errors })
         });
-        entries.collect::<Result<Vec<_>, AccuracyError>>()
+        entries.collect::<Result<Vec<_>, PictureError>>()
     });
-    Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
+    Ok(judged.collect::<Result<Vec<_>, PictureError>>()?.concat())
 }
 
 /// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on
@@ -297,7 +287,7 @@ pub fn measure(
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Vec<Accuracy>>, AccuracyError> {
+) -> Result<Option<Vec<Accuracy>>, PictureError> {
     let judged = judge(&subject.scene, contenders)?;
     if !proceed() {
         return Ok(None);
@@ -309,7 +299,7 @@ pub fn measure(
     // One film of each format for all: each finds it in the same state.
     let formats: BTreeMap<_, _> = judged.iter().map(|judged| (judged.entry.format().name(), judged.entry)).collect();
     let film = |(name, entry): (_, Entry)| Ok((name, RefCell::new(Film::new(entry.format(), pixels)?)));
-    let films = formats.into_iter().map(film).collect::<Result<BTreeMap<_, _>, AccuracyError>>()?;
+    let films = formats.into_iter().map(film).collect::<Result<BTreeMap<_, _>, PictureError>>()?;
     let mut work: Vec<Work<'_>> = Vec::new();
     for Judged { entry, .. } in &judged {
         let tracer = &tracers[place(contenders, entry.contender)];

@@ -12,7 +12,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::accuracy::{self, AccuracyError, Contender, Judged, judge};
+use super::PictureError;
+use super::accuracy::{self, Contender, Judged, judge};
 use crate::measure::Machine;
 use crate::render::{EngineError, Film, Precision};
 use crate::scene::families::{Case, Family};
@@ -200,7 +201,7 @@ pub fn forecast(settings: &Settings) -> f64 {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, AccuracyError> {
+pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, PictureError> {
     let mut document = StabilityReport {
         machine: Machine::this(),
         seed: settings.seed,
@@ -245,7 +246,7 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<S
     Ok(document)
 }
 
-fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, AccuracyError> {
+fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, PictureError> {
     let variants = family.variants.len();
     let cases =
         (level * variants..(level + 1) * variants).filter(|case| settings.case.is_none_or(|only| only == *case));
@@ -367,7 +368,7 @@ fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
 }
 
 /// Nanoseconds of a ray, the fastest run of this thread.
-fn time(contender: Contender, scene: &Scene) -> Result<f64, AccuracyError> {
+fn time(contender: Contender, scene: &Scene) -> Result<f64, PictureError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;
     let mut film = Film::new(contender.engine.format_for(false), camera.pixels() as usize)?;
