@@ -56,11 +56,13 @@
     VMAX    %%high, %%high, %%t
 %endmacro
 
-; SIZE - makes w5 the greater of itself and the bits of |v<i>|. Clobbers v<i>.
-%macro SIZE 1
-%define %%i %1          ; [in]       number of a register
-    VAND    v%[%%i], v%[%%i], [PACKET(magnitude)]
-    IOP     pmaxud, w5, w5, w%[%%i]
+; SIZE - makes w5 the greater of itself and the bits of a coordinate without its sign. Clobbers v6.
+%macro SIZE 2
+%define %%load %1       ; [in]       VMOV or VLOAD
+%define %%from %2       ; [in]       vreg or memory
+    %%load  v6, %%from
+    VAND    v6, v6, [PACKET(magnitude)]
+    IOP     pmaxud, w5, w5, w6
 %endmacro
 
 ; EDGES_HERE - widens v3, the greatest of what is least of the edges v9, v10, v11 at a pixel, and v5, the least of what
@@ -180,22 +182,14 @@ FUNC ISA %+ _bounds
     VLOAD   v1, [r8 + Corners.bz]
     VLOAD   v2, [r8 + Corners.cz]
     VAND    v5, v0, [PACKET(magnitude)]
-    VMOV    v6, v1
-    SIZE    6
-    VMOV    v6, v2
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.ax]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.ay]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.bx]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.by]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.cx]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.cy]
-    SIZE    6
+    SIZE    VMOV, v1
+    SIZE    VMOV, v2
+    SIZE    VLOAD, [r8 + Corners.ax]
+    SIZE    VLOAD, [r8 + Corners.ay]
+    SIZE    VLOAD, [r8 + Corners.bx]
+    SIZE    VLOAD, [r8 + Corners.by]
+    SIZE    VLOAD, [r8 + Corners.cx]
+    SIZE    VLOAD, [r8 + Corners.cy]
     IOP     pmaxud, w12, w12, w5
     IOP     pminud, w13, w13, w5
     IOP     pmaxud, w14, w14, [r8 + Corners.red]
