@@ -57,9 +57,7 @@
     pop     r12
     pop     rbx
     pop     rbp
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 %endmacro
 
 ; LIT_BODY_GREY - the colour in v1 of the pixels j in v0, where red, green and blue are equal. v0 and v11 to v14 stay.
