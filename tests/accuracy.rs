@@ -12,6 +12,7 @@ use glam::{DVec3, Vec3};
 use rayo::experiments::accuracy::errors::{Errors, Tally};
 use rayo::experiments::accuracy::subjects::{self, Subject};
 use rayo::experiments::accuracy::{Entry, Who, contenders, errors_of, expect, judge, summary};
+use rayo::experiments::in_size;
 use rayo::reference::exact::{self, Exact, Rays, Split};
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
@@ -27,11 +28,6 @@ fn shipped(name: &str) -> Scene {
     scene::read(path.as_ref()).unwrap()
 }
 
-fn in_size(scene: Scene, width: u32, height: u32) -> Scene {
-    let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film()).unwrap();
-    Scene { camera, ..scene }
-}
-
 fn relative(t: f64, truth: Split) -> f64 {
     (truth.error_of(t) / truth.high).abs()
 }
@@ -41,7 +37,7 @@ fn the_truth_of_an_ordinary_scene_is_what_the_reference_says() {
     let mut hits = 0;
     let scenes = ["sphere", "tetrahedron", "triangle", "two-lights", "many"].map(shipped);
     for scene in scenes.into_iter().chain([scene::many(40, 40, 7)]) {
-        let scene = in_size(scene, 80, 60);
+        let scene = in_size(&scene, 80, 60);
         let (truth, reference) = (Truth::new(&scene), ReferenceTracer::new(&scene));
         for (row, col) in (0..60).flat_map(|row| (0..80).map(move |col| (row, col))) {
             let (pixel, found) = (truth.pixel(row, col), reference.hit(row, col));
@@ -182,7 +178,7 @@ fn what_an_engine_says_that_it_hits_is_what_it_draws() {
     let mut hue = || Vec3::new(rng.between(0.2, 1.0), rng.between(0.2, 1.0), rng.between(0.2, 1.0)).normalize();
     scene.spheres.iter_mut().for_each(|sphere| sphere.colour = hue());
     scene.triangles.iter_mut().for_each(|triangle| triangle.colour = hue());
-    let scene = in_size(scene, 203, 151);
+    let scene = in_size(&scene, 203, 151);
     let pixels = scene.camera.pixels() as usize;
     let tracers = Engine::ALL.iter().filter(|engine| engine.usable()).flat_map(|engine| {
         engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene).unwrap()))
@@ -299,7 +295,7 @@ fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
         ("a row", (|_, _| (), |film| film.rotate_left(160)), |e| e.off_by_2 as f64, 100.0..=1e5),
     ];
     let scene = shipped("sphere");
-    let scene = in_size(scene, 160, 120);
+    let scene = in_size(&scene, 160, 120);
     let expected = expect(&scene);
     let worth = |(found, drawn): Change| {
         let right = Engine::Reference.prepare(None, &scene).unwrap();
@@ -328,10 +324,9 @@ fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
     let expected: Vec<_> = (0..width).map(|col| of(col).to_array().map(level)).collect();
     for contender in contenders().into_iter().filter(|contender| contender.precision == Precision::Double) {
         let tracer = contender.prepare(&scene).unwrap();
-        let mut film = Film::new(PixelFormat::Rgba8, width as usize).unwrap();
+        let mut film = Film::new(PixelFormat::Rgb8, width as usize).unwrap();
         tracer.rows(row..row + 1, film.as_mut());
-        let Film::Rgba8(film) = film else { unreachable!() };
-        let found: Vec<_> = film.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let Film::Rgb8(found) = film else { unreachable!() };
         assert_eq!(found, expected, "{}", contender.engine);
     }
 }
@@ -361,7 +356,7 @@ fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
 fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
     let mut reasons = BTreeMap::new();
     for contender in contenders() {
-        for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
+        for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
             let who: Who = Entry { contender, output }.into();
             let reason = summary::reason(who);
             assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
@@ -483,7 +478,7 @@ fn the_errors_of_the_document_are_current() {
             let (engine, precision) = (contender.engine.name(), contender.precision.name());
             let cells = &documented[&name];
             let cell = cells.get(engine).or_else(|| cells.get(&format!("{engine} {precision}")));
-            let (Some(cell), PixelFormat::F32x4) = (cell, judgement.entry.output) else { continue };
+            let (Some(cell), PixelFormat::F32x3) = (cell, judgement.entry.output) else { continue };
             let errors = judgement.errors;
             let (wrong, ulp, off) = figures(cell);
             let what = stale(&format!("{name}, {engine} {precision}: {cell} is {errors:?}"));

@@ -438,8 +438,9 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 201] = [
+const PACKET_SNIPPETS: [Snippet; 202] = [
     ("ELEMENT", "", "ELEM"),
+    ("CLEAN_UPPER", "", ""),
     ("DISTINCT", "", "v0, v1"),
     ("CONSTANTS", "", "0"),
     ("CONSTANTS", EACH, "1"),

@@ -19,6 +19,7 @@ use rayo::kernels::{
     Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
+use rayo::reference::tile::middle;
 use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
@@ -660,10 +661,14 @@ fn check_fill(fill: &Fill) {
         check_writes(fill.symbol(), checked, |_, out: &mut [P]| call(out));
     }
     for streaming in [false, true] {
-        for pattern in [0, 0xff00_0000] {
+        for pattern in [0, 0x1234_5678] {
             check_writes(
                 fill.symbol(),
-                |_, out| fill.call_checked(out, pattern, streaming),
+                |_, out: &mut [u32]| {
+                    let checked = fill.call_checked(out, pattern, streaming);
+                    assert!(out.iter().all(|word| *word == pattern), "{}", fill.symbol());
+                    checked
+                },
                 |_, out: &mut [u32]| fill.call(out, pattern, streaming),
             );
         }
@@ -862,7 +867,7 @@ fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alon
     }
 }
 
-/// Cuts in two what lies between guard pages, checked and not, and holds the halves against their definition.
+/// Cuts in two what lies between guard pages, checked and not, and holds the halves against their twin.
 fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
     let kernel = &kernels.nearer_half;
     let mut rng = Rng::new(seed);
@@ -874,10 +879,7 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
         };
         let seen = |id| Seen { id, columns: !id, rows: u32::MAX, most: near() };
         let seen: Vec<_> = (0..count as u32).map(seen).collect();
-        let ordinary = seen.iter().map(|seen| seen.most).filter(|near| *near < f32::MAX);
-        let least = seen.iter().fold(f32::MAX, |least, seen| least.min(seen.most));
-        let most = ordinary.fold(0.0, f32::max);
-        let middle = f32::from_bits((least.to_bits() + most.to_bits()) / 2);
+        let middle = middle(seen.iter().map(|seen| seen.most));
         let (nearer, farther): (Vec<_>, Vec<_>) = seen.iter().copied().partition(|seen: &Seen| seen.most >= middle);
         let what = format!("{} of {count}", kernel.symbol());
         for side in SIDES {

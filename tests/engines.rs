@@ -189,8 +189,8 @@ fn bytes_are_the_levels_of_the_floats_or_of_what_estimates_make_of_them() {
     let scene = Scene { camera: Camera::new(203, 151, 1.0, 1.0).unwrap(), ..many(20, 20, 8) };
     for contender in contenders() {
         let (floats, bytes) = (contender.floats(&scene), contender.bytes(&scene));
-        let own = contender.prepare(&scene).writes(PixelFormat::Rgba8);
-        let error = if own { contender.shade_error(PixelFormat::Rgba8) } else { 0.0 };
+        let own = contender.prepare(&scene).writes(PixelFormat::Rgb8);
+        let error = if own { contender.shade_error(PixelFormat::Rgb8) } else { 0.0 };
         for (i, (&float, &byte)) in floats.iter().zip(&bytes).enumerate() {
             for (v, byte) in float.into_iter().zip(byte) {
                 let (low, high) = (v * (1.0 - error), v * (1.0 + error));

@@ -81,7 +81,9 @@ impl<E: Element + Real> Check<'_, E> {
             for (number, light) in weighted.lights.iter().enumerate() {
                 let shade = &self.shades[(1 + COUNT + i) * weighted.lights.len() + number];
                 let cosine = self.rounding.shade(&expected, DVec3::new(light.x, light.y, light.z));
-                let colour = self.scene.triangles[i].colour.as_dvec3() * DVec3::new(light.red, light.green, light.blue);
+                let radiance = DVec3::new(light.red, light.green, light.blue);
+                let colour = self.scene.triangles[i].colour.as_dvec3();
+                let colour = tile::weights(colour, 1.0, radiance, f64::INFINITY);
                 let twin = [cosine, colour.x, colour.y, colour.z].map(<E as Element>::from_f64);
                 assert_eq!(shade.numbers(), twin, "triangle {i}, light {number}");
             }
@@ -309,9 +311,13 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
     let expected: Vec<_> =
         triangles.iter().map(|triangle| twin.of_triangle(triangle.vertices.map(|v| v.to_array()))).collect();
     assert!(expected.iter().filter(|([columns, _], _)| *columns == 0).count() > 100);
+    let longest = |expected: &[([u32; 2], f32)]| {
+        expected.iter().map(|(bounds, _)| BoundsView::longer_side(*bounds)).fold(0.0, f32::max)
+    };
     for kernels in [Isa::Sse41, Isa::Avx2, Isa::Avx512].into_iter().filter_map(packets) {
         let mut seen = vec![Seen::default(); triangles.len().next_multiple_of(CHUNK)];
-        kernels.bounds.call(&view, &triangles, 0, true, &mut seen).unwrap();
+        let (_, extremes) = kernels.bounds.call(&view, &triangles, 0, true, &mut seen).unwrap();
+        assert_eq!(extremes.longest, longest(&expected));
         for (i, expected) in expected.iter().enumerate() {
             let found = ([seen[i].columns, seen[i].rows], seen[i].most);
             assert_eq!(found, *expected, "{}: {:?}", kernels.bounds.symbol(), triangles[i]);

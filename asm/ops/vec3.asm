@@ -79,9 +79,7 @@ FUNC ISA_NAME %+ _ %+ %%name
     dec     rcx
     jnz     .packet
 .done:
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 %endmacro
 
@@ -139,8 +137,6 @@ FUNC ISA_NAME %+ _lambert3
     dec     rcx
     jnz     .packet
 .done:
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 %endmacro

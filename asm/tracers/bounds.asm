@@ -20,6 +20,7 @@
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
+;   equals      reference::tile::first_and_past
 %macro FIRST_AND_PAST 3
 %define %%f %1          ; [in/out]   number of a register
 %define %%p %2          ; [in/out]   number of a register
@@ -36,6 +37,7 @@
 %endmacro
 
 ; PROJECT - d = x / z to_pixels, which takes the place of x, widened to the least and the greatest of three vertices.
+;   equals      reference::tile::project
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
 %define %%high %2       ; [out]      vreg
@@ -54,15 +56,18 @@
     VMAX    %%high, %%high, %%t
 %endmacro
 
-; SIZE - makes w5 the greater of itself and the bits of |v<i>|. Clobbers v<i>.
-%macro SIZE 1
-%define %%i %1          ; [in]       number of a register
-    VAND    v%[%%i], v%[%%i], [PACKET(magnitude)]
-    IOP     pmaxud, w5, w5, w%[%%i]
+; SIZE - makes w5 the greater of itself and the bits of a coordinate without its sign. Clobbers v6.
+%macro SIZE 2
+%define %%load %1       ; [in]       VMOV or VLOAD
+%define %%from %2       ; [in]       vreg or memory
+    %%load  v6, %%from
+    VAND    v6, v6, [PACKET(magnitude)]
+    IOP     pmaxud, w5, w5, w6
 %endmacro
 
 ; EDGES_HERE - widens v3, the greatest of what is least of the edges v9, v10, v11 at a pixel, and v5, the least of what
 ;              is greatest. Clobbers v7.
+;   equals      reference::tile::edges_here
 %macro EDGES_HERE 0
     VMIN    v7, v9, v10
     VMIN    v7, v7, v11
@@ -73,6 +78,7 @@
 %endmacro
 
 ; CROSS2 - d = ax*by - ay*bx. Clobbers v1.
+;   equals      reference::tile::cross2
 %macro CROSS2 5
 %define %%d %1          ; [out]      vreg, not one of the inputs
 %define %%ax %2         ; [in]       vreg
@@ -85,6 +91,7 @@
 %endmacro
 
 ; LENGTH - v<n> = how many pixels there are in the bounds in w<b>. Clobbers v8.
+;   equals      reference::tile::length
 %macro LENGTH 2
 %define %%n %1          ; [out]      number of a register
 %define %%b %2          ; [in]       number of a register
@@ -175,22 +182,14 @@ FUNC ISA %+ _bounds
     VLOAD   v1, [r8 + Corners.bz]
     VLOAD   v2, [r8 + Corners.cz]
     VAND    v5, v0, [PACKET(magnitude)]
-    VMOV    v6, v1
-    SIZE    6
-    VMOV    v6, v2
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.ax]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.ay]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.bx]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.by]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.cx]
-    SIZE    6
-    VLOAD   v6, [r8 + Corners.cy]
-    SIZE    6
+    SIZE    VMOV, v1
+    SIZE    VMOV, v2
+    SIZE    VLOAD, [r8 + Corners.ax]
+    SIZE    VLOAD, [r8 + Corners.ay]
+    SIZE    VLOAD, [r8 + Corners.bx]
+    SIZE    VLOAD, [r8 + Corners.by]
+    SIZE    VLOAD, [r8 + Corners.cx]
+    SIZE    VLOAD, [r8 + Corners.cy]
     IOP     pmaxud, w12, w12, w5
     IOP     pminud, w13, w13, w5
     IOP     pmaxud, w14, w14, [r8 + Corners.red]

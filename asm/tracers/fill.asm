@@ -12,19 +12,12 @@
 ; FILL - the function.
 %macro FILL 0
 FUNC ISA %+ _fill
-%if HAS_VEX
-    vmovd   xmm0, edx
-    vpshufd xmm0, xmm0, 0
+    VEX(movd) xmm0, edx
+    VEX(pshufd) xmm0, xmm0, 0
 %if HAS_MASKS
     vshuff32x4 zmm0, zmm0, zmm0, 0
-%else
+%elif HAS_VEX
     vinsertf128 ymm0, ymm0, xmm0, 1
-%endif
-%define STORE(op) v %+ op
-%else
-    movd    xmm0, edx
-    pshufd  xmm0, xmm0, 0
-%define STORE(op) op
 %endif
     lea     rsi, [rdi + 4 * rsi]
     test    rcx, rcx
@@ -32,8 +25,8 @@ FUNC ISA %+ _fill
     lea     rax, [rdi + VBYTES]
     cmp     rax, rsi
     ja      .few
-    STORE(movups) [rdi], v0             ; the first and the last overlap with the aligned middle
-    STORE(movups) [rsi - VBYTES], v0
+    VEX(movups) [rdi], v0             ; the first and the last overlap with the aligned middle
+    VEX(movups) [rsi - VBYTES], v0
     mov     rdi, rax
     and     rdi, -VBYTES
     mov     rax, rsi
@@ -42,7 +35,7 @@ FUNC ISA %+ _fill
     jae     .done
 align 16
 .store:
-    STORE(movaps) [rdi], v0
+    VEX(movaps) [rdi], v0
     add     rdi, VBYTES
     cmp     rdi, rax
     jb      .store
@@ -61,7 +54,7 @@ align 16
     jae     .few
 align 16
 .stream:
-    STORE(movntps) [rdi], v0
+    VEX(movntps) [rdi], v0
     add     rdi, VBYTES
     cmp     rdi, rax
     jb      .stream
@@ -73,8 +66,6 @@ align 16
     cmp     rdi, rsi
     jb      .one
 .done:
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 %endmacro

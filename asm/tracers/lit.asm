@@ -57,30 +57,25 @@
     pop     r12
     pop     rbx
     pop     rbp
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 %endmacro
 
-; LIT_BODY_LIT - the colour in v1, v2, v3 of the pixels j in v0. v0 and v11 to v14 stay.
-%macro LIT_BODY_LIT 1
-%define %%edge %1       ; [in]       1 for a packet with an end of the span in it
-    SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8
-%if %%edge
-    LIT_KEEP 1
-%endif
-    VMUL    v2, v1, LIT_green
-    VMUL    v3, v1, LIT_blue
-    VMUL    v1, v1, LIT_red
-%endmacro
-
-; LIT_BODY_GREY - the same where red, green and blue are equal: in v1 alone.
+; LIT_BODY_GREY - the colour in v1 of the pixels j in v0, where red, green and blue are equal. v0 and v11 to v14 stay.
 %macro LIT_BODY_GREY 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
     SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8
 %if %%edge
     LIT_KEEP 1
 %endif
+%endmacro
+
+; LIT_BODY_LIT - the same where they are not, in v1, v2, v3.
+%macro LIT_BODY_LIT 1
+%define %%edge %1       ; [in]       1 for a packet with an end of the span in it
+    LIT_BODY_GREY %%edge
+    VMUL    v2, v1, LIT_green
+    VMUL    v3, v1, LIT_blue
+    VMUL    v1, v1, LIT_red
 %endmacro
 
 ; LIT_KEEP - 0 in the lanes of v<n> that are not the span's.
@@ -91,45 +86,15 @@
     MASK_KEEP v%[%%n]
 %endmacro
 
-; LIT_PIXELS_LIT_F32X4 - the pixels of LIT_BODY_LIT in w4 and up.
-%macro LIT_PIXELS_LIT_F32X4 0
-    TURN_F32X4 1, 2, 3, 4, 8, 9
-%endmacro
-
-; LIT_PIXELS_LIT_F32X3 - the pixels of LIT_BODY_LIT in w4 and up.
-%macro LIT_PIXELS_LIT_F32X3 0
-    TURN_F32X3 1, 2, 3, 4, 8
-%endmacro
-
-; LIT_PIXELS_LIT_RGBA8 - the pixels of LIT_BODY_LIT in w1.
-%macro LIT_PIXELS_LIT_RGBA8 0
-    PACK_RGBA8 1, 2, 3, 0
-%endmacro
-
-; LIT_PIXELS_LIT_RGB8 - the pixels of LIT_BODY_LIT in w1 and w2.
-%macro LIT_PIXELS_LIT_RGB8 0
-    PACK_RGB8 1, 2, 3
-%endmacro
-
-; LIT_PIXELS_GREY_F32X4 - the pixels of LIT_BODY_GREY in w4 and up.
-%macro LIT_PIXELS_GREY_F32X4 0
-    SPREAD_F32X4 1, 4, edi, k2
-%endmacro
-
-; LIT_PIXELS_GREY_F32X3 - the pixels of LIT_BODY_GREY in w4 and up.
-%macro LIT_PIXELS_GREY_F32X3 0
-    SPREAD_F32X3 1, 4
-%endmacro
-
-; LIT_PIXELS_GREY_RGBA8 - the pixels of LIT_BODY_GREY in w1.
-%macro LIT_PIXELS_GREY_RGBA8 0
-    GREY_RGBA8 1
-%endmacro
-
-; LIT_PIXELS_GREY_RGB8 - the pixels of LIT_BODY_GREY in w1 and w2.
-%macro LIT_PIXELS_GREY_RGB8 0
-    GREY_RGB8 1
-%endmacro
+; The pixels of a body: of floats in w4 and up, of bytes from w1 on.
+%define LIT_PIXELS_LIT_F32X4 TURN_F32X4 1, 2, 3, 4, 8, 9
+%define LIT_PIXELS_LIT_F32X3 TURN_F32X3 1, 2, 3, 4, 8
+%define LIT_PIXELS_LIT_RGBA8 PACK_RGBA8 1, 2, 3, 0
+%define LIT_PIXELS_LIT_RGB8 PACK_RGB8 1, 2, 3
+%define LIT_PIXELS_GREY_F32X4 SPREAD_F32X4 1, 4, edi, k2
+%define LIT_PIXELS_GREY_F32X3 SPREAD_F32X3 1, 4
+%define LIT_PIXELS_GREY_RGBA8 GREY_RGBA8 1
+%define LIT_PIXELS_GREY_RGB8 GREY_RGB8 1
 
 ; LIT_STORE - stores the packet at r12.
 %macro LIT_STORE 1

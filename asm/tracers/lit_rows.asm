@@ -31,10 +31,8 @@
     NARROW  10
 %if LANES == 2
     movlps  [rcx + 4 * %%field], x10
-%elif HAS_VEX
-    vmovups [rcx + 4 * %%field], w10
 %else
-    movups  [rcx + 4 * %%field], w10
+    VEX(movups) [rcx + 4 * %%field], w10
 %endif
 %endif
 %endmacro

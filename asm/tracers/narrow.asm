@@ -11,17 +11,6 @@
 ;   requires    the CPUID features of the ISA
 ;   equals      Iterator::map, to the first three channels
 
-; MOVE_UPS - four floats from or to memory of any alignment.
-%macro MOVE_UPS 2
-%define %%d %1          ; [out]      128-bit register or memory
-%define %%a %2          ; [in]       128-bit register or memory
-%if HAS_VEX
-    vmovups %%d, %%a
-%else
-    movups  %%d, %%a
-%endif
-%endmacro
-
 ; INSERT_FLOAT - one float of a into d.
 %macro INSERT_FLOAT 3
 %define %%d %1          ; [in/out]   128-bit register
@@ -61,26 +50,24 @@ FUNC ISA %+ _narrow_rgb8
     dec     rdx
     jnz     .pixel
 .done:
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 
 FUNC ISA %+ _narrow_f32x3
     sub     rdx, 4
     jb      .few
 .packet:
-    MOVE_UPS xmm1, [rdi]                ; x0 y0 z0 .
-    MOVE_UPS xmm2, [rdi + 16]
-    MOVE_UPS xmm3, [rdi + 32]
-    MOVE_UPS xmm4, [rdi + 48]
+    VEX(movups) xmm1, [rdi]             ; x0 y0 z0 .
+    VEX(movups) xmm2, [rdi + 16]
+    VEX(movups) xmm3, [rdi + 32]
+    VEX(movups) xmm4, [rdi + 48]
     INSERT_FLOAT xmm1, xmm2, 0x30       ; x0 y0 z0 x1
     SHUFFLE xmm2, xmm2, xmm3, 0x49      ; y1 z1 x2 y2
     SHUFFLE xmm4, xmm4, xmm4, 0x90      ; .  x3 y3 z3
     INSERT_FLOAT xmm4, xmm3, 0x80       ; z2 x3 y3 z3
-    MOVE_UPS [rsi], xmm1
-    MOVE_UPS [rsi + 16], xmm2
-    MOVE_UPS [rsi + 32], xmm4
+    VEX(movups) [rsi], xmm1
+    VEX(movups) [rsi + 16], xmm2
+    VEX(movups) [rsi + 32], xmm4
     add     rdi, 4 * F32X4_BYTES
     add     rsi, 4 * F32X3_BYTES
     sub     rdx, 4
@@ -89,15 +76,13 @@ FUNC ISA %+ _narrow_f32x3
     add     rdx, 4
     jz      .done
 .pixel:
-    MOVE_UPS xmm1, [rdi]
+    VEX(movups) xmm1, [rdi]
     STORE_PIXEL_F32X3 rsi, 1
     add     rdi, F32X4_BYTES
     add     rsi, F32X3_BYTES
     dec     rdx
     jnz     .pixel
 .done:
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 %endmacro

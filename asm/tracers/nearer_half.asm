@@ -12,7 +12,7 @@
 ;               x2, x3 the least and the greatest of each number of the records
 ;   writes      each half, with room for all
 ;   requires    the CPUID features of the ISA; count >= 1
-;   equals      Iterator::partition
+;   equals      Iterator::partition, at reference::tile::middle
 
 ; NEARER_HALF - the function.
 %macro NEARER_HALF 0
@@ -32,13 +32,8 @@ align 16
     dec     rcx
     jnz     .extremes
 
-%if HAS_VEX
-    vpextrd edx, x2, Seen.most / 4
-    vpextrd eax, x3, Seen.most / 4
-%else
-    pextrd  edx, x2, Seen.most / 4
-    pextrd  eax, x3, Seen.most / 4
-%endif
+    VEX(pextrd) edx, x2, Seen.most / 4
+    VEX(pextrd) eax, x3, Seen.most / 4
     add     edx, eax
     shr     edx, 1
     mov     r8, [rdi + HalfTask.seen]
@@ -62,8 +57,6 @@ align 16
     mov     rax, r9
     sub     rax, [rdi + HalfTask.nearer]
     shr     rax, ilog2e(Seen_size)
-%if HAS_VEX
-    vzeroupper
-%endif
+    CLEAN_UPPER
 ENDFUNC
 %endmacro

@@ -210,10 +210,8 @@ endstruc
 %define %%m %3          ; [in]       address
 %if LANES == 2
     movq    x%[%%f], [%%m]
-%elif HAS_VEX
-    vmovups w%[%%f], [%%m]
 %else
-    movups  w%[%%f], [%%m]
+    VEX(movups) w%[%%f], [%%m]
 %endif
     IOP     psrld, w%[%%p], w%[%%f], 16
     IOP     pslld, w%[%%f], w%[%%f], 16

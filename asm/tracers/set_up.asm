@@ -107,6 +107,7 @@
 %endmacro
 
 ; WEIGHT - v<i> = the colour times what the light at r11 radiates. Clobbers v15.
+;   equals      reference::tile::weights
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
 %define %%channel %2    ; [in]       red, green or blue

@@ -13,9 +13,10 @@
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
 ;   writes      as bounds.asm does, a sphere's size being its radius or, if that is more, its greatest coordinate
 ;   requires    the CPUID features of the ISA; spheres, count >= 1 of them
-;   equals      reference::tile::InFront::pixels
+;   equals      reference::tile::SphereView::of_sphere, to the last bit
 
 ; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and the one past the last between two coordinates.
+;   equals      reference::tile::InFront::pixels
 %macro PIXELS_BETWEEN 3
 %define %%f %1          ; [in/out]   vreg
 %define %%p %2          ; [in/out]   vreg

@@ -66,6 +66,7 @@
 
 ; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, or what is nearest to it in the
 ;                 picture.
+;   equals      reference::tile::nearest_pixel
 %macro NEAREST_PIXEL 5
 %define %%d %1          ; [out]      vreg
 %define %%a %2          ; [in]       vreg
@@ -84,6 +85,7 @@
 %endmacro
 
 ; REACH - d = how far the outline, from a to b, is from the origin o where it is in the picture, and a pixel more.
+;   equals      reference::tile::reach
 %macro REACH 5
 %define %%a %1          ; [clobbered] vreg
 %define %%b %2          ; [in/out]   vreg: d
@@ -105,6 +107,7 @@
 ;   sphere. Pixels count from an origin in the picture, so that its terms are no larger than what the picture shows
 ;   of it:
 ;   where that is a piece of the limb, D is small and has all its digits.
+;   equals      reference::tile::sphere_d
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + Balls.radius]
     WIDEN   v0, [r8 + Balls.x]
@@ -216,6 +219,7 @@ ENDFUNC
 %endmacro
 
 ; TERM - adds |d times a times b| to v3 and stores d.
+;   equals      reference::tile::rounding
 %macro TERM 5
 %define %%out %1        ; [in]       4 or 8
 %define %%field %2      ; [in]       of SpherePlanes
@@ -297,6 +301,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 
 ; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, a column and a row
 ;          more, and t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
+;   equals      reference::tile::normal
 %macro NORMAL 4
 %define %%axis %1       ; [in]       x, y or z
 %define %%ray %2        ; [in]       aligned memory or K: d at the origin, the others being ...
@@ -324,6 +329,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endmacro
 
 ; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in radii, which are in v3.
+;   equals      reference::tile::to_light
 %macro TO_LIGHT 0
     WIDEN   v3, [r8 + Balls.x]
     VSPREAD v0, [r11 + 8 * TileLight.x]
@@ -341,6 +347,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endmacro
 
 ; LENGTH_OF - d = |x, y, z|.
+;   equals      reference::packet::norm, unfused
 %macro LENGTH_OF 5
 %define %%d %1          ; [out]      vreg
 %define %%x %2          ; [in]       vreg
@@ -355,6 +362,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 ;
 ;   What is beyond f32 is the weight of a sphere that no kernel in f32 shades. Beside its pixels, in one block, 0 times
 ;   that is added to others: it must be a number.
+;   equals      reference::tile::weights
 %macro SPHERE_WEIGHT 4
 %define %%d %1          ; [out]      vreg
 %define %%channel %2    ; [in]       red, green or blue

@@ -1,9 +1,9 @@
 //! What each omission is worth: a scene traced as planned, and with one omission after the other not made.
 
-use std::collections::TryReserveError;
 use std::ops::Range;
 use std::slice::from_ref;
 
+use super::PictureError;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
@@ -53,22 +53,6 @@ pub enum Timed {
     Once(f64),
 }
 
-/// Why nothing was measured.
-#[derive(Debug, thiserror::Error)]
-pub enum AblationError {
-    /// An engine could not be prepared.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// No memory for the picture.
-    #[error("there is no memory for a picture of {pixels} pixels: {source}")]
-    Memory {
-        /// Its size.
-        pixels: u64,
-        /// What the allocator says.
-        source: TryReserveError,
-    },
-}
-
 /// A way to trace the scene.
 struct Contestant<'a> {
     tracer: Box<dyn Tracer + 'a>,
@@ -99,7 +83,7 @@ pub fn run(
     ticks: u64,
     clock: &mut dyn Clock,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<Ablation, AblationError> {
+) -> Result<Ablation, PictureError> {
     let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant<'_>, EngineError> {
         let format = if by_floats { Some(PixelFormat::F32x4) } else { purpose.format };
         let plan = Plan::new(engine, scene, Purpose { format, keep, ..purpose })?;
@@ -116,13 +100,10 @@ pub fn run(
         }
     }
     let camera = &scene.camera;
-    let pixels = camera.pixels();
-    let film = |format, pixels: u64| {
-        Film::new(format, pixels as usize).map_err(|source| AblationError::Memory { pixels, source })
-    };
+    let pixels = camera.pixels() as usize;
     let by_floats = contestants.iter().any(|contestant| contestant.by_floats);
-    let mut out = film(purpose.format.unwrap_or(PixelFormat::F32x4), pixels)?;
-    let mut floats = film(PixelFormat::F32x4, if by_floats { pixels } else { 0 })?;
+    let mut out = Film::new(purpose.format.unwrap_or(PixelFormat::F32x4), pixels)?;
+    let mut floats = Film::new(PixelFormat::F32x4, if by_floats { pixels } else { 0 })?;
 
     let bands = bands(camera, contestants[0].tracer.rows_together());
     let middle = &bands[bands.len() / 2];

@@ -8,12 +8,13 @@ pub mod subjects;
 pub mod summary;
 
 use std::cell::RefCell;
-use std::collections::{BTreeSet, TryReserveError};
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::PictureError;
 #[cfg(rayo_asm)]
 use crate::kernels::Isa;
 use crate::measure::statistics::{mad, median, minimum};
@@ -53,8 +54,15 @@ pub struct Contender {
 pub struct Entry {
     /// Who.
     pub contender: Contender,
-    /// What a pixel is written as.
+    /// What a pixel of the file is.
     pub output: PixelFormat,
+}
+
+impl Entry {
+    /// The format that it computes in for such a file.
+    pub fn format(self) -> PixelFormat {
+        self.contender.engine.format_for(self.output.is_8bit())
+    }
 }
 
 /// The same by the names that documents have.
@@ -66,7 +74,7 @@ pub struct Who {
     pub precision: &'static str,
     /// `--keep-all`, or none.
     pub option: Option<&'static str>,
-    /// What a pixel is written as.
+    /// What a pixel of the file is.
     pub output: &'static str,
 }
 
@@ -135,11 +143,12 @@ impl Contender {
         }
     }
 
-    /// What it writes that is worth a row: floats, and bytes where they are made in another way than from its floats.
-    fn outputs(self, tracer: &dyn Tracer) -> Vec<PixelFormat> {
+    /// The files that are worth a row: of floats, and of bytes where they are made in another way than from its floats.
+    fn entries(self, tracer: &dyn Tracer) -> Vec<Entry> {
         let other_bytes = self.engine != Engine::Reference && self.precision != Precision::Fast;
-        let bytes = other_bytes && tracer.writes(PixelFormat::Rgba8);
-        [PixelFormat::F32x4].into_iter().chain(bytes.then_some(PixelFormat::Rgba8)).collect()
+        let bytes = other_bytes && tracer.writes(PixelFormat::Rgb8);
+        let outputs = [PixelFormat::F32x3].into_iter().chain(bytes.then_some(PixelFormat::Rgb8));
+        outputs.map(|output| Entry { contender: self, output }).collect()
     }
 }
 
@@ -200,17 +209,6 @@ pub struct AccuracyReport {
     pub against_plain: Vec<plain::AgainstPlain>,
 }
 
-/// Why a scene was not measured.
-#[derive(Debug, thiserror::Error)]
-pub enum AccuracyError {
-    /// An engine could not be prepared.
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    /// No memory for a picture.
-    #[error("there is no memory for the pictures: {0}")]
-    Memory(#[from] TryReserveError),
-}
-
 /// The errors of one entry on one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
@@ -228,17 +226,17 @@ pub fn expect(scene: &Scene) -> Vec<Expected> {
     (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect()
 }
 
-/// What a tracer's picture is worth: its `height` rows in the format `output` against what is `expected`, by a tally that
-/// has nothing yet.
+/// What a tracer's picture is worth: its `height` rows in a format against what is `expected`, by a tally that has nothing
+/// yet.
 pub fn errors_of(
     tracer: &dyn Tracer,
     height: u32,
-    output: PixelFormat,
+    format: PixelFormat,
     expected: &[Expected],
     mut tally: Tally,
-) -> Result<Errors, AccuracyError> {
+) -> Result<Errors, PictureError> {
     let found = tracer.hits(0..height);
-    let mut film = Film::new(output, expected.len())?;
+    let mut film = Film::new(format, expected.len())?;
     tracer.rows(0..height, film.as_mut());
     for (i, (expected, found)) in expected.iter().zip(&found).enumerate() {
         tally.add(expected, found.as_ref(), film.colour(i));
@@ -247,20 +245,20 @@ pub fn errors_of(
 }
 
 /// What every contender's picture of a scene is worth; no time is taken, and all threads work.
-pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, AccuracyError> {
+pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, PictureError> {
     let camera = scene.camera;
     let expected = expect(scene);
     let judged = contenders.par_iter().map(|contender| {
         let tracer = contender.prepare(scene)?;
-        let outputs = contender.outputs(tracer.as_ref()).into_iter().map(|output| {
+        let entries = contender.entries(tracer.as_ref()).into_iter().map(|entry| {
             let tally = Tally::new(contender.precision, contender.engine.rays_in_f64())
-                .with_estimates(contender.levels_by_estimates(output));
-            let errors = errors_of(tracer.as_ref(), camera.height(), output, &expected, tally)?;
-            Ok(Judged { entry: Entry { contender: *contender, output }, errors })
+                .with_estimates(contender.levels_by_estimates(entry.output));
+            let errors = errors_of(tracer.as_ref(), camera.height(), entry.format(), &expected, tally)?;
+            Ok(Judged { entry, errors })
         });
-        outputs.collect::<Result<Vec<_>, AccuracyError>>()
+        entries.collect::<Result<Vec<_>, PictureError>>()
     });
-    Ok(judged.collect::<Result<Vec<_>, AccuracyError>>()?.concat())
+    Ok(judged.collect::<Result<Vec<_>, PictureError>>()?.concat())
 }
 
 /// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on
@@ -289,7 +287,7 @@ pub fn measure(
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Vec<Accuracy>>, AccuracyError> {
+) -> Result<Option<Vec<Accuracy>>, PictureError> {
     let judged = judge(&subject.scene, contenders)?;
     if !proceed() {
         return Ok(None);
@@ -299,12 +297,13 @@ pub fn measure(
     let prepare = |contender: &Contender| contender.prepare(scene);
     let tracers = contenders.iter().map(prepare).collect::<Result<Vec<_>, _>>()?;
     // One film of each format for all: each finds it in the same state.
-    let [floats, bytes] = [PixelFormat::F32x4, PixelFormat::Rgba8].map(|format| Film::new(format, pixels));
-    let (floats, bytes) = (RefCell::new(floats?), RefCell::new(bytes?));
+    let formats: BTreeMap<_, _> = judged.iter().map(|judged| (judged.entry.format().name(), judged.entry)).collect();
+    let film = |(name, entry): (_, Entry)| Ok((name, RefCell::new(Film::new(entry.format(), pixels)?)));
+    let films = formats.into_iter().map(film).collect::<Result<BTreeMap<_, _>, PictureError>>()?;
     let mut work: Vec<Work<'_>> = Vec::new();
     for Judged { entry, .. } in &judged {
         let tracer = &tracers[place(contenders, entry.contender)];
-        let film = if entry.output == PixelFormat::F32x4 { &floats } else { &bytes };
+        let film = &films[entry.format().name()];
         work.push(Box::new(move || tracer.rows(0..height, film.borrow_mut().as_mut())));
     }
     for contender in contenders {

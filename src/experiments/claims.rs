@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::in_size;
 use super::jumps::Jumps;
 use super::ladder::{self, Rung};
 use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Speedup, SpeedupError, Taken, Timing};
@@ -140,7 +141,7 @@ pub fn sweeps(
         let mut points: Vec<Vec<(f64, f64)>> = vec![Vec::new(); engines.len()];
         let mut taken = vec![0; engines.len()];
         for count in counts {
-            let scene = speedup::in_size(&scene_of(*count), SIZE.0, SIZE.1);
+            let scene = in_size(&scene_of(*count), SIZE.0, SIZE.1);
             let pixels = scene.camera.pixels();
             let films = std::cell::RefCell::new(Films::new(pixels as usize)?);
             let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));

@@ -8,6 +8,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::claims::Axis;
+use super::in_size;
 use super::speedup::{self, Progress, SpeedupError};
 use crate::kernels::Vec4;
 use crate::measure::statistics::{Line, fit_line, median, minimum};
@@ -259,8 +260,7 @@ impl Picture<'_> {
     ) -> Result<Option<Vec<Growth>>, SpeedupError> {
         let Picture { scene, output, .. } = self;
         let camera = scene.camera;
-        let memory = |source| SpeedupError::Memory { pixels: camera.pixels() as usize, source };
-        let film = RefCell::new(Film::new(*output, camera.pixels() as usize).map_err(memory)?);
+        let film = RefCell::new(Film::new(*output, camera.pixels() as usize)?);
         let trace = |tracer: &dyn Tracer| tracer.rows(0..camera.height(), film.borrow_mut().as_mut());
         // The first time shows whether it can be done at all.
         let prepare = |engine: Engine, keep| {
@@ -330,7 +330,7 @@ pub fn run(
         let mut who = all(&settings.engines);
         who.push(Who::Zeros);
         for (width, height) in settings.sizes() {
-            scene = speedup::in_size(&scene, width, height);
+            scene = in_size(&scene, width, height);
             let count = scene.camera.pixels();
             let picture = Picture { axis: Axis::Pixels, name: "sphere", count, scene: &scene, output, setup: false };
             if !measure(&picture, &who, proceed)? {
@@ -339,7 +339,7 @@ pub fn run(
         }
     }
     let (width, height) = settings.size();
-    let camera = speedup::in_size(&scene, width, height).camera;
+    let camera = in_size(&scene, width, height).camera;
     let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
     for (name, make) in SCENES {
         let mut before = 0;
@@ -352,7 +352,7 @@ pub fn run(
                 continue;
             }
             let picture =
-                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgba8, setup: true };
+                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgb8, setup: true };
             let mut who = all(fastest);
             if count <= MOST_BY_FORCE {
                 who.extend(fastest.iter().map(|engine| Who::Engine(*engine, Keep::all())));
@@ -369,7 +369,7 @@ pub fn run(
             name: "sphere",
             count,
             scene: &scene,
-            output: PixelFormat::Rgba8,
+            output: PixelFormat::Rgb8,
             setup: true,
         };
         if !measure(&picture, &all(&settings.engines), proceed)? {

@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 
+use super::in_size;
 use super::speedup::{self, BASELINE, CONTROL, Progress, SpeedupError};
 use crate::kernels::{Vec4, sys};
 use crate::measure::statistics::{median, minimum};
@@ -141,12 +142,11 @@ pub fn run(
     let bandwidth = bandwidth(&machine.caches, clock)?;
     let mut rows = Vec::new();
     for (width, height) in sizes(quick) {
-        let scene = speedup::in_size(&scene, width, height);
+        let scene = in_size(&scene, width, height);
         let pixels = scene.camera.pixels();
         let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));
         let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
-        let memory = |source| SpeedupError::Memory { pixels: pixels as usize, source };
-        let mut film = Film::new(PixelFormat::F32x4, pixels as usize).map_err(memory)?;
+        let mut film = Film::new(PixelFormat::F32x4, pixels as usize)?;
         let mut beside: Vec<Beside> = (0..2 * engines.len()).map(|_| Beside::default()).collect();
         for _ in 0..runs(quick) {
             for (index, tracer) in tracers.iter().enumerate() {
@@ -218,8 +218,7 @@ fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, 
         .chain(memory)
         .map(|(level, bytes)| {
             let len = bytes / size_of::<Vec4>();
-            let memory = |source| SpeedupError::Memory { pixels: len, source };
-            let mut film = Film::new(PixelFormat::F32x4, len).map_err(memory)?;
+            let mut film = Film::new(PixelFormat::F32x4, len)?;
             let FilmMut::F32x4(film) = film.as_mut() else { unreachable!("it was made of floats") };
             // Small levels are gone over so often that the clock's own time does not show.
             let passes = (MIN_BYTES / bytes).max(1);

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use serde::Serialize;
 
+use super::in_size;
 use super::speedup::{self, Films, Progress, SpeedupError, Taken, Truth, Turn, judged, kept};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
@@ -231,7 +232,7 @@ impl Planned {
         size: (u32, u32),
         calls: impl IntoIterator<Item = Range<u32>>,
     ) -> Result<Option<Vec<u64>>, SpeedupError> {
-        let scene = speedup::in_size(scene, size.0, size.1);
+        let scene = in_size(scene, size.0, size.1);
         let packed = Packed::new(&scene);
         let tracer = self.tracer(&scene)?;
         let ready = self.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
@@ -349,7 +350,7 @@ pub fn measure_run(
     cores: &sys::Cores,
     clock: &mut dyn Clock,
 ) -> Result<Rounds, SpeedupError> {
-    let scene = speedup::in_size(&speedup::scene(), SIZE.0, SIZE.1);
+    let scene = in_size(&speedup::scene(), SIZE.0, SIZE.1);
     let planned = plan(whole, cores);
     let packed = Packed::new(&scene);
     let tracers = planned.iter().map(|rung| rung.tracer(&scene)).collect::<Result<Vec<_>, _>>()?;

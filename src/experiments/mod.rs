@@ -22,3 +22,26 @@ pub mod stability;
 #[cfg(rayo_asm)]
 pub mod step;
 mod svg;
+
+use crate::render::{EngineError, NoMemory};
+use crate::scene::Scene;
+
+/// Why there are no pictures to measure.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// An engine could not be prepared.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+    /// No memory for a picture.
+    #[error(transparent)]
+    Memory(#[from] NoMemory),
+}
+
+/// A scene in another size.
+///
+/// # Panics
+/// Where that is beyond the limits, as no experiment's is.
+pub fn in_size(scene: &Scene, width: u32, height: u32) -> Scene {
+    let camera = scene.camera.sized(width, height).expect("the sizes of an experiment are within the limits");
+    Scene { camera, ..scene.clone() }
+}

@@ -6,7 +6,7 @@ mod subjects;
 
 use serde::Serialize;
 
-use super::speedup;
+use super::{in_size, speedup};
 use crate::kernels::step::{self, Unavailable};
 use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
 use crate::measure::instructions::{Code, Instruction, Mix};
@@ -429,7 +429,7 @@ fn critical_path(op: &str, implementation: &str) -> Option<String> {
 /// The paper's picture, small.
 fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
     let (width, height) = if engine.is_packet() { FRAME_OF_PACKETS } else { FRAME };
-    let scene = speedup::in_size(&speedup::scene(), width, height);
+    let scene = in_size(&speedup::scene(), width, height);
     let rays = scene.camera.pixels();
     let tracer = engine.prepare(None, &scene).expect("the engine runs here, in its own precision");
     let mut film = Film::new(PixelFormat::F32x4, rays as usize).expect("memory for a small picture");

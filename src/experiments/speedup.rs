@@ -1,17 +1,17 @@
 //! The paper's section 5: one sphere and one light, twenty sizes, `c` against `paper` and every other engine.
 
 use std::cell::RefCell;
-use std::collections::TryReserveError;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
+use super::in_size;
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::reference::ReferenceTracer;
-use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, RenderError, Tracer};
-use crate::scene::{Camera, Rng, Scene};
+use crate::render::{Engine, EngineError, Film, FilmMut, NoMemory, PixelFormat, RenderError, Tracer};
+use crate::scene::{Rng, Scene};
 
 /// A row of the paper's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,12 +84,6 @@ pub fn scene() -> Scene {
 /// The two engines that the paper compares.
 pub(super) fn baseline_and_control() -> [Engine; 2] {
     [BASELINE, CONTROL].map(|name| name.parse().expect("asm is built"))
-}
-
-/// The experiment's scene in another size.
-pub(super) fn in_size(scene: &Scene, width: u32, height: u32) -> Scene {
-    let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film());
-    Scene { camera: camera.expect("the sizes of an experiment are within the limits"), ..scene.clone() }
 }
 
 /// Hears how much work has been done since it last heard, in cycles of some machine or other: the shares are what
@@ -274,13 +268,8 @@ pub enum SpeedupError {
     #[error(transparent)]
     Engine(#[from] EngineError),
     /// No memory for the largest picture.
-    #[error("there is no memory for a picture of {pixels} pixels: {source}")]
-    Memory {
-        /// Its size.
-        pixels: usize,
-        /// What the allocator says.
-        source: TryReserveError,
-    },
+    #[error(transparent)]
+    Memory(#[from] NoMemory),
     /// An engine's picture is not that of the reference: its time would mean nothing.
     #[error(
         "{wrong} of {pixels} pixels that `{who}` wrote as {output} are not those of `reference`, \
@@ -426,10 +415,6 @@ pub(super) fn kept<T: Copy>(values: &[T], judged: &[bool]) -> Vec<T> {
     values.iter().zip(judged).filter(|(_, judged)| **judged).map(|(value, _)| *value).collect()
 }
 
-fn new_film(format: PixelFormat, pixels: usize) -> Result<Film, SpeedupError> {
-    Film::new(format, pixels).map_err(|source| SpeedupError::Memory { pixels, source })
-}
-
 /// One film of each format, touched before, for all contestants: each finds it in the same state.
 pub(super) struct Films {
     floats: Film,
@@ -438,7 +423,7 @@ pub(super) struct Films {
 
 impl Films {
     pub(super) fn new(pixels: usize) -> Result<Self, SpeedupError> {
-        Ok(Films { floats: new_film(PixelFormat::F32x4, pixels)?, bytes: new_film(PixelFormat::Rgba8, pixels)? })
+        Ok(Films { floats: Film::new(PixelFormat::F32x4, pixels)?, bytes: Film::new(PixelFormat::Rgba8, pixels)? })
     }
 
     pub(super) fn of(&mut self, format: PixelFormat) -> &mut Film {
@@ -457,7 +442,7 @@ pub(super) struct Truth {
 impl Truth {
     pub(super) fn new(scene: &Scene) -> Result<Self, SpeedupError> {
         let scene = in_size(scene, PAPER[0].width, PAPER[0].height);
-        let mut film = new_film(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
+        let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
         ReferenceTracer::new(&scene).rows(0..scene.camera.height(), film.as_mut());
         Ok(Truth { scene, levels: levels(&film) })
     }
@@ -470,7 +455,7 @@ impl Truth {
         trace: &mut dyn FnMut(FilmMut<'_>),
     ) -> Result<(), SpeedupError> {
         let pixels = self.levels.len();
-        let mut film = new_film(output, pixels)?;
+        let mut film = Film::new(output, pixels)?;
         trace(film.as_mut());
         let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
         let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();

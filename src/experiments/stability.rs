@@ -12,9 +12,10 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::accuracy::{self, AccuracyError, Contender, Judged, judge};
+use super::PictureError;
+use super::accuracy::{self, Contender, Judged, judge};
 use crate::measure::Machine;
-use crate::render::{EngineError, Film, PixelFormat, Precision};
+use crate::render::{EngineError, Film, Precision};
 use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
 use limits::{Broken, Figures, Limits};
@@ -200,7 +201,7 @@ pub fn forecast(settings: &Settings) -> f64 {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, AccuracyError> {
+pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, PictureError> {
     let mut document = StabilityReport {
         machine: Machine::this(),
         seed: settings.seed,
@@ -245,7 +246,7 @@ pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<S
     Ok(document)
 }
 
-fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, AccuracyError> {
+fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, PictureError> {
     let variants = family.variants.len();
     let cases =
         (level * variants..(level + 1) * variants).filter(|case| settings.case.is_none_or(|only| only == *case));
@@ -314,10 +315,10 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     let Some(first) = judged.first().map(|judged| judged.errors) else { return (0, 0.0) };
     let wrong = first.wrong_hits + first.wrong_objects;
     // Floats round what f64 has made, and that alone can be a level; bytes do not.
-    let bytes = judged.iter().any(|judged| judged.entry.output == PixelFormat::Rgba8);
+    let bytes = judged.iter().any(|judged| judged.entry.output.is_8bit());
     let coarse = |judged: &&&Judged| {
         let Contender { precision, .. } = judged.entry.contender;
-        precision == Precision::Double && bytes && judged.entry.output == PixelFormat::F32x4
+        precision == Precision::Double && bytes && !judged.entry.output.is_8bit()
     };
     let seen: Vec<_> = judged.iter().filter(|judged| !coarse(judged)).collect();
     let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
@@ -367,10 +368,10 @@ fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
 }
 
 /// Nanoseconds of a ray, the fastest run of this thread.
-fn time(contender: Contender, scene: &Scene) -> Result<f64, AccuracyError> {
+fn time(contender: Contender, scene: &Scene) -> Result<f64, PictureError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;
-    let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
+    let mut film = Film::new(contender.engine.format_for(false), camera.pixels() as usize)?;
     let start = Instant::now();
     let mut fastest = f64::INFINITY;
     for _ in 0..RUNS {

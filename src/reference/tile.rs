@@ -123,6 +123,32 @@ pub struct BoundsView {
 /// Nearer than this a corner's place in the picture could overflow.
 const LEAST: f32 = 1e-30;
 
+/// PROJECT, along one axis, of corners with `to_pixels / z`.
+fn project(over: [f32; 3], along: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|i| over[i] * along[i])
+}
+
+/// FIRST_AND_PAST.
+fn first_and_past([from, to]: [f32; 2], side: f32) -> u32 {
+    let [first, past] = [from, to].map(|x| min(max(x, 0.0), side) as u32);
+    first | past << 16
+}
+
+/// CROSS2.
+fn cross2([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
+    ax * by - ay * bx
+}
+
+/// EDGES_HERE: the greatest of what is least of the edges, and the least of what is greatest.
+fn edges_here([low, high]: [f32; 2], [a, b, c]: [f32; 3]) -> [f32; 2] {
+    [max(low, min(min(a, b), c)), min(high, max(max(a, b), c))]
+}
+
+/// The pixels from the first to the one past the last << 16.
+fn length(bounds: u32) -> f32 {
+    (bounds >> 16) as f32 - (bounds & 0xffff) as f32
+}
+
 impl BoundsView {
     /// The columns and rows that a triangle can cover, each as the first and the one past the last << 16, and what its 1/t
     /// cannot exceed: the largest number if it reaches behind the camera. Where these hold four pixels at most, and an
@@ -138,30 +164,36 @@ impl BoundsView {
         if least(z) <= LEAST {
             return ([width, height].map(|side| (side as u32) << 16), f32::MAX);
         }
-        let across = corners.map(|[x, _, z]| self.to_pixels / z * x);
-        let up = corners.map(|[_, y, z]| self.to_pixels / z * y);
-        let pixels =
-            |from: f32, to: f32, side: f32| [from + self.low, to + self.high].map(|x| min(max(x, 0.0), side) as u32);
-        let columns = pixels(least(across) + self.column, most(across) + self.column, width);
-        let rows = pixels(self.row - most(up), self.row - least(up), height);
-        let packed = |[first, past]: [u32; 2]| first | past << 16;
-        let bounds = [packed(columns), packed(rows)];
+        let over = z.map(|z| self.to_pixels / z);
+        let across = project(over, corners.map(|corner| corner[0]));
+        let up = project(over, corners.map(|corner| corner[1]));
+        let columns = [least(across) + self.column + self.low, most(across) + self.column + self.high];
+        let rows = [self.row - most(up) + self.low, self.row - least(up) + self.high];
+        let bounds = [first_and_past(columns, width), first_and_past(rows, height)];
         let cannot_exceed = self.most / least(z);
         if most(across) - least(across) >= self.reach || most(up) - least(up) >= self.reach {
             return (bounds, cannot_exceed);
         }
         // Edges at the first pixel, and what a column and a row more add to them.
-        let x = across.map(|x| x - (columns[0] as f32 - self.column));
-        let y = up.map(|y| y - (self.row - rows[0] as f32));
+        let [first_column, first_row] = bounds.map(|bounds| (bounds & 0xffff) as f32);
+        let x = across.map(|x| x - (first_column - self.column));
+        let y = up.map(|y| y - (self.row - first_row));
         let next = [(0, 1), (1, 2), (2, 0)];
-        let mut edges = next.map(|(v, w)| x[v] * y[w] - y[v] * x[w]);
+        let mut edges = next.map(|(v, w)| cross2([x[v], y[v]], [x[w], y[w]]));
         let (column, row) = (next.map(|(v, w)| y[v] - y[w]), next.map(|(v, w)| x[v] - x[w]));
-        let (mut low, mut high) = (least(edges), most(edges));
+        let mut extremes = [least(edges), most(edges)];
         for (step, sign) in [(column, 1.0), (row, 1.0), (column, -1.0)] {
             edges = [0, 1, 2].map(|i| edges[i] + sign * step[i]);
-            (low, high) = (max(low, least(edges)), min(high, most(edges)));
+            extremes = edges_here(extremes, edges);
         }
+        let [low, high] = extremes;
         if self.outside > max(low, -high) { ([0, bounds[1]], cannot_exceed) } else { (bounds, cannot_exceed) }
+    }
+
+    /// The longer side of what bounds hold; 0 where that is nothing.
+    pub fn longer_side(bounds: [u32; 2]) -> f32 {
+        let [columns, rows] = bounds.map(length);
+        if min(columns, rows) > 0.0 { max(columns, rows) } else { 0.0 }
     }
 }
 
@@ -175,9 +207,74 @@ fn silhouette(cx: f64, cz: f64) -> [f64; 2] {
     if b >= 0.0 { [product / (b + root), (b + root) / m] } else { [(b - root) / m, product / (b - root)] }
 }
 
+/// NEAREST_PIXEL: the one in the middle, in the picture.
+fn nearest_pixel([low, high]: [f64; 2], side: f64) -> f64 {
+    (0.5 * (low + high)).round().clamp(0.0, side)
+}
+
+/// REACH: how far a range is from a place where it is in the picture, and a pixel more.
+fn reach([low, high]: [f64; 2], origin: f64, side: f64) -> f64 {
+    (high.min(side) - origin).max(origin - low.max(0.0)) + 1.0
+}
+
+/// SPHERE_D: D = d.d - |c x d|^2 of the ray d at an origin, and of what i columns and j rows add to it, times `square`.
+fn sphere_d(c: DVec3, d: DVec3, across: DVec3, down: DVec3, square: f64) -> [f64; 6] {
+    // Both of them are quadratic in i and j: no difference of large numbers for a far sphere.
+    let (a, u, v) = (c.cross(d), c.cross(across), c.cross(down));
+    let quadratic = [
+        d.dot(d) - a.dot(a),
+        2.0 * (d.dot(across) - a.dot(u)),
+        2.0 * (d.dot(down) - a.dot(v)),
+        across.dot(across) - u.dot(u),
+        -2.0 * u.dot(v),
+        down.dot(down) - v.dot(v),
+    ];
+    quadratic.map(|x| x * square)
+}
+
+/// TERM: what D can be rounded by where its terms are no larger than at i and j.
+fn rounding([d0, dx, dy, dxx, dxy, dyy]: [f64; 6], i: f64, j: f64) -> f64 {
+    let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
+    ROUNDINGS * terms.iter().map(|term| term.abs()).sum::<f64>()
+}
+
+/// NORMAL: n / t = (d - h c / k) - sqrt(D) c / k over the radius, its first part, with h = c . d.
+fn normal(c: DVec3, k: f64, d: DVec3, h: f64, per: f64) -> DVec3 {
+    (d - h / k * c) * per
+}
+
+/// TO_LIGHT: from the centre to the light, in radii.
+fn to_light((centre, radius): (DVec3, f64), light: DVec3) -> DVec3 {
+    (light - centre) / radius
+}
+
+/// WEIGHT and SPHERE_WEIGHT: what a light that radiates so much adds to an object of this colour, but no more than `most`.
+/// `white` is 1 for triangles, whose lights have it in them.
+pub fn weights(colour: DVec3, white: f64, radiance: DVec3, most: f64) -> DVec3 {
+    DVec3::from_array((colour * white * radiance).to_array().map(|weight| min(weight, most)))
+}
+
+impl SphereView {
+    /// The columns and rows that a sphere can cover, and what its 1/t cannot exceed, which is `most` at distance 1: the
+    /// largest number where no kernel traces it, and where its planes may lose digits to the side.
+    pub fn of_sphere(&self, centre: DVec3, radius: f64, most: f64) -> ([u32; 2], f32) {
+        let sides = self.sides.map(|side| side as u32);
+        let c = centre / radius;
+        match InFront::new(centre, radius, self) {
+            Some(front) => {
+                let sideways = c.dot(c) > 2.0 * c.z * c.z - 1.0;
+                let cannot_exceed = if sideways { f32::MAX } else { (most / (centre.z - radius)) as f32 };
+                ([0, 1].map(|axis| InFront::pixels(front.bounds[axis], sides[axis])), cannot_exceed)
+            }
+            None if c.z <= -1.0 => ([0; 2], 0.0),
+            None => (sides.map(|side| side << 16), f32::MAX),
+        }
+    }
+}
+
 impl InFront {
-    /// SPHERE_BOX, SPHERE_D and what the functions of sphere_set_up.asm make of them; None unless the sphere is wholly in
-    /// front of the camera's plane, with the camera outside.
+    /// SPHERE_BOX and what the functions of sphere_set_up.asm make of it; None unless the sphere is wholly in front of the
+    /// camera's plane, with the camera outside.
     pub fn new(centre: DVec3, radius: f64, view: &SphereView) -> Option<Self> {
         let SphereView { step, half_width, half_height, focal, scale, sides: [width, height] } = *view;
         // In units of the radius.
@@ -189,36 +286,20 @@ impl InFront {
         let columns = silhouette(c.x, c.z).map(|x| (focal * x + half_width) / step - 0.5);
         let rows = silhouette(c.y, c.z).map(|y| (half_height - focal * y) / step - 0.5);
         let rows = [rows[1], rows[0]];
-        let middle = |[low, high]: [f64; 2], side: f64| (0.5 * (low + high)).round().clamp(0.0, side);
-        let (column, row) = (middle(columns, width), middle(rows, height));
-        // The ray at the origin, and what i columns and j rows add to it.
+        let (column, row) = (nearest_pixel(columns, width), nearest_pixel(rows, height));
+        // The ray at the origin, and what a column and a row more add to it.
         let d = view.ray(column, row);
         let (across, down) = (DVec3::X * step, DVec3::Y * -step);
-        // D = d.d - |c x d|^2, both of them quadratic in i and j: no difference of large numbers for a far sphere.
-        let (a, u, v) = (c.cross(d), c.cross(across), c.cross(down));
-        let square = (scale / (k * radius)).powi(2);
-        let quadratic = [
-            d.dot(d) - a.dot(a),
-            2.0 * (d.dot(across) - a.dot(u)),
-            2.0 * (d.dot(down) - a.dot(v)),
-            across.dot(across) - u.dot(u),
-            -2.0 * u.dot(v),
-            down.dot(down) - v.dot(v),
-        ];
-        let [d0, dx, dy, dxx, dxy, dyy] = quadratic.map(|x| x * square);
-        let reach =
-            |[low, high]: [f64; 2], origin: f64, side: f64| (high.min(side) - origin).max(origin - low.max(0.0)) + 1.0;
-        let (i, j) = (reach(columns, column, width), reach(rows, row, height));
-        let terms = [d0, dx * i, dy * j, dxx * i * i, dxy * i * j, dyy * j * j];
-        let bound = ROUNDINGS * terms.iter().map(|term| term.abs()).sum::<f64>();
-        let (over, h) = (scale / (k * radius), c.dot(d));
-        // n / t = (d - h c / k) - sqrt(D) c / k, over the radius.
-        let normal = |d: DVec3, h: f64| (d - h / k * c) * (scale / radius);
-        let (m, mx, my) = (normal(d, h), normal(across, c.dot(across)), normal(down, c.dot(down)));
+        let (over, per) = (scale / (k * radius), scale / radius);
+        let quadratic = sphere_d(c, d, across, down, over.powi(2));
+        let [d0, dx, dy, dxx, dxy, dyy] = quadratic;
+        let bound = rounding(quadratic, reach(columns, column, width), reach(rows, row, height));
+        let [h, hx, hy] = [d, across, down].map(|d| c.dot(d));
+        let (m, mx, my) = (normal(c, k, d, h, per), normal(c, k, across, hx, per), normal(c, k, down, hy, per));
         Some(InFront {
             bounds: [columns, rows],
             origin: d,
-            planes: [column, row, d0, dx, dy, dxx, dxy, dyy, bound, h * over, c.dot(across) * over, c.dot(down) * over],
+            planes: [column, row, d0, dx, dy, dxx, dxy, dyy, bound, h * over, hx * over, hy * over],
             looks: [
                 column, row, d0, dx, dy, dxx, dxy, dyy, m.x, mx.x, my.x, m.y, mx.y, my.y, m.z, mx.z, my.z, c.x, c.y,
                 c.z,
@@ -244,7 +325,7 @@ impl InFront {
         view: &SphereView,
     ) -> ([f64; 8], bool) {
         let (c, l) = (centre / radius, light / radius);
-        let from_centre = (light - centre) / radius;
+        let from_centre = to_light((centre, radius), light);
         let k = c.dot(c) - 1.0;
         let (kn, ke) = (k - c.dot(l), l.dot(l) - k);
         let (products, gap) = ((c.length() + 1.0) * from_centre.length(), from_centre.length() - 1.0);
@@ -257,12 +338,20 @@ impl InFront {
 }
 
 /// A light on a sphere in the long form, brought to `far` radii where it is further away.
-pub fn lit((centre, radius): (DVec3, f64), (light, weights): (DVec3, DVec3), far: f64) -> [f64; 8] {
-    let mut l = (light - centre) / radius;
+pub fn lit(sphere: (DVec3, f64), (light, weights): (DVec3, DVec3), far: f64) -> [f64; 8] {
+    let mut l = to_light(sphere, light);
     if l.length() > far {
         l *= far / l.length();
     }
     [l.x, l.y, l.z, 0.0, weights.x, weights.y, weights.z, 0.0]
+}
+
+/// What NEARER_HALF cuts at: as many f32 are between it and the least of some numbers not below 0 as between it and the
+/// greatest, the largest f32 not being taken for that.
+pub fn middle(numbers: impl Iterator<Item = f32> + Clone) -> f32 {
+    let most = numbers.clone().filter(|number| *number < f32::MAX).fold(0.0, max);
+    let least = numbers.fold(f32::MAX, min);
+    f32::from_bits((least.to_bits() + most.to_bits()) / 2)
 }
 
 /// IF_OUTSIDE_TRIANGLE: whether the ray `d` is outside an edge of a triangle whose volume has the sign of `side`.

@@ -161,6 +161,16 @@ pub enum Film {
     Rgb8(Vec<[u8; 3]>),
 }
 
+/// No memory for a film.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("there is no memory for a picture of {pixels} pixels: {source}")]
+pub struct NoMemory {
+    /// Its size.
+    pub pixels: usize,
+    /// What the allocator says.
+    pub source: TryReserveError,
+}
+
 /// A part of a [`Film`] to write to.
 #[derive(Debug)]
 pub enum FilmMut<'a> {
@@ -189,7 +199,11 @@ pub(super) use with_pixels;
 
 impl Film {
     /// A film of `pixels` pixels, none of them black: each is touched, and shows where nobody has written.
-    pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, TryReserveError> {
+    pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, NoMemory> {
+        Self::filled(format, pixels).map_err(|source| NoMemory { pixels, source })
+    }
+
+    fn filled(format: PixelFormat, pixels: usize) -> Result<Self, TryReserveError> {
         fn filled<T: Clone>(pixels: usize, value: T) -> Result<Vec<T>, TryReserveError> {
             let mut film = Vec::new();
             film.try_reserve_exact(pixels)?;

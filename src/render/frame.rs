@@ -81,7 +81,7 @@ impl<'a> Frame<'a> {
     pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
         let pixels = self.camera.width() as usize * rows as usize;
         let bytes = pixels * format.bytes();
-        Film::new(format, pixels).map_err(|source| RenderError::Memory { bytes, source })
+        Film::new(format, pixels).map_err(|error| RenderError::Memory { bytes, source: error.source })
     }
 
     /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished. The threads then

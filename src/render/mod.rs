@@ -23,7 +23,7 @@ mod to_file;
 mod truth;
 
 pub use engine::{Engine, EngineError, Precision, Purpose};
-pub use film::{Colour, Film, FilmMut, Pixel, PixelFormat, level};
+pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings};
 pub use hits::{Distance, Found};
 #[cfg(feature = "files")]

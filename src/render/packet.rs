@@ -33,37 +33,12 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
         .get_or_init(|| caches().into_iter().find(|cache| cache.level == 3).map(|cache| cache.bytes as u64));
     let most =
         third.map_or(MOST, |bytes| if format.is_8bit() { MOST_OF_BYTES.min(bytes) } else { MOST.min(bytes / 8) });
-    pixels * format.bytes() as u64 > most
+    // Packets of three bytes are never aligned.
+    format != PixelFormat::Rgb8 && pixels * format.bytes() as u64 > most
 }
 
 /// As many bytes of four channels are made at a time on the way to three: they stay in a core's caches.
 const BYTES_OF_FOUR: usize = 1 << 16;
-
-/// Of each format, whether its pictures are stored past the caches.
-#[derive(Clone, Copy)]
-struct Streaming {
-    f32x4: bool,
-    f32x3: bool,
-    rgba8: bool,
-    rgb8: bool,
-}
-
-impl Streaming {
-    fn new(pixels: u64) -> Self {
-        let streams = |format| is_past_caches(pixels, format);
-        Streaming {
-            f32x4: streams(PixelFormat::F32x4),
-            f32x3: streams(PixelFormat::F32x3),
-            rgba8: streams(PixelFormat::Rgba8),
-            // Its packets are never aligned.
-            rgb8: false,
-        }
-    }
-
-    fn any(self) -> bool {
-        self.f32x4 || self.f32x3 || self.rgba8
-    }
-}
 
 /// A scene planned for packets, and the kernels that trace it.
 pub struct PacketTracer<E: 'static> {
@@ -72,8 +47,8 @@ pub struct PacketTracer<E: 'static> {
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     width: usize,
-    /// The formats whose pictures are stored past the caches.
-    streaming: Streaming,
+    /// Pixels of the picture.
+    pixels: u64,
     /// The one scale of light that it is ready for; None: any.
     scale: Option<Scale>,
     plan: Spans<E>,
@@ -98,7 +73,7 @@ impl<E: Element> PacketTracer<E> {
             spans,
             fast,
             width: scene.camera.width() as usize,
-            streaming: Streaming::new(scene.camera.pixels()),
+            pixels: scene.camera.pixels(),
             scale,
             plan: Spans::new(scene, scale, keep),
             wide: None,
@@ -132,9 +107,8 @@ impl PacketTracer<f64> {
 trait Output<E: 'static>: Pixel {
     /// What full light is.
     const SCALE: Scale;
-    /// Whether the tracer's picture is stored past the caches.
-    fn streaming(tracer: &PacketTracer<E>) -> bool;
-    fn fill(tracer: &PacketTracer<E>, out: &mut [Self]);
+    /// Makes pixels black; `streaming`: past the caches, here and below.
+    fn fill(tracer: &PacketTracer<E>, out: &mut [Self], streaming: bool);
     /// The kernel that makes rows of a sphere in the short form.
     fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self>;
 }
@@ -155,12 +129,8 @@ macro_rules! floats {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Linear;
 
-            fn streaming(tracer: &PacketTracer<E>) -> bool {
-                tracer.streaming.$field
-            }
-
-            fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-                tracer.kernels.fill.$field(out, Self::streaming(tracer));
+            fn fill(tracer: &PacketTracer<E>, out: &mut [Self], streaming: bool) {
+                tracer.kernels.fill.$field(out, streaming);
             }
 
             fn lit<'a>(tracer: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
@@ -176,12 +146,8 @@ macro_rules! bytes {
         impl<E: Element> Output<E> for $pixel {
             const SCALE: Scale = Scale::Levels;
 
-            fn streaming(tracer: &PacketTracer<E>) -> bool {
-                tracer.streaming.$field
-            }
-
-            fn fill(tracer: &PacketTracer<E>, out: &mut [Self]) {
-                tracer.kernels.fill.$field(out, Self::streaming(tracer));
+            fn fill(tracer: &PacketTracer<E>, out: &mut [Self], streaming: bool) {
+                tracer.kernels.fill.$field(out, streaming);
             }
 
             fn lit<'a>(_: &PacketTracer<E>, bodies: &'a LitBodies<E>) -> &'a ShadeRows<E, Self> {
@@ -254,11 +220,12 @@ struct Alone<'a, E: 'static, P> {
     lits: &'a [ObjectLight<E>],
     buffers: &'a mut Buffers<E>,
     out: &'a mut [P],
+    streaming: bool,
 }
 
 impl<E: Element, P: FourChannels<E>> Alone<'_, E, P> {
     fn call<S>(self, bodies: &Bodies<S, E>, record: &S) {
-        P::shade(self.tracer, bodies).call(record, self.lits, self.out, P::streaming(self.tracer));
+        P::shade(self.tracer, bodies).call(record, self.lits, self.out, self.streaming);
     }
 
     /// By way of a row of buffers, in which all pixels are nobody's, as the record is.
@@ -277,7 +244,7 @@ impl<E: Element, P: FourChannels<E>> UseRecord<E> for Alone<'_, E, P> {
         self.buffers.lit_rows.set_row(0, row);
         let kernel = self.tracer.lit::<P>(self.shading);
         let (sphere, width) = (form.sphere(P::SCALE).round(), self.out.len());
-        kernel.call(&sphere, &self.buffers.lit_rows, self.out, width, P::streaming(self.tracer));
+        kernel.call(&sphere, &self.buffers.lit_rows, self.out, width, self.streaming);
     }
 
     by_record! {
@@ -350,30 +317,37 @@ impl<E: Element> PacketTracer<E> {
     }
 
     /// Makes rows in which there is nothing but one sphere under one light.
-    fn trace_lit<P: Output<E>>(&self, form: &ShortForm, shading: Shading, rows: Range<u32>, out: &mut [P]) {
+    fn trace_lit<P: Output<E>>(
+        &self,
+        (form, shading): (&ShortForm, Shading),
+        rows: Range<u32>,
+        out: &mut [P],
+        streaming: bool,
+    ) {
         let (kernel, sphere) = (self.lit(shading), form.sphere(P::SCALE).round());
         let mut lit_rows = LitRows::default();
         for (first, out) in rows.step_by(LIT_ROWS).zip(out.chunks_mut(LIT_ROWS * self.width)) {
             self.spans.lit_rows.call(form.setup(P::SCALE), first, out.len() / self.width, &mut lit_rows);
-            kernel.call(&sphere, &lit_rows, out, self.width, P::streaming(self));
+            kernel.call(&sphere, &lit_rows, out, self.width, streaming);
         }
     }
 
-    /// Three channels by way of four, some rows at a time, unless kernels write them.
+    /// Three channels by way of four, some rows at a time and in cache, unless kernels write them.
     fn trace_three<P: Output<E>, Four: FourChannels<E>>(
         &self,
         rows: Range<u32>,
         out: &mut [P],
         narrow: &Narrow<Four, P>,
+        streaming: bool,
     ) {
-        if let Some((form, shading)) = self.one_lit(&rows) {
-            return self.trace_lit(form, shading, rows, out);
+        if let Some(lit) = self.one_lit(&rows) {
+            return self.trace_lit(lit, rows, out, streaming);
         }
         let together = (BYTES_OF_FOUR / size_of::<Four>() / self.width.max(1)).clamp(1, rows.len().max(1));
         let mut four = vec![Four::ZERO; together * self.width];
         for (first, out) in rows.step_by(together).zip(out.chunks_mut(together * self.width)) {
             let four = &mut four[..out.len()];
-            self.trace(first..first + (out.len() / self.width) as u32, four);
+            self.trace(first..first + (out.len() / self.width) as u32, four, false);
             narrow.call(four, out);
         }
     }
@@ -385,9 +359,9 @@ impl<E: Element> PacketTracer<E> {
         self.plan.short_form(object).filter(|_| !shading.unlit).map(|form| (form, shading))
     }
 
-    fn trace<P: FourChannels<E>>(&self, rows: Range<u32>, out: &mut [P]) {
-        if let Some((form, shading)) = self.one_lit(&rows) {
-            return self.trace_lit(form, shading, rows, out);
+    fn trace<P: FourChannels<E>>(&self, rows: Range<u32>, out: &mut [P], streaming: bool) {
+        if let Some(lit) = self.one_lit(&rows) {
+            return self.trace_lit(lit, rows, out, streaming);
         }
         let plan = &self.plan;
         let seen = plan.seen_in(&rows);
@@ -401,10 +375,10 @@ impl<E: Element> PacketTracer<E> {
                 return;
             }
             let (first, end) = (start + span.start as usize, start + span.end as usize);
-            P::fill(self, &mut out[*done..first]);
+            P::fill(self, &mut out[*done..first], streaming);
             let lits = plan.lits(span.object, P::SCALE);
             let out = &mut out[first..end];
-            let alone = Alone { tracer: self, shading, lits, buffers, out };
+            let alone = Alone { tracer: self, shading, lits, buffers, out, streaming };
             plan.with_record(span, row, 0.0, Some(P::SCALE), alone);
             *done = end;
         };
@@ -416,7 +390,7 @@ impl<E: Element> PacketTracer<E> {
                     shade_alone(&span, row, start, &mut done, out, &mut buffers);
                 }
             }
-            P::fill(self, &mut out[done..]);
+            P::fill(self, &mut out[done..], streaming);
             return;
         }
         let mut in_row = RowSpans::default();
@@ -431,7 +405,7 @@ impl<E: Element> PacketTracer<E> {
                 continue;
             }
             let columns = if way == Way::NearestInRow { 0..self.width } else { columns(spans) };
-            P::fill(self, &mut out[done..start + columns.start]);
+            P::fill(self, &mut out[done..start + columns.start], streaming);
             buffers.row(self.width).clear(columns.clone());
             match (way, plan.keep().has(Omission::Hidden)) {
                 (Way::Nearest, false) => self.trace_overlapping::<P>(row, spans, &mut buffers),
@@ -443,19 +417,20 @@ impl<E: Element> PacketTracer<E> {
             done = start + columns.end;
             P::emit(self).call(buffers.row(self.width), columns.start, &mut out[start + columns.start..done]);
         }
-        P::fill(self, &mut out[done..]);
+        P::fill(self, &mut out[done..], streaming);
     }
 
     /// Rows whose objects have numbers that the elements hold.
     fn narrow_rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        let streaming = is_past_caches(self.pixels, out.format());
         match out {
-            FilmMut::F32x4(out) => self.trace(rows, out),
-            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.kernels.narrow_f32x3),
-            FilmMut::Rgba8(out) => self.trace(rows, out),
-            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.kernels.narrow_rgb8),
+            FilmMut::F32x4(out) => self.trace(rows, out, streaming),
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.kernels.narrow_f32x3, streaming),
+            FilmMut::Rgba8(out) => self.trace(rows, out, streaming),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.kernels.narrow_rgb8, streaming),
         }
-        if self.streaming.any() {
+        if streaming {
             sys::store_fence();
         }
     }

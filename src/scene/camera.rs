@@ -60,6 +60,14 @@ impl Camera {
         }
     }
 
+    /// The same with so many pixels.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub fn sized(&self, width: u32, height: u32) -> Result<Self, CameraError> {
+        Camera::new(width, height, self.focal, self.film)
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> u32 {
         self.width

@@ -59,7 +59,7 @@ const COLUMNS: [(&str, &str); 7] = [
 
 fn scenes_table(rows: &[Accuracy]) -> String {
     let is = |row: &Accuracy, (engine, precision): (&'static str, &'static str)| {
-        row.who == Who { engine, precision, option: None, output: "f32x4" }
+        row.who == Who { engine, precision, option: None, output: "f32x3" }
     };
     let columns: Vec<_> = COLUMNS.into_iter().filter(|column| rows.iter().any(|row| is(row, *column))).collect();
     let names = columns.iter().map(|(engine, precision)| match *precision {

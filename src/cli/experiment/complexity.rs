@@ -5,7 +5,8 @@ use std::sync::atomic::Ordering;
 
 use super::ExperimentArgs;
 use super::run::{Prepared, failure, interrupted, prepare, settings};
-use crate::cli::essay::cpu;
+use super::table::EXPLANATION;
+use crate::cli::essay::{cpu, filled, part};
 use crate::cli::measuring::{bar, write_results};
 use crate::cli::table::{self, Column, Table};
 use crate::cli::{Failure, print_result};
@@ -53,18 +54,23 @@ fn page(document: &Complexity) -> String {
     let megahertz = machine.tsc_hz.map_or("?".into(), |hz| format!("{:.0}", hz / 1e6));
     let caches: Vec<_> =
         machine.caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
-    format!(
-        "# What a picture costs as it grows\n\n\
-        Made by `make complexity`, which runs `rayo experiment --complexity`. One thread of {} (TSC {megahertz} MHz; {}); \
-        {}, {}. TSC cycles by the pixel, medians of {runs} runs in which all contestants of a picture take turns, buffers \
-        touched before.\n\n\
-        ![Cycles by the pixel against pixels, objects and lights](complexity.svg)\n\n{}",
-        cpu(machine),
-        caches.join(", "),
-        machine.nasm.unwrap_or("?"),
-        machine.rustc,
-        tables(document),
-    )
+    let figures = [
+        ("CPU", cpu(machine).into()),
+        ("megahertz", megahertz),
+        ("caches", caches.join(", ")),
+        ("assembler", machine.nasm.unwrap_or("?").into()),
+        ("compiler", machine.rustc.into()),
+        ("runs", runs.to_string()),
+    ];
+    prose("complexity", &figures) + &tables(document)
+}
+
+/// A part of the explanation, with its figures.
+fn prose(name: &str, figures: &[(&str, String)]) -> String {
+    filled(part(EXPLANATION, name), |what| {
+        let figure = figures.iter().find(|(of, _)| *of == what);
+        figure.unwrap_or_else(|| unreachable!("no figure `{what}`")).1.clone()
+    })
 }
 
 fn tables(document: &Complexity) -> String {
@@ -111,11 +117,8 @@ fn pixels(document: &Complexity) -> String {
         return String::new();
     }
     let name = |row: &Growth| format!("{}, {}", row.engine, row.output);
-    let mut text = format!(
-        "## Pixels\n\nOne sphere under one light; the set-up, which does not grow, is not in the time. `{ZEROS}` only fills the \
-        film with them.\n\n{}\n",
-        counts("pixels", &lines, name, |row| digits(row.cycles_per_pixel()))
-    );
+    let costs = counts("pixels", &lines, name, |row| digits(row.cycles_per_pixel()));
+    let mut text = prose("pixels", &[("zeros", ZEROS.into()), ("costs", costs)]);
     for line in &lines {
         let costs = || line.iter().map(|row| row.cycles_per_pixel());
         let (low, high) = (costs().fold(f64::INFINITY, f64::min), costs().fold(0.0, f64::max));
@@ -130,17 +133,18 @@ fn pixels(document: &Complexity) -> String {
 fn objects(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Objects);
     let Some(first) = lines.first() else { return String::new() };
-    let Growth { engine, width, height, output, .. } = first[0];
+    let Growth { engine, width, height, output, .. } = *first[0];
     let name = |row: &Growth| format!("{}{}", row.scene, if row.keep_all { ", brute force" } else { "" });
     let planned: Vec<_> = lines.iter().filter(|line| !line[0].keep_all).cloned().collect();
     let setup = |row: &Growth| digits(row.setup_cycles.unwrap_or(f64::NAN) / row.pixels());
-    let mut text = format!(
-        "## Objects\n\n`{engine}`, {width}×{height}, {output}, one light, from the parsed scene to the last pixel. The spheres \
-        and triangles are spread over the picture and the smaller the more there are; the mesh is closed and bumpy, and half of \
-        it faces away.\n\n{}\nOf which the set-up:\n\n{}\n",
-        counts("objects", &lines, name, |row| digits(row.cycles_per_pixel())),
-        counts("objects", &planned, name, setup),
-    );
+    let figures = [
+        ("engine", engine.into()),
+        ("size", format!("{width}×{height}")),
+        ("output", output.into()),
+        ("costs", counts("objects", &lines, name, |row| digits(row.cycles_per_pixel()))),
+        ("set-up", counts("objects", &planned, name, setup)),
+    ];
+    let mut text = prose("objects", &figures);
     for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Objects) {
         let by = if slope.keep_all { ", by brute force" } else { "" };
         let Slope { scene, from, to, line, .. } = slope;
@@ -156,11 +160,13 @@ fn objects(document: &Complexity) -> String {
 fn lights(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Lights);
     let Some(first) = lines.first() else { return String::new() };
-    let Growth { width, height, output, .. } = first[0];
-    let mut text = format!(
-        "## Lights\n\nOne sphere, {width}×{height}, {output}, under lights in a half circle above it.\n\n{}\n",
-        counts("lights", &lines, |row| row.engine.into(), |row| digits(row.cycles_per_pixel())),
-    );
+    let Growth { width, height, output, .. } = *first[0];
+    let figures = [
+        ("size", format!("{width}×{height}")),
+        ("output", output.into()),
+        ("costs", counts("lights", &lines, |row| row.engine.into(), |row| digits(row.cycles_per_pixel()))),
+    ];
+    let mut text = prose("lights", &figures);
     for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Lights) {
         let Slope { engine, line, .. } = slope;
         let (slope, residual) = (digits(line.slope / first[0].pixels()), 100.0 * line.residual);

@@ -14,7 +14,7 @@ use crate::plan::grouped;
 use crate::render::PixelFormat;
 
 /// The prose of it.
-const EXPLANATION: &str = include_str!("explanation.md");
+pub(super) const EXPLANATION: &str = include_str!("explanation.md");
 
 fn counted(cores: usize) -> String {
     if cores == 1 { "1 core".into() } else { format!("{cores} cores") }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use crate::cli::essay::{filled, part};
 use crate::experiments::ops::{Counts, IMPLEMENTATIONS, OPS, Report};
 use crate::measure::instructions::Mix;
 
@@ -262,40 +263,27 @@ pub fn models(report: &Report) -> Vec<String> {
 }
 
 fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
-    let mut note = |line: &str| writeln!(text, "{line}").unwrap();
-    note("");
-    note("body      instructions of the macro between loading its operands and storing its result");
-    note(
-        "function  the whole symbol, with loads, stores and ret; C takes and gives vectors by value; not what it calls",
-    );
+    let about = |name| part(include_str!("notes.txt"), name);
+    *text += about("counts");
     if executed {
-        note(
-            "executed  from the function's entry to its return, with what it calls, on the common path; by single-stepping",
-        );
+        *text += about("executed");
     }
-    note(
-        "cycles    latency/throughput in cycles of the core's own clock, the fewest of many measurements: of the body in a",
-    );
-    note(
-        "          chain (throughput with loads of the operands), and of a call, its operand's address made of the last",
-    );
-    note("          result (latency) or not (throughput), with the loop around it");
+    *text += about("cycles");
     if report.rows.iter().any(|row| row.model.is_some()) {
-        note(
-            "llvm-mca  a model, not a measurement: cycles of a pass after pass, and of its block throughput, without loads",
-        );
+        *text += about("models");
         for cpu in models(report) {
-            note(&format!("          {cpu}"));
+            writeln!(text, "          {cpu}").unwrap();
         }
     }
     if let (Some(per_tick), Some(feedback)) = (report.core_cycles_per_tick, report.feedback_cycles) {
-        note(&format!(
-            "          the core makes {per_tick:.3} cycles in a tick of the time-stamp counter; leading a result back took \
-             {feedback:.2}",
-        ));
-        note("          cycles, which are taken off the latency of bodies");
+        *text += &filled(about("clock"), |what| match what {
+            "cycles" => format!("{per_tick:.3}"),
+            "feedback" => format!("{feedback:.2}"),
+            _ => unreachable!("no figure `{what}`"),
+        });
     }
-    note("-         does not apply, or is not in this build");
+    *text += about("nothing");
+    let mut note = |line: &str| writeln!(text, "{line}").unwrap();
     if !empty.is_empty() {
         note(&format!("          no functions of single operations in this build: {}", empty.join(", ")));
     }

@@ -29,7 +29,8 @@ mod with_assembly {
     use std::cell::RefCell;
 
     use super::AgainstPlain;
-    use crate::experiments::accuracy::{AccuracyError, Contender, contenders};
+    use crate::experiments::PictureError;
+    use crate::experiments::accuracy::{Contender, contenders};
     use crate::experiments::ladder::TURNED;
     use crate::kernels::{Vec4, ladder};
     use crate::measure::statistics::{median, median_with_interval, pairwise_ratios};
@@ -54,7 +55,7 @@ mod with_assembly {
         clock: &mut dyn Clock,
         hz: f64,
         proceed: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Vec<AgainstPlain>>, AccuracyError> {
+    ) -> Result<Option<Vec<AgainstPlain>>, PictureError> {
         if scene.spheres.len().max(scene.triangles.len()) > ladder::MOST {
             return Ok(Some(Vec::new()));
         }

@@ -34,7 +34,7 @@ fn point(row: &Accuracy) -> (f64, f64) {
 fn panels(rows: &[Accuracy]) -> Vec<(String, Vec<&Accuracy>)> {
     let mut panels: Vec<(String, Vec<&Accuracy>)> = Vec::new();
     // The same errors later are no news: what leaves nothing out has no place here.
-    for row in rows.iter().filter(|row| row.who.output == "f32x4" && row.who.option.is_none()) {
+    for row in rows.iter().filter(|row| row.who.output == "f32x3" && row.who.option.is_none()) {
         let title = match row.family {
             Some(id) => {
                 let name = crate::scene::families::family(id).map_or("", |family| family.name);

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use crate::experiments::in_size;
 use crate::scene::families::{FAMILIES, Family};
-use crate::scene::{self, Camera, Scene, SceneError};
+use crate::scene::{self, Scene, SceneError};
 
 /// The scenes that come with the program, ordinary ones.
 const SHIPPED: [(&str, &[u8]); 5] = [
@@ -130,8 +131,7 @@ fn reduced(scene: Scene, size: Size) -> Scene {
     }
     let factor = (most as f64 / camera.pixels() as f64).sqrt();
     let side = |pixels: u32| ((f64::from(pixels) * factor) as u32).max(1);
-    let camera = Camera::new(side(camera.width()), side(camera.height()), camera.focal(), camera.film());
-    Scene { camera: camera.expect("a smaller picture is within the limits"), ..scene }
+    in_size(&scene, side(camera.width()), side(camera.height()))
 }
 
 #[cfg(test)]

@@ -89,7 +89,7 @@ pub fn reason(who: Who) -> &'static str {
         ("avx2", "double", _) => "It is the answer in f64 for a CPU without AVX-512.",
         ("avx2", ..) => "It is the fastest on a CPU without AVX-512.",
         (_, "fast", _) => "It costs one root and one division less for each light, which counts where there are many.",
-        (_, "double", "rgba8") => "It is for those who want each 8-bit level to be that of exact arithmetic.",
+        (_, "double", "rgb8") => "It is for those who want each 8-bit level to be that of exact arithmetic.",
         (_, "double", _) => "It has the same errors at the stiffest scene as at the easiest.",
         _ => "It is the default: as right as f32 can be at a fraction of the time.",
     }

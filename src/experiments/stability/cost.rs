@@ -4,7 +4,8 @@ use std::cell::RefCell;
 
 use serde::Serialize;
 
-use crate::experiments::accuracy::{AccuracyError, Contender, subjects};
+use crate::experiments::accuracy::{Contender, subjects};
+use crate::experiments::{PictureError, in_size};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{WallClock, Work, interleave};
 use crate::render::{Film, PixelFormat};
@@ -52,12 +53,7 @@ pub struct Pair {
 
 /// The pairs, with pictures of so many pixels.
 fn pairs((width, height): (u32, u32)) -> [Pair; 3] {
-    let shipped = |name: &str| {
-        let scene = subjects::shipped(name);
-        let camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film());
-        Scene { camera: camera.expect("a smaller picture is within the limits"), ..scene }
-    };
-    let [sphere, tetrahedron] = ["sphere", "tetrahedron"].map(shipped);
+    let [sphere, tetrahedron] = ["sphere", "tetrahedron"].map(|name| in_size(&subjects::shipped(name), width, height));
     let pair = |family, stiff, ordinary: &Scene, extreme| Pair { family, stiff, ordinary: ordinary.clone(), extreme };
     let small = 2f32.powi(SMALL);
     [
@@ -83,7 +79,7 @@ fn far(scene: &Scene) -> Scene {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, AccuracyError> {
+pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, PictureError> {
     let (size, rounds) = SIZES[usize::from(!quick)];
     let mut costs = Vec::new();
     for Pair { stiff, ordinary, extreme, .. } in
@@ -92,11 +88,12 @@ pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> R
         let (height, pixels) = (ordinary.camera.height(), ordinary.camera.pixels() as usize);
         for contender in contenders {
             let tracers = [contender.prepare(ordinary)?, contender.prepare(extreme)?];
-            for output in [PixelFormat::F32x4, PixelFormat::Rgba8] {
-                if !tracers.iter().all(|tracer| tracer.writes(output)) {
+            for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
+                let format = contender.engine.format_for(output.is_8bit());
+                if output.is_8bit() != format.is_8bit() {
                     continue;
                 }
-                let film = RefCell::new(Film::new(output, pixels)?);
+                let film = RefCell::new(Film::new(format, pixels)?);
                 let (film, trace) = (&film, |tracer: &dyn crate::render::Tracer, film: &RefCell<Film>| {
                     tracer.rows(0..height, film.borrow_mut().as_mut());
                 });

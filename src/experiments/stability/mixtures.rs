@@ -21,8 +21,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::experiments::PictureError;
+use crate::experiments::accuracy::Contender;
 use crate::experiments::accuracy::errors::margin_of;
-use crate::experiments::accuracy::{AccuracyError, Contender};
 use crate::measure::Machine;
 use crate::plan::Keep;
 use crate::render::{
@@ -97,7 +98,7 @@ pub fn judge_mixtures(
     seed: u64,
     count: usize,
     proceed: &(dyn Fn() -> bool + Sync),
-) -> Result<Mixtures, AccuracyError> {
+) -> Result<Mixtures, PictureError> {
     let judged = (0..count).into_par_iter().map(|i| {
         if !proceed() {
             return Ok(None);
@@ -107,7 +108,7 @@ pub fn judge_mixtures(
         let counts = [scene.spheres.len(), scene.triangles.len(), scene.lights.len()];
         Ok(Some(Failing { seed, kinds, counts, failures: failures(&scene, contenders)? }))
     });
-    let judged: Vec<Failing> = judged.collect::<Result<Vec<_>, AccuracyError>>()?.into_iter().flatten().collect();
+    let judged: Vec<Failing> = judged.collect::<Result<Vec<_>, PictureError>>()?.into_iter().flatten().collect();
     Ok(Mixtures {
         machine: Machine::this(),
         seed,
@@ -156,7 +157,7 @@ pub fn minimised(scene: &Scene, fails: &dyn Fn(&Scene) -> bool) -> Scene {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn failures(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Failure>, AccuracyError> {
+pub fn failures(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Failure>, PictureError> {
     let camera = scene.camera;
     let truth = Truth::new(scene);
     let pixels = (0..camera.height()).flat_map(|row| (0..camera.width()).map(move |col| (row, col)));
@@ -195,7 +196,7 @@ struct Allowed {
 }
 
 impl Judge<'_> {
-    fn contender(&self, contender: Contender) -> Result<Vec<Failure>, AccuracyError> {
+    fn contender(&self, contender: Contender) -> Result<Vec<Failure>, PictureError> {
         let Contender { engine, precision, .. } = contender;
         let height = self.scene.camera.height();
         let prepare = |format, keep| {
@@ -213,7 +214,7 @@ impl Judge<'_> {
                 failures.extend(self.failure(contender, None, "a wrong hit", wrong));
             }
             for format in formats.into_iter().filter(|format| planned.writes(*format)) {
-                let film = |tracer: &dyn Tracer, bands: bool| -> Result<Film, AccuracyError> {
+                let film = |tracer: &dyn Tracer, bands: bool| -> Result<Film, PictureError> {
                     let mut film = Film::new(format, self.truth.len())?;
                     let width = self.scene.camera.width() as usize;
                     // Odd bands, the last first.

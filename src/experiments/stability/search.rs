@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use crate::experiments::accuracy::{AccuracyError, Contender, judge};
+use crate::experiments::PictureError;
+use crate::experiments::accuracy::{Contender, judge};
 use crate::scene::{Camera, Rng, Scene, Sphere};
 
 /// How bad a picture is, the worst first: wrong hits and levels off by two, the share of the bound, levels off by one.
@@ -20,7 +21,7 @@ pub struct Badness {
 ///
 /// # Errors
 /// A scene whose numbers no scene may have.
-pub fn badness(scene: &Scene, contenders: &[Contender]) -> Result<Badness, AccuracyError> {
+pub fn badness(scene: &Scene, contenders: &[Contender]) -> Result<Badness, PictureError> {
     let of = |errors: &crate::experiments::accuracy::errors::Errors| Badness {
         wrong: errors.wrong_hits + errors.wrong_objects + errors.off_by_2,
         bound_share: errors.bound_share.unwrap_or(0.0),
@@ -42,7 +43,7 @@ pub fn search(
     side: u32,
     steps: usize,
     rng: &mut Rng,
-) -> Result<(Scene, Badness), AccuracyError> {
+) -> Result<(Scene, Badness), PictureError> {
     let camera = |focal: f32| Camera::new(side, side, focal, 1.0);
     let focal = scene.camera.focal() / scene.camera.film();
     let mut worst = Scene { camera: camera(focal).unwrap_or(scene.camera), ..scene.clone() };
