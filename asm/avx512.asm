@@ -1,4 +1,4 @@
-; avx512.asm - the unit of the packet tracers on AVX-512 (F, VL, DQ, BW, and BMI2): 16 rays in lockstep, or 8 in f64.
+; avx512.asm - the unit of the packet tracers on AVX-512 (F, VL, DQ, BW, BMI2, POPCNT): 16 rays at once, or 8 in f64.
 
 %define ISA avx512
 %include "include/isa.inc"

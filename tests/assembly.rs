@@ -8,7 +8,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::process::Command;
 
-use iced_x86::CpuidFeature::{AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, SSE3, SSE4_1, SSSE3};
+use iced_x86::CpuidFeature::{
+    AVX, AVX2, AVX512BW, AVX512DQ, AVX512F, AVX512VL, BMI1, BMI2, FMA, POPCNT, SSE3, SSE4_1, SSSE3,
+};
 use iced_x86::{Code, CpuidFeature, Decoder, DecoderOptions, EncodingKind, FlowControl, Instruction, Mnemonic};
 use object::{Object, ObjectSection, ObjectSymbol, RelocationKind, RelocationTarget, SectionFlags, SymbolFlags, elf};
 use rayo::kernels::harness::BROKEN;
@@ -27,8 +29,12 @@ struct Unit {
 const UNITS: [Unit; 3] = [
     Unit { name: "sse41", features: &[SSE3, SSSE3, SSE4_1], vex: false },
     Unit { name: "avx2", features: &[AVX, AVX2, FMA], vex: true },
-    // A CPU with AVX-512 has all of AVX2, FMA, BMI1 and BMI2.
-    Unit { name: "avx512", features: &[AVX, AVX2, FMA, BMI1, BMI2, AVX512F, AVX512VL, AVX512DQ, AVX512BW], vex: true },
+    // A CPU with AVX-512 has all of AVX2, FMA, BMI1, BMI2 and POPCNT.
+    Unit {
+        name: "avx512",
+        features: &[AVX, AVX2, FMA, BMI1, BMI2, POPCNT, AVX512F, AVX512VL, AVX512DQ, AVX512BW],
+        vex: true,
+    },
 ];
 
 /// The harness of the checked calls, the broken kernels in it: it has instructions of every width.

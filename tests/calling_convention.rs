@@ -13,7 +13,7 @@ use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
 use rayo::kernels::{
     Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InRow, InsideSpan,
-    LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight, Objects, Op, OpRef,
+    LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight, Objects, Op, OpRef, PART_SIDE,
     PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere,
     SphereRecords, SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles,
     Vec4, hits_of_c, hits_of_paper,
@@ -757,7 +757,7 @@ fn check_shade_tile<E: Element, P: Pixel>(
 }
 
 fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, seed: u64) {
-    let kernels = &kernels.tiles;
+    let (kernels, lanes) = (&kernels.tiles, kernels.lanes);
     for (count, lights) in [(1, 1), (2, 0), (3, 2), (63, 1), (64, 2)] {
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
@@ -839,6 +839,13 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 let all = || (0..32).flat_map(|row| (0..64).map(move |column| (column, row)));
                 let of = |buffers: &TileBuffers<E>| all().map(|(x, y)| buffers.pixel(4, x, y)).collect::<Vec<_>>();
                 assert!(of(&checked) == of(&unchecked), "{what}");
+                assert_eq!(kernels.farthest.call_checked(&checked), Ok(()), "{what}");
+                for (part, farthest) in kernels.farthest.call(&checked).into_iter().enumerate() {
+                    let (left, top) = (part % (64 / PART_SIDE) * PART_SIDE, part / (64 / PART_SIDE) * PART_SIDE);
+                    let pixels = (0..PART_SIDE * PART_SIDE).map(|i| (left + i % PART_SIDE, top + i / PART_SIDE));
+                    let near = pixels.map(|(column, row)| checked.pixel(lanes, column, row).0.to_f64());
+                    assert_eq!(Some(farthest.to_f64()), near.min_by(f64::total_cmp), "{what}");
+                }
                 let looks = Looks {
                     shades: &of_checked,
                     lights: plan.points(),

@@ -58,7 +58,7 @@ fn peak_beside(scene: &Scene, precision: Precision) -> usize {
 }
 
 #[test]
-fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_200_bytes_beside_the_scene() {
+fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_190_bytes_beside_the_scene() {
     /// As below, and what is kept of the triangles of one tile that are traced at once.
     const FIXED: usize = 4 << 20;
     const COUNT: usize = 500_000;
@@ -72,9 +72,9 @@ fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_200_bytes_beside_the_sc
     ] {
         for &precision in Engine::fastest().precisions() {
             let each = peak_beside(&scene, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
-            assert!(each <= 200.0, "{name} in {precision}: {each:.1} bytes for each");
-            // 16 in each list, and 16 while planning: there is nothing worse.
-            assert!(each >= 180.0, "{name} in {precision}: {each:.1} bytes for each, so this is not the worst case");
+            assert!(each <= 190.0, "{name} in {precision}: {each:.1} bytes for each");
+            // 16 in each list: there is nothing worse.
+            assert!(each >= 170.0, "{name} in {precision}: {each:.1} bytes for each, so this is not the worst case");
         }
     }
 }

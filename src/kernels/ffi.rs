@@ -10,7 +10,7 @@ use super::records::{
     Ball, Element, Facet, InsideSpan, NearSpan, ObjectLight, OutsideSpan, SphereHit, SpherePlanes, TriangleHit,
     TrianglePlanes, TriangleSpan,
 };
-use super::tiles::{Bounds, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp};
+use super::tiles::{Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp};
 use super::types::{Light, Sphere, Surface, Triangle, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
@@ -111,6 +111,8 @@ tables! { $
         set_up: SetUp<E> = "set_up";
         /// The nearest of triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
+        /// What is farthest in each part of a tile.
+        farthest: Farthest<E> = "farthest";
         /// Spheres to planes.
         sphere_set_up: SphereSetUp<E> = "sphere_set_up";
         /// The nearest of spheres.

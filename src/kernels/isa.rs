@@ -9,7 +9,7 @@ pub enum Isa {
     Sse41,
     /// AVX2 and FMA: 256-bit registers.
     Avx2,
-    /// AVX-512 F, VL, DQ and BW, and BMI2: 512-bit registers and masks.
+    /// AVX-512 F, VL, DQ and BW, BMI2 and POPCNT: 512-bit registers and masks.
     Avx512,
 }
 
@@ -43,6 +43,7 @@ impl Isa {
                     && is_x86_feature_detected!("avx512dq")
                     && is_x86_feature_detected!("avx512bw")
                     && is_x86_feature_detected!("bmi2")
+                    && is_x86_feature_detected!("popcnt")
             }
         };
         #[cfg(not(rayo_asm))]

@@ -55,15 +55,16 @@ pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{
     Ball, BoundsView, CHUNK, Element, Facet, InsideSpan, LitRow, LitSetup, LitSphere, NearSpan, ObjectLight,
-    OutsideSpan, Seen, ShortLight, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint,
-    TileRays, TileShade, TileSphere, TileView, TriangleHit, TriangleSpan,
+    OutsideSpan, PART_SIDE, Seen, ShortLight, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight,
+    TilePoint, TileRays, TileShade, TileSphere, TileView, TriangleHit, TriangleSpan,
 };
 #[cfg(rayo_asm)]
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounded, Bounds, Extremes, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile, SphereLooks,
-    SphereRecords, SphereSetUp, Spheres, TileBuffers, TileGrid, TileOut, TileWindow, Triangles,
+    Bounded, Bounds, Extremes, Farthest, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile,
+    SphereLooks, SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow,
+    Triangles,
 };
 pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

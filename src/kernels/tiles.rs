@@ -5,13 +5,16 @@ use std::ops::Range;
 use super::kernel::{kinds, reads, writes};
 use super::records::{
     Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
-    NearestTask, ObjectLight, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
+    NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
     TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
 };
 use super::types::Plain;
 
 /// Pixels of a tile.
 const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
+
+/// Its squares whose farthest pixel is known.
+pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
@@ -63,6 +66,16 @@ kinds! {
         }
         let (count, seen, nearer, farther) = (seen.len() as u64, reads(seen), writes(nearer), writes(farther));
         enter([reads(&HalfTask { seen, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
+    }
+
+    /// Finds what is farthest in each part of a tile.
+    Farthest<E: Element>
+
+    /// The least 1/t of each square of [`PART_SIDE`] pixels, row by row; 0 where a pixel is nobody's.
+    fn call(buffers: &TileBuffers<E>) -> [E; TILE_PARTS]; |enter| {
+        let mut parts = [E::ZERO; TILE_PARTS];
+        enter([reads(&*buffers.tile), writes(&mut parts), 0, 0, 0, 0]);
+        parts
     }
 
     /// Turns triangles into planes over a tile's pixels.
@@ -374,11 +387,6 @@ impl<E: Element> TileBuffers<E> {
         self.tile.near.fill(E::ZERO);
         self.tile.who.fill(E::ZERO);
         (self.triangles.count, self.spheres.count, self.most) = (0, 0, 0);
-    }
-
-    /// 1/t of all pixels, in blocks of a packet each, up to four wide: those of a row of blocks follow one another.
-    pub fn near(&self) -> &[E] {
-        &self.tile.near
     }
 
     /// The triangles that were set up last.

@@ -292,8 +292,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Those of them that are in the list of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Seen> {
-        let mut seen: Vec<_> =
-            self.binned.of_spheres.iter().flat_map(|bins| bins.seen.iter().chain(&bins.large)).collect();
+        let mut seen: Vec<_> = self.binned.of_spheres.iter().flat_map(Bins::listed).collect();
         seen.sort_unstable_by_key(|seen| seen.id);
         seen.dedup_by_key(|seen| seen.id);
         seen.into_iter().copied()
@@ -374,18 +373,19 @@ impl<'a, E: Element> Tiles<'a, E> {
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         for bins in &self.binned.of_spheres {
             spheres.extend(bins.large_in(tile));
-            spheres.extend_from_slice(bins.of_tile(tile, self.camera().width()));
+            bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
         }
     }
 
     /// Hands out the triangles that a tile may see, `MOST_AT_ONCE` at a time or fewer, by way of `room` if they are not in
     /// one list.
     pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
-        let width = self.camera().width();
-        if let [bins] = &*self.binned.of_triangles
-            && bins.is_one_list()
+        let bins = &self.binned.of_triangles;
+        let mut lists = bins.iter().flat_map(|bins| bins.of_tile(tile)).filter(|seen| !seen.is_empty());
+        if let (Some(only), None) = (lists.next(), lists.next())
+            && bins.iter().all(|bins| bins.large_in(tile).next().is_none())
         {
-            return bins.of_tile(tile, width).chunks(MOST_AT_ONCE).for_each(say);
+            return only.chunks(MOST_AT_ONCE).for_each(say);
         }
         room.clear();
         let mut add = |mut seen: &[Seen]| {
@@ -399,9 +399,9 @@ impl<'a, E: Element> Tiles<'a, E> {
                 seen = others;
             }
         };
-        for bins in &self.binned.of_triangles {
+        for bins in bins {
             bins.large_in(tile).for_each(|large| add(&[large]));
-            add(bins.of_tile(tile, width));
+            bins.of_tile(tile).for_each(&mut add);
         }
         if !room.is_empty() {
             say(room);
@@ -470,7 +470,7 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
 fn bounds_in(bins: &[Bins], objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };
-    for seen in bins.iter().flat_map(|bins| bins.seen.iter().chain(&bins.large)) {
+    for seen in bins.iter().flat_map(Bins::listed) {
         bounds.columns[seen.id as usize] = seen.columns;
         bounds.rows[seen.id as usize] = seen.rows;
     }

@@ -397,7 +397,7 @@ impl<E: Element> TileTracer<'_, E> {
         let near = self.packets.nearer_half.call(seen, before, behind);
         let far = seen.len() - near;
         nearest(&before[..near], buffers);
-        let farthest = Farthest::of(buffers, self.kernels.lanes);
+        let farthest = Farthest::of(buffers, &self.kernels.tiles.farthest);
         let mut left = 0;
         for i in 0..far {
             behind[left] = behind[i];

@@ -6,72 +6,109 @@ use super::bounds::Picture;
 use super::{TilePlace, range};
 use crate::kernels::{Seen, TILE_HEIGHT, TILE_WIDTH, sys};
 
-/// The objects that each tile may see.
+/// A block that is made for what is yet to come has room for so many objects at most, 16 MiB.
+const MOST_IN_BLOCK: usize = 1 << 20;
+
+/// The objects that each tile may see, of one piece of the scene after another.
 pub(super) struct Bins {
-    /// Where each tile's begin, and where the last one's end.
-    starts: Vec<u32>,
-    pub(super) seen: Vec<Seen>,
+    picture: Picture,
+    /// An object in more tiles is large; if None, all of them are, and in all tiles.
+    most_tiles: Option<usize>,
+    pieces: Vec<Piece>,
+    /// What is in their lists. Each block has room that may not be used yet.
+    blocks: Vec<Vec<Seen>>,
+    /// Objects in the last block.
+    used: usize,
     /// Those that are in many tiles.
-    pub(super) large: Vec<Seen>,
-    /// Whether the large are in all tiles, wherever they may be seen.
-    everywhere: bool,
+    large: Vec<Seen>,
+    /// For the next piece.
+    runs: Vec<Run>,
+}
+
+/// Where the objects of a piece of the scene are.
+struct Piece {
+    block: usize,
+    /// In the block: where each tile's begin, and where the last one's end.
+    starts: Vec<u32>,
+}
+
+/// As many objects of a piece that follow one another and are in the same tiles.
+struct Run {
+    objects: Range<u32>,
+    tiles: TileRanges,
 }
 
 impl Bins {
-    /// An object in more than `most_tiles` is large; if None, all of them are, and in all tiles.
-    pub(super) fn new(seen: &[Seen], picture: Picture, most_tiles: Option<usize>) -> Self {
-        let across = picture.width.div_ceil(TILE_WIDTH as u32);
-        let tiles = (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize;
-        let Some(most_tiles) = most_tiles else {
-            return Bins { starts: vec![0; tiles + 1], seen: Vec::new(), large: seen.to_vec(), everywhere: true };
-        };
-        // How many objects each tile has, and then where its next one goes.
-        let mut counts = vec![0_u32; tiles];
-        let mut large = Vec::new();
-        each_place(seen, most_tiles, |run, tiles| {
-            let Some((x, y)) = tiles else { return };
-            y.for_each(|row| {
-                x.clone().for_each(|column| counts[(row * across + column) as usize] += run.len() as u32);
-            });
-        });
-        let mut starts = Vec::with_capacity(tiles + 1);
-        let mut sum = 0;
-        for count in &mut counts {
-            starts.push(sum);
-            sum += std::mem::replace(count, sum);
-        }
-        starts.push(sum);
-        let mut placed = roomy(sum as usize);
-        each_place(seen, most_tiles, |run, tiles| {
-            let Some((x, y)) = tiles else { return large.extend_from_slice(run) };
-            y.for_each(|row| {
-                x.clone().for_each(|column| {
-                    let next = &mut counts[(row * across + column) as usize];
-                    placed[*next as usize..][..run.len()].copy_from_slice(run);
-                    *next += run.len() as u32;
-                });
-            });
-        });
-        Bins { starts, seen: placed, large, everywhere: false }
+    /// Without objects.
+    pub(super) fn new(picture: Picture, most_tiles: Option<usize>) -> Self {
+        let (pieces, blocks, large, runs) = Default::default();
+        Bins { picture, most_tiles, pieces, blocks, used: 0, large, runs }
     }
 
-    /// Whether what is in a tile is in its own list.
-    pub(super) fn is_one_list(&self) -> bool {
-        self.large.is_empty()
+    /// How many tiles there are.
+    pub(super) fn tiles(&self) -> usize {
+        let Picture { width, height } = self.picture;
+        (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize
+    }
+
+    /// Adds what is seen of a piece of the scene, after which `pieces_left` are to come that may be like it.
+    pub(super) fn add(&mut self, seen: &[Seen], pieces_left: usize) {
+        let Some(most_tiles) = self.most_tiles else { return self.large.extend_from_slice(seen) };
+        let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
+        // How many objects each tile has, and then where they begin.
+        let mut starts = vec![0_u32; self.tiles() + 1];
+        self.runs.clear();
+        each_place(seen, |objects, tiles| {
+            if tiles.count() > most_tiles {
+                return self.large.extend_from_slice(&seen[objects.start as usize..objects.end as usize]);
+            }
+            tiles.each(across, |tile| starts[tile] += objects.len() as u32);
+            self.runs.push(Run { objects, tiles });
+        });
+        let count: usize = starts.iter().map(|count| *count as usize).sum();
+        if self.blocks.last().is_none_or(|last| last.len() - self.used < count) {
+            // The next ones may have a few more.
+            let likely = count + count / 64;
+            let pieces = (MOST_IN_BLOCK / likely.max(1)).min(pieces_left + 1);
+            self.blocks.push(roomy(if pieces > 1 { likely * pieces } else { count }));
+            self.used = 0;
+        }
+        let mut sum = self.used as u32;
+        for start in &mut starts {
+            sum += std::mem::replace(start, sum);
+        }
+        self.used += count;
+        let (block, lists) = (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed"));
+        let mut next = starts.clone();
+        for Run { objects, tiles } in &self.runs {
+            let run = &seen[objects.start as usize..objects.end as usize];
+            tiles.each(across, |tile| {
+                let next = &mut next[tile];
+                lists[*next as usize..][..run.len()].copy_from_slice(run);
+                *next += run.len() as u32;
+            });
+        }
+        self.pieces.push(Piece { block, starts });
+    }
+
+    /// All that is in a list, once for each.
+    pub(super) fn listed(&self) -> impl Iterator<Item = &Seen> {
+        let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
+        lists.chain(&self.large)
     }
 
     /// What a tile may see of what is in few tiles.
-    pub(super) fn of_tile(&self, tile: TilePlace, width: u32) -> &[Seen] {
-        let across = width.div_ceil(TILE_WIDTH as u32);
-        let index = (tile.down * across + tile.across) as usize;
-        &self.seen[self.starts[index] as usize..self.starts[index + 1] as usize]
+    pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Seen]> {
+        let index = (tile.down * self.picture.width.div_ceil(TILE_WIDTH as u32) + tile.across) as usize;
+        self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
     /// Those that are in many tiles and may be in this one.
     pub(super) fn large_in(&self, tile: TilePlace) -> impl Iterator<Item = Seen> {
         let (column, row) = tile.first();
+        let everywhere = self.most_tiles.is_none();
         let in_tile = move |large: &&Seen| {
-            if self.everywhere {
+            if everywhere {
                 return true;
             }
             let (x, y) = (range(large.columns), range(large.rows));
@@ -81,14 +118,18 @@ impl Bins {
     }
 }
 
+impl Piece {
+    /// What is in the lists of some tiles.
+    fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Seen>]) -> &'a [Seen] {
+        &blocks[self.block][self.starts[tiles.start] as usize..self.starts[tiles.end] as usize]
+    }
+}
+
 /// The tiles, row by row, that some of these may be in.
 pub(super) fn tiles_of(seen: &[Seen], picture: Picture) -> Vec<bool> {
     let across = picture.width.div_ceil(TILE_WIDTH as u32);
     let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
-    each_place(seen, usize::MAX, |_, ranges| {
-        let Some((x, y)) = ranges else { return };
-        y.for_each(|row| tiles[(row * across + x.start) as usize..][..x.len()].fill(true));
-    });
+    each_place(seen, |_, ranges| ranges.each(across, |tile| tiles[tile] = true));
     tiles
 }
 
@@ -98,40 +139,47 @@ pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
 }
 
 /// Columns and rows of tiles.
-type TileRanges = (Range<u32>, Range<u32>);
+struct TileRanges {
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
 
-/// Says of all objects that may be seen in which tiles: as many that follow one another and are in one and the same tile
-/// at a time, the others one by one, and None for those that are in too many. Neighbours in a mesh are mostly in one tile.
-fn each_place(seen: &[Seen], most_tiles: usize, mut say: impl FnMut(&[Seen], Option<TileRanges>)) {
-    let places = |seen: &Seen| {
-        let (x, y) = (range(seen.columns), range(seen.rows));
-        (tile_range(x, TILE_WIDTH), tile_range(y, TILE_HEIGHT))
-    };
-    let is_empty = |seen: &Seen| range(seen.columns).is_empty() || range(seen.rows).is_empty();
-    let mut rest = seen;
-    while let Some(first) = rest.first() {
-        if is_empty(first) {
-            rest = &rest[1..];
-            continue;
-        }
-        let (x, y) = places(first);
-        let tiles = x.len() * y.len();
-        let mut run = 1;
-        if tiles == 1 {
-            // Of those that are in this tile alone.
-            let (left, top) = (x.start * TILE_WIDTH as u32, y.start * TILE_HEIGHT as u32);
-            let within = |bounds: u32, first: u32, side: usize| {
-                first <= (bounds & 0xffff)
-                    && (bounds & 0xffff) < (bounds >> 16)
-                    && (bounds >> 16) <= first + side as u32
-            };
-            let alike = |seen: &&Seen| within(seen.columns, left, TILE_WIDTH) & within(seen.rows, top, TILE_HEIGHT);
-            run += rest[1..].iter().take_while(alike).count();
-        }
-        let (of_run, others) = rest.split_at(run);
-        say(of_run, (tiles <= most_tiles).then_some((x, y)));
-        rest = others;
+impl TileRanges {
+    fn count(&self) -> usize {
+        self.columns.len() * self.rows.len()
     }
+
+    /// Says the place of each, where a row has as many tiles as are `across`.
+    fn each(&self, across: u32, mut say: impl FnMut(usize)) {
+        for row in self.rows.clone() {
+            self.columns.clone().for_each(|column| say((row * across + column) as usize));
+        }
+    }
+}
+
+/// Says of all objects, none of which has empty bounds, in which tiles they are: as many at a time as follow one another
+/// and are in the same ones, as neighbours in a mesh mostly are.
+fn each_place(seen: &[Seen], mut say: impl FnMut(Range<u32>, TileRanges)) {
+    // The first pixels and the last ones, of which the upper bits say where a tile is.
+    const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
+    const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
+    let places =
+        |seen: &Seen| (u64::from(seen.rows) << 32 | u64::from(seen.columns)).wrapping_sub(PAST_TO_LAST) & TILES;
+    let mut start = 0;
+    while let Some(first) = seen.get(start) {
+        let place = places(first);
+        let end = start + 1 + seen[start + 1..].iter().take_while(|seen| places(seen) == place).count();
+        let columns = tile_range(range(first.columns), TILE_WIDTH);
+        let rows = tile_range(range(first.rows), TILE_HEIGHT);
+        say(start as u32..end as u32, TileRanges { columns, rows });
+        start = end;
+    }
+}
+
+/// Of the first and the last pixel's numbers the bits that differ from tile to tile.
+const fn tile_bits(side: usize) -> u64 {
+    let of_one = 0x1_0000 - side as u64;
+    of_one << 16 | of_one
 }
 
 /// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::panic::resume_unwind;
 use std::thread;
 
-use super::bins::{Bins, roomy};
+use super::bins::Bins;
 use super::forms::{Form, LONG};
 use super::{covered, range};
 use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
@@ -14,6 +14,10 @@ use crate::scene::{Camera, Grid};
 
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
+
+/// Objects that are looked at together: what is found of them stays in L2. They are more where there are more tiles, each
+/// of which every piece has a list for.
+const PIECE: usize = 1 << 14;
 
 /// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
@@ -129,25 +133,52 @@ where
         planned.into_iter().reduce(Planned::and).unwrap_or_default()
     }
 
+    /// Piece by piece, so that what is found of one is in the caches until it is in the lists.
     fn plan_part(&self, first_id: u32, objects: &[T], long: usize) -> Planned {
-        let mut seen = roomy(objects.len().next_multiple_of(CHUNK));
-        let all = self.widening.keep != Keep::NOTHING;
-        let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, &mut seen).unzip();
-        seen.truncate(count.unwrap_or(0));
+        let mut bins = Bins::new(self.picture, self.most_tiles);
+        let piece = PIECE.max(bins.tiles().next_multiple_of(CHUNK));
+        let mut room = vec![Seen::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
         let mut wide = Vec::new();
+        let mut extremes = None;
+        let pieces = objects.chunks(piece);
+        for (done, objects) in pieces.clone().enumerate() {
+            let first_id = first_id + (done * piece) as u32;
+            let (seen, of_piece) = self.find(first_id, objects, long, &mut room, &mut wide);
+            bins.add(seen, pieces.len() - 1 - done);
+            extremes = extremes.into_iter().chain(of_piece).reduce(Extremes::and);
+        }
+        Planned { bins: vec![bins], wide, extremes }
+    }
+
+    /// Finds the objects of a piece that may be seen, by way of `room`, and which tiles are `wide`.
+    fn find<'a>(
+        &self,
+        first_id: u32,
+        objects: &[T],
+        long: usize,
+        room: &'a mut [Seen],
+        wide: &mut Vec<Seen>,
+    ) -> (&'a [Seen], Option<Extremes>) {
+        let all = self.widening.keep != Keep::NOTHING;
+        let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, room).unzip();
+        let mut count = count.unwrap_or(0);
         let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
         // A NaN is not known to be less than anything.
         let is_sure = |near: f32| near <= narrow;
         if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
-            let mut is_wide = |seen: &mut Seen| {
+            let mut left = 0;
+            for i in 0..count {
+                let seen = &mut room[i];
                 let object = &objects[(seen.id - first_id) as usize];
                 let is_wide = !is_sure(seen.most) && (self.form)(object, seen) == Form::Wide && self.in_f32;
                 wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
-                is_wide
-            };
-            // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
-            seen.retain_mut(|seen| !(is_wide(seen) && all));
+                room[left] = *seen;
+                // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
+                left += usize::from(!(is_wide && all));
+            }
+            count = left;
         }
+        let seen = &mut room[..count];
         if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= long as f32) {
             // What is kept although it has no pixel has no tile either.
             let is_long = |seen: &&Seen| {
@@ -155,20 +186,27 @@ where
                 !sides.contains(&0) && sides.iter().any(|side| *side >= long)
             };
             for seen in seen.iter().filter(is_long) {
-                (self.steep)(&objects[(seen.id - first_id) as usize], seen, &mut wide);
+                (self.steep)(&objects[(seen.id - first_id) as usize], seen, wide);
             }
         }
         if seen.len() <= self.most_sorted {
             // Not negative, so that they are in the order of their bits.
             seen.sort_unstable_by_key(|seen| Reverse((seen.most.to_bits(), seen.id)));
         }
+        let mut count = seen.len();
         if all {
-            for Seen { id, columns, rows, .. } in &mut seen {
+            let mut left = 0;
+            for i in 0..count {
+                let Seen { id, columns, rows, .. } = &mut seen[i];
                 let object = &objects[(*id - first_id) as usize];
                 self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, object));
+                let has_pixels = covered(*columns, *rows) > 0;
+                seen[left] = seen[i];
+                left += usize::from(has_pixels);
             }
+            count = left;
         }
-        Planned { bins: vec![Bins::new(&seen, self.picture, self.most_tiles)], wide, extremes }
+        (&seen[..count], extremes)
     }
 }
 

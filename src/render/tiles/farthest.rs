@@ -1,35 +1,20 @@
 //! What is farthest in each part of a tile, and whether that hides an object.
 
-use crate::kernels::{Element, Seen, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileWindow};
+use crate::kernels::{self, Element, PART_SIDE, Seen, TILE_PARTS, TILE_WIDTH, TileBuffers, TileWindow};
 
-/// Sides of a part of a tile, in pixels: a square whose farthest pixel is known.
-const PART_SIDE: usize = 8;
 const PARTS_ACROSS: usize = TILE_WIDTH / PART_SIDE;
-const PARTS_DOWN: usize = TILE_HEIGHT / PART_SIDE;
 
 /// What is farthest in each part of a tile: 1/t, 0 where a pixel is nobody's.
 pub(super) struct Farthest {
     /// Of the whole tile.
     all: f64,
-    parts: [f64; PARTS_ACROSS * PARTS_DOWN],
+    parts: [f64; TILE_PARTS],
 }
 
 impl Farthest {
-    /// In what kernels of so many lanes have found.
-    pub(super) fn of<E: Element>(buffers: &TileBuffers<E>, lanes: usize) -> Self {
-        let least = |a: E, b: E| if b < a { b } else { a };
-        let mut parts = [[E::from_f64(f64::INFINITY); PART_SIDE]; PARTS_ACROSS * PARTS_DOWN];
-        // A part's pixels in a row of blocks follow one another.
-        let block_height = (lanes / 4).max(1);
-        for (i, row) in buffers.near().chunks_exact(TILE_WIDTH * block_height).enumerate() {
-            let parts = &mut parts[i * block_height / PART_SIDE * PARTS_ACROSS..][..PARTS_ACROSS];
-            for (part, near) in parts.iter_mut().zip(row.chunks_exact(PART_SIDE * block_height)) {
-                for near in near.as_chunks::<PART_SIDE>().0 {
-                    part.iter_mut().zip(near).for_each(|(part, near)| *part = least(*part, *near));
-                }
-            }
-        }
-        let parts = parts.map(|part| part.into_iter().fold(part[0], least).to_f64());
+    /// In what is found so far.
+    pub(super) fn of<E: Element>(buffers: &TileBuffers<E>, kernel: &kernels::Farthest<E>) -> Self {
+        let parts = kernel.call(buffers).map(E::to_f64);
         Farthest { all: parts.into_iter().fold(f64::INFINITY, f64::min), parts }
     }
 

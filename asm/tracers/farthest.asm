@@ -1,0 +1,77 @@
+; farthest.asm - what is farthest in each part of a tile, a square of pixels: what is behind that is hidden there.
+;
+; unsafe extern "sysv64" fn(tile: *const Tile, parts: *mut E)
+;
+;   rayo_<isa>_single_farthest    on f32
+;   rayo_<isa>_double_farthest    on f64
+;
+;   Squares are as wide as two blocks or more, and of a row of blocks each has what follows on what the one before has.
+;
+;   registers   rdi where the square begins in its first row of blocks, rsi parts, rdx rows of squares to go,
+;               rcx squares to go in a row
+;   writes      the least 1/t of each square, row by row from the top
+;   requires    the CPUID features of the ISA
+;   equals      Iterator::min_by, over the pixels of each square
+
+; LEAST_LANE - lane 0 of v0 = the least of its lanes. Clobbers v1.
+%macro LEAST_LANE 0
+%if VBYTES == 64
+    vextractf64x4 h1, v0, 1
+    VOP     min, h0, h0, h1
+%endif
+%if VBYTES >= 32
+    vextractf128 x1, ymm0, 1
+    VOP     min, x0, x0, x1
+%endif
+    IOP     unpckhpd, x1, x0, x0
+    VARITH  min, 0, x0, x0, x1
+%if ELEM == 4
+    IOP     psrlq, x1, x0, 32
+    VARITH  min, 0, x0, x0, x1
+%endif
+%endmacro
+
+; FARTHEST - the function, for one element type.
+%macro FARTHEST 0
+%assign %%part PART_SIDE * BLOCK_HEIGHT * ELEM  ; bytes of a square in a row of blocks
+%assign %%row TILE_WIDTH * BLOCK_HEIGHT * ELEM  ; bytes of a row of blocks
+FUNC ISA_NAME %+ _farthest
+    mov     edx, TILE_HEIGHT / PART_SIDE
+.row:
+    mov     ecx, TILE_WIDTH / PART_SIDE
+.part:
+%assign %%down 0
+%rep PART_SIDE / BLOCK_HEIGHT
+%assign %%across 0
+%rep %%part / VBYTES
+%if %%down + %%across == 0
+    VMOV    v0, [rdi]
+%else
+    VMIN    v0, v0, [rdi + %%row * %%down + VBYTES * %%across]
+%endif
+%assign %%across %%across + 1
+%endrep
+%assign %%down %%down + 1
+%endrep
+    LEAST_LANE
+%if ELEM == 4 && HAS_VEX
+    vmovss  [rsi], x0
+%elif ELEM == 4
+    movss   [rsi], x0
+%elif HAS_VEX
+    vmovsd  [rsi], x0
+%else
+    movsd   [rsi], x0
+%endif
+    add     rdi, %%part
+    add     rsi, ELEM
+    dec     ecx
+    jnz     .part
+    add     rdi, %%row * (PART_SIDE / BLOCK_HEIGHT - 1)
+    dec     edx
+    jnz     .row
+%if HAS_VEX
+    vzeroupper
+%endif
+ENDFUNC
+%endmacro
