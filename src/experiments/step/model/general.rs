@@ -86,7 +86,7 @@ fn flags(i: &mut Instruction, from: &[Element], made: Flags) {
 
 /// Sign, zero and parity of a result.
 fn result_flags(i: &mut Instruction, from: &[Element], result: u64, bits: u32) {
-    let even = (result as u8).count_ones() % 2 == 0;
+    let even = (result as u8).count_ones().is_multiple_of(2);
     let sign = result >> (bits - 1) & 1 == 1;
     flags(i, from, &[(ZERO, Some(result == 0)), (SIGN, Some(sign)), (PARITY, Some(even))]);
 }

@@ -214,7 +214,7 @@ impl<'a> Instruction<'a> {
     pub fn zero(&mut self, to: Operand, from: u32, end: u32) {
         let mut byte = from;
         while byte < end {
-            let bytes = if byte % 8 == 0 { 8 } else { 4 };
+            let bytes = if byte.is_multiple_of(8) { 8 } else { 4 };
             self.write(to.bytes_from(byte, bytes), Value::zero());
             byte += bytes;
         }
