@@ -91,6 +91,10 @@ fn every_command_of_the_readme_succeeds() {
     let directory = scratch_folder();
     for mut command in commands() {
         if cfg!(not(rayo_asm)) {
+            // Without kernels there are none to watch.
+            if command[0] == "step" {
+                continue;
+            }
             command.iter_mut().filter(|word| *word == "paper").for_each(|engine| *engine = "rust".to_owned());
         }
         let output = rayo(&command, directory.path());
@@ -117,7 +121,7 @@ fn every_subcommand_and_flag_of_a_document_is_known_to_the_program() {
         }
     }
     assert!(checked > 10);
-    let all = help(&["render"]) + &help(&["diff"]);
+    let all = help(&["render"]) + &help(&["diff"]) + &help(&["step"]);
     for span in spans("README.md").iter().filter(|span| span.starts_with("--") && !span.contains("features")) {
         assert!(has_flag(&all, span.split(' ').next().unwrap()), "no subcommand has {span}");
     }

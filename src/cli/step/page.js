@@ -42,5 +42,5 @@ document.addEventListener("keydown", (event) => {
     }
 });
 steps.forEach((step, at) => step.addEventListener("click", () => show(at)));
-// The first that is in sight.
-show(Math.max(0, steps.findIndex((step) => step.offsetParent !== null)));
+// The first that is not folded away.
+show(Math.max(0, steps.findIndex((step) => !step.closest("details:not([open])"))));
