@@ -68,6 +68,7 @@ pub struct StepArgs {
 
 /// A column and a row.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "it is checked as in every build"))]
 struct Pixel(u32, u32);
 
 impl FromStr for Pixel {
@@ -82,6 +83,7 @@ impl FromStr for Pixel {
 
 /// Up to three numbers.
 #[derive(Clone, Debug)]
+#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "it is checked as in every build"))]
 struct Vector(Vec<f32>);
 
 impl FromStr for Vector {
