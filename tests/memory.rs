@@ -59,7 +59,7 @@ fn peak_beside(scene: &Scene, precision: Precision) -> usize {
 
 #[test]
 fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_190_bytes_beside_the_scene() {
-    /// As below, and what is kept of the triangles of one tile that are traced at once.
+    /// As below, what is kept of the triangles of one tile that are traced at once, and what is found of a piece.
     const FIXED: usize = 4 << 20;
     const COUNT: usize = 500_000;
     let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();

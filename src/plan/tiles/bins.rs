@@ -21,8 +21,8 @@ pub(super) struct Bins {
     used: usize,
     /// Those that are in many tiles.
     large: Vec<Seen>,
-    /// For the next piece.
-    runs: Vec<Run>,
+    /// Where the runs of the last piece end.
+    ends: Vec<u32>,
 }
 
 /// Where the objects of a piece of the scene are.
@@ -32,17 +32,11 @@ struct Piece {
     starts: Vec<u32>,
 }
 
-/// As many objects of a piece that follow one another and are in the same tiles.
-struct Run {
-    objects: Range<u32>,
-    tiles: TileRanges,
-}
-
 impl Bins {
     /// Without objects.
     pub(super) fn new(picture: Picture, most_tiles: Option<usize>) -> Self {
-        let (pieces, blocks, large, runs) = Default::default();
-        Bins { picture, most_tiles, pieces, blocks, used: 0, large, runs }
+        let (pieces, blocks, large, ends) = Default::default();
+        Bins { picture, most_tiles, pieces, blocks, used: 0, large, ends }
     }
 
     /// How many tiles there are.
@@ -57,14 +51,16 @@ impl Bins {
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
         // How many objects each tile has, and then where they begin.
         let mut starts = vec![0_u32; self.tiles() + 1];
-        self.runs.clear();
-        each_place(seen, |objects, tiles| {
+        self.ends.clear();
+        for run in runs_of(seen) {
+            self.ends.push(run.len() as u32 + self.ends.last().copied().unwrap_or(0));
+            let tiles = TileRanges::of(&run[0]);
             if tiles.count() > most_tiles {
-                return self.large.extend_from_slice(&seen[objects.start as usize..objects.end as usize]);
+                self.large.extend_from_slice(run);
+            } else {
+                tiles.each(across, |tile| starts[tile] += run.len() as u32);
             }
-            tiles.each(across, |tile| starts[tile] += objects.len() as u32);
-            self.runs.push(Run { objects, tiles });
-        });
+        }
         let count: usize = starts.iter().map(|count| *count as usize).sum();
         if self.blocks.last().is_none_or(|last| last.len() - self.used < count) {
             // The next ones may have a few more.
@@ -80,8 +76,14 @@ impl Bins {
         self.used += count;
         let (block, lists) = (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed"));
         let mut next = starts.clone();
-        for Run { objects, tiles } in &self.runs {
-            let run = &seen[objects.start as usize..objects.end as usize];
+        let mut start = 0;
+        for end in &self.ends {
+            let run = &seen[start..*end as usize];
+            start = *end as usize;
+            let tiles = TileRanges::of(&run[0]);
+            if tiles.count() > most_tiles {
+                continue;
+            }
             tiles.each(across, |tile| {
                 let next = &mut next[tile];
                 lists[*next as usize..][..run.len()].copy_from_slice(run);
@@ -129,7 +131,7 @@ impl Piece {
 pub(super) fn tiles_of(seen: &[Seen], picture: Picture) -> Vec<bool> {
     let across = picture.width.div_ceil(TILE_WIDTH as u32);
     let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
-    each_place(seen, |_, ranges| ranges.each(across, |tile| tiles[tile] = true));
+    seen.iter().for_each(|seen| TileRanges::of(seen).each(across, |tile| tiles[tile] = true));
     tiles
 }
 
@@ -145,6 +147,12 @@ struct TileRanges {
 }
 
 impl TileRanges {
+    /// Of an object whose bounds are not empty.
+    fn of(seen: &Seen) -> Self {
+        let columns = tile_range(range(seen.columns), TILE_WIDTH);
+        TileRanges { columns, rows: tile_range(range(seen.rows), TILE_HEIGHT) }
+    }
+
     fn count(&self) -> usize {
         self.columns.len() * self.rows.len()
     }
@@ -157,23 +165,15 @@ impl TileRanges {
     }
 }
 
-/// Says of all objects, none of which has empty bounds, in which tiles they are: as many at a time as follow one another
-/// and are in the same ones, as neighbours in a mesh mostly are.
-fn each_place(seen: &[Seen], mut say: impl FnMut(Range<u32>, TileRanges)) {
+/// All objects, none of which has empty bounds, as many at a time as follow one another and are in the same tiles.
+/// Neighbours in a mesh mostly are.
+fn runs_of(seen: &[Seen]) -> impl Iterator<Item = &[Seen]> {
     // The first pixels and the last ones, of which the upper bits say where a tile is.
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
     let places =
         |seen: &Seen| (u64::from(seen.rows) << 32 | u64::from(seen.columns)).wrapping_sub(PAST_TO_LAST) & TILES;
-    let mut start = 0;
-    while let Some(first) = seen.get(start) {
-        let place = places(first);
-        let end = start + 1 + seen[start + 1..].iter().take_while(|seen| places(seen) == place).count();
-        let columns = tile_range(range(first.columns), TILE_WIDTH);
-        let rows = tile_range(range(first.rows), TILE_HEIGHT);
-        say(start as u32..end as u32, TileRanges { columns, rows });
-        start = end;
-    }
+    seen.chunk_by(move |a, b| places(a) == places(b))
 }
 
 /// Of the first and the last pixel's numbers the bits that differ from tile to tile.

@@ -15,9 +15,9 @@ use crate::scene::{Camera, Grid};
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
 
-/// Objects that are looked at together: what is found of them stays in L2. They are more where there are more tiles, each
-/// of which every piece has a list for.
-const PIECE: usize = 1 << 14;
+/// Objects that are looked at together: few enough that what is found of them stays in the caches, and so many that a tile
+/// finds some side by side. They are more where there are more tiles, of each of which every piece has a list.
+const PIECE: usize = 1 << 17;
 
 /// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
