@@ -24,6 +24,8 @@ use rayo::scene::{self, Camera, Rng, Scene, many};
 
 /// Instructions of one recording.
 const MOST: usize = 20_000;
+/// The numbers of the steps to record.
+const ALL: &[Range<u64>] = std::slice::from_ref(&(0..u64::MAX));
 /// A picture of packets, wide enough for the instructions that store whole registers; and of single rays. Steps are slow.
 const SIZE: (u32, u32) = (49, 3);
 const SIZE_OF_RAYS: (u32, u32) = (7, 3);
@@ -84,8 +86,7 @@ struct Proof {
 impl Proof {
     /// Records `action`, and holds the model against each step, which it rounds once if at all.
     fn of(&mut self, name: &str, action: impl FnOnce()) {
-        let recording =
-            step::record(&watched(), &[0..u64::MAX], MOST, action).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let recording = step::record(&watched(), ALL, MOST, action).unwrap_or_else(|error| panic!("{name}: {error}"));
         let mut shadow = Shadow::new();
         for step in recording.steps() {
             self.steps += 1;
@@ -134,6 +135,8 @@ fn the_model_gives_every_bit_of_every_step_of_every_engine() {
         let in_tiles = scene.spheres.len() + scene.triangles.len() >= 32;
         let stepped = Engine::ALL.iter().filter(|engine| engine.is_packet() || **engine == Engine::Paper);
         for (number, engine) in stepped.filter(|engine| engine.usable()).enumerate() {
+            let (width, height) = if engine.is_packet() { SIZE } else { SIZE_OF_RAYS };
+            scene.camera = Camera::new(width, height, scene.camera.focal(), scene.camera.film()).unwrap();
             // Formats by turns, and where there are many objects precisions and instruction sets too: a step takes its time.
             let precisions = engine.precisions();
             if in_tiles && engine.is_packet() && number % 3 != index % 3 {
@@ -241,7 +244,7 @@ fn shadows_are_exact<E: PacketElement>(format: Number, rng: &mut Rng) {
             let mut out = many(op.lanes * op.shape.out_numbers);
             let mut shadow = Shadow::new();
             let (mut operations, mut largest) = (0, 0.0_f64);
-            let recording = step::record(&watched(), &[0..u64::MAX], MOST, || op.call(&mut out, &a, &b)).unwrap();
+            let recording = step::record(&watched(), ALL, MOST, || op.call(&mut out, &a, &b)).unwrap();
             for step in recording.steps() {
                 let StepError { check, errors, overturned, restarted, .. } = shadow.step(&step);
                 assert!(check.is_ok_and(|check| check.differences.is_empty()), "{}", op.symbol());
@@ -296,7 +299,7 @@ fn a_wrong_answer_of_the_paper_is_seen_where_exact_values_would_have_decided_oth
         let meeting = exact.meet(&exact::Ray::new(ray.map(f64::from)));
         let ray = Vec4::new(ray[0], ray[1], ray[2]);
         let mut t = 0.0;
-        let recording = step::record(&watched(), &[0..u64::MAX], MOST, || t = sphere_hit.call(&ray, &far)).unwrap();
+        let recording = step::record(&watched(), ALL, MOST, || t = sphere_hit.call(&ray, &far)).unwrap();
         let (mut shadow, mut overturned, mut cancelled) = (Shadow::new(), 0, 0);
         for step in recording.steps() {
             let found = shadow.step(&step);
