@@ -177,7 +177,7 @@ fn read_sources(strings: &mut Strings) -> Sources {
                 && number.trim().parse() == Ok(last.parameters.len() + 1)
             {
                 let (kind, says) = comment.trim().trim_start_matches('[').split_once(']').unwrap_or_default();
-                last.parameters.push([name, kind.trim(), says.trim()].map(|text| strings.place(text)));
+                last.parameters.push([name.trim(), kind.trim(), says.trim()].map(|text| strings.place(text)));
             }
         }
     }

@@ -228,8 +228,8 @@ pub fn dearest(watched: &Watched) -> String {
     out
 }
 
-/// A cost that is no news: some roundings.
-const LITTLE: f64 = 2.0;
+/// A cost that is no news: some roundings, and what a few bits that cancel make of them.
+const LITTLE: f64 = 10.0;
 
 /// What went into a macro, and what came out.
 pub fn values(arguments: &[Argument]) -> String {

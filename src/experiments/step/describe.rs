@@ -442,7 +442,8 @@ fn in_words(text: &str, within: Option<&Call>, parameters: &[Parameter]) -> Stri
     let mut words = text.replace("%%", "");
     // What NASM pastes together.
     for (parameter, argument) in parameters.iter().zip(within.map_or(&[][..], |call| &call.arguments)) {
-        words = words.replace(&format!("{} %+ ", parameter.name), argument);
+        words = words.replace(&format!("%+ {}", parameter.name), &format!("%+ {argument}"));
+        words = words.replace(&format!("{} %+", parameter.name), &format!("{argument} %+"));
     }
     words = words.replace(" %+ ", "");
     for (index, argument) in within.map_or(&[][..], |call| &call.arguments).iter().enumerate().rev() {
