@@ -51,6 +51,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "shl" | "shr" => shift(i),
         "shlx" | "shrx" | "bzhi" => by_register(i),
         "bsf" => lowest_bit(i),
+        "popcnt" => count_bits(i),
         "bt" | "btr" => test_bit(i),
         "xchg" => {
             let (a, b) = (i.operand(0)?, i.operand(1)?);
@@ -235,6 +236,16 @@ fn lowest_bit(i: &mut Instruction) -> Option<()> {
     }
     flags(i, &[from], &[(ZERO, Some(a == 0))]);
     flags(i, &[], &[(CARRY, None), (SIGN, None), (PARITY, None), (OVERFLOW, None)]);
+    Some(())
+}
+
+fn count_bits(i: &mut Instruction) -> Option<()> {
+    let (to, from) = (i.operand(0)?, i.operand(1)?.whole());
+    let a = i.read(from);
+    i.write_general(to, Value::computed(a.count_ones().into(), [from]));
+    flags(i, &[from], &[(ZERO, Some(a == 0))]);
+    let zero = Some(false);
+    flags(i, &[], &[(CARRY, zero), (SIGN, zero), (PARITY, zero), (OVERFLOW, zero)]);
     Some(())
 }
 

@@ -11,8 +11,9 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "pcmpeqd" => binary(i, |a, b| if a == b { u32::MAX } else { 0 }),
         "pmaxud" => choose(i, |a, b| a >= b),
         "pminud" => choose(i, |a, b| a <= b),
-        "pslld" => shift(i, u32::checked_shl),
-        "psrld" => shift(i, u32::checked_shr),
+        "pslld" => shift(i, 4, u64::checked_shl),
+        "psrld" => shift(i, 4, u64::checked_shr),
+        "psrlq" => shift(i, 8, u64::checked_shr),
         "packssdw" => pack(i, 4, |bits| (bits as i32).clamp(i16::MIN.into(), i16::MAX.into()) as u64),
         "packuswb" => pack(i, 2, |bits| (bits as i16).clamp(0, 255) as u64),
         _ => None,
@@ -38,13 +39,14 @@ fn choose(i: &mut Instruction, takes_first: impl Fn(u64, u64) -> bool) -> Option
     })
 }
 
-/// By an immediate operand, which may be more than an element has bits.
-fn shift(i: &mut Instruction, compute: impl Fn(u32, u32) -> Option<u32>) -> Option<()> {
+/// Of elements of `bytes` bytes, by an immediate operand, which may be more than these have bits.
+fn shift(i: &mut Instruction, bytes: u32, compute: impl Fn(u64, u32) -> Option<u64>) -> Option<()> {
     let from = i.operand(i.operands().checked_sub(1)?)?;
     let count = i.immediate()? as u32;
-    i.each(4, |i, lane| {
-        let element = from.element(lane, 4);
-        Value::computed(compute(i.read(element) as u32, count).unwrap_or(0).into(), [element])
+    i.each(bytes, |i, lane| {
+        let element = from.element(lane, bytes);
+        let shifted = compute(i.read(element), count).filter(|_| count < 8 * bytes).unwrap_or(0);
+        Value::computed(shifted & u64::MAX >> (64 - 8 * bytes), [element])
     })
 }
 

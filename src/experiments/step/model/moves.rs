@@ -46,6 +46,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "extractps" | "pextrd" => extract_element(i, 4),
         "pextrw" => extract_element(i, 2),
         "pextrb" => extract_element(i, 1),
+        "pcompressd" => compress(i, 4),
         "zeroupper" => zero_upper(i),
         _ => None,
     }
@@ -77,6 +78,26 @@ fn scalar(i: &mut Instruction, bytes: u32) -> Option<()> {
 fn of_last(i: &mut Instruction, bytes: u32, index: impl Fn(u32) -> u32) -> Option<()> {
     let from = i.last()?;
     i.each(bytes, |_, lane| Value::copy(from.element(index(lane), bytes)))
+}
+
+/// The elements that the mask selects, side by side, and 0 behind them: from register to register.
+fn compress(i: &mut Instruction, bytes: u32) -> Option<()> {
+    let (to, from) = (i.operand(0)?, i.last()?);
+    if to.is_memory() || !i.raw.zeroing_masking() {
+        return None;
+    }
+    let lanes = to.bytes / bytes;
+    let bits = (0..lanes).map(|lane| i.selected(lane)).collect::<Option<Vec<_>>>()?;
+    let mut selected = (0..lanes).filter(|&lane| bits[lane as usize].0);
+    let values =
+        (0..lanes).map(|_| selected.next().map_or(Value::zero(), |lane| Value::copy(from.element(lane, bytes))));
+    for (lane, value) in values.collect::<Vec<_>>().into_iter().enumerate() {
+        // All of the mask says what comes where.
+        let value = bits.iter().fold(value, |value, (_, bit)| value.by(*bit));
+        i.write(to.element(lane as u32, bytes), value);
+    }
+    i.zero_beyond(to, to.bytes);
+    Some(())
 }
 
 fn halves(i: &mut Instruction, pick: impl Fn(Operand, Operand) -> [Element; 2]) -> Option<()> {
