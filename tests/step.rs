@@ -230,6 +230,7 @@ fn bad_use_is_told_with_what_to_do() {
         (&["step", scene, "--engine", "c"], "`rayo ops --engine c --asm` lists them"),
         (&["step", scene, "--size", "40x30", "--lane", "1"], "there is no lane 1: this engine traces ray by ray"),
         (&["step", scene, "--size", "40x30", "--steps", "10"], "more than the 10 that are recorded: raise --steps"),
+        (&["step", "scenes/many.in"], "choose fewer pixels by --size, or packets by --engine"),
         (&["step", scene, "--size", "40x30", "--only", "NOTHING"], "no macro `NOTHING` was called here; there were: "),
         (&["step", "--op", "sphere", "--a", "1,2,3"], "there is no operation `sphere` on vectors alone"),
         (&["step", "--op", "dot", "--a", "1,2,3"], "`dot` takes a second vector of three numbers: --b 4,5,6"),

@@ -30,7 +30,7 @@ use parts::{Part, parts_of_call, range_of};
 use shadow::{Shadow, StepError};
 
 /// Instructions of a row of pixels that are followed at most, to find those of one pixel among them.
-const MOST_VISITS: usize = 1 << 21;
+const MOST_VISITS: usize = 1 << 20;
 
 /// The instructions that cost most digits, that are named.
 const DEAREST: usize = 3;
@@ -80,12 +80,9 @@ pub enum WatchError {
     Unavailable(#[from] Unavailable),
     /// A row that is too much work to be followed.
     #[error(
-        "this row of pixels takes {needed} instructions, and {MOST_VISITS} can be followed: choose fewer pixels by --size, or packets by --engine"
+        "this row of pixels takes more than the {MOST_VISITS} instructions that can be followed: choose fewer pixels by --size, or packets by --engine"
     )]
-    Row {
-        /// Those of the row.
-        needed: u64,
-    },
+    Row,
     /// More instructions than were asked for.
     #[error("this takes {needed} instructions, more than the {most} that are recorded: raise --steps")]
     TooMany {
@@ -216,10 +213,11 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     // Once before: what is computed or bound at the first call is not the row's.
     trace();
     let watched = [unit.code.clone()];
-    let (visits, executed) = step::visits(&watched, MOST_VISITS, &mut trace)?;
-    if executed > visits.len() as u64 {
-        return Err(WatchError::Row { needed: executed });
+    let (visits, all) = step::visits(&watched, MOST_VISITS, &mut trace)?;
+    if !all {
+        return Err(WatchError::Row);
     }
+    let executed = visits.len() as u64;
     let calls = calls(unit, &visits);
     let mut run = Run { visits: &visits, film: address..address + bytes, pixel: 0..0 };
     run.pixel = pixel_bytes(address, size, pixel.0);

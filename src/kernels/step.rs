@@ -108,15 +108,15 @@ pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Re
     imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 
-/// That the thread executes instructions at the addresses `watched` in `action`: the first `most` of them, and how many there
-/// are.
+/// That the thread executes instructions at the addresses `watched` in `action`: the first `most` of them, and whether these
+/// are all. After them it goes on without being stepped.
 ///
 /// # Errors
 /// Where single-stepping is not available or not exact.
 ///
 /// # Panics
 /// As [`count_instructions`].
-pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, u64), Unavailable> {
+pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, bool), Unavailable> {
     imp::self_test()?;
     let mut recorder = Recorder::of_visits(watched, most);
     imp::run(0, 0, Some(&mut recorder), action)?;
@@ -245,10 +245,8 @@ mod imp {
         }
         s.current.store(rip, Relaxed);
         let recorder = s.recorder.load(Relaxed);
-        if !recorder.is_null() {
-            // SAFETY: it outlives the stepping, in which only this handler touches it; and the context is that of a trap.
-            unsafe { (*recorder).trap(context) };
-        }
+        // SAFETY: it outlives the stepping, in which only this handler touches it; and the context is that of a trap.
+        let full = !recorder.is_null() && unsafe { (*recorder).trap(context) };
         let registers = &mut context.uc_mcontext.gregs;
         if done != 0 {
             increment(&s.total);
@@ -268,7 +266,7 @@ mod imp {
             s.frame.store(rsp, Relaxed);
             increment(&s.calls);
         }
-        let stop = rip == s.stop.load(Relaxed);
+        let stop = full || rip == s.stop.load(Relaxed);
         // A panic ends the counting: to step through the making of a backtrace would take minutes.
         if stop || std::thread::panicking() {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
@@ -486,8 +484,8 @@ mod imp {
             Recorder
         }
 
-        pub fn into_visits(self) -> (Vec<Visit>, u64) {
-            (Vec::new(), 0)
+        pub fn into_visits(self) -> (Vec<Visit>, bool) {
+            (Vec::new(), true)
         }
 
         pub fn into_recording(self) -> Recording {

@@ -69,11 +69,14 @@ impl Recorder {
         Recorder { watched: watched.into(), executed: 0, keeps }
     }
 
-    /// What was executed, and how much there was in all.
-    pub fn into_visits(self) -> (Vec<Visit>, u64) {
+    /// What was executed, and whether it is all.
+    pub fn into_visits(self) -> (Vec<Visit>, bool) {
         match self.keeps {
-            Keeps::Visits(visits) => (visits, self.executed),
-            Keeps::Moments(_) => (Vec::new(), self.executed),
+            Keeps::Visits(visits) => {
+                let all = visits.len() as u64 == self.executed;
+                (visits, all)
+            }
+            Keeps::Moments(_) => (Vec::new(), false),
         }
     }
 
@@ -85,11 +88,11 @@ impl Recorder {
         Recording { moments, executed: self.executed, left_out }
     }
 
-    /// Comes before each instruction, with the context that it interrupted.
+    /// Comes before each instruction, with the context that it interrupted. Gives whether nothing more can be kept.
     ///
     /// # Safety
     /// The context is that of a trap after an instruction, and its instruction pointer is about to be executed.
-    pub unsafe fn trap(&mut self, context: &libc::ucontext_t) {
+    pub unsafe fn trap(&mut self, context: &libc::ucontext_t) -> bool {
         let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
         let range = self.watched.iter().find(|range| range.contains(&rip));
         let number = range.is_some().then_some(self.executed);
@@ -102,7 +105,10 @@ impl Recorder {
         }
         match &mut self.keeps {
             Keeps::Visits(visits) => {
-                if number.is_some() && visits.len() < visits.capacity() {
+                if number.is_some() {
+                    if visits.len() == visits.capacity() {
+                        return true;
+                    }
                     let (address, bytes) = operand(&decoded(&code, rip), &general(context)).unwrap_or_default();
                     visits.push(Visit { rip: rip as u64, address, bytes: bytes as u8 });
                 }
@@ -110,6 +116,7 @@ impl Recorder {
             // SAFETY: by the contract of this function.
             Keeps::Moments(moments) => unsafe { moments.trap(context, number, code) },
         }
+        false
     }
 }
 
