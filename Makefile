@@ -20,7 +20,7 @@ setup: ## Install what the build needs and this machine lacks
 build: setup ## Build the program, target/release/rayo
 	$(cargo) build --release --locked
 
-demo: build ## Render two scenes on several engines, compare the pictures, and measure C against SIMD
+demo: build ## Render two scenes on several engines, compare the pictures, and make a page of all experiments
 	@rayo=$(rayo) scripts/demo.sh
 
 test: setup ## Run everything that must pass: format, lints, tests with assembly and without, the library alone, documentation

@@ -325,7 +325,11 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
     for symbol in kernels::packet_op_symbols().filter(|symbol| symbol.contains("_single_")) {
         expected.extend(["latency", "throughput"].map(|chain| format!("{symbol}_{chain}")));
     }
-    expected.extend(UNITS.iter().map(|unit| format!("rayo_{}_single_feedback_latency", unit.name)));
+    for unit in &UNITS {
+        expected.extend(
+            ["feedback_latency", "muladd_throughput"].map(|chain| format!("rayo_{}_single_{chain}", unit.name)),
+        );
+    }
     let mut found = BTreeSet::new();
     for (unit, _) in OBJECTS.iter().filter(|(unit, _)| !MEASURED.contains(unit)) {
         for name in Code64::of(unit).exported() {

@@ -121,7 +121,7 @@ fn every_subcommand_and_flag_of_a_document_is_known_to_the_program() {
         }
     }
     assert!(checked > 10);
-    let all = help(&["render"]) + &help(&["diff"]) + &help(&["step"]);
+    let all = help(&["render"]) + &help(&["diff"]) + &help(&["step"]) + &help(&["report"]);
     for span in spans("README.md").iter().filter(|span| span.starts_with("--") && !span.contains("features")) {
         assert!(has_flag(&all, span.split(' ').next().unwrap()), "no subcommand has {span}");
     }

@@ -6,6 +6,8 @@
 ;                                        result
 ;   rayo_<isa>_single_<op>3_throughput   as many operations that need nothing of each other
 ;   rayo_<isa>_single_feedback_latency   as many times what leads a result back to an operand, alone
+;   rayo_<isa>_single_muladd_throughput  SUMS times <rounds> multiplications with an addition, on as many registers that
+;                                        need nothing of each other: the most arithmetic that a core does
 ;
 ;   All give the number of operations in a round. As chains.asm has it for one vector, so for a packet: in a chain of
 ;   latency LEAD_BACK gives every operation the same operand whatever the last one computed; operands that an operation
@@ -14,6 +16,7 @@
 ;   requires       the CPUID features of the ISA; rounds >= 1
 
 %assign CHAIN_LINKS 8                   ; operations in a round
+%assign SUMS 14                         ; multiplications with an addition in a round
 
 ; LEAD_BACK - d = a, by way of r: the latency of an and and an or.
 %macro LEAD_BACK 3
@@ -49,11 +52,12 @@ align 32
 %endmacro
 
 ; END_CHAIN - what it ends with.
-%macro END_CHAIN 0
+%macro END_CHAIN 1
+%define %%operations %1 ; [in]  how many operations a round has
     dec     rcx
     jnz     .round
     UNCONSTANTS
-    mov     eax, CHAIN_LINKS
+    mov     eax, %%operations
 ENDFUNC
 %endmacro
 
@@ -74,7 +78,7 @@ FUNC ISA_NAME %+ _ %+ %%name %+ _latency
     %%operation
     LEAD_BACK v0, %%result, [%%value]
 %endrep
-END_CHAIN
+END_CHAIN CHAIN_LINKS
 
 FUNC ISA_NAME %+ _ %+ %%name %+ _throughput
     BEGIN_CHAIN %%value, %%record, %%constants
@@ -83,7 +87,7 @@ FUNC ISA_NAME %+ _ %+ %%name %+ _throughput
     FIRST   %%value
     %%operation
 %endrep
-END_CHAIN
+END_CHAIN CHAIN_LINKS
 %endmacro
 
 ; ON_BLACK - LAMBERT3 on black.
@@ -134,7 +138,19 @@ FUNC ISA_NAME %+ _feedback_latency
 %rep CHAIN_LINKS
     LEAD_BACK v0, v0, [PACKET(chain_a)]
 %endrep
-END_CHAIN
+END_CHAIN CHAIN_LINKS
+
+; Each sum comes to 3, whatever it begins with: d = d / 2 + 1.5.
+FUNC ISA_NAME %+ _muladd_throughput
+    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
+    VLOAD   v1, [PACKET(chain_b)]
+.round:
+%assign SUM 2
+%rep SUMS
+    VFMADD  v %+ SUM, v0, v1
+%assign SUM SUM + 1
+%endrep
+END_CHAIN SUMS
 
 CHAINS add3, PACKET(chain_a), NONE, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
 CHAINS sub3, PACKET(chain_a), NONE, v0, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}

@@ -13,9 +13,7 @@ use super::measuring::{
     announce, bar, create_directory, start_threads_and_pin, stop_on_ctrl_c, tell_whether, write_results,
 };
 use super::{Failure, print_result};
-#[cfg(rayo_asm)]
-use crate::experiments::accuracy::plain;
-use crate::experiments::accuracy::{self, AccuracyReport, plot, subjects, summary};
+use crate::experiments::accuracy::{self, plot, subjects};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
 
 /// Scenes so few that each is shown row by row.
@@ -65,38 +63,20 @@ pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
     };
     start_threads_and_pin();
 
-    let contenders = accuracy::contenders_and_options();
-    let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick);
+    let contenders = accuracy::contenders_and_options().len();
+    let seconds = accuracy::forecast_of_measure(&subjects, contenders, args.quick);
     announce(seconds, (!args.quick).then_some("--quick"));
     let bar = bar(subjects.len() as u64);
-    let mut rows = Vec::new();
-    let against_plain = Vec::new();
-    #[cfg(rayo_asm)]
-    let mut against_plain = against_plain;
-    let mut complete = true;
-    for subject in &subjects {
-        let mut proceed = || !stop.load(Ordering::Relaxed);
-        let measured = accuracy::measure(subject, &contenders, args.quick, clock, (hz, cycles), &mut proceed);
-        match measured.map_err(Failure::input)? {
-            Some(measured) => rows.extend(measured),
-            None => {
-                complete = false;
-                break;
-            }
-        }
-        #[cfg(rayo_asm)]
-        if subject.family.is_none() {
-            let timed = plain::against_plain(&subject.name, &subject.scene, clock, hz, &mut proceed);
-            against_plain.extend(timed.map_err(Failure::input)?.into_iter().flatten());
-        }
-        bar.inc(1);
-    }
+    let mut proceed = |subjects| {
+        bar.inc(subjects);
+        !stop.load(Ordering::Relaxed)
+    };
+    let document = accuracy::sweep(&subjects, args.quick, machine, clock, (hz, cycles), &mut proceed);
+    let document = document.map_err(Failure::input)?;
     bar.finish_and_clear();
-    if rows.is_empty() {
+    if document.rows.is_empty() {
         return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));
     }
-    let off_every_front = summary::off_every_front(&rows);
-    let document = AccuracyReport { machine, complete, quick: args.quick, rows, off_every_front, against_plain };
     let figure = plot::figure(&document.rows).map_err(Failure::output)?;
     let (page, csv) = (markdown::text(&document), table::csv(&document));
     let texts = [("accuracy.md", page), ("table.csv", csv), ("accuracy.svg", figure)];

@@ -5,9 +5,9 @@ mod complexity;
 #[cfg(rayo_asm)]
 mod one_run;
 #[cfg(rayo_asm)]
-mod run;
+pub mod run;
 #[cfg(rayo_asm)]
-mod table;
+pub mod table;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,7 +24,7 @@ const MAX_RUNS: u64 = 100_000;
 /// Prints a verdict for each of the paper's claims, and with --full its table beside ours and what the verdicts rest on.
 /// Writes table.csv, table.md, results.json, figure2.svg and ratio.svg to the directory that --out names; with --complexity
 /// complexity.md, .csv, .json and .svg. Ctrl-C keeps what is finished, with exit status 130.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct ExperimentArgs {
     /// Five sizes and five runs of each: well under a minute
     #[arg(long)]
@@ -59,6 +59,14 @@ pub struct ExperimentArgs {
     /// With --one-run: the core to stay on
     #[arg(long, value_name = "NUMBER", hide = true)]
     core: Option<usize>,
+}
+
+#[cfg(rayo_asm)]
+impl ExperimentArgs {
+    /// All of it, for those that measure more than that; they write their own files.
+    pub fn whole(quick: bool) -> Self {
+        ExperimentArgs { quick, ladder: true, ..ExperimentArgs::default() }
+    }
 }
 
 /// Measures, prints and writes; or is one run of it.

@@ -13,6 +13,7 @@ mod measuring;
 mod ops;
 mod plan;
 mod render;
+mod report;
 mod stability;
 mod step;
 mod table;
@@ -49,6 +50,7 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
     Ops(ops::OpsArgs),
+    Report(report::ReportArgs),
     Stability(stability::StabilityArgs),
     Step(step::StepArgs),
 }
@@ -98,6 +100,7 @@ pub fn main() -> ExitCode {
         Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Step(args) => step::run(&args),
     };

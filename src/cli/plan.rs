@@ -91,13 +91,12 @@ struct Ratio {
 
 impl From<Timed> for Ratio {
     fn from(timed: Timed) -> Self {
-        let (ratio, interval) = match timed {
-            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => (Some(estimate.value), Some(estimate)),
-            Timed::Once(ratio) => (Some(ratio), None),
-            Timed::NoCode => (None, None),
+        let interval = match timed {
+            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate),
+            Timed::Once(_) | Timed::NoCode => None,
         };
         Ratio {
-            ratio,
+            ratio: timed.ratio(),
             ratio_low: interval.map(|interval| interval.low),
             ratio_high: interval.map(|interval| interval.high),
             note: note(timed),

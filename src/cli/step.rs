@@ -3,7 +3,7 @@
 #[cfg(rayo_asm)]
 mod html;
 #[cfg(rayo_asm)]
-mod text;
+pub mod text;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

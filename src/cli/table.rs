@@ -2,6 +2,9 @@
 
 use std::fmt::Write as _;
 
+#[cfg(rayo_asm)]
+use maud::{Markup, html};
+
 /// A column of a table that has a row for each `T`: its head, and what is in a cell.
 pub type Column<T> = (&'static str, fn(&T) -> String);
 
@@ -25,11 +28,33 @@ impl Table {
         Table { left, head: head.into_iter().map(Into::into).collect(), rows: Vec::new() }
     }
 
-    /// The text of a table with these columns and rows.
-    pub fn of<'a, T: 'a>(left: usize, columns: &[Column<T>], rows: impl IntoIterator<Item = &'a T>) -> String {
+    /// A table with these columns and rows.
+    pub fn of<'a, T: 'a>(left: usize, columns: &[Column<T>], rows: impl IntoIterator<Item = &'a T>) -> Table {
         let mut table = Table::new(left, columns.iter().map(|(head, _)| *head));
         rows.into_iter().for_each(|row| table.row(columns.iter().map(|(_, cell)| cell(row)).collect()));
-        table.text()
+        table
+    }
+
+    /// As a part of a page; the first cell of a row is its head.
+    #[cfg(rayo_asm)]
+    pub fn html(&self) -> Markup {
+        let class = |place: usize| if place < self.left { "left" } else { "number" };
+        html! {
+            div.scroll tabindex="0" {
+                table {
+                    thead { tr { @for (i, cell) in self.head.iter().enumerate() { th.(class(i)) scope="col" { (cell) } } } }
+                    tbody {
+                        @for row in &self.rows {
+                            tr {
+                                @for (i, cell) in row.iter().enumerate() {
+                                    @if i == 0 { th.(class(i)) scope="row" { (cell) } } @else { td.(class(i)) { (cell) } }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// Adds a row.

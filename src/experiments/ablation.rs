@@ -53,6 +53,17 @@ pub enum Timed {
     Once(f64),
 }
 
+impl Timed {
+    /// The ratio, where there is one.
+    pub fn ratio(self) -> Option<f64> {
+        match self {
+            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate.value),
+            Timed::Once(ratio) => Some(ratio),
+            Timed::NoCode => None,
+        }
+    }
+}
+
 /// A way to trace the scene.
 struct Contestant<'a> {
     tracer: Box<dyn Tracer + 'a>,

@@ -12,11 +12,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::PictureError;
 #[cfg(rayo_asm)]
 use crate::kernels::Isa;
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::{Keep, Omission};
@@ -66,16 +67,20 @@ impl Entry {
 }
 
 /// The same by the names that documents have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Who {
     /// The engine.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// `--keep-all`, or none.
-    pub option: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub option: Option<Name>,
     /// What a pixel of the file is.
-    pub output: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
 }
 
 impl From<Entry> for Who {
@@ -154,12 +159,13 @@ impl Contender {
 
 /// One engine, precision and output on one scene. The field names are those of the JSON document; what does not apply is
 /// null, and so is what is infinite.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Accuracy {
     /// The scene: its file, or a family and the value of its parameter.
     pub scene: String,
     /// The family's id.
-    pub family: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub family: Option<Name>,
     /// How stiff: 0 ordinary, 1 between, 2 the end of the family's range.
     pub stiffness: Option<usize>,
     /// Width in pixels.
@@ -193,7 +199,7 @@ pub struct Accuracy {
 }
 
 /// Everything that was measured, where, and with what.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AccuracyReport {
     /// The machine and the build.
     pub machine: Machine,
@@ -276,6 +282,38 @@ pub fn forecast(rays: u64, contenders: usize) -> f64 {
 pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool) -> f64 {
     let rays = subjects.iter().map(|subject| subject.scene.camera.pixels()).sum();
     forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
+}
+
+/// Every engine, precision and output on every scene, until `proceed`, which hears of each scene, says no.
+pub fn sweep(
+    subjects: &[Subject],
+    quick: bool,
+    machine: Machine,
+    clock: &mut dyn Clock,
+    (hz, cycles): (f64, bool),
+    proceed: &mut dyn FnMut(u64) -> bool,
+) -> Result<AccuracyReport, PictureError> {
+    let contenders = contenders_and_options();
+    let mut rows = Vec::new();
+    let against_plain = Vec::new();
+    #[cfg(rayo_asm)]
+    let mut against_plain = against_plain;
+    let mut complete = true;
+    for subject in subjects {
+        let Some(measured) = measure(subject, &contenders, quick, clock, (hz, cycles), &mut || proceed(0))? else {
+            complete = false;
+            break;
+        };
+        rows.extend(measured);
+        #[cfg(rayo_asm)]
+        if subject.family.is_none() {
+            let timed = plain::against_plain(&subject.name, &subject.scene, clock, hz, &mut || proceed(0))?;
+            against_plain.extend(timed.into_iter().flatten());
+        }
+        proceed(1);
+    }
+    let off_every_front = summary::off_every_front(&rows);
+    Ok(AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain })
 }
 
 /// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp

@@ -2,19 +2,20 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::in_size;
 use super::jumps::Jumps;
 use super::ladder::{self, Rung};
 use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Speedup, SpeedupError, Taken, Timing};
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::render::PixelFormat;
 use crate::scene::{Light, Scene, many};
 
 /// What became of a claim.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub enum Verdict {
     /// It holds here.
     #[serde(rename = "reproduced")]
@@ -38,10 +39,11 @@ impl fmt::Display for Verdict {
 }
 
 /// A claim of the paper and what became of it. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Claim {
     /// What the paper says.
-    pub claim: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub claim: Name,
     /// What became of it.
     pub verdict: Verdict,
     /// The figure that says so.
@@ -49,7 +51,7 @@ pub struct Claim {
 }
 
 /// What the cost of a picture depends on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// w h.
@@ -73,12 +75,13 @@ impl Axis {
 }
 
 /// The cost of an engine along an axis, and the straight line through it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Sweep {
     /// What is varied.
     pub axis: Axis,
     /// Who traced.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// Count, and TSC cycles of the fastest picture.
     pub points: Vec<(f64, f64)>,
     /// The line; its slope is in cycles by the pixel, object or light.

@@ -5,12 +5,13 @@ pub mod plot;
 use std::cell::RefCell;
 
 use glam::Vec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::claims::Axis;
 use super::in_size;
 use super::speedup::{self, Progress, SpeedupError};
 use crate::kernels::Vec4;
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::Keep;
@@ -103,12 +104,13 @@ type Make = fn(u64, Camera) -> Scene;
 const SCENES: [(&str, Make); 3] = [("spheres", spheres), ("triangles", triangles), ("mesh", mesh)];
 
 /// A contestant in a picture. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Growth {
     /// What is varied.
     pub axis: Axis,
     /// The scene.
-    pub scene: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub scene: Name,
     /// How much there is of what is varied.
     pub count: u64,
     /// Width in pixels.
@@ -116,9 +118,11 @@ pub struct Growth {
     /// Height in pixels.
     pub height: u32,
     /// The engine, or [`ZEROS`].
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// What a pixel was written as.
-    pub output: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
     /// Whether nothing was left out.
     pub keep_all: bool,
     /// Median TSC cycles of the set-up, from the parsed scene to the first ray; None where it is not in the time below.
@@ -149,16 +153,19 @@ impl Growth {
 }
 
 /// What one more pixel, object or light costs. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Slope {
     /// What is varied.
     pub axis: Axis,
     /// The scene.
-    pub scene: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub scene: Name,
     /// Who traced.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// What a pixel was written as.
-    pub output: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
     /// Whether nothing was left out.
     pub keep_all: bool,
     /// The least count that the line goes through.
@@ -170,7 +177,7 @@ pub struct Slope {
 }
 
 /// Everything that was measured, where, and with what; `docs/complexity.schema.json` is its schema.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Complexity {
     /// The machine and the build.
     pub machine: Machine,
@@ -182,6 +189,13 @@ pub struct Complexity {
     pub rows: Vec<Growth>,
     /// The lines through them.
     pub slopes: Vec<Slope>,
+}
+
+impl Complexity {
+    /// The document of what was measured.
+    pub fn new(machine: Machine, settings: &Settings, complete: bool, rows: Vec<Growth>) -> Self {
+        Complexity { machine, runs: settings.runs, complete, slopes: slopes(&rows), rows }
+    }
 }
 
 /// `count` spheres all over the picture.

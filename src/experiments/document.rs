@@ -1,6 +1,6 @@
 //! The JSON document of the experiment; `docs/experiment.schema.json` is its schema.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::claims::{Claim, Sweep};
 use super::jumps::Jumps;
@@ -10,7 +10,7 @@ use crate::measure::Machine;
 use crate::measure::statistics::Estimate;
 
 /// Everything that was measured, where, and with what.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Experiment {
     /// The machine and the build.
     pub machine: Machine,
@@ -45,7 +45,7 @@ pub struct Experiment {
 }
 
 /// How it was measured, and what could have disturbed it.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Conditions {
     /// The core that the thread was pinned to; None where it could not be.
     pub core: Option<usize>,

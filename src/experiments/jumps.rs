@@ -3,11 +3,12 @@
 //! The paper blames the cache. Other causes would look alike in its data: a core that slows down while the time-stamp
 //! counter goes on at its constant rate, and pages that are given out on first touch. Each is measured beside every run.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::in_size;
 use super::speedup::{self, BASELINE, CONTROL, Progress, SpeedupError};
 use crate::kernels::{Vec4, sys};
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{median, minimum};
 use crate::measure::{Cache, Clock, Machine, core_cycles_per_tick, interleave};
 use crate::render::{Film, FilmMut, PixelFormat};
@@ -44,7 +45,7 @@ const STEADY: f64 = 0.10;
 pub const BOUND: f64 = 0.5;
 
 /// An engine at a size. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct PictureTime {
     /// Width in pixels.
     pub width: u32,
@@ -53,7 +54,8 @@ pub struct PictureTime {
     /// Their product.
     pub pixels: u64,
     /// Who traced.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// Whether the framebuffer had been touched before.
     pub touched: bool,
     /// TSC cycles of a pixel in the fastest run: of those in which nobody else had the core, if there are any, the one that had
@@ -74,7 +76,7 @@ pub struct PictureTime {
 }
 
 /// How fast a level of memory takes plain stores.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Bandwidth {
     /// `L1`, `L2`, `L3` or `memory`.
     pub level: String,
@@ -85,7 +87,7 @@ pub struct Bandwidth {
 }
 
 /// What was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Jumps {
     /// Each engine at each size, touched and untouched.
     pub rows: Vec<PictureTime>,
@@ -210,12 +212,16 @@ fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, SpeedupError> {
     sys::Fresh::new(pixels).map_err(|error| SpeedupError::System { what: "map memory for a fresh framebuffer", error })
 }
 
-/// Plain stores into half of each level of cache, and into four times the last.
-fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
+/// Half of each level of cache, and four times the last: its name, and bytes.
+pub(super) fn levels_of(caches: &[Cache]) -> impl Iterator<Item = (String, usize)> {
     let levels = caches.iter().map(|cache| (format!("L{}", cache.level), cache.bytes / 2));
     let memory = caches.last().map(|cache| ("memory".to_owned(), (4 * cache.bytes).min(MOST_MEMORY)));
-    levels
-        .chain(memory)
+    levels.chain(memory)
+}
+
+/// Plain stores into each.
+fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
+    levels_of(caches)
         .map(|(level, bytes)| {
             let len = bytes / size_of::<Vec4>();
             let mut film = Film::new(PixelFormat::F32x4, len)?;

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::in_size;
 use super::speedup::{self, Films, Progress, SpeedupError, Taken, Truth, Turn, judged, kept};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::Packed;
@@ -22,14 +23,15 @@ const ROUND_WORK: u64 = 1100;
 const SEED: u64 = 0x1a_dd_e2;
 
 /// A rung. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Rung {
     /// Its name.
     pub rung: String,
     /// What is different from [`Rung::over`], in words.
     pub change: String,
     /// How it was compiled, where that is not how the engine was.
-    pub flags: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub flags: Name,
     /// The rung that it is compared with: the one before, or for an aside the one it departs from; None for the first.
     pub over: Option<String>,
     /// Whether it is an aside: the next rung does not build on it.
@@ -57,12 +59,14 @@ pub struct Rung {
 }
 
 /// A packet engine beside the best C of the ladder, compiled for the same instruction set; both write floats.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstCompiler {
     /// The engine.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// The rung that the compiler made.
-    pub compiled: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub compiled: Name,
     /// How many times as fast the engine is: the median ratio, pair by pair.
     pub ratio: f64,
     /// The lower end of its interval.
@@ -72,10 +76,11 @@ pub struct AgainstCompiler {
 }
 
 /// Part of a factor.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Share {
     /// What it is due to.
-    pub cause: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub cause: Name,
     /// The factor by itself.
     pub factor: f64,
     /// Its share of the whole on a logarithmic scale, where factors add up: all shares make 1.
@@ -83,12 +88,14 @@ pub struct Share {
 }
 
 /// A factor taken apart.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Explanation {
     /// The rung it begins with.
-    pub from: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub from: Name,
     /// The rung it ends with.
-    pub to: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub to: Name,
     /// The whole.
     pub factor: f64,
     /// What it is made of.

@@ -9,19 +9,29 @@ pub mod complexity;
 #[cfg(rayo_asm)]
 pub mod document;
 #[cfg(rayo_asm)]
+pub mod gallery;
+#[cfg(rayo_asm)]
 pub mod jumps;
 #[cfg(rayo_asm)]
 pub mod ladder;
+#[cfg(rayo_asm)]
+pub mod machines;
 #[cfg(rayo_asm)]
 pub mod ops;
 #[cfg(rayo_asm)]
 pub mod plot;
 #[cfg(rayo_asm)]
+pub mod report;
+#[cfg(rayo_asm)]
+pub mod roofline;
+#[cfg(rayo_asm)]
 pub mod speedup;
 pub mod stability;
 #[cfg(rayo_asm)]
 pub mod step;
-mod svg;
+pub mod svg;
+#[cfg(rayo_asm)]
+pub mod threads;
 
 use crate::render::{EngineError, NoMemory};
 use crate::scene::Scene;

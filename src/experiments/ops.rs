@@ -2,14 +2,16 @@
 
 mod kept;
 mod model;
+pub mod plot;
 mod subjects;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{in_size, speedup};
 use crate::kernels::step::{self, Unavailable};
 use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
 use crate::measure::instructions::{Code, Instruction, Mix};
+use crate::measure::names::{self, Name};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
 pub use model::Model;
@@ -72,7 +74,7 @@ pub struct Options {
 }
 
 /// What was counted: the `ops` document without its schema.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Report {
     /// A row for every operation and implementation that was asked for.
     pub rows: Vec<Counts>,
@@ -90,14 +92,17 @@ pub struct Report {
 }
 
 /// What the counted code was made with.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 pub struct Compilers {
     /// NASM's version.
-    pub nasm: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub nasm: Name,
     /// The C compiler's.
-    pub cc: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub cc: Name,
     /// rustc's.
-    pub rustc: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub rustc: Name,
 }
 
 impl Compilers {
@@ -108,12 +113,14 @@ impl Compilers {
 }
 
 /// An operation in an implementation. What does not apply, or could not be had here, is None.
-#[derive(Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Counts {
     /// One of [`OPS`].
-    pub op: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub op: Name,
     /// One of [`IMPLEMENTATIONS`].
-    pub implementation: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub implementation: Name,
     /// Instructions of the macro between loading operands and storing the result.
     pub body: Option<usize>,
     /// Instructions of the whole symbol: loads, stores and `ret` too, but not what it calls.
@@ -129,7 +136,8 @@ pub struct Counts {
     /// Core cycles for each operation when many are independent: of the body or of a call, as `latency`.
     pub throughput: Option<f64>,
     /// What `latency` and `throughput` are of: `body` or `call`.
-    pub cost_of: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub cost_of: Option<Name>,
     /// Core cycles of a call from one result to the next, led back as the address of the next operand.
     pub call_latency: Option<f64>,
     /// Core cycles of a call among independent ones.
@@ -147,16 +155,18 @@ pub struct Counts {
     /// Why there is nothing to run here, where there is code.
     pub unavailable: Option<String>,
     /// Why latency or throughput was measured and is not known.
-    pub no_cycles: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub no_cycles: Option<Name>,
     /// The function, line by line.
     pub listing: Vec<Line>,
 }
 
 /// A path through an operation.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Path {
     /// What the operands are.
-    pub path: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub path: Name,
     /// Instructions executed in a call, with what it calls.
     pub executed: u64,
     /// Of those, in the body.
@@ -164,7 +174,7 @@ pub struct Path {
 }
 
 /// A line of a listing.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Line {
     /// Bytes from the beginning of the function.
     pub offset: usize,
@@ -177,10 +187,11 @@ pub struct Line {
 }
 
 /// A picture by an engine.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct FrameRow {
     /// The engine.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// Its width.
     pub width: u32,
     /// Its height.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
 use super::in_size;
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::reference::ReferenceTracer;
@@ -146,7 +147,7 @@ impl Settings {
 }
 
 /// One engine at one size. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Timing {
     /// Width in pixels.
     pub width: u32,
@@ -155,11 +156,14 @@ pub struct Timing {
     /// Their product.
     pub pixels: u64,
     /// Who traced.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// What a pixel was written as.
-    pub output: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
     /// Threads that traced.
     pub threads: usize,
     /// TSC cycles of a picture: the mean, as the paper gives it.
@@ -202,7 +206,7 @@ impl Timing {
 }
 
 /// The control at one size: an engine against itself.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct ControlRow {
     /// Width in pixels.
     pub width: u32,

@@ -10,11 +10,12 @@ pub mod search;
 use std::collections::BTreeSet;
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::PictureError;
 use super::accuracy::{self, Contender, Judged, judge};
 use crate::measure::Machine;
+use crate::measure::names::{self, Name};
 use crate::render::{EngineError, Film, Precision};
 use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
@@ -44,18 +45,21 @@ pub struct Settings {
 }
 
 /// One engine at one level of a family, all variants together. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Cell {
     /// The family's id.
-    pub family: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub family: Name,
     /// The level's number in the family.
     pub level: usize,
     /// The value of the parameter.
     pub value: String,
     /// Who.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// Rays.
     pub rays: usize,
     /// Those nearer to another answer than the margin.
@@ -89,8 +93,14 @@ pub struct Cell {
 }
 
 impl Cell {
-    fn contender(&self) -> (&'static str, &'static str) {
+    /// Who, in what numbers.
+    pub fn contender(&self) -> (&'static str, &'static str) {
         (self.engine, self.precision)
+    }
+
+    /// The command that repeats its worst case alone.
+    pub fn replay(&self, seed: u64, quick: bool) -> String {
+        replay(self.family, self.engine, self.worst_case, seed, quick)
     }
 
     /// What has a limit.
@@ -114,14 +124,17 @@ fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
 }
 
 /// One engine over a whole family.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Stability {
     /// The family's id.
-    pub family: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub family: Name,
     /// Who.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// The largest error of t in units of its last place; null where nothing is hit.
     pub worst: Option<f64>,
     /// The same as a share of the documented bound.
@@ -160,7 +173,7 @@ struct Worst {
 }
 
 /// Everything that was found.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct StabilityReport {
     /// The machine and the build.
     pub machine: Machine,
@@ -442,8 +455,11 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
 impl Stability {
     /// The command that repeats one case alone.
     pub fn replay(&self, case: usize, seed: u64, quick: bool) -> String {
-        let quick = if quick { " --quick" } else { "" };
-        let Stability { family, engine, .. } = self;
-        format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")
+        replay(self.family, self.engine, case, seed, quick)
     }
+}
+
+fn replay(family: &str, engine: &str, case: usize, seed: u64, quick: bool) -> String {
+    let quick = if quick { " --quick" } else { "" };
+    format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")
 }

@@ -1,6 +1,7 @@
-//! What all figures share: an SVG on white, its font, and the list of its series.
+//! What all figures share: an SVG on white, the colour of each engine, axes, and the list of marks above the data.
 
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
 
@@ -15,19 +16,42 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
     }
 }
 
-/// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
+// Colours that remain apart for those who see few of them (Okabe and Ito, 2008).
 pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
 pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
 pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
 pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
 pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
+/// What is there to compare with.
+pub(super) const GREY: RGBColor = RGBColor(120, 120, 120);
+
+/// The colour that an engine has in every figure.
+pub(super) fn colour_of(engine: &str) -> RGBColor {
+    match engine {
+        "rust" => ORANGE,
+        "c" => VERMILION,
+        "paper" => PURPLE,
+        "sse41" => SKY,
+        "avx2" => GREEN,
+        "avx512" => BLUE,
+        "reference" => BLACK,
+        _ => GREY,
+    }
+}
 
 /// A font that every viewer has.
 pub(super) const FONT: &str = "sans-serif";
+/// The letters of titles, and of everything else.
+const TITLE: i32 = 18;
+pub(super) const SMALL: i32 = 13;
+/// A letter of the small ones is about so wide, as a share of its height.
+const LETTER: f64 = 0.56;
 
 /// What a figure is drawn on.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// Points and axes on it.
+type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
 /// Draws on white, of so many pixels, and gives the SVG.
 pub(super) fn draw(
@@ -45,18 +69,127 @@ pub(super) fn draw(
     Ok(svg)
 }
 
-/// The list of the labelled series.
-#[cfg(rayo_asm)]
-pub(super) fn legend<'a, T: CoordTranslate>(
-    chart: &mut ChartContext<'a, SVGBackend<'a>, T>,
-    position: SeriesLabelPosition,
+/// A mark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// A filled circle.
+    Dot,
+    /// A filled triangle.
+    Triangle,
+    /// A square's outline.
+    Square,
+    /// Two strokes.
+    Cross,
+    /// A line.
+    Line,
+}
+
+/// Draws a mark of that size at a place of the area.
+pub(super) fn mark(
+    area: &Area<'_>,
+    mark: Mark,
+    (x, y): (i32, i32),
+    size: i32,
+    colour: RGBColor,
 ) -> Result<(), PlotError> {
-    let mut labels = chart.configure_series_labels();
-    labels.position(position).background_style(WHITE.mix(0.9)).border_style(BLACK.mix(0.3));
-    Ok(labels.label_font((FONT, 14)).margin(10).draw()?)
+    let thick = colour.stroke_width(2);
+    Ok(match mark {
+        Mark::Dot => area.draw(&Circle::new((x, y), size, colour.filled())),
+        Mark::Triangle => area.draw(&TriangleMarker::new((x, y), size + 1, colour.filled())),
+        Mark::Square => area.draw(&Rectangle::new([(x - size, y - size), (x + size, y + size)], thick)),
+        Mark::Cross => area.draw(&Cross::new((x, y), size, thick)),
+        Mark::Line => area.draw(&PathElement::new([(x - 8, y), (x + 8, y)], thick)),
+    }?)
+}
+
+/// What a mark stands for.
+pub(super) type Entry = (Mark, RGBColor, String);
+
+/// Writes the title, and below it what the marks stand for, in as many lines as they need; gives what is left for the data.
+pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Result<Area<'a>, PlotError> {
+    let (width, line) = (area.dim_in_pixel().0 as i32, SMALL + 8);
+    write(area, title, (12, 8), TITLE)?;
+    let (mut x, mut y) = (24, TITLE + 22);
+    for (shape, colour, label) in entries {
+        let wide = 16 + text_width(label, SMALL) + 24;
+        if x + wide > width && x > 24 {
+            (x, y) = (24, y + line);
+        }
+        mark(area, *shape, (x, y), 4, *colour)?;
+        write(area, label, (x + 14, y - SMALL / 2 - 1), SMALL)?;
+        x += wide;
+    }
+    Ok(area.split_vertically(if entries.is_empty() { TITLE + 12 } else { y + SMALL }).1)
+}
+
+/// About so many pixels.
+pub(super) fn text_width(text: &str, size: i32) -> i32 {
+    (text.chars().count() as f64 * f64::from(size) * LETTER) as i32
+}
+
+/// Draws the axes, with what each is of.
+pub(super) fn axes<X, Y>(chart: &mut Chart<'_, '_, X, Y>, x: &str, y: &str) -> Result<(), PlotError>
+where
+    X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(BLACK.mix(0.12))
+        .x_labels(8)
+        .y_labels(8)
+        .x_desc(x)
+        .y_desc(y)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .label_style((FONT, SMALL))
+        .axis_desc_style((FONT, SMALL + 1))
+        .draw()?;
+    Ok(())
+}
+
+/// A number at an axis: 0.25, 1000, 10⁶.
+pub(super) fn tick(x: &f64) -> String {
+    let exponent = x.abs().log10();
+    let whole = exponent.round();
+    match x.abs() {
+        _ if exponent.is_finite() && (whole - exponent).abs() < 1e-9 && !(-2.0..4.0).contains(&whole) => {
+            format!("10{}", superscript(whole as i32))
+        }
+        0.0 | 1e-3..1e5 => format!("{}", (x * 1e6).round() / 1e6),
+        _ => format!("{x:e}"),
+    }
+}
+
+fn superscript(exponent: i32) -> String {
+    let digit = |c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        digit => char::from_u32('⁰' as u32 + digit as u32 - '0' as u32).unwrap_or(digit),
+    };
+    exponent.to_string().chars().map(digit).collect()
+}
+
+/// From the least to the greatest of some values that are no less than any number, wider by these factors.
+pub(super) fn around(values: impl Iterator<Item = f64>, (below, above): (f64, f64)) -> std::ops::Range<f64> {
+    let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+    if low <= high { below * low..above * high } else { 1.0..10.0 }
 }
 
 /// Words at a place, in letters of that size.
 pub(super) fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32) -> Result<(), PlotError> {
     Ok(area.draw(&Text::new(text.to_owned(), at, (FONT, size)))?)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn numbers_at_axes_are_short() {
+        let ticks =
+            [0.0, 0.25, 1.0, 1000.0, 1e4, 2e4, 1e6, 1e-9, 0.01, 0.001, 0.30000000000000004].map(|x| super::tick(&x));
+        assert_eq!(ticks, ["0", "0.25", "1", "1000", "10⁴", "20000", "10⁶", "10⁻⁹", "0.01", "10⁻³", "0.3"]);
+    }
 }

@@ -341,7 +341,11 @@ static DOUBLE: [[PacketOp<f64>; OPS]; 3] =
 
 macro_rules! packet_chains {
     ($prefix:literal) => {
-        PacketChains { chains: chains!($prefix, "3"), feedback: kernel!(concat!($prefix, "feedback_latency")) }
+        PacketChains {
+            chains: chains!($prefix, "3"),
+            feedback: kernel!(concat!($prefix, "feedback_latency")),
+            muladd: kernel!(concat!($prefix, "muladd_throughput")),
+        }
     };
 }
 

@@ -100,4 +100,6 @@ pub struct PacketChains {
     pub chains: [Chains; OPS],
     /// What leads a result back to an operand in them, alone.
     pub feedback: Chain,
+    /// Multiplications of packets, each with an addition, that need nothing of each other.
+    pub muladd: Chain,
 }

@@ -7,7 +7,7 @@ use iced_x86::{
     Mnemonic, OpAccess, OpKind,
 };
 use object::{Object, ObjectSection, ObjectSymbol};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::kernels;
 
@@ -74,7 +74,7 @@ pub struct Code {
 }
 
 /// Instructions by kind.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Mix {
     /// All of them.
     pub instructions: usize,

@@ -1,11 +1,12 @@
 //! The machine and the build that a figure belongs to.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use super::names::{self, Name};
 use super::tsc_hz;
 
 /// A figure without this is not a result. The field names are those of the JSON documents.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Machine {
     /// The CPU's own name.
     pub cpu: Option<String>,
@@ -14,25 +15,31 @@ pub struct Machine {
     /// Caches that hold data, nearest first; empty where the operating system does not tell.
     pub caches: Vec<Cache>,
     /// Operating system.
-    pub os: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub os: Name,
     /// Ticks of the time-stamp counter in a second.
     pub tsc_hz: Option<f64>,
     /// Whether the CPU promises that the counter ticks at a constant rate.
     pub tsc_invariant: bool,
     /// Version of this program.
-    pub version: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub version: Name,
     /// The assembler that made the kernels.
-    pub nasm: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub nasm: Option<Name>,
     /// The C compiler that made the baseline.
-    pub cc: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub cc: Option<Name>,
     /// Its flags.
-    pub cflags: Option<&'static str>,
+    #[serde(deserialize_with = "names::read_optional")]
+    pub cflags: Option<Name>,
     /// The Rust compiler.
-    pub rustc: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub rustc: Name,
 }
 
 /// A level of cache.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Cache {
     /// 1 is the nearest.
     pub level: u32,

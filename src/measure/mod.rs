@@ -10,6 +10,7 @@ pub mod instructions;
 #[cfg(feature = "lab")]
 mod interleave;
 mod machine;
+pub mod names;
 #[cfg(feature = "files")]
 pub mod picture;
 #[cfg(all(rayo_asm, feature = "lab"))]

@@ -1,9 +1,9 @@
 //! Statistics of repeated timings: mean, median, MAD, and the bootstrap interval of a median.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A value with the interval that a repetition is expected to fall into.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Estimate {
     /// The estimate itself.
     pub value: f64,
@@ -92,7 +92,7 @@ pub fn median_with_interval<'a>(
 }
 
 /// A line through points, by least squares.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Line {
     /// Rise per unit.
     pub slope: f64,

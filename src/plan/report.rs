@@ -1,6 +1,6 @@
 //! What a plan keeps and what it leaves out, counted: the lines of `rayo plan`.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::omission::{Omission, Switch};
 use super::spans::{RowSpans, Spans, Way};
@@ -39,7 +39,7 @@ pub struct ByTiles {
 }
 
 /// How much of a scene is traced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[expect(missing_docs, reason = "the names say it")]
 pub struct Kept {
     pub spheres: usize,

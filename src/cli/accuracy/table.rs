@@ -132,7 +132,7 @@ pub(super) fn summary_table(summaries: &[Summary]) -> String {
         ("ns/ray", |all| number(Some(all.ns_per_ray))),
         ("fronts", |all| format!("{} of {}", all.fronts, all.scenes)),
     ];
-    Table::of(4, &columns, summaries)
+    Table::of(4, &columns, summaries).text()
 }
 
 /// What robust formulas take by what plain ones do.
@@ -145,7 +145,7 @@ pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
         ("robust / plain", |pair| format!("{:.3}", pair.ratio.value)),
         ("95 %", |pair| format!("{:.3} to {:.3}", pair.ratio.low, pair.ratio.high)),
     ];
-    Table::of(2, &columns, pairs)
+    Table::of(2, &columns, pairs).text()
 }
 
 /// The sentences why those stay that are on no front, one after those that it is of.

@@ -7,11 +7,11 @@ use super::ExperimentArgs;
 use super::run::{Prepared, failure, interrupted, prepare, settings};
 use super::table::EXPLANATION;
 use crate::cli::essay::{cpu, filled, part};
-use crate::cli::measuring::{bar, write_results};
+use crate::cli::measuring::{bar, create_directory, write_results};
 use crate::cli::table::{self, Column, Table};
 use crate::cli::{Failure, print_result};
 use crate::experiments::claims::Axis;
-use crate::experiments::complexity::{self, Complexity, Growth, Settings, Slope, ZEROS, lines, plot, slopes};
+use crate::experiments::complexity::{self, Complexity, Growth, Settings, Slope, ZEROS, lines, plot};
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let engines = settings(args)?.engines;
@@ -21,7 +21,8 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
             "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512",
         ));
     }
-    let Prepared { mut clock, stop, machine, .. } = prepare(args)?;
+    create_directory(&args.out)?;
+    let Prepared { mut clock, stop, machine, .. } = prepare()?;
     let bar = bar(settings.work());
     let mut rows = Vec::new();
     let mut proceed = |work| {
@@ -35,8 +36,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
         let message = "stopped before the first picture was finished: there is nothing to show".into();
         return Err(Failure { message, status: 130 });
     }
-    let slopes = slopes(&rows);
-    let document = Complexity { machine, runs: settings.runs, complete, rows, slopes };
+    let document = Complexity::new(machine, &settings, complete, rows);
     let figure = plot::figure(&document.rows).map_err(Failure::output)?;
     let texts = [("complexity.md", page(&document)), ("complexity.csv", csv(&document)), ("complexity.svg", figure)];
     write_results(&args.out, ("complexity.json", &document), texts)?;

@@ -23,8 +23,15 @@ const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
-    let Prepared { mut clock, stop, machine, cores, core } = prepare(args)?;
-    let document = measure(args, &settings, machine, core, &cores, &mut clock, &stop)?;
+    create_directory(&args.out)?;
+    let mut prepared = prepare()?;
+    let stop = Arc::clone(&prepared.stop);
+    let bar = bar(work(args, &settings));
+    let document = measure(args, &settings, &mut prepared, &mut |work| {
+        bar.inc(work);
+        !stop.load(Ordering::Relaxed)
+    })?;
+    bar.finish_and_clear();
     write_files(&args.out, &document)?;
     print_result(args.json, &document, || table::printed(&document, args.full, &args.out))?;
     for reason in &document.disturbed {
@@ -45,7 +52,7 @@ pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
 }
 
 /// What every measurement needs, once nothing can be refused any more.
-pub(super) struct Prepared {
+pub struct Prepared {
     pub clock: TscClock,
     pub stop: Arc<AtomicBool>,
     pub machine: Machine,
@@ -55,21 +62,20 @@ pub(super) struct Prepared {
     pub core: Option<usize>,
 }
 
-pub(super) fn prepare(args: &ExperimentArgs) -> Result<Prepared, Failure> {
+pub fn prepare() -> Result<Prepared, Failure> {
     let clock = TscClock::new().ok_or_else(no_clock)?;
-    create_directory(&args.out)?;
     let stop = stop_on_ctrl_c()?;
     let machine = Machine::this();
     let cores = cores()?;
     Ok(Prepared { clock, stop, machine, cores, core: pin() })
 }
 
-pub(super) fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
+pub fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
     let runs = args.runs.map(|runs| runs as usize);
     Settings::new(args.quick, runs, args.engines.as_deref()).map_err(Failure::input)
 }
 
-pub(super) fn no_clock() -> Failure {
+pub fn no_clock() -> Failure {
     Failure::input("this machine has no time-stamp counter")
 }
 
@@ -79,31 +85,34 @@ pub(super) fn cores() -> Result<sys::Cores, Failure> {
     sys::Cores::of_this_thread().map_err(failed)
 }
 
-/// The parts one after the other, until the user asks for an end.
-fn measure(
-    args: &ExperimentArgs,
-    settings: &Settings,
-    machine: Machine,
-    core: Option<usize>,
-    cores: &sys::Cores,
-    clock: &mut TscClock,
-    stop: &AtomicBool,
-) -> Result<Experiment, Failure> {
-    let quick = args.quick;
-    let rounds = match (args.ladder, args.runs) {
+/// Rounds of the rungs in a run.
+fn rounds(args: &ExperimentArgs, settings: &Settings) -> usize {
+    match (args.ladder, args.runs) {
         (true, Some(_)) => 1,
         (true, None) => LADDER_ROUNDS.div_ceil(settings.runs),
         (false, _) => FEW_ROUNDS.div_ceil(settings.runs),
-    };
+    }
+}
+
+/// The work that [`measure`] does.
+pub fn work(args: &ExperimentArgs, settings: &Settings) -> u64 {
+    let of_rungs = (settings.runs * rounds(args, settings)) as u64 * ladder::WORK;
+    settings.work() + of_rungs + jumps::work(args.quick) + claims::work(args.quick)
+}
+
+/// The parts one after the other, until `proceed` says no.
+pub fn measure(
+    args: &ExperimentArgs,
+    settings: &Settings,
+    prepared: &mut Prepared,
+    mut proceed: &mut speedup::Progress<'_>,
+) -> Result<Experiment, Failure> {
+    let Prepared { clock, stop, machine, cores, core } = prepared;
+    let (machine, core) = (machine.clone(), *core);
+    let (quick, rounds) = (args.quick, rounds(args, settings));
     let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
     let (start, cpu) = (Instant::now(), cpu_time());
     let mut clock = Totalled::new(clock);
-    let of_rungs = (settings.runs * rounds) as u64 * ladder::WORK;
-    let bar = bar(settings.work() + of_rungs + jumps::work(quick) + claims::work(quick));
-    let mut proceed = |work| {
-        bar.inc(work);
-        !stop.load(Ordering::Relaxed)
-    };
     speedup::check(settings).map_err(failure)?;
     let instructions = ladder::check(args.ladder, cores, &mut proceed).map_err(failure)?;
     let measured = runs(args, settings, core, cores, rounds, &mut proceed)?;
@@ -124,7 +133,6 @@ fn measure(
         jumps = jumps::run(quick, &machine, &mut clock, &mut proceed).map_err(failure)?;
     }
     complete &= jumps.is_some();
-    bar.finish_and_clear();
 
     let (seconds, cpu) = (start.elapsed().as_secs_f64(), (cpu_time() - cpu).as_secs_f64());
     let conditions = Conditions {
@@ -216,7 +224,7 @@ fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
     write_results(directory, ("results.json", document), texts)
 }
 
-pub(super) fn failure(error: SpeedupError) -> Failure {
+pub fn failure(error: SpeedupError) -> Failure {
     match error {
         SpeedupError::Engine(_) | SpeedupError::Memory { .. } | SpeedupError::Threads(_) => Failure::input(error),
         SpeedupError::Picture { .. } | SpeedupError::System { .. } | SpeedupError::Nothing => Failure::output(error),

@@ -90,7 +90,7 @@ fn ratio_interval(row: &Timing) -> String {
 }
 
 /// The paper's table beside ours.
-pub(super) fn paper_table(document: &Experiment) -> String {
+pub fn paper_table(document: &Experiment) -> Table {
     /// C and SIMD at a size.
     struct Pair<'a>(&'a Timing, &'a Timing);
     let columns: [Column<Pair<'_>>; 8] = [
@@ -117,8 +117,8 @@ fn contestant(row: &Timing) -> String {
 }
 
 /// Cycles per pixel of every engine, and how many times as fast as `c` that is.
-pub(super) fn engine_table(document: &Experiment) -> String {
-    let Some(first) = document.sizes().next() else { return String::new() };
+pub fn engine_table(document: &Experiment) -> Table {
+    let first = document.sizes().next().unwrap_or_default();
     let mut table = Table::new(1, ["w×h".to_owned()].into_iter().chain(first.iter().map(contestant)));
     for rows in document.sizes() {
         let cell = |row: &Timing| {
@@ -129,7 +129,7 @@ pub(super) fn engine_table(document: &Experiment) -> String {
         };
         table.row([size(&rows[0])].into_iter().chain(rows.iter().map(cell)).collect());
     }
-    table.text()
+    table
 }
 
 /// Mean, median, minimum and ratio of everything that was measured.
@@ -145,14 +145,14 @@ pub(super) fn full_table(document: &Experiment) -> String {
         ("migrated", |row| row.migrations.to_string()),
         ("off", |row| row.off.to_string()),
     ];
-    Table::of(2, &columns, &document.rows)
+    Table::of(2, &columns, &document.rows).text()
 }
 
 /// The ladder, and what it is held against.
 fn ladder(document: &Experiment) -> String {
     let (width, height) = SIZE;
     let heading = "an aside in brackets, which the next rung does not build on";
-    let mut parts = vec![format!("The ladder, {width}×{height}; {heading}:\n"), ladder_table(document)];
+    let mut parts = vec![format!("The ladder, {width}×{height}; {heading}:\n"), ladder_table(document).text()];
     parts.push(against_compiler(document));
     if let Some(reason) = &document.uncounted {
         parts.push(format!("Instructions are not counted: {reason}\n"));
@@ -161,7 +161,7 @@ fn ladder(document: &Experiment) -> String {
 }
 
 /// The ladder, a rung a line.
-fn ladder_table(document: &Experiment) -> String {
+pub fn ladder_table(document: &Experiment) -> Table {
     let columns: [Column<Rung>; 8] = [
         ("rung", |rung| if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() }),
         ("what is different", |rung| rung.change.clone()),
@@ -222,7 +222,7 @@ fn jumps_table(jumps: &Jumps) -> String {
         ("page faults", |row| format!("{:.0}", row.page_faults)),
         ("bytes/cycle", |row| format!("{:.3}", row.bytes_per_cycle)),
     ];
-    let mut text = Table::of(3, &columns, &jumps.rows);
+    let mut text = Table::of(3, &columns, &jumps.rows).text();
     for level in &jumps.bandwidth {
         let Bandwidth { level, bytes, bytes_per_cycle } = level;
         text += &format!("{level} takes {bytes_per_cycle:.1} bytes a cycle ({} KiB)\n", bytes >> 10);
@@ -299,7 +299,7 @@ pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> St
 }
 
 /// The factor, and a verdict on each claim, whose figure is in the tables.
-fn summary(document: &Experiment) -> String {
+pub fn summary(document: &Experiment) -> String {
     let Estimate { value, low, high } = document.c_by_simd;
     let Machine { cpu, cores, .. } = &document.machine;
     let mut text = format!(
@@ -326,10 +326,10 @@ pub(super) fn text(document: &Experiment) -> String {
         parts.push("Stopped early: only what was finished is here\n".into());
     }
     parts.extend(disturbed(document));
-    parts.push(paper_table(document));
+    parts.push(paper_table(document).text());
     parts.push(headline(document));
     parts.push("Median cycles per pixel (times as fast as `c`; ≈1 within the noise floor):\n".into());
-    parts.push(engine_table(document));
+    parts.push(engine_table(document).text());
     parts.push("All figures, in TSC cycles of a picture:\n".into());
     parts.push(full_table(document));
     if !document.ladder.is_empty() {

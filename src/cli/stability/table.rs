@@ -91,7 +91,7 @@ pub(super) fn operations(rows: &[OperationRow]) -> String {
         ("breaks at", |row| row.breaks_at.clone().unwrap_or_else(|| "-".into())),
         ("slowdown", |row| number(Some(row.slowdown))),
     ];
-    Table::of(4, &columns, rows)
+    Table::of(4, &columns, rows).text()
 }
 
 /// Three digits, or a power of ten where that is far from 1; a dash for None.

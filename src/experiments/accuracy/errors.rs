@@ -1,7 +1,7 @@
 //! What an engine's pixels are worth against the truth: hits, t, normals, colours and levels.
 
 use glam::DVec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::reference::exact::Split;
 use crate::render::{Colour, Distance, Found, Precision, TruePixel, level};
@@ -59,7 +59,7 @@ impl From<&TruePixel> for Expected {
 
 /// The errors of one picture. Everything but the two counts `*_inside` is of the rays outside of the margin. The field
 /// names are those of the JSON document; what does not apply is None.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Errors {
     /// Pixels.
     pub rays: usize,

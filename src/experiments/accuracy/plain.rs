@@ -1,18 +1,21 @@
 //! What being right costs: the robust packets against the paper's plain formulas, which have one ray in each lane too.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::Estimate;
 
 /// The same picture by the packets of an instruction set and by the plain formulas for the same instructions.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstPlain {
     /// The scene.
     pub scene: String,
     /// The packet engine, in single precision; it writes floats.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// How the plain formulas were compiled.
-    pub flags: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub flags: Name,
     /// Nanoseconds of a ray by the engine, the median run.
     pub robust_ns_per_ray: f64,
     /// By the plain formulas.

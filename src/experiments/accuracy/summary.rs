@@ -1,8 +1,9 @@
 //! The rows of one engine, precision and output taken together, and why each that is on no front is there.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Accuracy, Who};
+use crate::measure::names::{self, Name};
 
 /// An engine, precision and output over all scenes.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,13 +31,14 @@ pub struct Summary {
 }
 
 /// Who is on no front, and why it stays.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Reason {
     /// Who.
     #[serde(flatten)]
     pub who: Who,
     /// One sentence.
-    pub reason: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub reason: Name,
 }
 
 /// The rows taken together, in the order in which they appear.

@@ -1,16 +1,19 @@
-//! The figure: cycles by the pixel against pixels, objects and lights, a panel each, on logarithmic axes.
+//! The figure: cycles per pixel against pixels, objects and lights, a panel each, on logarithmic axes.
 
 use plotters::prelude::*;
 
 use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
-use crate::experiments::svg::{Area, BLUE, FONT, GREEN, ORANGE, PURPLE, PlotError, SKY, VERMILION, draw, legend};
+use crate::experiments::svg::{
+    Area, BLUE, Entry, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, VERMILION, around, axes, colour_of, draw,
+    head,
+};
+use crate::render::PixelFormat;
 
-const PANEL: (i32, i32) = (460, 460);
-/// How many times as high as its highest point a panel is: above, there is room for the list of its lines.
-const ROOM: f64 = 50.0;
+const PANEL: (i32, i32) = (400, 460);
 
-const COLOURS: [RGBColor; 7] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK];
+/// Of what no engine has a colour.
+const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
 /// Draws the panels side by side.
 pub fn figure(rows: &[Growth]) -> Result<String, PlotError> {
@@ -33,43 +36,35 @@ pub fn figure(rows: &[Growth]) -> Result<String, PlotError> {
 
 fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), PlotError> {
     let point = |row: &&Growth| (row.count as f64, row.cycles_per_pixel());
-    let points = || lines.iter().flatten().map(point);
-    let ends = |of: fn((f64, f64)) -> f64| {
-        let values = || points().map(of);
-        (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max))
-    };
-    let ((left, right), (low, high)) = (ends(|p| p.0), ends(|p| p.1));
-    let mut chart = ChartBuilder::on(area)
-        .caption(format!("Cycles by the pixel against {name}"), (FONT, 16))
-        .margin(8)
-        .x_label_area_size(36)
-        .y_label_area_size(52)
-        .build_cartesian_2d((0.8 * left..1.25 * right).log_scale(), (0.7 * low..ROOM * high).log_scale())?;
-    chart
-        .configure_mesh()
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(BLACK.mix(0.1))
-        .x_desc(name)
-        .y_desc("TSC cycles by the pixel")
-        .x_label_formatter(&|x| format!("{x:e}"))
-        .label_style((FONT, 12))
-        .axis_desc_style((FONT, 13))
-        .draw()?;
-    for (place, line) in lines.iter().enumerate() {
+    let entry = |(place, line): (usize, &Vec<&Growth>)| -> Entry {
+        let Growth { scene, engine, output, keep_all, axis, .. } = *line[0];
         // What only fills the film has the colour of those who trace the same kind of pixels.
-        let same = |other: &Vec<&Growth>| line[0].axis == Axis::Pixels && other[0].output == line[0].output;
-        let colour = COLOURS[lines.iter().position(same).unwrap_or(place) % COLOURS.len()];
-        let Growth { scene, engine, output, keep_all, .. } = *line[0];
-        let label = match line[0].axis {
-            Axis::Objects => format!("{scene}{}", if keep_all { ", by brute force" } else { "" }),
-            Axis::Pixels => format!("{engine}, {output}"),
-            Axis::Lights => engine.to_owned(),
-        };
-        let width = if engine == ZEROS || keep_all { 1 } else { 2 };
-        chart
-            .draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)).point_size(3))?
-            .label(label)
-            .legend(move |(x, y)| Circle::new((x + 10, y), 4, colour.filled()));
+        let of_output = |output| PixelFormat::ALL.iter().position(|format| format.name() == output);
+        let place = if axis == Axis::Pixels { of_output(output).unwrap_or(place) } else { place };
+        match axis {
+            Axis::Lights => (Mark::Dot, colour_of(engine), engine.to_owned()),
+            _ if engine == ZEROS => (Mark::Line, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
+            Axis::Pixels => (Mark::Dot, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
+            Axis::Objects if keep_all => (Mark::Dot, GREY, format!("{scene}, by brute force")),
+            Axis::Objects => (Mark::Dot, COLOURS[place % COLOURS.len()], scene.to_owned()),
+        }
+    };
+    let entries: Vec<Entry> = lines.iter().enumerate().map(entry).collect();
+    let area = head(area, &format!("Cycles per pixel against {name}"), &entries)?;
+    let points = || lines.iter().flatten().map(point);
+    let (x, y) = (around(points().map(|at| at.0), (0.8, 1.25)), around(points().map(|at| at.1), (0.7, 1.4)));
+    let mut chart = ChartBuilder::on(&area)
+        .margin(10)
+        .x_label_area_size(40)
+        .y_label_area_size(56)
+        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+    axes(&mut chart, name, "TSC cycles per pixel")?;
+    for (line, (shape, colour, _)) in lines.iter().zip(&entries) {
+        let width = if *shape == Mark::Line || *colour == GREY { 1 } else { 2 };
+        chart.draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)))?;
+        if *shape == Mark::Dot {
+            chart.draw_series(line.iter().map(|row| Circle::new(point(row), 3, colour.filled())))?;
+        }
     }
-    legend(&mut chart, SeriesLabelPosition::UpperLeft)
+    Ok(())
 }

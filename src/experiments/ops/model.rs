@@ -3,18 +3,20 @@
 use std::io::Write;
 use std::process::{Command, Stdio};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::measure::instructions::{Class, Instruction};
+use crate::measure::names::{self, Name};
 
 /// Passes through the body that the model simulates.
 const ITERATIONS: u32 = 100;
 
 /// What llvm-mca says of a body in a loop.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Model {
     /// The CPU that is modelled, as llvm-mca calls it: `native` is this machine's, as far as that version knows it.
-    pub cpu: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub cpu: Name,
     /// Cycles of a pass when each follows the one before, as the registers have it.
     pub cycles: f64,
     /// Cycles of a pass that its use of the CPU's parts allows at best.

@@ -2,10 +2,11 @@
 
 use std::cell::RefCell;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::experiments::accuracy::{Contender, subjects};
 use crate::experiments::{PictureError, in_size};
+use crate::measure::names::{self, Name};
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{WallClock, Work, interleave};
 use crate::render::{Film, PixelFormat};
@@ -22,16 +23,20 @@ const SIZES: [((u32, u32), usize); 2] = [((160, 120), 5), ((640, 480), 15)];
 const SEED: u64 = 0x0070_1a17;
 
 /// One engine, precision and output. The field names are those of the JSON document.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Cost {
     /// What is stiff about the scene.
-    pub stiff: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub stiff: Name,
     /// Who.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// What a pixel is written as.
-    pub output: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
     /// Nanoseconds of a ray of the ordinary picture, the median run.
     pub ordinary_ns_per_ray: f64,
     /// Of the stiff one.

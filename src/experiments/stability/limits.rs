@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Stability, Worst};
 
@@ -80,7 +80,7 @@ struct Limit {
 pub struct Limits(Vec<Limit>);
 
 /// A limit that is not kept.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Broken {
     /// What was found, and the limit.
     pub why: String,

@@ -1,18 +1,24 @@
 //! The operations by themselves: rays of any direction against one object, over ranges that no scene has.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+use crate::measure::names::{self, Name};
 
 /// One operation of one instruction set over a family. The field names are those of the JSON document.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct OperationRow {
     /// The family's id.
-    pub family: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub family: Name,
     /// `sphere` or `triangle`.
-    pub operation: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub operation: Name,
     /// The instruction set.
-    pub engine: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
     /// In what numbers.
-    pub precision: &'static str,
+    #[serde(deserialize_with = "names::read")]
+    pub precision: Name,
     /// The first value of the parameter.
     pub from: String,
     /// The last.

@@ -1,21 +1,25 @@
 //! The heat map: every engine over every family and level, from well within its bound to wrong.
 
 use plotters::prelude::*;
+use plotters::style::FontTransform;
 
 use super::{Cell, StabilityReport};
-use crate::experiments::svg::{Area, PlotError, draw, write};
-use crate::scene::families::{Family, family as family_of};
+use crate::experiments::svg::{Area, FONT, PlotError, draw, text_width, write};
 
 /// Pixels of a cell, of the names at the left, and of what stands above.
-const CELL: (i32, i32) = (9, 20);
+const CELL: (i32, i32) = (12, 20);
 const LEFT: i32 = 130;
-const TOP: i32 = 86;
-const GAP: i32 = 8;
+const TOP: i32 = 92;
+/// The values of the parameter, below.
+const BELOW: i32 = 72;
+const GAP: i32 = 10;
+/// Families that stand side by side are so wide in all.
+const WIDTH: i32 = 1240;
 /// A family of more levels is drawn in so many columns, each the worst of its levels.
 const COLUMNS: usize = 14;
 
 /// From good to bad: what a colour says, and the colour.
-const SHADES: [(&str, RGBColor); 7] = [
+pub const SHADES: [(&str, RGBColor); 7] = [
     ("nothing is hit", RGBColor(225, 225, 225)),
     ("t within half of its bound", RGBColor(0, 90, 50)),
     ("t within its bound", RGBColor(120, 198, 121)),
@@ -25,7 +29,8 @@ const SHADES: [(&str, RGBColor); 7] = [
     ("more", RGBColor(128, 0, 38)),
 ];
 
-fn shade(cell: &Cell) -> usize {
+/// Which of [`SHADES`] is a cell's.
+pub fn shade(cell: &Cell) -> usize {
     let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
     match cell.bound_share {
         _ if wrong > 0.1 => 6,
@@ -38,59 +43,109 @@ fn shade(cell: &Cell) -> usize {
     }
 }
 
+/// A family, and the value of its parameter at each level.
+struct Part<'a> {
+    family: &'a str,
+    values: Vec<&'a str>,
+}
+
+impl Part<'_> {
+    fn columns(&self) -> usize {
+        self.values.len().min(COLUMNS)
+    }
+
+    fn width(&self) -> i32 {
+        CELL.0 * self.columns() as i32 + GAP
+    }
+
+    fn column(&self, level: usize) -> usize {
+        level * self.columns() / self.values.len()
+    }
+}
+
 /// Draws the map.
 pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
     let mut names: Vec<(&str, &str)> = Vec::new();
-    let mut families: Vec<(&str, usize)> = Vec::new();
+    let mut parts: Vec<Part<'_>> = Vec::new();
     for cell in &document.cells {
         if !names.contains(&cell.contender()) {
             names.push(cell.contender());
         }
-        match families.last_mut() {
-            Some((id, levels)) if *id == cell.family => *levels = (*levels).max(cell.level + 1),
-            _ => families.push((cell.family, cell.level + 1)),
+        if parts.last().is_none_or(|part| part.family != cell.family) {
+            parts.push(Part { family: cell.family, values: Vec::new() });
         }
+        let values = &mut parts.last_mut().expect("it was made").values;
+        values.resize(values.len().max(cell.level + 1), "");
+        values[cell.level] = &cell.value;
     }
-    let widths: i32 = families.iter().map(|(_, levels)| CELL.0 * (*levels).min(COLUMNS) as i32 + GAP).sum();
-    let (width, height) = ((LEFT + widths + GAP).max(900), TOP + CELL.1 * names.len() as i32 + 30);
-    draw(width, height, |area| {
-        let text = |text: &str, at: (i32, i32), size: i32| write(area, text, at, size);
-        text("Engines on stiff and extreme scenes: each column a value of the family's parameter", (LEFT, 8), 16)?;
-        let mut x = LEFT;
+    // Families that fit side by side, then the next ones below.
+    let mut rows: Vec<Vec<Part<'_>>> = vec![Vec::new()];
+    let mut used = LEFT;
+    for part in parts {
+        used += part.width();
+        if used > WIDTH {
+            rows.push(Vec::new());
+            used = LEFT + part.width();
+        }
+        rows.last_mut().expect("there is one").push(part);
+    }
+    let block = 24 + CELL.1 * names.len() as i32 + BELOW;
+    draw(WIDTH, TOP - 24 + block * rows.len() as i32, |area| {
+        write(area, "Engines on stiff and extreme scenes: each column a value of the family's parameter", (12, 8), 18)?;
+        let (mut x, mut y) = (12, 38);
         for (label, colour) in SHADES {
-            rectangle(area, (x, 34), (12, 12), colour)?;
-            text(label, (x + 16, 34), 11)?;
-            x += 24 + 6 * label.len() as i32;
-        }
-        for (i, (engine, precision)) in names.iter().enumerate() {
-            text(&format!("{engine} {precision}"), (8, TOP + CELL.1 * i as i32 + 4), 12)?;
-        }
-        let mut left = LEFT;
-        for (family, levels) in &families {
-            text(family, (left, TOP - 18), 12)?;
-            let columns = (*levels).min(COLUMNS);
-            for (i, name) in names.iter().enumerate() {
-                for column in 0..columns {
-                    let own = document.cells.iter().filter(|cell| {
-                        cell.family == *family && cell.contender() == *name && cell.level * columns / levels == column
-                    });
-                    let Some(worst) = own.map(shade).max() else { continue };
-                    let at = (left + CELL.0 * column as i32, TOP + CELL.1 * i as i32);
-                    rectangle(area, at, (CELL.0 - 1, CELL.1 - 2), SHADES[worst].1)?;
-                }
+            let wide = 40 + text_width(label, 12);
+            if x + wide > WIDTH {
+                (x, y) = (12, y + 20);
             }
-            // From where to where, as far as it is a matter of numbers.
-            if let Some(Family { levels: [first, .., last], .. }) = family_of(family)
-                && first.label.parse::<f64>().is_ok() | first.label.is_empty()
-            {
-                let below = TOP + CELL.1 * names.len() as i32 + 2;
-                text(&first.to_string(), (left, below), 10)?;
-                text(&format!("to {last}"), (left, below + 12), 10)?;
+            rectangle(area, (x, y), (12, 12), colour)?;
+            write(area, label, (x + 16, y), 12)?;
+            x += wide;
+        }
+        for (place, parts) in rows.iter().enumerate() {
+            let top = TOP + block * place as i32;
+            for (i, (engine, precision)) in names.iter().enumerate() {
+                write(area, &format!("{engine} {precision}"), (8, top + CELL.1 * i as i32 + 4), 12)?;
             }
-            left += CELL.0 * columns as i32 + GAP;
+            let mut left = LEFT;
+            for part in parts {
+                draw_part(area, document, part, &names, (left, top))?;
+                left += part.width();
+            }
         }
         Ok(())
     })
+}
+
+/// A family: its name, its columns, and below them what the parameter is.
+fn draw_part(
+    area: &Area<'_>,
+    document: &StabilityReport,
+    part: &Part<'_>,
+    names: &[(&str, &str)],
+    (left, top): (i32, i32),
+) -> Result<(), PlotError> {
+    write(area, part.family, (left, top - 17), 13)?;
+    for (i, name) in names.iter().enumerate() {
+        for column in 0..part.columns() {
+            let own = document.cells.iter().filter(|cell| {
+                cell.family == part.family && cell.contender() == *name && part.column(cell.level) == column
+            });
+            let Some(worst) = own.map(shade).max() else { continue };
+            let at = (left + CELL.0 * column as i32, top + CELL.1 * i as i32);
+            rectangle(area, at, (CELL.0 - 1, CELL.1 - 2), SHADES[worst].1)?;
+        }
+    }
+    let below = top + CELL.1 * names.len() as i32 + 4;
+    let style = TextStyle::from((FONT, 10)).transform(FontTransform::Rotate90);
+    for column in 0..part.columns() {
+        let Some(level) = (0..part.values.len()).find(|level| part.column(*level) == column) else { continue };
+        let at = (left + CELL.0 * column as i32 + 10, below);
+        // A name that is longer than there is room is told by its beginning.
+        let value: String = part.values[level].chars().take(11).collect();
+        area.draw(&Text::new(value, at, style.clone()))?;
+    }
+    Ok(())
 }
 
 fn rectangle(

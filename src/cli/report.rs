@@ -1,0 +1,70 @@
+//! `rayo report`: all experiments, or the results of earlier ones, as one page.
+
+#[cfg(rayo_asm)]
+mod page;
+#[cfg(rayo_asm)]
+mod run;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::Failure;
+
+/// Run every experiment and make one page of the results; or make it of results that are there, of one machine or several
+///
+/// Prints a verdict for each of the paper's claims. Writes report.html, which needs nothing but itself, and results.json, which
+/// --from reads again, to the directory that --out names. Ctrl-C ends the stage that is running and makes the page of those that are done; a second one ends the program.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Few runs, small pictures: some minutes
+    #[arg(long, conflicts_with = "from")]
+    quick: bool,
+    /// Measure nothing: take the results in this directory, which is a machine's. More than one: side by side
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    from: Vec<PathBuf>,
+    /// Where the files go
+    #[arg(long, value_name = "DIR", default_value = "out/report")]
+    out: PathBuf,
+}
+
+/// Measures or reads, and writes the page.
+#[cfg(rayo_asm)]
+pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
+    use super::experiment::table::summary;
+    use super::measuring::{create_directory, write_file};
+    use super::{json, print, say};
+    use crate::experiments::report::Results;
+
+    let mut stopped = false;
+    let machines = if args.from.is_empty() {
+        create_directory(&args.out)?;
+        let results = run::stages(args.quick, &mut stopped)?;
+        write_file(&args.out, "results.json", json(&results)?.as_bytes())?;
+        vec![results]
+    } else {
+        let read = args.from.iter().map(|directory| Results::read(directory)).collect::<Result<Vec<_>, _>>();
+        let read = read.map_err(Failure::input)?;
+        create_directory(&args.out)?;
+        read
+    };
+    let page = page::page(&machines)?;
+    write_file(&args.out, "report.html", page.as_bytes())?;
+    for (stage, reason) in machines.iter().flat_map(|results| &results.missing) {
+        say(&format!("warning: {stage} is not in the report, or not all of it: {reason}"));
+    }
+    let summaries = machines.iter().filter_map(|results| results.experiment.as_ref()).map(summary);
+    print(&format!("{}\n{}\n", summaries.collect::<Vec<_>>().join("\n"), args.out.join("report.html").display()))?;
+    Ok(if stopped { ExitCode::from(130) } else { ExitCode::SUCCESS })
+}
+
+/// Most of what would be in it is not in this build.
+#[cfg(not(rayo_asm))]
+pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
+    let ReportArgs { quick: _, from: _, out: _ } = args;
+    Err(Failure::input(
+        "this build has no kernels in assembly or C to report on: it was built without the feature `asm`; `rayo accuracy` and \
+         `rayo stability` work",
+    ))
+}

@@ -1,0 +1,195 @@
+//! The page of `rayo report`: one file, readable without scripts, made of the results alone.
+
+mod many;
+mod paper;
+mod scenes;
+mod speed;
+mod truth;
+
+use std::io::Write;
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::cli::essay::{cpu, part};
+use crate::cli::{Failure, json};
+use crate::experiments::report::{Results, Stage};
+use crate::experiments::svg::PlotError;
+use crate::kernels::Isa;
+use crate::measure::Machine;
+
+const STYLE: &str = include_str!("page.css");
+const EXPLANATION: &str = include_str!("explanation.md");
+
+/// A part of the page: its title, its address on it, and what is in it.
+struct Section {
+    title: &'static str,
+    id: &'static str,
+    content: Markup,
+}
+
+/// The page of one machine, or of several side by side.
+pub fn page(machines: &[Results]) -> Result<String, Failure> {
+    let sections = match machines {
+        [results] => of_one(results)?,
+        _ => many::sections(machines)?,
+    };
+    let title = match machines {
+        [results] => cpu(&results.machine).to_owned(),
+        _ => format!("{} machines", machines.len()),
+    };
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { "rayo report - " (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                a.skip href="#content" { "To the content" }
+                header {
+                    h1 { "Vectorised ray tracing, measured" }
+                    p { "The experiment of " cite { "Trazado de rayos vectorizado" } " and what follows from it, on " b { (title) } "." }
+                    @for results in machines {
+                        @if let Some(note) = note(results) { p.note { (note) } }
+                    }
+                    nav aria-label="Contents" {
+                        ul { @for section in &sections { li { a href={ "#" (section.id) } { (section.title) } } } }
+                    }
+                }
+                main id="content" {
+                    @for section in &sections {
+                        section id=(section.id) aria-labelledby={ (section.id) "-title" } {
+                            h2 id={ (section.id) "-title" } { (section.title) }
+                            (section.content)
+                        }
+                    }
+                }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+fn of_one(results: &Results) -> Result<Vec<Section>, Failure> {
+    let mut sections = vec![paper::verdicts(results)];
+    sections.push(Section { title: "Machine and build", id: "machine", content: machine(&results.machine) });
+    let rest = [
+        paper::experiment(results),
+        paper::ladder(results),
+        paper::operations(results),
+        speed::roofline(results),
+        speed::scaling(results),
+        truth::accuracy(results),
+        truth::stability(results),
+        scenes::plans(results),
+        scenes::gallery(results),
+        scenes::ray(results),
+    ];
+    for section in rest {
+        sections.push(section.map_err(Failure::output)?);
+    }
+    sections.push(Section { title: "Run it again", id: "again", content: again(results)? });
+    Ok(sections)
+}
+
+/// What is to be known of the results as a whole.
+fn note(results: &Results) -> Option<String> {
+    let cut = results.cut_short();
+    let quick = results.quick.then(|| "few runs and small pictures (--quick)".to_owned());
+    let cut = (!cut.is_empty()).then(|| format!("ended before the end: {}", cut.join(", ")));
+    let notes: Vec<_> = quick.into_iter().chain(cut).collect();
+    (!notes.is_empty()).then(|| format!("{}: {}.", cpu(&results.machine), notes.join("; ")))
+}
+
+/// A paragraph for each of the text, with code between backticks.
+fn prose(text: &str) -> Markup {
+    html! { @for paragraph in text.trim().split("\n\n") { p { (words(paragraph)) } } }
+}
+
+/// Words, with code between backticks.
+fn words(text: &str) -> Markup {
+    html! { @for (i, piece) in text.split('`').enumerate() { @if i % 2 == 0 { (piece) } @else { code { (piece) } } } }
+}
+
+/// A part of the explanation.
+fn explained(name: &str) -> Markup {
+    prose(part(EXPLANATION, name))
+}
+
+/// A figure, with what it shows for those who do not see it.
+fn figure(svg: Result<String, PlotError>, label: &str) -> Result<Markup, PlotError> {
+    let svg = svg?;
+    Ok(html! {
+        figure {
+            div.scroll tabindex="0" { div.plot role="img" aria-label=(label) { (PreEscaped(svg)) } }
+            figcaption { (label) }
+        }
+    })
+}
+
+/// Why a part is not there.
+fn absent(results: &Results, stage: Stage) -> Markup {
+    let reason = results.missing.get(stage.name()).map_or("not among these results", String::as_str);
+    html! { p.absent { "Not measured: " (words(reason)) "." } }
+}
+
+/// What of a part is not there, where some is.
+fn partly(results: &Results, stage: Stage) -> Markup {
+    html! {
+        @if let Some(reason) = results.missing.get(stage.name()) { p.absent { "Not all of it: " (words(reason)) "." } }
+    }
+}
+
+fn machine(machine: &Machine) -> Markup {
+    let Machine { cores, caches, os, tsc_hz, tsc_invariant, version, nasm, cc, cflags, rustc, .. } = machine;
+    let caches: Vec<_> = caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
+    let clock = tsc_hz.map_or("unknown".to_owned(), |hz| format!("{:.3} GHz", hz / 1e9));
+    let promise = if *tsc_invariant { "constant rate" } else { "not known to tick at a constant rate" };
+    let rows = [
+        ("CPU", cpu(machine).to_owned()),
+        ("Cores", cores.to_string()),
+        ("Caches", caches.join(", ")),
+        ("Time-stamp counter", format!("{clock}, {promise}")),
+        ("System", (*os).to_owned()),
+        ("rayo", (*version).to_owned()),
+        ("Assembler", nasm.unwrap_or("none").to_owned()),
+        ("C", format!("{}; {}", cc.unwrap_or("none"), cflags.unwrap_or("no flags"))),
+        ("Rust", (*rustc).to_owned()),
+    ];
+    html! { dl.facts { @for (name, value) in rows { dt { (name) } dd { (value) } } } }
+}
+
+/// The engines that this report has nothing of, because the CPU does not run them.
+fn engines_absent(has: impl Fn(&str) -> bool) -> Markup {
+    let absent: Vec<_> = Isa::ALL.iter().map(|isa| isa.name()).filter(|name| !has(name)).collect();
+    html! { @if !absent.is_empty() { p.absent { "This CPU does not run " (absent.join(" and ")) "." } } }
+}
+
+fn again(results: &Results) -> Result<Markup, Failure> {
+    let command = if results.quick { "rayo report --quick" } else { "rayo report" };
+    // The pictures are on the page.
+    let figures = Results { gallery: None, ..results.clone() };
+    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
+    packed.write_all(json(&figures)?.as_bytes()).map_err(Failure::output)?;
+    let packed = packed.finish().map_err(Failure::output)?;
+    let address = format!("data:application/gzip;base64,{}", BASE64_STANDARD.encode(packed));
+    let seconds: f64 = results.seconds.values().sum();
+    Ok(html! {
+        p { code { (command) } " measures all of this anew"
+            @if seconds > 0.0 { "; it took " (format!("{seconds:.0}")) " seconds" }
+            ". Each part has a command of its own, with more detail: "
+            code { "rayo experiment --ladder" } ", " code { "rayo ops --asm" } ", " code { "rayo accuracy" } ", "
+            code { "rayo stability" } ", " code { "rayo experiment --complexity" } ", " code { "rayo plan --measure" } ", "
+            code { "rayo step" } "."
+        }
+        p { code { "rayo report --from DIR --from DIR" } " sets the results of several machines side by side." }
+        p { a href=(address) download="results.json.gz" { "All figures of this page: results.json.gz" } }
+    })
+}

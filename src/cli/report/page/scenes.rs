@@ -1,0 +1,107 @@
+//! Scenes: what they do not need, how every engine shows them, and one ray of one of them.
+
+use maud::{Markup, html};
+
+use super::{Section, absent, explained, partly, words};
+use crate::cli::table::Table;
+use crate::experiments::gallery::{Shot, Shown};
+use crate::experiments::report::{Planned, Results, Stage};
+use crate::experiments::svg::PlotError;
+
+pub fn plans(results: &Results) -> Result<Section, PlotError> {
+    let content = match &results.plans {
+        None => absent(results, Stage::Plans),
+        Some(plans) => html! {
+            (explained("plans"))
+            (partly(results, Stage::Plans))
+            @for plan in plans { (of_scene(plan)) }
+        },
+    };
+    Ok(Section { title: "What a scene does not need", id: "plans", content })
+}
+
+fn of_scene(plan: &Planned) -> Markup {
+    let Planned { scene, engine, output, width, height, kept, cycles_per_pixel, keep_all, left_out } = plan;
+    let mut table = Table::new(3, ["left out", "of it", "why", "times as long with it"]);
+    let times = |ratio: &Option<f64>| ratio.map_or("-".into(), |ratio| format!("{ratio:.2}"));
+    for line in left_out {
+        table.row(vec![
+            line.what.clone(),
+            format!("{} {}", line.count, line.unit),
+            line.reason.clone(),
+            times(&line.worth),
+        ]);
+    }
+    html! {
+        h3 { (scene) ": " (times(keep_all)) " times as long if everything is kept" }
+        p {
+            (width) "×" (height) " by " (engine) ", " (output) ": " (format!("{cycles_per_pixel:.2}")) " cycles a pixel. Traced: spheres "
+            (kept.spheres) ", triangles " (kept.triangles) ", lights " (kept.lights) "."
+        }
+        (table.html())
+    }
+}
+
+pub fn gallery(results: &Results) -> Result<Section, PlotError> {
+    let content = match &results.gallery {
+        None => absent(results, Stage::Gallery),
+        Some(gallery) => html! {
+            (explained("gallery"))
+            div.gallery { @for (number, shown) in gallery.iter().enumerate() { (flip(shown, number)) } }
+        },
+    };
+    Ok(Section { title: "The scenes by every engine", id: "gallery", content })
+}
+
+/// A picture of a set to flip through.
+struct Side<'a> {
+    name: String,
+    image: &'a str,
+}
+
+/// Each different picture once, then what each has that the reference's has not.
+fn sides(shown: &Shown) -> Vec<Side<'_>> {
+    let names = |of: &Shot| {
+        let like = shown.pictures.iter().filter(|other| other.like == Some(of.engine)).map(|other| other.engine);
+        [of.engine].into_iter().chain(like).collect::<Vec<_>>().join(", ")
+    };
+    let own = shown.pictures.iter().filter_map(|shot| Some(Side { name: names(shot), image: shot.png.as_deref()? }));
+    let differences = shown.pictures.iter().filter_map(|shot| {
+        let pixels = if shot.differing == 1 { "pixel differs" } else { "pixels differ" };
+        let levels = if shot.largest <= 1.0 { "a level".to_owned() } else { format!("up to {} levels", shot.largest) };
+        let name = format!("{} - reference: {} {pixels}, by {levels}", names(shot), shot.differing);
+        Some(Side { name, image: shot.difference.as_deref()? })
+    });
+    own.chain(differences).collect()
+}
+
+fn flip(shown: &Shown, number: usize) -> Markup {
+    let Shown { scene, width, height, .. } = shown;
+    let sides = sides(shown);
+    let id = |place: usize| format!("picture-{number}-{place}");
+    html! {
+        fieldset.flip {
+            legend { (scene) }
+            @for place in 0..sides.len() {
+                input type="radio" name={ "picture-" (number) } id=(id(place)) checked[place == 0];
+            }
+            div.stage {
+                @for Side { name, image } in &sides {
+                    img width=(width) height=(height) loading="lazy" alt={ (scene) " by " (name) } src={ "data:image/png;base64," (image) };
+                }
+            }
+            div.sides { @for (place, side) in sides.iter().enumerate() { label for=(id(place)) { (side.name) } } }
+        }
+    }
+}
+
+pub fn ray(results: &Results) -> Result<Section, PlotError> {
+    let content = match &results.ray {
+        None => absent(results, Stage::Ray),
+        Some(told) => html! {
+            (explained("ray"))
+            details { summary { (words(&format!("`{}`", told.command))) } pre.wide tabindex="0" { (told.text) } }
+        },
+    };
+    Ok(Section { title: "One ray watched", id: "ray", content })
+}

@@ -1,0 +1,150 @@
+//! How right the engines are: error against run time, and the map of stiff and extreme scenes.
+
+use maud::{Markup, html};
+
+use super::{Section, absent, explained, figure, partly};
+use crate::experiments::accuracy::plot;
+use crate::experiments::report::{Results, Stage};
+use crate::experiments::stability::plot::{SHADES, shade};
+use crate::experiments::stability::{Cell, StabilityReport};
+use crate::experiments::svg::PlotError;
+use crate::scene::families::family;
+
+/// One panel large, the others to be opened.
+pub fn accuracy(results: &Results) -> Result<Section, PlotError> {
+    let content = match &results.accuracy {
+        None => absent(results, Stage::Accuracy),
+        Some(document) => {
+            let panels = plot::panels(&document.rows);
+            // Of all scenes the far spheres show most: there the paper's formula loses its digits.
+            let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
+            html! {
+                (explained("accuracy"))
+                (partly(results, Stage::Accuracy))
+                @if let Some(panel) = panels.get(chosen) { (figure(plot::one_figure(panel), &label(&panel.0))?) }
+                @for (_, panel) in panels.iter().enumerate().filter(|(place, _)| *place != chosen) {
+                    details {
+                        summary { (panel.0) }
+                        (figure(plot::one_figure(panel), &label(&panel.0))?)
+                    }
+                }
+            }
+        }
+    };
+    Ok(Section { title: "Error against run time", id: "accuracy", content })
+}
+
+fn label(scene: &str) -> String {
+    format!("Error of a linear colour against nanoseconds a ray: {scene}.")
+}
+
+/// Families down, engines across; each family opens to the values of its parameter.
+pub fn stability(results: &Results) -> Result<Section, PlotError> {
+    let content = match &results.stability {
+        None => absent(results, Stage::Stability),
+        Some(document) => html! {
+            (explained("stability"))
+            (partly(results, Stage::Stability))
+            ul.legend { @for (place, (label, _)) in SHADES.iter().enumerate() { li { span.swatch.(shade_class(place)) {} (label) } } }
+            (map(document))
+        },
+    };
+    Ok(Section { title: "Stiff and extreme scenes", id: "stability", content })
+}
+
+fn shade_class(shade: usize) -> String {
+    format!("s{shade}")
+}
+
+fn map(document: &StabilityReport) -> Markup {
+    let mut contenders: Vec<(&str, &str)> = Vec::new();
+    for cell in &document.cells {
+        if !contenders.contains(&cell.contender()) {
+            contenders.push(cell.contender());
+        }
+    }
+    let families: Vec<&[Cell]> = document.cells.chunk_by(|a, b| a.family == b.family).collect();
+    let head = |first: &str| {
+        html! {
+            thead { tr { th.left scope="col" { (first) } @for (engine, precision) in &contenders {
+                th scope="col" { span { (engine) " " (precision) } }
+            } } }
+        }
+    };
+    html! {
+        div.scroll tabindex="0" {
+            table.map {
+                (head("family"))
+                tbody {
+                    @for cells in &families {
+                        tr {
+                            th.left scope="row" { a href={ "#family-" (cells[0].family) } { (cells[0].family) } }
+                            @for contender in &contenders { (worst(cells, *contender, document)) }
+                        }
+                    }
+                }
+            }
+        }
+        @for cells in &families {
+            details id={ "family-" (cells[0].family) } {
+                summary {
+                    b { (cells[0].family) }
+                    @if let Some(family) = family(cells[0].family) { ": " (family.name) " - " (family.parameter) }
+                }
+                @if let Some(family) = family(cells[0].family) { p { "Correct: " (family.correct) "." } }
+                div.scroll {
+                    table.map {
+                        (head("value"))
+                        tbody {
+                            @for level in levels(cells) {
+                                tr {
+                                    th.left scope="row" { (level[0].value) }
+                                    @for contender in &contenders {
+                                        @match level.iter().find(|cell| cell.contender() == *contender) {
+                                            Some(cell) => { (shown(cell, document, true)) }
+                                            None => { td {} }
+                                        }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The cells of each value, from the first to the last.
+fn levels(cells: &[Cell]) -> Vec<Vec<&Cell>> {
+    let mut levels: Vec<Vec<&Cell>> = Vec::new();
+    for cell in cells {
+        levels.resize_with(levels.len().max(cell.level + 1), Vec::new);
+        levels[cell.level].push(cell);
+    }
+    levels.retain(|level| !level.is_empty());
+    levels
+}
+
+fn worst(cells: &[Cell], contender: (&str, &str), document: &StabilityReport) -> Markup {
+    let own = cells.iter().filter(|cell| cell.contender() == contender);
+    let badness = |cell: &&Cell| (shade(cell), cell.wrong_hits.max(cell.off_by_2), cell.bound_share.unwrap_or(0.0));
+    let worst = own.max_by(|a, b| badness(a).partial_cmp(&badness(b)).unwrap_or(std::cmp::Ordering::Equal));
+    worst.map_or_else(|| html! { td {} }, |cell| shown(cell, document, false))
+}
+
+/// A cell: its figure, and the command that shows it again, which appears where the focus or the pointer is.
+fn shown(cell: &Cell, document: &StabilityReport, focus: bool) -> Markup {
+    let shade = shade(cell);
+    let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
+    let figure = match (shade, cell.bound_share) {
+        (4.., _) if wrong < 1e-3 => format!("{:.0e}", wrong),
+        (4.., _) => format!("{:.1} %", 100.0 * wrong),
+        (_, Some(share)) if share < 100.0 => format!("{share:.2}"),
+        (_, Some(share)) => format!("{share:.0e}"),
+        (_, None) => "-".to_owned(),
+    };
+    html! {
+        td.(shade_class(shade)) data-replay=(cell.replay(document.seed, document.quick)) tabindex=[focus.then_some("0")] { (figure) }
+    }
+}

@@ -1,0 +1,247 @@
+//! The stages of `rayo report`, one after the other, and how far they are.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use indicatif::ProgressBar;
+
+use crate::cli::Failure;
+use crate::cli::experiment::ExperimentArgs;
+use crate::cli::experiment::run::{self, Prepared};
+use crate::cli::measuring::{announce, bar, bar_style};
+use crate::cli::step::text;
+use crate::experiments::accuracy::subjects;
+use crate::experiments::ops::{self, Options};
+use crate::experiments::report::{Left, Planned, Results, Stage, Told};
+use crate::experiments::stability::limits::Limits;
+use crate::experiments::step::{self, Ray};
+use crate::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
+use crate::measure::TscClock;
+use crate::render::{Engine, Plan, Purpose};
+use crate::scene::families::FAMILIES;
+
+/// Seconds that a stage may take, quick and not: how the bar is divided.
+fn seconds(stage: Stage) -> (f64, f64) {
+    match stage {
+        Stage::Experiment => (50.0, 300.0),
+        Stage::Ops => (12.0, 12.0),
+        Stage::Roofline => (8.0, 8.0),
+        Stage::Accuracy => (30.0, 400.0),
+        Stage::Stability => (45.0, 2000.0),
+        Stage::Complexity => (2.0, 400.0),
+        Stage::Threads => (2.0, 4.0),
+        Stage::Plans => (8.0, 40.0),
+        Stage::Gallery => (6.0, 6.0),
+        Stage::Ray => (2.0, 2.0),
+    }
+}
+
+/// Ticks that the table of one plan may take where nobody knows how long they are.
+const TICKS: u64 = 4_000_000_000;
+/// Scenes whose plans are shown.
+const PLANNED: [&str; 4] = ["sphere", "tetrahedron", "two-lights", "many"];
+/// The picture of which a ray is watched; small, since all of its row is stepped through to find the pixel.
+const WATCHED: (u32, u32) = (400, 300);
+
+/// How far all of it is.
+struct Course {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+    /// Of the bar: where the stage begins, and how much of it the stage has.
+    begin: f64,
+    share: f64,
+    /// Work of the stage: done, and all.
+    work: (u64, u64),
+}
+
+impl Course {
+    fn begin(&mut self, stage: Stage, quick: bool) {
+        let (few, many) = seconds(stage);
+        self.begin += self.share;
+        self.share = if quick { few } else { many };
+        self.work = (0, 1);
+        self.bar.set_message(stage.name());
+        self.show();
+    }
+
+    /// So much of `all` is done; whether to go on.
+    fn done(&mut self, work: u64, all: u64) -> bool {
+        self.work = (self.work.0 + work, all.max(1));
+        self.show();
+        !self.stop.load(Ordering::Relaxed)
+    }
+
+    fn show(&self) {
+        let share = (self.work.0 as f64 / self.work.1 as f64).min(1.0);
+        self.bar.set_position((self.begin + self.share * share) as u64);
+    }
+}
+
+/// Measures all that this machine can; `stopped` tells whether the user wanted an end before.
+pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
+    let total: f64 = Stage::ALL.map(seconds).iter().map(|(few, many)| if quick { few } else { many }).sum();
+    // Threads that were started after this one is pinned would share its core.
+    rayon::broadcast(|_| ());
+    let mut prepared = run::prepare()?;
+    announce(total, (!quick).then_some("--quick"));
+    let bar = bar(total as u64);
+    bar.set_style(bar_style("{msg:10} {percent:>3} %, {eta} left"));
+    let stop = Arc::clone(&prepared.stop);
+    let mut course = Course { bar, stop: Arc::clone(&stop), begin: 0.0, share: 0.0, work: (0, 1) };
+    let mut results = Results { machine: prepared.machine.clone(), quick, ..Results::default() };
+    for stage in Stage::ALL {
+        if stop.load(Ordering::Relaxed) {
+            results.missing.insert(stage.name().into(), "stopped before".into());
+            continue;
+        }
+        course.begin(stage, quick);
+        let begun = Instant::now();
+        match measure(stage, quick, &mut prepared, &mut course, &mut results) {
+            Ok(true) => {}
+            Ok(false) => drop(results.missing.insert(stage.name().into(), "stopped before its end".into())),
+            Err(failure) => drop(results.missing.insert(stage.name().into(), failure.message)),
+        }
+        results.seconds.insert(stage.name().into(), begun.elapsed().as_secs_f64());
+    }
+    course.bar.finish_and_clear();
+    *stopped = stop.load(Ordering::Relaxed);
+    Ok(results)
+}
+
+/// Measures a stage; whether it came to its end.
+fn measure(
+    stage: Stage,
+    quick: bool,
+    prepared: &mut Prepared,
+    course: &mut Course,
+    results: &mut Results,
+) -> Result<bool, Failure> {
+    let machine = results.machine.clone();
+    Ok(match stage {
+        Stage::Experiment => {
+            let args = ExperimentArgs::whole(quick);
+            let settings = run::settings(&args)?;
+            let all = run::work(&args, &settings);
+            let document = run::measure(&args, &settings, prepared, &mut |work| course.done(work, all))?;
+            let complete = document.conditions.complete;
+            results.experiment = Some(document);
+            complete
+        }
+        Stage::Ops => {
+            let options = Options { executed: true, cost: true, ..Options::default() };
+            let mut before = 0;
+            let mut progress = |done: usize, of: usize| {
+                course.done((done - before) as u64, of as u64);
+                before = done;
+            };
+            results.ops = Some(ops::run(&options, &mut progress).map_err(Failure::input)?);
+            true
+        }
+        Stage::Roofline => {
+            let mut proceed = |work| course.done(work, roofline::WORK);
+            let found = roofline::run(&machine.caches, &mut prepared.clock, &mut proceed).map_err(run::failure)?;
+            results.roofline = found;
+            results.roofline.is_some()
+        }
+        Stage::Accuracy => {
+            let subjects = subjects::all(quick);
+            let hz = machine.tsc_hz.ok_or_else(|| Failure::input("the time-stamp counter's rate is not known"))?;
+            let mut proceed = |work| course.done(work, subjects.len() as u64);
+            let clock: &mut TscClock = &mut prepared.clock;
+            let document = accuracy::sweep(&subjects, quick, machine, clock, (hz, true), &mut proceed);
+            let document = document.map_err(Failure::input)?;
+            let complete = document.complete;
+            results.accuracy = (!document.rows.is_empty()).then_some(document);
+            complete
+        }
+        Stage::Stability => {
+            let settings = stability::Settings {
+                families: FAMILIES.iter().collect(),
+                contenders: accuracy::contenders(),
+                seed: 1,
+                case: None,
+                quick,
+                limits: Limits::checked_in(),
+            };
+            let all = settings.families.iter().map(|family| family.levels.len() as u64).sum();
+            let document = stability::sweep(&settings, &mut || course.done(1, all)).map_err(Failure::input)?;
+            let complete = document.complete;
+            results.stability = Some(document);
+            complete
+        }
+        Stage::Complexity => {
+            let engines: Vec<Engine> = Engine::ALL.iter().copied().filter(|engine| engine.usable()).collect();
+            let settings = complexity::Settings::new(quick, None, &engines);
+            let mut rows = Vec::new();
+            let mut proceed = |work| course.done(work, settings.work());
+            let complete =
+                complexity::run(&settings, &mut prepared.clock, &mut proceed, &mut |finished| rows.extend(finished))
+                    .map_err(run::failure)?;
+            results.complexity = Some(complexity::Complexity::new(machine, &settings, complete, rows));
+            complete
+        }
+        Stage::Threads => {
+            let mut proceed = |work| course.done(work, threads::WORK);
+            results.threads =
+                threads::run(quick, &prepared.cores, &mut prepared.clock, &mut proceed).map_err(run::failure)?;
+            results.threads.is_some()
+        }
+        Stage::Plans => {
+            let mut plans = Vec::new();
+            for name in PLANNED {
+                plans.push(plan(name, quick, &mut prepared.clock)?);
+                if !course.done(1, PLANNED.len() as u64) {
+                    break;
+                }
+            }
+            let complete = plans.len() == PLANNED.len();
+            results.plans = Some(plans);
+            complete
+        }
+        Stage::Gallery => {
+            let mut proceed = |work| course.done(work, gallery::WORK);
+            results.gallery = gallery::run(&mut proceed).map_err(Failure::input)?;
+            results.gallery.is_some()
+        }
+        Stage::Ray => {
+            let scene = in_size(&subjects::shipped("sphere"), WATCHED.0, WATCHED.1);
+            let engine = Engine::Paper;
+            let pixel = (WATCHED.0 / 2, WATCHED.1 / 2);
+            let ray = Ray { engine, precision: None, pixel, lane: None, most: 100_000 };
+            let watched = step::watch(&scene, &ray).map_err(Failure::output)?;
+            let how = text::How { depth: None, only: None, error: true, colour: false };
+            let command = format!("rayo step scenes/sphere.in --size {}x{} --error", WATCHED.0, WATCHED.1);
+            results.ray = Some(Told { command, text: text::text(&watched, &how) });
+            true
+        }
+    })
+}
+
+/// The plan of a scene that comes with the program, for the fastest engine and a file of 8 bits.
+fn plan(name: &str, quick: bool, clock: &mut TscClock) -> Result<Planned, Failure> {
+    let scene = subjects::shipped(name);
+    let engine = Engine::fastest();
+    let format = engine.format_for(true);
+    let purpose = Purpose { format: Some(format), ..Purpose::default() };
+    let report = Plan::new(engine, &scene, purpose).map_err(Failure::input)?.report();
+    let (few, many) = seconds(Stage::Plans);
+    // About half of the time goes into getting the scene ready in every way.
+    let patience = 0.5 * if quick { few } else { many } / PLANNED.len() as f64;
+    let ticks = crate::measure::tsc_hz().map_or(TICKS, |hz| (patience * hz) as u64);
+    let lines = &report.left_out;
+    let measured = ablation::run((engine, purpose), &scene, lines, ticks, clock, &mut |_, _| ());
+    let measured = measured.map_err(Failure::input)?;
+    let worth: Vec<_> = measured.worth.iter().map(|timed| timed.ratio()).collect();
+    Ok(Planned {
+        scene: name.into(),
+        engine: engine.name(),
+        output: format.name(),
+        width: scene.camera.width(),
+        height: scene.camera.height(),
+        kept: report.kept,
+        cycles_per_pixel: measured.cycles_per_pixel,
+        keep_all: measured.keep_all.ratio(),
+        left_out: Left::of(&report, &worth),
+    })
+}

@@ -1,0 +1,90 @@
+//! Machines side by side: the factor of each, and each engine's cycles by its machine's own bound.
+
+use plotters::prelude::*;
+
+use super::report::Results;
+use super::speedup::{CONTROL, PAPER};
+use super::svg::{GREY, Mark, PlotError, SMALL, colour_of, draw, head, text_width, tick, write};
+use crate::measure::names::Name;
+use crate::measure::statistics::Estimate;
+use crate::render::PixelFormat;
+
+const WIDTH: i32 = 960;
+const LINE: i32 = 28;
+
+/// C/SIMD of each machine, with its interval, over the range of the paper's twenty sizes.
+pub fn figure(ratios: &[(&str, Estimate)]) -> Result<String, PlotError> {
+    let papers = PAPER.map(|row| row.ratio());
+    let (low, high) = papers.iter().fold((f64::INFINITY, 0.0), |(low, high), ratio| (ratio.min(low), ratio.max(high)));
+    let most = ratios.iter().map(|(_, estimate)| estimate.high).fold(high, f64::max) * 1.05;
+    let names = ratios.iter().map(|(name, _)| text_width(name, SMALL)).max().unwrap_or(0).clamp(60, WIDTH / 2) + 24;
+    let place = |ratio: f64| names + ((f64::from(WIDTH - names - 60)) * ratio / most) as i32;
+    let entries = [
+        (Mark::Dot, colour_of(CONTROL), "C/SIMD over all sizes".into()),
+        (Mark::Line, GREY, format!("the paper's sizes, {low:.1} to {high:.1}")),
+    ];
+    draw(WIDTH, 96 + LINE * ratios.len() as i32, |area| {
+        let area = head(area, "How many times as fast the SIMD is", &entries)?;
+        let bottom = LINE * ratios.len() as i32;
+        area.draw(&Rectangle::new([(place(low), 0), (place(high), bottom)], GREY.mix(0.3).filled()))?;
+        for (row, (name, estimate)) in ratios.iter().enumerate() {
+            let y = LINE * row as i32 + LINE / 2;
+            let colour = colour_of(CONTROL);
+            write(&area, name, (8, y - SMALL / 2), SMALL)?;
+            area.draw(&PathElement::new(
+                [(place(estimate.low), y), (place(estimate.high.min(most)), y)],
+                colour.stroke_width(3),
+            ))?;
+            area.draw(&Circle::new((place(estimate.value), y), 5, colour.filled()))?;
+            write(&area, &format!("{:.2}", estimate.value), (place(estimate.high) + 10, y - SMALL / 2), SMALL)?;
+        }
+        for whole in 0..=most as i32 {
+            let x = place(f64::from(whole));
+            area.draw(&PathElement::new([(x, bottom), (x, bottom + 5)], BLACK.stroke_width(1)))?;
+            write(&area, &tick(&f64::from(whole)), (x - 4, bottom + 8), SMALL)?;
+        }
+        Ok(())
+    })
+}
+
+/// An engine in its machine's largest picture.
+pub struct AgainstBound {
+    /// Who.
+    pub engine: Name,
+    /// What a pixel is written as.
+    pub output: Name,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Median TSC cycles.
+    pub cycles_per_pixel: f64,
+    /// What the widest stores take for a pixel's bytes, where the picture is; None where that was not measured.
+    pub bound: Option<f64>,
+}
+
+/// Every engine at the largest size of the experiment.
+pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
+    let Some(experiment) = &results.experiment else { return Vec::new() };
+    let most = experiment.rows.iter().map(|row| row.pixels).max();
+    let bound = |output: &str, pixels: u64| {
+        let format = PixelFormat::ALL.into_iter().find(|format| format.name() == output)?;
+        let bytes = pixels as usize * format.bytes();
+        let roofs = &results.roofline.as_ref()?.roofs;
+        // The first level that the picture fits into, or the last that there is.
+        let caches = &results.machine.caches;
+        let level = caches.iter().position(|cache| bytes <= cache.bytes).unwrap_or(caches.len());
+        let roof = roofs.get(level).or(roofs.last())?;
+        Some(format.bytes() as f64 / roof.bytes_per_cycle)
+    };
+    let rows = experiment.rows.iter().filter(|row| Some(row.pixels) == most);
+    rows.map(|row| AgainstBound {
+        engine: row.engine,
+        output: row.output,
+        width: row.width,
+        height: row.height,
+        cycles_per_pixel: row.cycles_median / row.pixels as f64,
+        bound: bound(row.output, row.pixels),
+    })
+    .collect()
+}

@@ -1,0 +1,333 @@
+//! The results of all experiments on one machine: one document, read back whole or put together from those of each.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::accuracy::AccuracyReport;
+use super::complexity::Complexity;
+use super::document::Experiment;
+use super::gallery::Shown;
+use super::ops;
+use super::roofline::Roofline;
+use super::stability::StabilityReport;
+use super::threads::OnThreads;
+use crate::measure::Machine;
+use crate::measure::names::{self, Name};
+use crate::plan::{Kept, Report as PlanReport};
+
+/// The schema of the documents that this program writes and reads.
+pub const SCHEMA: u64 = 1;
+
+/// What is measured one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// C against SIMD, and the ladder.
+    Experiment,
+    /// Instructions of each operation.
+    Ops,
+    /// Arithmetic and stores at their peak.
+    Roofline,
+    /// Error against run time.
+    Accuracy,
+    /// Stiff and extreme scenes.
+    Stability,
+    /// Growth in pixels, objects and lights.
+    Complexity,
+    /// Growth in threads.
+    Threads,
+    /// What is left out of scenes.
+    Plans,
+    /// Scenes by every engine.
+    Gallery,
+    /// One ray.
+    Ray,
+}
+
+impl Stage {
+    /// All, in their order.
+    pub const ALL: [Stage; 10] = [
+        Stage::Experiment,
+        Stage::Ops,
+        Stage::Roofline,
+        Stage::Accuracy,
+        Stage::Stability,
+        Stage::Complexity,
+        Stage::Threads,
+        Stage::Plans,
+        Stage::Gallery,
+        Stage::Ray,
+    ];
+
+    /// Its name in the document.
+    pub fn name(self) -> Name {
+        match self {
+            Stage::Experiment => "experiment",
+            Stage::Ops => "ops",
+            Stage::Roofline => "roofline",
+            Stage::Accuracy => "accuracy",
+            Stage::Stability => "stability",
+            Stage::Complexity => "complexity",
+            Stage::Threads => "threads",
+            Stage::Plans => "plans",
+            Stage::Gallery => "gallery",
+            Stage::Ray => "ray",
+        }
+    }
+}
+
+/// Everything that is known of a machine. The field names are those of the JSON document; what was not measured is null.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub struct Results {
+    /// The machine and the build.
+    pub machine: Machine,
+    /// Whether runs were few and pictures small.
+    #[serde(default)]
+    pub quick: bool,
+    /// Why a stage is not there, or not all of it, by its name.
+    #[serde(default)]
+    pub missing: BTreeMap<String, String>,
+    /// Seconds that each stage took, by its name.
+    #[serde(default)]
+    pub seconds: BTreeMap<String, f64>,
+    /// C against SIMD, and the ladder.
+    #[serde(default)]
+    pub experiment: Option<Experiment>,
+    /// Instructions of each operation.
+    #[serde(default)]
+    pub ops: Option<ops::Report>,
+    /// Arithmetic and stores at their peak.
+    #[serde(default)]
+    pub roofline: Option<Roofline>,
+    /// Error against run time.
+    #[serde(default)]
+    pub accuracy: Option<AccuracyReport>,
+    /// Stiff and extreme scenes.
+    #[serde(default)]
+    pub stability: Option<StabilityReport>,
+    /// Growth in pixels, objects and lights.
+    #[serde(default)]
+    pub complexity: Option<Complexity>,
+    /// Growth in threads.
+    #[serde(default)]
+    pub threads: Option<Vec<OnThreads>>,
+    /// What is left out of scenes.
+    #[serde(default)]
+    pub plans: Option<Vec<Planned>>,
+    /// Scenes by every engine.
+    #[serde(default)]
+    pub gallery: Option<Vec<Shown>>,
+    /// One ray, as `rayo step` tells it.
+    #[serde(default)]
+    pub ray: Option<Told>,
+}
+
+/// What a scene does not need, and what leaving it out is worth.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Planned {
+    /// The scene.
+    pub scene: String,
+    /// Who traces it.
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
+    /// What a pixel is written as.
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// What is traced.
+    pub kept: Kept,
+    /// Median TSC cycles of a pixel as planned.
+    pub cycles_per_pixel: f64,
+    /// How many times as long everything takes that `--keep-all` keeps.
+    pub keep_all: Option<f64>,
+    /// What is not traced.
+    pub left_out: Vec<Left>,
+}
+
+/// A line of what is left out.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Left {
+    /// What.
+    pub what: String,
+    /// How much of it.
+    pub count: u64,
+    /// Of what kind.
+    pub unit: String,
+    /// Why.
+    pub reason: String,
+    /// How many times as long the picture takes with it; null where there is no code for that.
+    pub worth: Option<f64>,
+}
+
+impl Left {
+    /// The lines of a plan, with what each is worth.
+    pub fn of(report: &PlanReport, worth: &[Option<f64>]) -> Vec<Left> {
+        let line = |(line, worth): (&crate::plan::LeftOut, &Option<f64>)| Left {
+            what: line.what.into(),
+            count: line.count,
+            unit: line.unit.into(),
+            reason: line.reason.into(),
+            worth: *worth,
+        };
+        report.left_out.iter().zip(worth).map(line).collect()
+    }
+}
+
+/// A ray in words.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Told {
+    /// What was watched: the command.
+    pub command: String,
+    /// Line by line.
+    pub text: String,
+}
+
+/// Why there are no results.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// Nothing that we know is there.
+    #[error(
+        "{}: no results are here: name a directory that `rayo report`, `experiment`, `accuracy` or `stability` wrote, or one \
+         that holds those of several", .0.display()
+    )]
+    Nothing(PathBuf),
+    /// The operating system refused.
+    #[error("cannot read {}: {error}", path.display())]
+    Io {
+        /// What was read.
+        path: PathBuf,
+        /// What it says.
+        error: io::Error,
+    },
+    /// No document.
+    #[error("{} is cut short, or no results: {error}", path.display())]
+    Json {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        error: serde_json::Error,
+    },
+    /// A document of another time.
+    #[error("{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it", path.display())]
+    Schema {
+        /// Which file.
+        path: PathBuf,
+        /// Its schema, as it stands there.
+        found: String,
+    },
+    /// Two documents of one experiment, or of two machines.
+    #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", .0.display())]
+    Machines(PathBuf),
+}
+
+/// Where commands write, in a directory that holds the results of several.
+const PLACES: [&str; 6] = ["", "report", "experiment", "accuracy", "stability", "complexity"];
+const FILES: [&str; 2] = ["results.json", "complexity.json"];
+
+impl Results {
+    /// The results in a directory: those of a report, or those of single experiments, in it or in directories of it.
+    ///
+    /// # Errors
+    /// Where there are none, or some are not whole, of another schema, or of another machine.
+    pub fn read(directory: &Path) -> Result<Self, ReadError> {
+        let mut results: Option<Results> = None;
+        for (place, file) in PLACES.iter().flat_map(|place| FILES.map(|file| (place, file))) {
+            let path = directory.join(place).join(file);
+            let text = match fs::read_to_string(&path) {
+                Ok(text) => text,
+                Err(error) if [io::ErrorKind::NotFound, io::ErrorKind::NotADirectory].contains(&error.kind()) => {
+                    continue;
+                }
+                Err(error) => return Err(ReadError::Io { path, error }),
+            };
+            let found = Results::of(&text, &path)?;
+            results = Some(match results {
+                None => found,
+                Some(results) if results.machine.cpu == found.machine.cpu => results.and(found),
+                Some(_) => return Err(ReadError::Machines(path)),
+            });
+        }
+        results.ok_or_else(|| ReadError::Nothing(directory.into()))
+    }
+
+    /// One document.
+    fn of(text: &str, path: &Path) -> Result<Self, ReadError> {
+        let json = |error| ReadError::Json { path: path.into(), error };
+        let document: Value = serde_json::from_str(text).map_err(json)?;
+        let schema = &document["schema"];
+        if *schema != Value::from(SCHEMA) {
+            let found = if schema.is_null() { "no number".to_owned() } else { schema.to_string() };
+            return Err(ReadError::Schema { path: path.into(), found });
+        }
+        // Each has something that no other has.
+        let has = |name: &str| document.get(name).is_some();
+        let (verdicts, cells, fronts, slopes) = (has("verdicts"), has("cells"), has("off_every_front"), has("slopes"));
+        fn typed<T: DeserializeOwned>(document: Value) -> serde_json::Result<T> {
+            serde_json::from_value(document)
+        }
+        let mut results = Results::default();
+        match () {
+            () if verdicts => {
+                let document: Experiment = typed(document).map_err(json)?;
+                results.machine = document.machine.clone();
+                results.experiment = Some(document);
+            }
+            () if cells => {
+                let document: StabilityReport = typed(document).map_err(json)?;
+                (results.machine, results.quick) = (document.machine.clone(), document.quick);
+                results.stability = Some(document);
+            }
+            () if fronts => {
+                let document: AccuracyReport = typed(document).map_err(json)?;
+                (results.machine, results.quick) = (document.machine.clone(), document.quick);
+                results.accuracy = Some(document);
+            }
+            () if slopes => {
+                let document: Complexity = typed(document).map_err(json)?;
+                results.machine = document.machine.clone();
+                results.complexity = Some(document);
+            }
+            () => results = typed(document).map_err(json)?,
+        }
+        Ok(results)
+    }
+
+    /// Both; where both have something, the first.
+    fn and(self, other: Results) -> Results {
+        Results {
+            machine: self.machine,
+            quick: self.quick || other.quick,
+            missing: self.missing.into_iter().chain(other.missing).collect(),
+            seconds: self.seconds.into_iter().chain(other.seconds).collect(),
+            experiment: self.experiment.or(other.experiment),
+            ops: self.ops.or(other.ops),
+            roofline: self.roofline.or(other.roofline),
+            accuracy: self.accuracy.or(other.accuracy),
+            stability: self.stability.or(other.stability),
+            complexity: self.complexity.or(other.complexity),
+            threads: self.threads.or(other.threads),
+            plans: self.plans.or(other.plans),
+            gallery: self.gallery.or(other.gallery),
+            ray: self.ray.or(other.ray),
+        }
+    }
+
+    /// What is there of it that was ended before its end.
+    pub fn cut_short(&self) -> Vec<Name> {
+        let parts = [
+            (Stage::Experiment, self.experiment.as_ref().map(|part| part.conditions.complete)),
+            (Stage::Accuracy, self.accuracy.as_ref().map(|part| part.complete)),
+            (Stage::Stability, self.stability.as_ref().map(|part| part.complete)),
+            (Stage::Complexity, self.complexity.as_ref().map(|part| part.complete)),
+        ];
+        parts.into_iter().filter(|(_, complete)| *complete == Some(false)).map(|(stage, _)| stage.name()).collect()
+    }
+}

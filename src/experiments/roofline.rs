@@ -1,0 +1,259 @@
+//! The roofline: how near the kernels are to what the core computes and what its caches take, both measured on the spot.
+
+pub mod plot;
+
+use std::cell::RefCell;
+
+use serde::{Deserialize, Serialize};
+
+use super::accuracy::subjects::shipped;
+use super::in_size;
+use super::jumps::{Bandwidth, levels_of};
+use super::speedup::{Progress, SpeedupError};
+use crate::kernels::{self, Isa, code_at, step};
+use crate::measure::instructions::{Instruction, decode};
+use crate::measure::names::{self, Name};
+use crate::measure::source::Unit;
+use crate::measure::statistics::minimum;
+use crate::measure::{Cache, Clock, Work, interleave};
+use crate::render::{Engine, Film, PixelFormat, Tracer};
+use crate::scene::Scene;
+
+/// Scenes whose kernels are points.
+const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
+/// The picture that is timed: it stays in a second-level cache.
+const SIZE: (u32, u32) = (256, 192);
+/// The one whose instructions are counted, step by step.
+const COUNTED: (u32, u32) = (32, 24);
+/// More instructions than it takes.
+const MOST: usize = 1 << 20;
+const RUNS: usize = 15;
+/// Rounds of the multiplications: some 50 microseconds.
+const ROUNDS: u64 = 10_000;
+/// The least that is written between two looks at the clock.
+const MIN_BYTES: usize = 4 << 20;
+
+/// The most arithmetic of an instruction set.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Peak {
+    /// Which.
+    #[serde(deserialize_with = "names::read")]
+    pub isa: Name,
+    /// Multiplications and additions of f32 in a TSC cycle.
+    pub flops_per_cycle: f64,
+}
+
+/// Kernels at work on a scene.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Point {
+    /// The scene.
+    #[serde(deserialize_with = "names::read")]
+    pub scene: Name,
+    /// Whose kernels.
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
+    /// What a pixel is written as.
+    #[serde(deserialize_with = "names::read")]
+    pub output: Name,
+    /// Operations on numbers that are executed for a pixel: an addition, a product, a quotient or a root is one, in each lane.
+    pub flops_per_pixel: f64,
+    /// Bytes of the picture by the pixel.
+    pub bytes_per_pixel: f64,
+    /// TSC cycles of a pixel in the fastest run.
+    pub cycles_per_pixel: f64,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub struct Roofline {
+    /// Of each instruction set.
+    pub peaks: Vec<Peak>,
+    /// What each level of memory takes of the widest stores.
+    pub roofs: Vec<Bandwidth>,
+    /// The kernels; none where instructions cannot be counted.
+    pub points: Vec<Point>,
+    /// Why they cannot.
+    pub uncounted: Option<String>,
+}
+
+/// How many times [`run`] calls `proceed`.
+pub const WORK: u64 = 3;
+
+/// Measures. None where `proceed` says no.
+///
+/// # Errors
+/// No memory for a picture.
+pub fn run(
+    caches: &[Cache],
+    clock: &mut dyn Clock,
+    proceed: &mut Progress<'_>,
+) -> Result<Option<Roofline>, SpeedupError> {
+    let mut roofline = Roofline { peaks: peaks(clock), ..Roofline::default() };
+    if !proceed(1) {
+        return Ok(None);
+    }
+    roofline.roofs = roofs(caches, clock)?;
+    if !proceed(1) {
+        return Ok(None);
+    }
+    for name in SCENES {
+        let scene = shipped(name);
+        match points(name, &scene, clock)? {
+            Ok(points) => roofline.points.extend(points),
+            Err(reason) => roofline.uncounted = Some(reason.to_string()),
+        }
+    }
+    Ok(proceed(1).then_some(roofline))
+}
+
+fn usable() -> impl Iterator<Item = Isa> {
+    Isa::ALL.into_iter().filter(|isa| isa.usable())
+}
+
+fn lanes(isa: Isa) -> f64 {
+    f64::from(4_u32 << isa as usize)
+}
+
+/// Multiplications with an addition, as many at a time as the core takes.
+fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
+    let of = |isa: Isa| {
+        let chain = kernels::chains_of_packets(isa)?.muladd;
+        let operations = chain.run(1) * ROUNDS;
+        let mut work: [Work<'_>; 1] = [Box::new(|| {
+            chain.run(ROUNDS);
+        })];
+        let runs = interleave(clock, &mut work, 0..RUNS, &mut || true)?;
+        let flops = 2.0 * lanes(isa) * operations as f64;
+        Some(Peak { isa: isa.name(), flops_per_cycle: flops / minimum(&runs[0].ticks) })
+    };
+    usable().filter_map(of).collect()
+}
+
+/// The widest stores into half of each level of cache, and into four times the last.
+fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
+    let Some(widest) = usable().last().and_then(kernels::packets) else { return Ok(Vec::new()) };
+    let measure = |(level, bytes): (String, usize)| {
+        let pixel = PixelFormat::F32x4.bytes();
+        let mut film = Film::new(PixelFormat::F32x4, bytes / pixel)?;
+        let Film::F32x4(pixels) = &mut film else { unreachable!("it was made of floats") };
+        // Small levels are gone over so often that the clock's own time does not show.
+        let passes = (MIN_BYTES / bytes).max(1);
+        let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(|_| widest.fill.f32x4(pixels, false)))];
+        let runs = interleave(clock, &mut work, 0..RUNS, &mut || true).expect("nobody stops it");
+        Ok(Bandwidth {
+            level,
+            bytes,
+            bytes_per_cycle: (bytes / pixel * pixel * passes) as f64 / minimum(&runs[0].ticks),
+        })
+    };
+    levels_of(caches).map(measure).collect()
+}
+
+/// The engines of assembly on a scene. The inner error: instructions cannot be counted.
+#[expect(clippy::type_complexity, reason = "two ways to have no points")]
+fn points(
+    name: Name,
+    scene: &Scene,
+    clock: &mut dyn Clock,
+) -> Result<Result<Vec<Point>, step::Unavailable>, SpeedupError> {
+    let of_assembly = |engine: &&Engine| engine.usable() && (engine.is_packet() || **engine == Engine::Paper);
+    let engines: Vec<Engine> = Engine::ALL.iter().filter(of_assembly).copied().collect();
+    let (small, large) = (in_size(scene, COUNTED.0, COUNTED.1), in_size(scene, SIZE.0, SIZE.1));
+    let mut flops = Vec::new();
+    for engine in &engines {
+        match flops_of(*engine, &small)? {
+            Ok(count) => flops.push(count / small.camera.pixels() as f64),
+            Err(reason) => return Ok(Err(reason)),
+        }
+    }
+    let film = RefCell::new(Film::new(PixelFormat::F32x4, large.camera.pixels() as usize)?);
+    let tracers = engines.iter().map(|engine| engine.prepare(None, &large)).collect::<Result<Vec<_>, _>>()?;
+    let trace = |tracer: &dyn Tracer| tracer.rows(0..SIZE.1, film.borrow_mut().as_mut());
+    let mut work: Vec<Work<'_>> = Vec::new();
+    for tracer in &tracers {
+        work.push(Box::new(move || trace(tracer.as_ref())));
+    }
+    let runs = interleave(clock, &mut work, 0..RUNS, &mut || true).expect("nobody stops it");
+    let point = |((engine, flops_per_pixel), runs): ((&Engine, f64), crate::measure::Runs)| Point {
+        scene: name,
+        engine: engine.name(),
+        output: PixelFormat::F32x4.name(),
+        flops_per_pixel,
+        bytes_per_pixel: PixelFormat::F32x4.bytes() as f64,
+        cycles_per_pixel: minimum(&runs.ticks) / large.camera.pixels() as f64,
+    };
+    Ok(Ok(engines.iter().zip(flops).zip(runs).map(point).collect()))
+}
+
+/// The operations on numbers that an engine executes for a picture.
+fn flops_of(engine: Engine, scene: &Scene) -> Result<Result<f64, step::Unavailable>, SpeedupError> {
+    let isa = match engine {
+        Engine::Packet(isa) => isa,
+        _ => Isa::Sse41,
+    };
+    let Some(unit) = Unit::of(isa) else { return Ok(Err(step::Unavailable::Platform)) };
+    let tracer = engine.prepare(None, scene)?;
+    let camera = &scene.camera;
+    let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
+    let trace = || tracer.rows(0..camera.height(), film.as_mut());
+    let visits = match step::visits(std::slice::from_ref(&unit.code), MOST, trace) {
+        Ok((visits, _)) => visits,
+        Err(reason) => return Ok(Err(reason)),
+    };
+    let Some(code) = code_at(unit.code.start).and_then(|code| code.get(..unit.code.len())) else {
+        return Ok(Err(step::Unavailable::Platform));
+    };
+    let of: Vec<(usize, u32)> = decode(code, 0).map(|instruction| (instruction.offset, flops(&instruction))).collect();
+    let at = |rip: u64| {
+        let place = of.binary_search_by_key(&(rip as usize - unit.code.start), |(offset, _)| *offset);
+        place.map_or(0, |place| of[place].1)
+    };
+    Ok(Ok(visits.iter().map(|visit| f64::from(at(visit.rip))).sum()))
+}
+
+/// The operations on f32 or f64 that an instruction does, in all lanes.
+fn flops(instruction: &Instruction) -> u32 {
+    let (mnemonic, operands) = instruction.text.split_once(' ').unwrap_or((&instruction.text, ""));
+    let name = mnemonic.strip_prefix('v').unwrap_or(mnemonic);
+    let bytes = match () {
+        () if operands.contains("zmm") => 64,
+        () if operands.contains("ymm") => 32,
+        () => 16,
+    };
+    let Some((operation, kind)) = name.split_at_checked(name.len().saturating_sub(2)) else { return 0 };
+    let lanes = match kind {
+        "ss" | "sd" => 1,
+        "ps" => bytes / 4,
+        "pd" => bytes / 8,
+        _ => return 0,
+    };
+    match operation.trim_end_matches(|c: char| c.is_ascii_digit()) {
+        "add" | "sub" | "mul" | "div" | "sqrt" | "rsqrt" | "rcp" | "hadd" | "addsub" => lanes,
+        "fmadd" | "fmsub" | "fnmadd" | "fnmsub" => 2 * lanes,
+        // Four products and their sum.
+        "dp" => 2 * lanes - 1,
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn operations_are_counted_in_all_lanes() {
+        for (bytes, expected) in [
+            (&[0x0f, 0x59, 0xc1][..], 4),                // mulps xmm0, xmm1
+            (&[0xf3, 0x0f, 0x58, 0xc1], 1),              // addss xmm0, xmm1
+            (&[0xc4, 0xe2, 0x75, 0xa8, 0xc2], 16),       // vfmadd213ps ymm0, ymm1, ymm2
+            (&[0x62, 0xf1, 0xf5, 0x48, 0x5e, 0xc2], 8),  // vdivpd zmm0, zmm1, zmm2
+            (&[0x0f, 0x54, 0xc1], 0),                    // andps xmm0, xmm1
+            (&[0x66, 0x0f, 0x3a, 0x40, 0xc1, 0x71], 7),  // dpps xmm0, xmm1, 0x71
+            (&[0x62, 0xf2, 0x7d, 0x48, 0x4e, 0xc1], 16), // vrsqrt14ps zmm0, zmm1
+            (&[0xc3], 0),                                // ret
+        ] {
+            let instruction = decode(bytes, 0).next().unwrap();
+            assert_eq!(flops(&instruction), expected, "{}", instruction.text);
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! The figure: operations in a cycle against operations by the byte, under what the core and each level of memory take.
+
+use plotters::prelude::*;
+
+use super::Roofline;
+use crate::experiments::svg::{FONT, GREY, Mark, PlotError, SMALL, around, axes, colour_of, draw, head};
+
+const WIDTH: i32 = 960;
+const HEIGHT: i32 = 560;
+
+/// Draws it.
+pub fn figure(roofline: &Roofline) -> Result<String, PlotError> {
+    let Roofline { peaks, roofs, points, .. } = roofline;
+    let at = |point: &super::Point| {
+        (point.flops_per_pixel / point.bytes_per_pixel, point.flops_per_pixel / point.cycles_per_pixel)
+    };
+    let mut entries = Vec::new();
+    for point in points {
+        if !entries.iter().any(|(_, _, name)| name == point.engine) {
+            entries.push((Mark::Dot, colour_of(point.engine), point.engine.to_owned()));
+        }
+    }
+    let shape = |scene: &str| if scene == "sphere" { Mark::Dot } else { Mark::Triangle };
+    for point in points {
+        let label = format!("{} (shape)", point.scene);
+        if !entries.iter().any(|(_, _, name)| *name == label) {
+            entries.push((shape(point.scene), GREY, label));
+        }
+    }
+    let highest = peaks.iter().map(|peak| peak.flops_per_cycle).fold(1.0, f64::max);
+    let lowest = points.iter().map(|point| at(point).1).fold(highest, f64::min).min(1.0);
+    let x = around(points.iter().map(|point| at(point).0).chain([0.1, 100.0]), (0.7, 1.5));
+    draw(WIDTH, HEIGHT, |area| {
+        let area = head(area, "Roofline: arithmetic of f32 against what is written, one thread", &entries)?;
+        let mut chart = ChartBuilder::on(&area)
+            .margin(12)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(x.clone().log_scale(), (0.5 * lowest..2.0 * highest).log_scale())?;
+        axes(&mut chart, "operations by the byte of the picture", "operations in a TSC cycle")?;
+        let words = |x: f64, y: f64, text: String| Text::new(text, (x, y), (FONT, SMALL));
+        for peak in peaks {
+            let level = peak.flops_per_cycle;
+            let line = [(x.start, level), (x.end, level)];
+            chart.draw_series(LineSeries::new(line, colour_of(peak.isa).stroke_width(1)))?;
+            let text = format!("{}: {level:.0}", peak.isa);
+            chart.draw_series([words(x.start * 1.1, level * 1.22, text)])?;
+        }
+        for (place, roof) in roofs.iter().enumerate() {
+            let slope = roof.bytes_per_cycle;
+            let end = (highest / slope).min(x.end);
+            chart
+                .draw_series(LineSeries::new([(x.start, slope * x.start), (end, slope * end)], GREY.stroke_width(1)))?;
+            // Two levels may take the same: their names are not in one place.
+            let label = (0.75 * lowest / slope).max(x.start * 1.1) * 2.2_f64.powi(place as i32 % 2);
+            chart.draw_series([words(label, slope * label, format!("{}: {slope:.1} bytes", roof.level))])?;
+        }
+        for point in points {
+            let colour = colour_of(point.engine);
+            match shape(point.scene) {
+                Mark::Dot => chart.draw_series([Circle::new(at(point), 6, colour.filled())]).map(drop),
+                _ => chart.draw_series([TriangleMarker::new(at(point), 7, colour.filled())]).map(drop),
+            }?;
+        }
+        Ok(())
+    })
+}

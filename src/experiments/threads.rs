@@ -1,0 +1,117 @@
+//! How many times as fast a picture is on more threads: set-up and tracing, by the fastest engine.
+
+use std::cell::RefCell;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::accuracy::subjects::shipped;
+use super::in_size;
+use super::ladder::on_all;
+use super::speedup::{Progress, SpeedupError};
+use crate::kernels::sys;
+use crate::measure::names::{self, Name};
+use crate::measure::statistics::median;
+use crate::measure::{Clock, Work, interleave};
+use crate::plan::Keep;
+use crate::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
+use crate::scene::mesh::shapes;
+use crate::scene::{MeshFormat, Scene, Setting, many};
+
+/// One size for all.
+const SIZE: (u32, u32) = (1632, 1224);
+const RUNS: usize = 9;
+const QUICK_RUNS: usize = 5;
+/// Objects of the scenes that have many.
+const MANY: usize = 1000;
+const MESH: u64 = 70_000;
+const SEED: u64 = 7;
+
+/// A scene on so many threads. The field names are those of the JSON document.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct OnThreads {
+    /// The scene.
+    #[serde(deserialize_with = "names::read")]
+    pub scene: Name,
+    /// Who traced.
+    #[serde(deserialize_with = "names::read")]
+    pub engine: Name,
+    /// Threads that planned and traced.
+    pub threads: usize,
+    /// Median TSC cycles from the parsed scene to the last pixel.
+    pub cycles_median: f64,
+    /// How many times as fast as one thread: the ratio of the medians.
+    pub speedup: f64,
+}
+
+/// How many times [`run`] calls `proceed`.
+pub const WORK: u64 = 3;
+
+/// 1, 2, 4 and so on, and all of them.
+fn counts(most: usize) -> Vec<usize> {
+    let mut counts: Vec<usize> =
+        std::iter::successors(Some(1), |count| Some(count * 2)).take_while(|c| *c < most).collect();
+    counts.push(most);
+    counts
+}
+
+fn scenes() -> [(Name, Scene); 3] {
+    let camera = shipped("sphere").camera.sized(SIZE.0, SIZE.1).expect("within the limits");
+    let mesh = shapes::icosphere(MESH, 0.3, SEED);
+    let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
+    let mesh = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera));
+    let spheres = Scene { camera, ..many(MANY, 0, SEED) };
+    [
+        ("sphere", in_size(&shipped("sphere"), SIZE.0, SIZE.1)),
+        ("1,000 spheres", spheres),
+        ("mesh of 70,000 triangles", mesh.expect("the shapes are of ordinary size")),
+    ]
+}
+
+/// Measures on 1, 2, 4 and so on of `cores`, to 8-bit pixels. None where `proceed` says no.
+///
+/// # Errors
+/// No memory, or cores that cannot be used.
+pub fn run(
+    quick: bool,
+    cores: &sys::Cores,
+    clock: &mut dyn Clock,
+    proceed: &mut Progress<'_>,
+) -> Result<Option<Vec<OnThreads>>, SpeedupError> {
+    let engine = Engine::fastest();
+    let mut rows = Vec::new();
+    for (name, scene) in scenes() {
+        let (camera, output) = (scene.camera, PixelFormat::Rgba8);
+        let film = RefCell::new(Film::new(output, camera.pixels() as usize)?);
+        let counts = counts(cores.count());
+        let picture = |threads: usize| -> Result<(), SpeedupError> {
+            let purpose = Purpose { precision: None, format: Some(output), keep: Keep::NOTHING, threads };
+            on_all(cores, || {
+                let tracer = Plan::new(engine, &scene, purpose)?.into_tracer();
+                let frame = Frame::new(tracer.as_ref(), camera, Settings { threads })?;
+                frame.trace(0..camera.height(), film.borrow_mut().as_mut(), &|_| ());
+                Ok::<_, SpeedupError>(())
+            })?
+        };
+        let mut work: Vec<Work<'_>> = Vec::new();
+        for threads in &counts {
+            // The first time shows whether it can be done at all.
+            picture(*threads)?;
+            work.push(Box::new(move || picture(*threads).expect("it could be done before")));
+        }
+        let runs = if quick { QUICK_RUNS } else { RUNS };
+        let Some(measured) = interleave(clock, &mut work, 0..runs, &mut || proceed(0)) else { return Ok(None) };
+        let medians: Vec<f64> = measured.iter().map(|runs| median(&runs.ticks)).collect();
+        rows.extend(counts.iter().zip(&medians).map(|(threads, cycles)| OnThreads {
+            scene: name,
+            engine: engine.name(),
+            threads: *threads,
+            cycles_median: *cycles,
+            speedup: medians[0] / cycles,
+        }));
+        if !proceed(1) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(rows))
+}
