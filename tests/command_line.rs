@@ -145,6 +145,23 @@ fn help_lists_the_commands_and_each_has_its_own() {
 }
 
 #[test]
+fn shells_complete_and_manuals_have_every_command() {
+    let place = Place::new();
+    let bash = place.run("completions bash");
+    assert_eq!((bash.status, bash.stderr.as_str()), (0, ""));
+    for word in ["render", "--engine", "stability"] {
+        assert!(bash.stdout.contains(word), "{word}");
+    }
+    assert_eq!(place.run("completions tcsh").status, 2);
+    let page = place.run("man").stdout;
+    assert!(page.starts_with(".ie") && page.contains("render"), "{page}");
+    assert_eq!(place.run("man --out pages").status, 0);
+    for name in ["rayo.1", "rayo-render.1", "rayo-step.1"] {
+        assert!(place.path("pages").join(name).is_file(), "{name}");
+    }
+}
+
+#[test]
 fn the_version_is_that_of_the_package() {
     let version = concat!("rayo ", env!("CARGO_PKG_VERSION"), "\n");
     for flag in ["--version", "-V"] {
@@ -164,7 +181,7 @@ fn without_arguments_the_help_is_shown_and_that_is_bad_usage() {
 fn what_is_mistyped_is_met_with_a_suggestion() {
     let place = Place::new();
     for (arguments, suggestion) in [
-        ("rendr scene.in", "tip: a similar subcommand exists: 'render'"),
+        ("rendr scene.in", "subcommands exist: 'report', 'render'"),
         ("render scene.in --engin c", "tip: a similar argument exists: '--engine'"),
         ("render scene.in --ouput x.png", "tip: a similar argument exists: '--output'"),
         ("render", "<SCENE>"),

@@ -160,6 +160,7 @@ fn the_text_of_one_ray_fits_a_screen_and_has_the_words_of_the_source() {
     let folded = program::rayo(["step", "scenes/sphere.in", "--depth", "1"].into_iter().chain(size), at);
     let folded = String::from_utf8(folded.stdout).unwrap();
     assert!(folded.lines().count() <= 50, "{folded}");
+    assert!(folded.starts_with("pixel 80,60 by paper"), "the middle of a picture of that size: {folded}");
     assert!(folded.contains("SPHERE_HIT") && folded.contains("hits sphere 0 at t = "), "{folded}");
     let whole = program::rayo(["step", "scenes/sphere.in"].into_iter().chain(size), at);
     let whole = String::from_utf8(whole.stdout).unwrap();

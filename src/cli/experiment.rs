@@ -22,8 +22,8 @@ const MAX_RUNS: u64 = 100_000;
 /// Repeat the paper's experiment: C against SIMD and every other engine at twenty sizes, on one core
 ///
 /// Prints a verdict for each of the paper's claims, and with --full its table beside ours and what the verdicts rest on.
-/// Writes table.csv, table.md, results.json, figure2.svg and ratio.svg to the directory that --out names; with --complexity
-/// complexity.md, .csv, .json and .svg. Ctrl-C keeps what is finished, with exit status 130.
+/// Writes table.csv, table.md, results.json, figure2.svg and ratio.svg, with --ladder ladder.svg, to the directory that --out names;
+/// with --complexity complexity.md, .csv, .json and .svg. Ctrl-C keeps what is finished, with exit status 130.
 #[derive(Debug, Default, Args)]
 pub struct ExperimentArgs {
     /// Five sizes and five runs of each: well under a minute

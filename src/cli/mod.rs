@@ -14,6 +14,7 @@ mod ops;
 mod plan;
 mod render;
 mod report;
+mod shell;
 mod stability;
 mod step;
 mod table;
@@ -53,6 +54,8 @@ enum Command {
     Report(report::ReportArgs),
     Stability(stability::StabilityArgs),
     Step(step::StepArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -103,6 +106,8 @@ pub fn main() -> ExitCode {
         Command::Report(args) => report::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Step(args) => step::run(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
     };
     result.unwrap_or_else(|failure| failure.tell())
 }

@@ -103,6 +103,7 @@ impl FromStr for Vector {
 pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     use std::io::Write;
 
+    use super::view::tell;
     use super::{colour_on_stdout, convert, print_result, remove_part_files_on_signals};
     use crate::experiments::step::{self, Ray, WatchError};
     use crate::render::{Engine, Precision};
@@ -120,7 +121,8 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
                 .map_err(failure)?
         }
         (None, Some(path)) => {
-            let scene = args.view.open(path)?.scene;
+            let mut scene = tell(args.view.open(path)?, false);
+            scene.camera = args.view.camera(&scene.camera)?;
             let middle = Pixel(scene.camera.width() / 2, scene.camera.height() / 2);
             let Pixel(x, y) = args.pixel.unwrap_or(middle);
             let ray = Ray { engine, precision, pixel: (x, y), lane: args.lane, most: args.steps };

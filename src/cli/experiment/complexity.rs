@@ -171,7 +171,7 @@ fn lights(document: &Complexity) -> String {
         let Slope { engine, line, .. } = slope;
         let (slope, residual) = (digits(line.slope / first[0].pixels()), 100.0 * line.residual);
         text += &format!(
-            "- {engine}: one more light costs {slope} cycles by the pixel of the picture (residual {residual:.1} %)\n"
+            "- {engine}: one more light costs {slope} cycles per pixel of the picture (residual {residual:.1} %)\n"
         );
     }
     text

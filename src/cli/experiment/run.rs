@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::measuring::{bar, create_directory, pin, stop_on_ctrl_c, write_results};
+use crate::cli::measuring::{bar, create_directory, pin, stop_on_ctrl_c, write_file, write_results};
 use crate::cli::{Failure, print_result, say};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
@@ -221,7 +221,12 @@ fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
         ("figure2.svg", plot::figure2(document).map_err(Failure::output)?),
         ("ratio.svg", plot::ratio(document).map_err(Failure::output)?),
     ];
-    write_results(directory, ("results.json", document), texts)
+    write_results(directory, ("results.json", document), texts)?;
+    if !document.ladder.is_empty() {
+        let figure = plot::waterfall(&document.ladder).map_err(Failure::output)?;
+        write_file(directory, "ladder.svg", figure.as_bytes())?;
+    }
+    Ok(())
 }
 
 pub fn failure(error: SpeedupError) -> Failure {

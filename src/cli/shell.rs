@@ -1,0 +1,63 @@
+//! `rayo completions` and `rayo man`: what shells and manuals know of the command line.
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, CommandFactory};
+use clap_complete::Shell;
+use clap_mangen::Man;
+
+use super::measuring::{create_directory, write_file};
+use super::{Cli, Failure, unprinted};
+
+/// Print what a shell needs to complete the commands and their options
+///
+/// For bash: rayo completions bash > ~/.local/share/bash-completion/completions/rayo
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    shell: Shell,
+}
+
+/// Print the manual page, or with --out write one for each command
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// Write rayo.1, rayo-render.1 and so on to this directory
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Prints the completions.
+pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "rayo", &mut text);
+    print(&text)
+}
+
+/// Prints the page, or writes all.
+pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
+    let mut command = Cli::command();
+    // Names each command as it is called.
+    command.build();
+    let Some(directory) = &args.out else { return print(&page(&Man::new(command))?) };
+    create_directory(directory)?;
+    let commands: Vec<_> = command.get_subcommands().filter(|command| command.get_name() != "help").cloned().collect();
+    for command in [command].into_iter().chain(commands) {
+        let man = Man::new(command);
+        write_file(directory, &man.get_filename(), &page(&man)?)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn page(man: &Man) -> Result<Vec<u8>, Failure> {
+    let mut text = Vec::new();
+    man.render(&mut text).map_err(Failure::output)?;
+    Ok(text)
+}
+
+fn print(text: &[u8]) -> Result<ExitCode, Failure> {
+    let mut out = io::stdout().lock();
+    io::Write::write_all(&mut out, text).map_err(|error| unprinted(&error))?;
+    Ok(ExitCode::SUCCESS)
+}
