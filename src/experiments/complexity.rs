@@ -204,7 +204,7 @@ fn scattered(mut scene: Scene, camera: Camera) -> Scene {
 fn mesh(count: u64, camera: Camera) -> Scene {
     let mesh = shapes::icosphere(count, BUMPS, SEED);
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
-    let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera));
+    let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
     scene.expect("the shapes are of ordinary size")
 }
 
