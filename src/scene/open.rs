@@ -77,7 +77,8 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
         }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
         Some(SceneFormat::In) | None => {
-            if let Some(opened) = in_bulk(path, &name) {
+            let in_bulk = read_twice(path).and_then(|(file, length)| bulk::read(file, length, &name));
+            if let Some(opened) = in_bulk {
                 return Ok(opened);
             }
             let source = contents(path).map_err(unread)?;
@@ -86,10 +87,10 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     }
 }
 
-/// The scene of a file in the paper's format that can be read twice, if the first time is in vain.
-fn in_bulk(path: &Path, name: &str) -> Option<Opened> {
+/// A file that can be read twice, if the first time is in vain, and its length.
+pub(super) fn read_twice(path: &Path) -> Option<(File, usize)> {
     let metadata = fs::metadata(path).ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
-    bulk::read(File::open(path).ok()?, metadata.len() as usize, name)
+    Some((File::open(path).ok()?, metadata.len() as usize))
 }
 
 /// Whether a text without a name is TOML: its first line that says something begins a table or gives a key its value.
