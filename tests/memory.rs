@@ -86,7 +86,7 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
     let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();
     let mesh = icosphere(100_000, 0.1, 1);
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera).unwrap();
-    let mesh = setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera).unwrap();
+    let mesh = setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera).unwrap();
     let mut scenes = vec![("mesh", mesh)];
     for size in [40.0, 120.0, 160.0, 2000.0] {
         scenes.push(("spread", spread(60_000, size, camera)));

@@ -534,7 +534,7 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         for camera in [Camera::default(), camera(100, 900, 1.0), camera(900, 100, 3.0)] {
             for format in FORMATS {
                 let setting = Setting::of(&mesh, format, &camera).unwrap();
-                let scene = setting.scene(&mesh, Vec3::ONE, String::new(), camera).unwrap();
+                let scene = setting.scene(mesh.clone(), Vec3::ONE, String::new(), camera).unwrap();
                 let seen = seen(&scene);
                 let reach = seen.iter().map(|(x, y)| x.abs().max(y.abs())).fold(0.0, f64::max);
                 assert!((0.45..0.92).contains(&reach), "{format}: {reach}");
@@ -548,7 +548,7 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         let mut mesh = points(up);
         mesh.vertices.push(0.1 * front);
         mesh.triangles.push([3, 1, 2]);
-        let scene = setting.scene(&mesh, Vec3::ONE, String::new(), Camera::default()).unwrap();
+        let scene = setting.scene(mesh, Vec3::ONE, String::new(), Camera::default()).unwrap();
         let [origin, above, right] = scene.triangles[0].vertices;
         let [nearer, ..] = scene.triangles[1].vertices;
         assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");

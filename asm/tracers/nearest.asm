@@ -151,7 +151,9 @@
 ; BLOCK_ROW - r13 = the address of the block number r11 of the row ebx of the tile at r8.
 %macro BLOCK_ROW 0
     mov     r13d, ebx
+%if BLOCK_HEIGHT > 1
     shr     r13d, ilog2e(BLOCK_HEIGHT)
+%endif
     imul    r13d, r13d, BLOCKS_X
     add     r13d, r11d
     shl     r13, ilog2e(VBYTES)

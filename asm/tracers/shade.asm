@@ -133,7 +133,9 @@ FUNC NAME(tile, %%output)
     VSPREAD v5, [rdi + ELEM * TileRays.dy]
     VFMA    v5, v7, v8, v9
     mov     r8d, r12d
+%if BLOCK_HEIGHT > 1
     shr     r8d, ilog2e(BLOCK_HEIGHT)
+%endif
     imul    r8d, r8d, BLOCKS_X * VBYTES
     add     r8, [rsi + ShadeTask.tile]
     xor     ebx, ebx

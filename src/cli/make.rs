@@ -77,18 +77,18 @@ pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
         Shape::Torus => shapes::torus(*triangles),
         Shape::Terrain => shapes::terrain(*triangles, *seed),
     };
+    let (made, vertices) = (mesh.triangles.len(), mesh.vertices.len());
     match to {
         SceneFormat::Mesh(format) => write(output, |out| standing(&mesh, format).write(format, out))?,
-        scene => {
+        format => {
             let camera = Camera::default();
             let setting = Setting::of(&mesh, MeshFormat::Obj, &camera).expect("the shapes are of ordinary size");
-            let made = setting.scene(&mesh, Vec3::ONE, picture_name(output), camera);
-            write_scene(&made.expect("the shapes are of ordinary size"), output, scene)?;
+            let scene = setting.scene(mesh, Vec3::ONE, picture_name(output), camera);
+            write_scene(&scene.expect("the shapes are of ordinary size"), output, format)?;
         }
     }
 
     let name = shape.to_possible_value().expect("no shape is hidden").get_name().to_owned();
-    let (made, vertices) = (mesh.triangles.len(), mesh.vertices.len());
     if *json {
         print_result(true, &Report { shape: name, triangles: made, vertices, seed: *seed }, String::new)?;
     } else if !quiet {

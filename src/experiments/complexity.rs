@@ -33,8 +33,9 @@ const SIZES: [(u32, u32); 11] = [
     (8165, 6124),
     (11547, 8660),
 ];
-/// One to a million objects, about three to the power of ten.
-const OBJECTS: [u64; 13] = [1, 3, 10, 32, 100, 316, 1_000, 3_162, 10_000, 31_623, 100_000, 316_228, 1_000_000];
+/// One to ten million objects, each about the root of ten times as many as the last.
+const OBJECTS: [u64; 15] =
+    [1, 3, 10, 32, 100, 316, 1_000, 3_162, 10_000, 31_623, 100_000, 316_228, 1_000_000, 3_162_278, 10_000_000];
 /// More than this are not traced by brute force.
 const MOST_BY_FORCE: u64 = 1_000;
 /// One to 64 lights.
@@ -218,7 +219,7 @@ fn scattered(mut scene: Scene, camera: Camera) -> Scene {
 fn mesh(count: u64, camera: Camera) -> Scene {
     let mesh = shapes::icosphere(count, BUMPS, SEED);
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
-    let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera));
+    let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
     scene.expect("the shapes are of ordinary size")
 }
 

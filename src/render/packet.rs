@@ -540,4 +540,8 @@ impl<E: Element> Tracer for PacketTracer<E> {
         })
         .collect()
     }
+
+    fn count_hits(&self, rows: Range<u32>) -> u64 {
+        self.count(rows)
+    }
 }

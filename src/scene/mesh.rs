@@ -16,8 +16,10 @@ mod stl;
 #[cfg(feature = "files")]
 mod write;
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt;
+use std::mem;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -147,10 +149,13 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 
 impl Mesh {
     /// The vertices that triangles have, each once, in their order.
-    pub fn used(&self) -> impl Iterator<Item = Vec3> + Clone {
+    pub fn used(&self) -> Cow<'_, [Vec3]> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
-        self.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex))
+        if !used.contains(&false) {
+            return Cow::from(&self.vertices);
+        }
+        self.vertices.iter().zip(used).filter_map(|(vertex, used)| used.then_some(*vertex)).collect()
     }
 
     /// The three corners of a triangle.
@@ -160,23 +165,26 @@ impl Mesh {
 
     /// Its triangles, moved by `map` in f64 and rounded once, in one colour; nothing where a corner leaves the range of
     /// f32.
-    pub fn placed(&self, map: DAffine3, colour: Vec3) -> Option<Vec<Triangle>> {
-        let place = |vertex: &Vec3| {
-            if map == DAffine3::IDENTITY { *vertex } else { map.transform_point3(vertex.as_dvec3()).as_vec3() }
-        };
-        let mut vertices = room(self.vertices.len());
-        vertices.extend(self.vertices.iter().map(place));
-        let mut triangles = room(self.triangles.len());
+    pub fn placed(mut self, map: DAffine3, colour: Vec3) -> Option<Vec<Triangle>> {
+        let triangles = mem::take(&mut self.triangles);
+        let without_area = |&triangle: &usize| has_no_area(self.corners(triangles[triangle]));
+        let mut without_area = (0..triangles.len()).filter(without_area).collect::<Vec<_>>().into_iter().peekable();
+        if map != DAffine3::IDENTITY {
+            let place = |vertex: &mut Vec3| *vertex = map.transform_point3(vertex.as_dvec3()).as_vec3();
+            self.vertices.iter_mut().for_each(place);
+        }
         // Those that no triangle has may be anywhere.
-        let all_finite = vertices.iter().all(|vertex: &Vec3| vertex.is_finite());
-        for &triangle in &self.triangles {
-            let placed = triangle.map(|index| vertices[index as usize]);
-            if !all_finite && !placed.iter().all(|vertex| vertex.is_finite()) {
+        let all_finite = self.vertices.iter().all(|vertex| vertex.is_finite());
+        let mut placed = room(triangles.len());
+        for (number, triangle) in triangles.into_iter().enumerate() {
+            let corners = self.corners(triangle);
+            if !all_finite && !corners.iter().all(|vertex| vertex.is_finite()) {
                 return None;
             }
-            triangles.push(Triangle::of_moved(colour, has_no_area(self.corners(triangle)), placed));
+            let had_no_area = without_area.next_if_eq(&number).is_some();
+            placed.push(Triangle::of_moved(colour, had_no_area, corners));
         }
-        Some(triangles)
+        Some(placed)
     }
 
     /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the

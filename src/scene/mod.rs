@@ -1,5 +1,6 @@
 //! What is to be seen: [`Scene`], its lights and objects, and the ways to get one.
 
+mod bulk;
 mod camera;
 mod diagnostic;
 mod doubts;

@@ -6,9 +6,10 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::bulk;
 use super::diagnostic::printable;
 use super::log::is_line_end;
-use super::parse::parse_with_warnings;
+use super::parse::{opened_with_care, parse_with_warnings};
 use super::{Camera, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, Triangle, parse_toml};
 use crate::kernels::sys::room;
 
@@ -76,10 +77,20 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
         }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
         Some(SceneFormat::In) | None => {
+            let in_bulk = read_twice(path).and_then(|(file, length)| bulk::read(file, length, &name));
+            if let Some(opened) = in_bulk {
+                return Ok(opened);
+            }
             let source = contents(path).map_err(unread)?;
-            parse_with_warnings(&source, &name).map_err(|error| no_picture(error, path, &source))
+            opened_with_care(&source, &name).map_err(|error| no_picture(error, path, &source))
         }
     }
+}
+
+/// A file that can be read twice, if the first time is in vain, and its length.
+pub(super) fn read_twice(path: &Path) -> Option<(File, usize)> {
+    let metadata = fs::metadata(path).ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
+    Some((File::open(path).ok()?, metadata.len() as usize))
 }
 
 /// Whether a text without a name is TOML: its first line that says something begins a table or gives a key its value.
@@ -125,14 +136,14 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
     let name = Path::new(path.file_stem().unwrap_or_default()).with_extension("png");
     let name = name.to_string_lossy().into_owned();
+    let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
     let setting = Setting::of(&mesh, format, camera);
-    let scene = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, name, *camera));
+    let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, name, *camera));
     let scene = scene.ok_or_else(|| {
         let message = "the mesh is too large or too far away to be seen whole".to_owned();
         let expected = Some("ordinary coordinates, and no extreme film or focal distance".to_owned());
         SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected })
     })?;
-    let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
     let up = if format == MeshFormat::Stl { "z" } else { "y" };
     notes.push(format!(
         "{}: a mesh alone: {up} is up, the camera sees all of it from the front, the right and above, one white light \

@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use glam::Vec3;
 
+use super::bulk;
 use super::log::{Log, is_line_end};
 use super::misfit::{List, first_misfit};
-use super::number::number;
 use super::opened::{NoArea, Opened};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
 /// The film diagonal of Algorithm 1; the format has no place for another.
-const FILM: f32 = 1.0;
+pub(super) const FILM: f32 = 1.0;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
 ///
@@ -31,24 +31,23 @@ pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
 
 /// As [`parse`], with a warning of each triangle that has no area.
 pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
-    parse_in(source, name, true)
+    bulk::read(source, source.len(), name).map_or_else(|| opened_with_care(source, name), Ok)
 }
 
-/// As [`parse`], with every number by its token: tests hold the two against each other.
+/// As [`parse`], without reading in bulk: tests hold the two against each other.
 #[doc(hidden)]
 pub fn parse_with_care(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    Ok(parse_in(source, name, false)?.scene)
+    Ok(opened_with_care(source, name)?.scene)
 }
 
-fn parse_in(source: &[u8], name: &str, quick: bool) -> Result<Opened, SceneError> {
+/// As [`parse_with_warnings`], without reading in bulk.
+pub(super) fn opened_with_care(source: &[u8], name: &str) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
     let mut no_area = NoArea::default();
     let scene = log.text().and_then(|(text, start)| {
         let (log, no_area) = (&mut log, &mut no_area);
         let last = start..start;
-        Parser { name, text, at: start, last, tokens: 0, quick, lists: Vec::new(), announced: None, log, no_area }
-            .scene()
-            .ok()
+        Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
     });
     let scene = log.finish(scene, name)?;
     Ok(Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
@@ -137,8 +136,6 @@ struct Parser<'a, 'b> {
     last: Range<usize>,
     /// Tokens so far.
     tokens: usize,
-    /// Whether numbers may be read without a token of their own.
-    quick: bool,
     /// The lists that were begun.
     lists: Vec<List>,
     /// The one that was begun last.
@@ -258,36 +255,12 @@ impl<'a> Parser<'a, '_> {
 
     /// A number rounded to f32; 1 stands in for what cannot be.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
-        if self.quick
-            && let Some(number) = self.plain_number(rule)
-        {
-            return Ok(number);
-        }
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
             let help = help.map(str::to_owned);
             self.log.note(self.last.clone(), format_args!("{field} {what}"), rule.expected(), help);
             Ok(1.0)
         })
-    }
-
-    /// The next number, if it is written as nearly all are and one that the rule allows; otherwise nothing is taken.
-    fn plain_number(&mut self, rule: Rule) -> Option<f32> {
-        let text = self.text.as_bytes();
-        let spaces = text[self.at..].iter().position(|byte| !is_space(*byte))?;
-        let start = self.at + spaces;
-        let (number, rest) =
-            number(&text[start..]).filter(|(_, rest)| rest.first().is_none_or(|byte| is_space(*byte)))?;
-        let number = match rule {
-            Rule::Any => number,
-            Rule::NotNegative if number >= 0.0 => number + 0.0,
-            Rule::Positive if number > 0.0 => number,
-            _ => return None,
-        };
-        self.at = text.len() - rest.len();
-        self.last = start..self.at;
-        self.tokens += 1;
-        Some(number)
     }
 
     fn vector(&mut self, of: Owner, [x, y, z]: [&'static str; 3], rule: Rule) -> Result<Vec3, Stop> {

@@ -39,25 +39,37 @@ impl View {
         Ok(DAffine3::from_mat3_translation(rows, -(rows * self.position)))
     }
 
-    /// A view of points of the world from the front, the right and above, as near as `camera` sees all of them with
-    /// some room around; how far away it is from the middle of them comes along.
-    fn framing(points: impl Iterator<Item = DVec3> + Clone, camera: &Camera) -> View {
+    /// A view of points from the front, the right and above, as near as `camera` sees all of them with some room around;
+    /// `to_world` is their map to the world.
+    fn framing(points: &[Vec3], to_world: DAffine3, camera: &Camera) -> View {
+        /// So many points, which are neighbours in most meshes, have a box of their own.
+        const TOGETHER: usize = 64;
         let up = DVec3::Y;
         let eye = DVec3::new(0.55, 0.5, -1.0).normalize();
         let around = View { position: eye, look_at: DVec3::ZERO, up };
         let turn = around.to_camera().expect("a view from the front").matrix3;
-        let turned = points.map(|point| turn * point);
+        let turned = |point: &Vec3| turn * to_world.transform_point3(point.as_dvec3());
         let nowhere = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = turned.clone().fold(nowhere, |(low, high), point| (low.min(point), high.max(point)));
+        let both = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
+        let box_of = |points: &[Vec3]| points.iter().map(turned).fold(nowhere, |all, point| both(all, (point, point)));
+        let boxes: Vec<_> = points.chunks(TOGETHER).map(box_of).collect();
+        let (low, high) = boxes.iter().copied().fold(nowhere, both);
         let middle = (low + high) / 2.0;
         let grid = camera.grid::<f64>();
         // Within the share ROOM of the film: |x| f / (z + distance) <= ROOM w for each point.
         const ROOM: f64 = 0.9;
-        let needed = |across: f64, half: f64, z: f64| across.abs() * grid.focal / (ROOM * half) - z;
-        let distance = turned
-            .map(|point| point - middle)
-            .map(|p| needed(p.x, grid.half_width, p.z).max(needed(p.y, grid.half_height, p.z)))
-            .fold(0.0, f64::max);
+        let needed = |across: f64, half: f64, z: f64| across * grid.focal / (ROOM * half) - z;
+        let needed = |x: f64, y: f64, z: f64| needed(x, grid.half_width, z).max(needed(y, grid.half_height, z));
+        let mut distance = 0.0;
+        for (points, (low, high)) in points.chunks(TOGETHER).zip(boxes) {
+            let (low, high) = (low - middle, high - middle);
+            let furthest = low.abs().max(high.abs());
+            // No point of the box needs more.
+            if needed(furthest.x, furthest.y, low.z) > distance {
+                let points = points.iter().map(|point| turned(point) - middle);
+                distance = points.map(|p| needed(p.x.abs(), p.y.abs(), p.z)).fold(distance, f64::max);
+            }
+        }
         // A mesh as thin as the direction of view has no size across; it is kept in front all the same.
         let depth = (high.z - low.z) / 2.0;
         let distance = distance.max(1.01 * depth);
@@ -84,8 +96,7 @@ impl Setting {
     pub fn of(mesh: &Mesh, format: MeshFormat, camera: &Camera) -> Option<Setting> {
         let placement = format.placement();
         let to_world = placement.to_world();
-        let points = mesh.used().map(|vertex| to_world.transform_point3(vertex.as_dvec3()));
-        let view = View::framing(points, camera);
+        let view = View::framing(&mesh.used(), to_world, camera);
         let to_camera = view.to_camera().ok()?;
         let away = view.position.distance(view.look_at);
         let light = to_camera.inverse().transform_point3(DVec3::new(-0.8, 1.0, -0.3) * away);
@@ -93,7 +104,7 @@ impl Setting {
     }
 
     /// The scene of this mesh, in one colour, in the camera's frame; nothing where it leaves the range of f32.
-    pub fn scene(&self, mesh: &Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
+    pub fn scene(&self, mesh: Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
         let to_camera = self.view.to_camera().ok()?;
         let triangles = mesh.placed(to_camera * self.placement.to_world(), colour)?;
         let position = to_camera.transform_point3(self.light).as_vec3();

@@ -63,6 +63,26 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
 }
 
 impl<E: Element> PacketTracer<E> {
+    /// As [`super::super::Tracer::count_hits`], without a trace: every pixel of a span is a hit.
+    pub(super) fn count(&self, rows: Range<u32>) -> u64 {
+        let seen = self.plan.seen_in(&rows);
+        let mut in_row = RowSpans::default();
+        let count = |row| match &self.wide {
+            Some(wide) if self.plan.is_wide(row) => wide.count(row..row + 1),
+            _ => {
+                self.plan.spans_in(row, &seen, &mut in_row);
+                in_row.spans.sort_unstable_by_key(|span| span.start);
+                let (mut hits, mut done) = (0, 0);
+                for span in &in_row.spans {
+                    hits += u64::from(span.end.saturating_sub(span.start.max(done)));
+                    done = done.max(span.end);
+                }
+                hits
+            }
+        };
+        rows.map(count).sum()
+    }
+
     /// As [`super::super::Tracer::hits`].
     pub(super) fn found(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let plan = &self.plan;

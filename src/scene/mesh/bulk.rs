@@ -3,6 +3,8 @@
 //! Whatever is unusual or wrong gives nothing: then [`super::read`] has the file read from its start by the reader of its
 //! format, which is careful, and has words for what is wrong.
 
+use std::io::Read;
+
 use glam::Vec3;
 use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
 
@@ -15,8 +17,14 @@ pub(super) fn read(source: &[u8], format: MeshFormat) -> Option<Mesh> {
     let mesh = match format {
         MeshFormat::Obj => obj(source),
         MeshFormat::Ply => ply(source),
-        MeshFormat::Stl => stl(source),
+        MeshFormat::Stl => stl(source, source.len()),
     };
+    mesh.filter(|mesh| !mesh.triangles.is_empty())
+}
+
+/// The same of a file of this length without having all of it in memory, if the format is one that can be read so.
+pub(super) fn read_in_pieces(file: impl Read, length: usize, format: MeshFormat) -> Option<Mesh> {
+    let mesh = if format == MeshFormat::Stl { stl(file, length) } else { None };
     mesh.filter(|mesh| !mesh.triangles.is_empty())
 }
 
@@ -25,22 +33,31 @@ fn point(x: &[u8; 4], y: &[u8; 4], z: &[u8; 4]) -> Option<Vec3> {
     Some(Vec3::from([x, y, z].map(|bytes| f32::from_le_bytes(*bytes)))).filter(|point| point.is_finite())
 }
 
-/// Binary STL.
-fn stl(source: &[u8]) -> Option<Mesh> {
-    let (claimed, facets) = source.get(stl::TITLE..)?.split_first_chunk()?;
-    let facets = facets.as_chunks::<{ stl::FACET }>().0.get(..u32::from_le_bytes(*claimed) as usize)?;
-    let corners = u32::try_from(facets.len()).ok()?.checked_mul(3).filter(|corners| *corners < u32::MAX - 3)?;
-    if !stl::is_binary(source) {
+/// Binary STL, piece by piece.
+fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
+    /// Facets of a piece, which stays in a core's caches.
+    const TOGETHER: usize = 2048;
+    let mut header = [0; stl::TITLE + 4];
+    file.read_exact(&mut header).ok()?;
+    let claimed = u32::from_le_bytes(*header.last_chunk()?);
+    let (count, most) = (claimed as usize, length.checked_sub(header.len())? / stl::FACET);
+    let corners = claimed.checked_mul(3).filter(|corners| *corners < u32::MAX - 3)?;
+    if count > most || !stl::is_binary(&header, length) {
         return None;
     }
     let mut vertices = room(corners as usize);
-    for facet in facets {
-        // After the normal.
-        for [x, y, z] in facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 {
-            vertices.push(point(x, y, z)?);
+    let mut piece = vec![[0; stl::FACET]; count.min(TOGETHER)];
+    for first in (0..count).step_by(TOGETHER) {
+        let facets = &mut piece[..TOGETHER.min(count - first)];
+        file.read_exact(facets.as_flattened_mut()).ok()?;
+        for facet in facets {
+            // After the normal.
+            for [x, y, z] in facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 {
+                vertices.push(point(x, y, z)?);
+            }
         }
     }
-    let mut triangles = room(facets.len());
+    let mut triangles = room(count);
     triangles.extend((0..corners).step_by(3).map(|first| [first, first + 1, first + 2]));
     Some(Mesh { vertices, triangles, polygons: 0 })
 }

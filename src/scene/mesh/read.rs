@@ -48,6 +48,10 @@ impl Mesh {
                 _ => Fault::new(format!("the file cannot be read: {cause}")),
             })
         };
+        let in_pieces = open::read_twice(path).and_then(|(file, length)| bulk::read_in_pieces(file, length, format));
+        if let Some(mesh) = in_pieces {
+            return Ok(mesh);
+        }
         let source = open::contents(path).map_err(unread)?;
         Mesh::parse(source, format).map_err(fault)
     }

@@ -11,9 +11,9 @@ use super::read::{Fault, not_finite};
 pub(super) const TITLE: usize = 80;
 pub(super) const FACET: usize = 50;
 
-/// Whether a file is binary: its title may begin like a text does.
-pub(super) fn is_binary(source: &[u8]) -> bool {
-    let body = source.len().saturating_sub(TITLE + 4);
+/// Whether a file of so many bytes that begins like this is binary: its title may begin like a text does.
+pub(super) fn is_binary(source: &[u8], length: usize) -> bool {
+    let body = length.saturating_sub(TITLE + 4);
     let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
     fits || !source.starts_with(b"solid")
 }
@@ -24,7 +24,7 @@ fn claimed(source: &[u8]) -> Option<u32> {
 }
 
 pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
-    let binary = is_binary(&source);
+    let binary = is_binary(&source, source.len());
     if binary {
         let body = source.len().saturating_sub(TITLE + 4);
         let Some(claimed) = claimed(&source) else {
