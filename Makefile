@@ -36,10 +36,12 @@ test: setup ## Run everything that must pass: format, lints, tests with assembly
 bench: setup ## Run the micro benches
 	$(cargo) bench --locked
 
-images: build ## Render the pictures of the README anew
-	for scene in sphere tetrahedron; do \
-	    $(rayo) render scenes/$$scene.in --engine reference --size 400x300 -o docs/images/$$scene.png || exit; \
+images: build ## Make the pictures and figures of the README anew
+	for scene in sphere.in tetrahedron.in many.in island.toml; do \
+	    $(rayo) render scenes/$$scene --engine reference --size 400x300 -o docs/images/$${scene%.*}.png || exit; \
 	done
+	$(rayo) experiment --ladder --out out/experiment
+	cp out/experiment/ratio.svg out/experiment/ladder.svg docs/images/
 
 accuracy: build ## Measure error against run time anew: docs/results/accuracy.md and its figure
 	$(rayo) accuracy --out out/accuracy

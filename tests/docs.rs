@@ -10,8 +10,15 @@ use std::path::{Path, PathBuf};
 use program::rayo;
 use tempfile::TempDir;
 
-const DOCUMENTS: [&str; 7] = [
+/// Those whose commands are shown after a prompt, each in English and in Spanish.
+const GUIDES: [[&str; 2]; 2] = [["README.md", "LEEME.md"], ["docs/tutorial.md", "docs/tutorial.es.md"]];
+
+const DOCUMENTS: [&str; 11] = [
     "README.md",
+    "LEEME.md",
+    "CHANGELOG.md",
+    "docs/tutorial.md",
+    "docs/tutorial.es.md",
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
     "docs/results/accuracy.md",
@@ -38,15 +45,20 @@ fn blocks(document: &str, language: &str) -> Vec<String> {
     blocks
 }
 
-/// The commands that the README shows after a prompt, one vector of arguments each, without `rayo` itself.
-fn commands() -> Vec<Vec<String>> {
-    let blocks = blocks("README.md", "console");
+/// The commands that a document shows after a prompt, one vector of arguments each, without `rayo` itself.
+fn commands_of(document: &str) -> Vec<Vec<String>> {
+    let blocks = blocks(document, "console");
     let lines = blocks.iter().flat_map(|block| block.lines());
     let commands = lines.map(|line| {
         let arguments = line.strip_prefix("$ rayo ").unwrap_or_else(|| panic!("not a command: {line}"));
         arguments.split_whitespace().map(str::to_owned).collect()
     });
     commands.collect()
+}
+
+/// Those of the guides.
+fn commands() -> Vec<Vec<String>> {
+    GUIDES.iter().flat_map(|[english, _]| commands_of(english)).collect()
 }
 
 /// What stands between backticks in running text, in the order of the document.
@@ -66,9 +78,8 @@ fn help(subcommand: &[&str]) -> String {
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
-    let files =
-        ["sphere.in", "tetrahedron.in", "island.toml", "meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"];
-    for file in files {
+    let scenes = ["sphere.in", "tetrahedron.in", "many.in", "island.toml"];
+    for file in scenes.into_iter().chain(["meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"]) {
         fs::copy(root().join("scenes").join(file), directory.path().join("scenes").join(file)).unwrap();
     }
     directory
@@ -86,13 +97,38 @@ fn exists(pattern: &str) -> bool {
         .any(|file| file.file_name().to_str().is_some_and(|name| name.starts_with(start) && name.ends_with(end)))
 }
 
+/// Headings by their depth, and how many lines each kind of block has.
+fn outline(document: &str) -> Vec<String> {
+    let text = text(document);
+    let mut outline = Vec::new();
+    for (place, part) in text.split("```").enumerate() {
+        if place % 2 == 1 {
+            outline.push(format!("{}, {} lines", part.lines().next().unwrap(), part.lines().count()));
+        } else {
+            let depth = |line: &str| line.chars().take_while(|c| *c == '#').count();
+            outline.extend(
+                part.lines().filter(|line| line.starts_with('#')).map(|line| format!("heading {}", depth(line))),
+            );
+        }
+    }
+    outline
+}
+
 #[test]
-fn every_command_of_the_readme_succeeds() {
+fn the_guides_in_spanish_have_the_same_headings_and_commands() {
+    for [english, spanish] in GUIDES {
+        assert_eq!(outline(english), outline(spanish), "{english} and {spanish} have drifted apart");
+        assert_eq!(commands_of(english), commands_of(spanish), "{english} and {spanish}");
+    }
+}
+
+#[test]
+fn every_command_of_the_guides_succeeds() {
     let directory = scratch_folder();
     for mut command in commands() {
         if cfg!(not(rayo_asm)) {
-            // Without kernels there are none to watch.
-            if command[0] == "step" {
+            // Without kernels there are none to watch, to count or to compare.
+            if ["step", "ops", "experiment"].contains(&command[0].as_str()) {
                 continue;
             }
             command.iter_mut().filter(|word| *word == "paper").for_each(|engine| *engine = "rust".to_owned());
@@ -157,8 +193,8 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
 #[test]
 fn the_pictures_of_the_readme_are_what_the_program_renders() {
     let directory = scratch_folder();
-    for scene in ["sphere", "tetrahedron"] {
-        let file = format!("scenes/{scene}.in");
+    for (scene, extension) in [("sphere", "in"), ("tetrahedron", "in"), ("many", "in"), ("island", "toml")] {
+        let file = format!("scenes/{scene}.{extension}");
         let picture = format!("{scene}.png");
         let rendered =
             rayo(["render", &file, "--engine", "reference", "--size", "400x300", "-o", &picture], directory.path());

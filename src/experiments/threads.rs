@@ -59,7 +59,7 @@ fn scenes() -> [(Name, Scene); 3] {
     let camera = shipped("sphere").camera.sized(SIZE.0, SIZE.1).expect("within the limits");
     let mesh = shapes::icosphere(MESH, 0.3, SEED);
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
-    let mesh = setting.and_then(|setting| setting.scene(&mesh, Vec3::ONE, "mesh.png".into(), camera));
+    let mesh = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
     let spheres = Scene { camera, ..many(MANY, 0, SEED) };
     [
         ("sphere", in_size(&shipped("sphere"), SIZE.0, SIZE.1)),

@@ -10,7 +10,7 @@ const COLUMNS: usize = 3;
 const PANEL: (i32, i32) = (420, 320);
 /// A panel by itself.
 const LARGE: (i32, i32) = (960, 560);
-const HEAD: i32 = 110;
+const HEAD: i32 = 64;
 /// Errors below this are drawn on it: on a logarithmic axis there is no 0.
 const FLOOR: f64 = 1e-9;
 /// Errors above this too: bright light, or a picture of NaN.
