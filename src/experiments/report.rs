@@ -263,7 +263,7 @@ impl Results {
         let json = |error| ReadError::Json { path: path.into(), error };
         let document: Value = serde_json::from_str(text).map_err(json)?;
         let schema = &document["schema"];
-        if *schema != Value::from(SCHEMA) {
+        if schema.as_u64() != Some(SCHEMA) {
             let found = if schema.is_null() { "no number".to_owned() } else { schema.to_string() };
             return Err(ReadError::Schema { path: path.into(), found });
         }

@@ -150,7 +150,6 @@ fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, Spee
 }
 
 /// The engines of assembly on a scene. The inner error: instructions cannot be counted.
-#[expect(clippy::type_complexity, reason = "two ways to have no points")]
 fn points(
     name: Name,
     scene: &Scene,

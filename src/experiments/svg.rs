@@ -79,6 +79,7 @@ pub(super) enum Mark {
     /// A square's outline.
     Square,
     /// Two strokes.
+    #[cfg(rayo_asm)]
     Cross,
     /// A line.
     Line,
@@ -97,6 +98,7 @@ pub(super) fn mark(
         Mark::Dot => area.draw(&Circle::new((x, y), size, colour.filled())),
         Mark::Triangle => area.draw(&TriangleMarker::new((x, y), size + 1, colour.filled())),
         Mark::Square => area.draw(&Rectangle::new([(x - size, y - size), (x + size, y + size)], thick)),
+        #[cfg(rayo_asm)]
         Mark::Cross => area.draw(&Cross::new((x, y), size, thick)),
         Mark::Line => area.draw(&PathElement::new([(x - 8, y), (x + 8, y)], thick)),
     }?)
