@@ -1,7 +1,7 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench images accuracy stability complexity map clean
+.PHONY: help setup build mpi demo test test-mpi bench images accuracy stability complexity map clean
 
 # cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
 # after set-up. A NASM named by the user stays.
@@ -12,13 +12,17 @@ cargo = $(strip $(if $(NASM),,$(unpacked_nasm)) cargo)
 rayo := "$${CARGO_TARGET_DIR:-target}/release/rayo"
 
 help: ## List the commands
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
 
 setup: ## Install what the build needs and this machine lacks
 	@scripts/setup.sh
 
 build: setup ## Build the program, target/release/rayo
 	$(cargo) build --release --locked
+
+mpi: ## Install what several processes need (Open MPI, libclang), and build the program with it
+	@scripts/setup.sh mpi
+	$(cargo) build --release --locked --features mpi
 
 demo: build ## Render two scenes on several engines, compare the pictures, and make a page of all experiments
 	@rayo=$(rayo) scripts/demo.sh
@@ -32,6 +36,10 @@ test: setup ## Run everything that must pass: format, lints, tests with assembly
 	$(cargo) test --release --locked --no-default-features --features cli
 	$(cargo) test --release --locked
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
+
+test-mpi: mpi ## Run the lints and the tests of what several processes do
+	$(cargo) clippy --release --locked --all-targets --features mpi -- -D warnings
+	$(cargo) test --release --locked --features mpi --test mpi
 
 bench: setup ## Run the micro benches
 	$(cargo) bench --locked

@@ -33,6 +33,7 @@ mod native {
     use std::env;
     use std::fmt::Write as _;
     use std::fs;
+    use std::hash::{DefaultHasher, Hash, Hasher};
     use std::path::{Path, PathBuf};
 
     use super::first_line;
@@ -123,6 +124,9 @@ mod native {
             objects.extend(levels);
             objects.extend(compile_rungs(out));
         }
+        let mut kernels = DefaultHasher::new();
+        objects.iter().for_each(|object| fs::read(object).unwrap().hash(&mut kernels));
+        println!("cargo::rustc-env=RAYO_KERNELS={:016x}", kernels.finish());
         cc::Build::new().objects(objects).compile("rayo_kernels");
         if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
             // Local labels would cut a kernel in pieces for objdump and perf.

@@ -1,5 +1,6 @@
 #!/bin/sh
-# setup.sh - sees to it that the build has what it needs: NASM 2.15 or newer, a C compiler, the C library's headers.
+# setup.sh - sees to it that the build has what it needs: NASM 2.15 or newer, a C compiler, the C library's headers; and
+# called with the word mpi, what the feature of that name needs too: Open MPI with its headers, and libclang.
 #
 # Silent where all is there. What is missing comes from the machine's package manager: as root, or else with sudo. Where
 # neither is to be had, Debian's and Ubuntu's NASM is unpacked into target/tools without any rights, and for anything else
@@ -8,6 +9,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 
+wanted=${1:-}
 tools=target/tools
 local_nasm=$tools/usr/bin/nasm
 scratch=$(mktemp -d)
@@ -57,13 +59,25 @@ find_cc() {
     compiles cc
 }
 
-# What is still missing: the words nasm and cc.
+# Whether the build will find MPI's compiler and starter, and the library that reads its headers.
+find_mpi() {
+    have mpicc && have mpirun || return 1
+    [ -z "${LIBCLANG_PATH:-}" ] || return 0
+    for found in /usr/lib/llvm-*/lib/libclang*.so* /usr/lib/*/libclang*.so* /usr/lib/libclang*.so* /usr/lib64/libclang*.so* \
+        /opt/homebrew/opt/llvm/lib/libclang.dylib; do
+        [ ! -e "$found" ] || return 0
+    done
+    return 1
+}
+
+# What is still missing: the words nasm, cc and mpi.
 missing() {
     # Kernels are for x86-64 alone; elsewhere the build is Rust, which needs no NASM.
     case $(uname -m) in
         x86_64 | amd64) find_nasm || printf 'nasm ' ;;
     esac
     find_cc || printf 'cc '
+    [ "$wanted" != mpi ] || find_mpi || printf 'mpi '
 }
 
 # The package manager of this machine, or nothing.
@@ -85,6 +99,11 @@ install_command() {
             dnf:cc | zypper:cc) names="$names gcc glibc-devel" ;;
             pacman:cc) names="$names gcc" ;;
             brew:cc) ;; # see advise
+            apt-get:mpi) names="$names libopenmpi-dev openmpi-bin libclang-dev" ;;
+            dnf:mpi) names="$names openmpi-devel clang-devel" ;;
+            pacman:mpi) names="$names openmpi clang" ;;
+            zypper:mpi) names="$names openmpi4-devel clang-devel" ;;
+            brew:mpi) names="$names open-mpi llvm" ;;
         esac
     done
     [ -n "$names" ] || return 0
@@ -159,6 +178,9 @@ advise() {
     esac
     case " $* " in
         *" cc "*) say "  cc:   a C compiler that links, and the C library's headers; on macOS: xcode-select --install" ;;
+    esac
+    case " $* " in
+        *" mpi "*) say "  mpi:  Open MPI with mpicc and mpirun on PATH, and libclang (LIBCLANG_PATH names its directory)" ;;
     esac
     say "Install it with root's rights and run make again:"
     with=$(manager)

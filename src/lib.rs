@@ -20,6 +20,8 @@ pub mod experiments;
 pub mod kernels;
 pub mod measure;
 pub mod plan;
+#[cfg(feature = "mpi")]
+pub mod ranks;
 pub mod reference;
 pub mod render;
 pub mod scene;

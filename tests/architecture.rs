@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The layers of src/, and what each may import.
-const LAYERS: [(&str, &[&str]); 8] = [
-    ("cli", &["experiments", "render", "plan", "measure", "scene", "kernels", "reference"]),
-    ("experiments", &["render", "plan", "measure", "scene", "kernels", "reference"]),
-    ("render", &["plan", "measure", "scene", "kernels", "reference"]),
+const LAYERS: [(&str, &[&str]); 9] = [
+    ("cli", &["experiments", "render", "plan", "measure", "scene", "ranks", "kernels", "reference"]),
+    ("experiments", &["render", "plan", "measure", "scene", "ranks", "kernels", "reference"]),
+    ("render", &["plan", "measure", "scene", "ranks", "kernels", "reference"]),
     ("plan", &["measure", "scene", "kernels", "reference"]),
     ("measure", &["kernels", "reference"]),
     ("scene", &["kernels", "reference"]),
+    ("ranks", &[]),
     ("kernels", &[]),
     ("reference", &[]),
 ];

@@ -685,6 +685,71 @@ fn any_number_of_threads_gives_the_same_file() {
 }
 
 #[test]
+fn several_scenes_are_rendered_in_one_call() {
+    let place = Place::new();
+    place.write("other.in", &SCENE.replace("picture.png", "other.pfm"));
+    place.write("same.in", SCENE);
+    let expected = "several scenes have several pictures, and there is no directory out: create it first";
+    place.refuses("render scene.in other.in -o out", 2, &format!("error: {expected}"));
+    place.refuses(
+        "render scene.in other.in -o -",
+        2,
+        "error: several pictures cannot go to standard output: name a directory with -o",
+    );
+
+    let run = place.run("render scene.in other.in --quiet --json");
+    assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+    assert_eq!(serde_json::Deserializer::from_str(&run.stdout).into_iter::<Value>().count(), 2);
+    fs::create_dir(place.path("out")).unwrap();
+    assert_eq!(place.run("render scene.in other.in -o out").stderr.lines().count(), 2);
+    for name in ["picture.png", "other.pfm"] {
+        assert_eq!(fs::read(place.path(name)).unwrap(), fs::read(place.path("out").join(name)).unwrap());
+    }
+
+    // What cannot be rendered is told, and keeps no other scene from it.
+    place.write("bad.in", "bad.png 8 0 1 0 0 0");
+    fs::remove_file(place.path("out/other.pfm")).unwrap();
+    let run = place.run("render bad.in scene.in same.in nothing.in other.in -o out --quiet");
+    assert_eq!(run.status, 2);
+    assert!(run.stderr.contains("bad.in:1:"), "{}", run.stderr);
+    let same = "error: same.in: its picture is out/picture.png, as is that of a scene before it: render it in a call of \
+                its own";
+    assert!(run.stderr.contains(same) && run.stderr.contains("`nothing.in`"), "{}", run.stderr);
+    assert!(place.path("out/other.pfm").exists());
+}
+
+#[test]
+fn some_rows_are_those_of_the_whole_picture() {
+    let place = Place::new();
+    for name in ["a.png", "a.pfm", "a.hdr"] {
+        place.run(&format!("render scene.in --quiet -o {name}"));
+        place.run(&format!("render scene.in --rows 3..8 --quiet -o rows-{name}"));
+        let (whole, part) = (place.picture(name), place.picture(&format!("rows-{name}")));
+        assert_eq!(size(&part), (16, 5), "{name}");
+        match (whole.pixels, part.pixels) {
+            (Pixels::Rgb8(whole), Pixels::Rgb8(part)) => assert_eq!(whole[16 * 3..16 * 8], part, "{name}"),
+            (Pixels::Rgb32F(whole), Pixels::Rgb32F(part)) => assert_eq!(whole[16 * 3..16 * 8], part, "{name}"),
+            _ => panic!("{name}"),
+        }
+    }
+    // An EXR is in its place, and black elsewhere.
+    place.run("render scene.in --quiet -o a.exr");
+    place.run("render scene.in --rows 3..8 --quiet -o rows.exr");
+    let (Pixels::Rgb32F(mut whole), part) = (place.picture("a.exr").pixels, place.picture("rows.exr")) else {
+        panic!()
+    };
+    assert_eq!(size(&part), (16, 12));
+    (0..16 * 12).filter(|pixel| !(16 * 3..16 * 8).contains(pixel)).for_each(|pixel| whole[pixel] = [0.0; 3]);
+    assert!(matches!(part.pixels, Pixels::Rgb32F(part) if part == whole));
+
+    let stats = place.run("render scene.in --rows 3..8 --stats --json -o b.png").json();
+    assert_eq!((&stats["height"], &stats["rays"]), (&json!(5), &json!(16 * 5)));
+    place.refuses("render scene.in --rows 3..13 -o b.png", 2, "error: --rows 3..13: the picture has the rows 0..12");
+    let run = place.run("render scene.in --rows 8..8 -o b.png");
+    assert!(run.stderr.contains("expected the first row and the one after the last, as in 0..100"), "{}", run.stderr);
+}
+
+#[test]
 fn quiet_is_silent() {
     let place = Place::new();
     let run = place.run("render scene.in --quiet");

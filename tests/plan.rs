@@ -482,8 +482,11 @@ fn hits_are_counted_by_what_traces_and_agree_with_the_reference() {
         let expected = rays.filter(|(row, col)| truth.object(*row, *col).is_some()).count() as u64;
         for contender in contenders() {
             let tracer = contender.prepare(&scene);
-            let counts = [1, 3]
-                .map(|threads| Frame::new(tracer.as_ref(), scene.camera, Settings { threads }).unwrap().count_hits());
+            let counts = [1, 3].map(|threads| {
+                Frame::new(tracer.as_ref(), scene.camera, Settings { threads })
+                    .unwrap()
+                    .count_hits(0..scene.camera.height())
+            });
             let listed = tracer.hits(0..height).into_iter().flatten().count() as u64;
             assert_eq!(counts, [listed; 2], "{contender}");
             if contender.engine.rays_in_f64() {

@@ -23,6 +23,11 @@ pub struct EngineArgs {
 }
 
 impl EngineArgs {
+    /// Whether the engine is the fastest that there is.
+    pub(super) fn is_auto(&self) -> bool {
+        self.engine == "auto"
+    }
+
     /// The engine, which this CPU runs, and the precision that it is asked for.
     pub(super) fn chosen(&self) -> Result<(Engine, Option<Precision>), Failure> {
         let EngineArgs { engine, precision } = self;

@@ -11,6 +11,7 @@ mod info;
 mod make;
 mod measuring;
 mod ops;
+mod party;
 mod plan;
 mod render;
 mod report;
@@ -22,11 +23,13 @@ mod view;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
+use self::party::Party;
 use crate::render::remove_unfinished;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
@@ -76,8 +79,7 @@ impl Failure {
     }
 
     fn tell(&self) -> ExitCode {
-        // Nothing is left to tell if standard error is closed.
-        let _ = writeln!(io::stderr(), "{}", with_prefix(&self.message));
+        say(&with_prefix(&self.message));
         ExitCode::from(self.status)
     }
 }
@@ -89,12 +91,18 @@ fn unprinted(error: &io::Error) -> Failure {
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
+    let party = match Party::join() {
+        Ok(party) => party,
+        Err(failure) => return failure.tell(),
+    };
     let arguments = match Cli::try_parse() {
         Ok(arguments) => arguments,
+        Err(_) if !party.leads() => return ExitCode::SUCCESS,
         Err(other) => return help_or_usage(&other),
     };
     let result = match arguments.command {
-        Command::Render(args) => render::run(&args),
+        Command::Render(args) => render::run(&args, &party),
+        _ if !party.is_alone() => Err(Failure::input("this command is for one process: start it without MPI")),
         Command::Plan(args) => plan::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
@@ -157,10 +165,21 @@ fn colour_is_wanted() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
 
+/// Whether another process of this run tells what there is to tell.
+static SILENT: AtomicBool = AtomicBool::new(false);
+
+/// Leaves it to another process of this run to tell anything.
+#[cfg(feature = "mpi")]
+fn silence() {
+    SILENT.store(true, Ordering::Relaxed);
+}
+
 /// Tells the user something that is no result.
 fn say(text: &str) {
-    // Nothing is lost if nobody listens.
-    let _ = writeln!(io::stderr(), "{text}");
+    if !SILENT.load(Ordering::Relaxed) {
+        // Nothing is lost if nobody listens.
+        let _ = writeln!(io::stderr(), "{text}");
+    }
 }
 
 /// A JSON document: the number of its schema, and then what it says.

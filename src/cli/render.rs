@@ -1,6 +1,8 @@
 //! `rayo render`: a scene file in, a picture out.
 
+use std::collections::BTreeSet;
 use std::io::{self, IsTerminal};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -12,14 +14,15 @@ use serde::Serialize;
 
 use super::engine::EngineArgs;
 use super::measuring::bar_style;
+use super::party::Party;
 use super::view::{ViewArgs, tell};
 use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
-    Engine, Format, Frame, ImageError, ImageWriter, Plan, Precision, Purpose, RenderError, Settings, Stats,
-    is_standard_output, render,
+    Engine, Existing, Format, Frame, ImageError, ImageWriter, Plan, Precision, Purpose, RenderError, Settings, Stats,
+    is_standard_output,
 };
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -30,17 +33,22 @@ const MAX_THREADS: usize = 4096;
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
-    /// standard input
-    scene: PathBuf,
+    /// standard input. Several are rendered one after the other, and one that fails does not keep the others from it
+    #[arg(value_name = "SCENE", required = true)]
+    scenes: Vec<PathBuf>,
     /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
     /// with linear floats. Replaces what is there; - is standard output, as PNG, and ppm:- and the like in another format.
-    /// Default: the name in the scene, in this directory
+    /// Of several scenes: the directory of their pictures. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
     view: ViewArgs,
+    /// Only the rows from A on, the first being 0, up to B, which is not among them: an .exr has its place in the whole
+    /// picture (data window and display window), and any other format is a picture of these rows
+    #[arg(long, value_name = "A..B", value_parser = rows)]
+    rows: Option<Range<u32>>,
     /// Threads that trace. Default: one for each core
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     threads: Option<usize>,
@@ -59,6 +67,10 @@ pub struct RenderArgs {
     /// Let the name in the scene replace a file that exists
     #[arg(long)]
     force: bool,
+    /// Of several processes that MPI started, let the first alone read the scene and send it to the others
+    #[cfg(feature = "mpi")]
+    #[arg(long)]
+    broadcast: bool,
     /// No progress and no summary; warnings and errors remain
     #[arg(long)]
     quiet: bool,
@@ -67,6 +79,13 @@ pub struct RenderArgs {
 fn threads(text: &str) -> Result<usize, String> {
     let threads = text.parse().ok().filter(|threads| (1..=MAX_THREADS).contains(threads));
     threads.ok_or_else(|| format!("expected a whole number from 1 to {MAX_THREADS}"))
+}
+
+/// Rows as Rust writes a range of them.
+fn rows(text: &str) -> Result<Range<u32>, String> {
+    let ends = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
+    ends.filter(|rows: &Range<u32>| !rows.is_empty())
+        .ok_or_else(|| "expected the first row and the one after the last, as in 0..100".into())
 }
 
 /// What `--stats` prints; the names are those of the JSON document.
@@ -87,35 +106,90 @@ struct Report {
     write_ns: u64,
 }
 
-/// Renders the scene.
-pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
+/// Renders the scenes.
+pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     // Before any work: what no scene can make right.
-    let (engine, precision) = args.engine.chosen()?;
-    if (args.stats || args.json) && args.output.as_deref().is_some_and(is_standard_output) {
+    let (engine, precision) = party.agree(args.engine.chosen())?;
+    let chosen = (if args.engine.is_auto() { party.fastest() } else { engine }, precision);
+    let to_standard_output = args.output.as_deref().is_some_and(is_standard_output);
+    if (args.stats || args.json) && to_standard_output {
         return Err(Failure::input(
             "the picture goes to standard output, where --stats and --json would print into it: leave them out, or name \
              a file with -o",
         ));
     }
+    let mut written = BTreeSet::new();
+    if let [scene] = &args.scenes[..] {
+        render_one(args, party, scene, chosen, &mut written)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(directory) = args.output.as_deref().filter(|path| !path.is_dir()) {
+        return Err(Failure::input(if to_standard_output {
+            "several pictures cannot go to standard output: name a directory with -o".into()
+        } else {
+            format!(
+                "several scenes have several pictures, and there is no directory {}: create it first",
+                directory.display()
+            )
+        }));
+    }
+    let mut status = ExitCode::SUCCESS;
+    for scene in &args.scenes {
+        if let Err(mut failure) = render_one(args, party, scene, chosen, &mut written) {
+            let name = scene.display().to_string();
+            if !failure.message.contains(&name) {
+                failure.message = format!("{name}: {}", failure.message);
+            }
+            status = failure.tell();
+        }
+    }
+    Ok(status)
+}
 
+/// Renders a scene to a picture that is not among those `written` before.
+fn render_one(
+    args: &RenderArgs,
+    party: &Party,
+    scene: &Path,
+    (engine, precision): (Engine, Option<Precision>),
+    written: &mut BTreeSet<PathBuf>,
+) -> Result<(), Failure> {
     let clock = Instant::now();
-    let opened = args.view.open(&args.scene)?;
-    let parse = clock.elapsed();
-    let mut scene = tell(opened, args.quiet);
-    let camera = args.view.camera(&scene.camera)?;
-    scene.camera = camera;
+    let open = || {
+        let mut scene = tell(args.view.open(scene)?, args.quiet);
+        scene.camera = args.view.camera(&scene.camera)?;
+        Ok(scene)
+    };
+    #[cfg(feature = "mpi")]
+    let scene = party.scene(scene, args.broadcast, open)?;
+    #[cfg(not(feature = "mpi"))]
+    let scene = open()?;
+    let (camera, parse) = (scene.camera, clock.elapsed());
+    let rows = args.rows.clone().unwrap_or(0..camera.height());
+    if rows.end > camera.height() {
+        let Range { start, end } = rows;
+        return Err(Failure::input(format!("--rows {start}..{end}: the picture has the rows 0..{}", camera.height())));
+    }
     let (path, format) = output(args, &scene)?;
+    if written.contains(&path) {
+        let path = path.display();
+        return Err(Failure::input(format!(
+            "its picture is {path}, as is that of a scene before it: render it in a call of its own"
+        )));
+    }
     scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
     // Before the plan: who cannot have a file need not wait for it.
     remove_part_files_on_signals()?;
-    let create = if args.output.is_some() || args.force { ImageWriter::create } else { ImageWriter::create_new };
-    let mut image = create(&path, format, camera.width(), camera.height()).map_err(unwritten)?;
+    let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
+    let size = (camera.width(), camera.height());
+    let image = || ImageWriter::of_rows(&path, format, size, rows.clone(), existing).map_err(unwritten);
+    let mut image = party.agree(party.leads().then(image).transpose())?;
     let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
     let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep, threads };
     let clock = Instant::now();
-    let plan = Plan::new(engine, &scene, purpose).map_err(Failure::input)?;
+    let plan = party.agree(Plan::new(engine, &scene, purpose).map_err(Failure::input))?;
     let planning = clock.elapsed();
     if args.explain {
         plan.report().lines().iter().for_each(|line| say(line));
@@ -125,30 +199,43 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode, Failure> {
     }
 
     let clock = Instant::now();
-    let frame = Frame::new(plan.tracer(), camera, Settings { threads }).map_err(failure)?;
+    let frame = party.agree(Frame::new(plan.tracer(), camera, Settings { threads }).map_err(failure))?;
     let setup = planning + clock.elapsed();
 
-    let progress = Progress::new(camera.height(), args.quiet);
-    let mut stats = render(&frame, &mut image, &|rows| progress.advance(rows)).map_err(failure)?;
+    let progress = Progress::new(rows.len() as u64, args.quiet, party);
+    let done = |rows| progress.advance(rows);
+    let mut stats = party.render(&frame, (format, rows.clone()), image.as_mut(), &done)?;
     let clock = Instant::now();
-    image.finish().map_err(Failure::output)?;
+    party.agree(image.map(ImageWriter::finish).transpose().map_err(Failure::output))?;
     stats.write += clock.elapsed();
     drop(progress);
+    if !party.leads() {
+        return Ok(());
+    }
 
     if args.stats || args.json {
         let precision = precision.unwrap_or(engine.precision());
-        let report = report((engine, precision), &camera, frame.count_hits(), threads, (parse, setup), &stats);
+        let report = report(
+            (engine, precision),
+            (camera.width(), &rows),
+            frame.count_hits(rows.clone()),
+            threads,
+            (parse, setup),
+            &stats,
+        );
         print_result(args.json, &report, || report.text())?;
     } else if !args.quiet {
-        let (width, height) = (camera.width(), camera.height());
+        let (width, height) = (camera.width(), rows.len());
         say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", path.display(), stats.trace));
     }
-    Ok(ExitCode::SUCCESS)
+    written.insert(path);
+    Ok(())
 }
 
 /// The picture that `-o` names, or else the one that the scene names, in this directory.
 fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure> {
     let path = match &args.output {
+        Some(directory) if args.scenes.len() > 1 => directory.join(bare_name(&scene.name)?),
         Some(path) => path.clone(),
         None => bare_name(&scene.name)?,
     };
@@ -179,7 +266,7 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 
 fn report(
     (engine, precision): (Engine, Precision),
-    camera: &Camera,
+    (width, rows): (u32, &Range<u32>),
     hits: u64,
     threads: usize,
     (parse, setup): (Duration, Duration),
@@ -189,10 +276,10 @@ fn report(
     Report {
         engine: engine.name(),
         precision: precision.name(),
-        width: camera.width(),
-        height: camera.height(),
+        width,
+        height: rows.len() as u32,
         threads,
-        rays: camera.pixels(),
+        rays: u64::from(width) * rows.len() as u64,
         hits,
         parse_ns: ns(parse),
         setup_ns: ns(setup),
@@ -235,15 +322,18 @@ fn unwritten(error: ImageError) -> Failure {
 }
 
 /// Disk full and the like are the output's fault; what cannot be set up is not.
-fn failure(error: RenderError) -> Failure {
+pub(super) fn failure(error: RenderError) -> Failure {
     match error {
         RenderError::Image(_) => Failure::output(error),
+        #[cfg(feature = "mpi")]
+        RenderError::Rank(_) => Failure::output(error),
         RenderError::Memory { .. } | RenderError::Threads { .. } => Failure::input(error),
     }
 }
 
 /// A bar on standard error, if that is a terminal and the picture takes its time.
 struct Progress {
+    target: fn() -> ProgressDrawTarget,
     start: Instant,
     bar: ProgressBar,
     shown: OnceLock<()>,
@@ -251,16 +341,18 @@ struct Progress {
 }
 
 impl Progress {
-    fn new(rows: u32, quiet: bool) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(rows.into()), ProgressDrawTarget::hidden());
+    fn new(rows: u64, quiet: bool, party: &Party) -> Self {
+        // Where MPI has started this, standard error goes through a pipe, and only standard output is a terminal.
+        let target = if party.is_alone() { ProgressDrawTarget::stderr } else { ProgressDrawTarget::stdout };
+        let bar = ProgressBar::with_draw_target(Some(rows), ProgressDrawTarget::hidden());
         bar.set_style(bar_style("{pos}/{len} rows, {eta} left"));
-        Progress { start: Instant::now(), bar, shown: OnceLock::new(), quiet }
+        Progress { target, start: Instant::now(), bar, shown: OnceLock::new(), quiet }
     }
 
     fn advance(&self, rows: u32) {
         self.bar.inc(rows.into());
         if !self.quiet && self.start.elapsed() > PATIENCE {
-            self.shown.get_or_init(|| self.bar.set_draw_target(ProgressDrawTarget::stderr()));
+            self.shown.get_or_init(|| self.bar.set_draw_target((self.target)()));
         }
     }
 }

@@ -231,6 +231,12 @@ impl Film {
         with_pixels!(Film(pixels) = self => pixels[pixel].colour())
     }
 
+    /// Drops its first pixels.
+    #[cfg(feature = "files")]
+    pub(super) fn remove_first(&mut self, pixels: usize) {
+        with_pixels!(Film(film) = self => drop(film.drain(..pixels)));
+    }
+
     /// Pixels.
     pub fn len(&self) -> usize {
         with_pixels!(Film(pixels) = self => pixels.len())

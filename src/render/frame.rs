@@ -50,6 +50,10 @@ pub enum RenderError {
     #[cfg(feature = "files")]
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// Another rank, which says where and what.
+    #[cfg(feature = "mpi")]
+    #[error("{0}")]
+    Rank(String),
 }
 
 /// An engine, the camera it is ready for, and the threads that run it.
@@ -99,12 +103,12 @@ impl<'a> Frame<'a> {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
     }
 
-    /// At how many pixels of the picture the engine finds something.
-    pub fn count_hits(&self) -> u64 {
-        let (height, rows) = (self.camera.height(), self.task_rows() as u32);
+    /// At how many pixels of `rows` the engine finds something.
+    pub fn count_hits(&self, rows: Range<u32>) -> u64 {
+        let task_rows = self.task_rows();
         let hits = AtomicU64::new(0);
-        self.share((0..height).step_by(rows as usize), |start| {
-            let hits_in_task = self.tracer.count_hits(start..height.min(start + rows));
+        self.share(rows.clone().step_by(task_rows), |start| {
+            let hits_in_task = self.tracer.count_hits(start..rows.end.min(start + task_rows as u32));
             hits.fetch_add(hits_in_task, Ordering::Relaxed);
         });
         hits.into_inner()
@@ -112,7 +116,7 @@ impl<'a> Frame<'a> {
 
     /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
     /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
-    fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
+    pub(super) fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
         let Some(others) = &self.others else { return tasks.for_each(work) };
         let queue = Worker::new_lifo();
         tasks.rev().for_each(|task| queue.push(task));

@@ -3,22 +3,27 @@
 mod encode;
 mod exr;
 mod pfm;
+mod png;
 mod read;
 mod threaded;
 
-use super::PixelFormat;
 use super::output::{self, Destination, Existing, OutputError};
-use encode::Encode;
+use super::{Film, PixelFormat};
+pub(super) use encode::Split;
+use encode::{Encode, Join};
 pub use read::{ImageFile, read};
+use std::borrow::Cow;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
 /// A format that images are written in.
 ///
-/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder in `encode.rs`, and its decoder in
-/// `read.rs`.
+/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and what joins its parts in `encode.rs`,
+/// and its decoder in `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -157,17 +162,72 @@ fn extensions() -> String {
     }
 }
 
+/// What of a picture a file holds: some of its rows, or all.
+#[derive(Clone, Debug)]
+pub(super) struct Extent {
+    width: u32,
+    rows: Range<u32>,
+    /// The rows of the picture.
+    whole: u32,
+}
+
+impl Extent {
+    /// Some of the rows of a picture of this width and height.
+    pub(super) fn new((width, whole): (u32, u32), rows: Range<u32>) -> Self {
+        assert!(rows.start <= rows.end && rows.end <= whole, "{rows:?} of {whole} rows");
+        Extent { width, rows, whole }
+    }
+
+    fn height(&self) -> u32 {
+        self.rows.end - self.rows.start
+    }
+}
+
+/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] makes a file of them.
+pub(super) struct PartEncoder {
+    format: Format,
+    encode: Box<dyn Encode>,
+}
+
+impl PartEncoder {
+    /// The encoder of what a file of this format holds.
+    pub(super) fn new(format: Format, extent: &Extent) -> Self {
+        PartEncoder { format, encode: encode::encoder(format, extent) }
+    }
+
+    /// What its parts are made of.
+    pub(super) fn pixels(&self) -> PixelFormat {
+        self.format.pixels()
+    }
+
+    /// How many rows a part has.
+    pub(super) fn split(&self) -> Split {
+        self.encode.split()
+    }
+
+    /// Encodes rows of a film, whose format is that of this one's [`pixels`](Self::pixels).
+    pub(super) fn encode<'a>(&self, film: &'a Film, pixels: Range<usize>) -> io::Result<Cow<'a, [u8]>> {
+        match film {
+            Film::Rgb8(film) => self.encode.rgb8(&film[pixels]),
+            Film::F32x3(film) => self.encode.f32x3(&film[pixels]),
+            Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
+        }
+    }
+}
+
 /// An image file in the making: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
 ///
 /// What that means for links, devices and pipes is told at [`OutputFile`](super::OutputFile).
 pub struct ImageWriter {
     path: PathBuf,
-    format: Format,
-    width: u32,
-    height: u32,
+    extent: Extent,
+    /// Rows that are written.
     rows: u32,
-    /// Declared before `destination`, so that a dropped encoder's last words still find the file open.
-    encoder: Box<dyn Encode>,
+    encoder: Arc<PartEncoder>,
+    /// Rows that do not fill a part yet.
+    pending: Film,
+    /// Declared before `destination`, so that its last words still find the file open.
+    joiner: Box<dyn Join>,
     destination: Destination,
 }
 
@@ -178,7 +238,7 @@ impl ImageWriter {
     /// If a side is zero, if nothing can be written there, or if the format is held in memory and there would be too much
     /// of it ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::new(path, format, width, height, Existing::Replace)
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Replace)
     }
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
@@ -188,10 +248,26 @@ impl ImageWriter {
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].
     pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::new(path, format, width, height, Existing::Keep)
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Keep)
     }
 
-    fn new(path: &Path, format: Format, width: u32, height: u32, existing: Existing) -> Result<Self, ImageError> {
+    /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the whole picture, in the
+    /// other formats a picture of these rows.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create), and as [`create_new`](Self::create_new) where what is there has to stay.
+    ///
+    /// # Panics
+    /// If the picture has not these rows.
+    pub fn of_rows(
+        path: &Path,
+        format: Format,
+        size: (u32, u32),
+        rows: Range<u32>,
+        existing: Existing,
+    ) -> Result<Self, ImageError> {
+        let extent = Extent::new(size, rows);
+        let (width, height) = (extent.width, extent.height());
         if width == 0 || height == 0 {
             return Err(ImageError::NoPixels { path: path.into(), width, height });
         }
@@ -199,13 +275,31 @@ impl ImageWriter {
             return Err(ImageError::Whole { path: path.into(), width, height });
         }
         let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
-        let encoder = encode::encoder(format, sink, width, height).map_err(|error| destination.explain(path, error))?;
-        Ok(ImageWriter { path: path.into(), format, width, height, rows: 0, encoder, destination })
+        let joiner = encode::joiner(format, sink, &extent).map_err(|error| destination.explain(path, error))?;
+        let encoder = Arc::new(PartEncoder::new(format, &extent));
+        let pending = if format.is_8bit() { Film::Rgb8(Vec::new()) } else { Film::F32x3(Vec::new()) };
+        Ok(ImageWriter { path: path.into(), extent, rows: 0, encoder, pending, joiner, destination })
     }
 
     /// The format it is written in.
     pub fn format(&self) -> Format {
-        self.format
+        self.encoder.format
+    }
+
+    /// The rows of the picture that it has.
+    pub fn rows(&self) -> Range<u32> {
+        self.extent.rows.clone()
+    }
+
+    /// The hidden file that it is until it is complete, if it is one.
+    #[cfg(feature = "mpi")]
+    pub fn unfinished(&self) -> Option<&Path> {
+        self.destination.unfinished()
+    }
+
+    /// What encodes its parts.
+    pub(super) fn encoder(&self) -> Arc<PartEncoder> {
+        Arc::clone(&self.encoder)
     }
 
     /// How long the system has taken so far to take what was written: what is not encoding.
@@ -224,8 +318,13 @@ impl ImageWriter {
     /// If the format is not an 8-bit one, if a row is incomplete, or if there are more rows than the image has:
     /// bugs of the caller.
     pub fn write_rgb8(&mut self, rows: &[[u8; 3]]) -> Result<(), ImageError> {
-        assert!(self.format.is_8bit(), "{:?} takes floats: quantising is not done here, nor undone", self.format);
-        self.append(rows.len(), |encoder| encoder.rgb8(rows))
+        let format = self.format();
+        assert!(format.is_8bit(), "{format:?} takes floats: quantising is not done here, nor undone");
+        self.check(rows.len());
+        if let Film::Rgb8(pending) = &mut self.pending {
+            pending.extend_from_slice(rows);
+        }
+        self.append_pending()
     }
 
     /// Appends whole rows of linear R, G, B, unclamped. Any number of rows per call, in order from the top.
@@ -239,22 +338,50 @@ impl ImageWriter {
     /// If the format is an 8-bit one, if a row is incomplete, or if there are more rows than the image has: bugs of
     /// the caller.
     pub fn write_f32x3(&mut self, rows: &[[f32; 3]]) -> Result<(), ImageError> {
-        assert!(!self.format.is_8bit(), "{:?} takes 8 bits: quantising is not done here", self.format);
-        self.append(rows.len(), |encoder| encoder.f32x3(rows))
+        let format = self.format();
+        assert!(!format.is_8bit(), "{format:?} takes 8 bits: quantising is not done here");
+        self.check(rows.len());
+        if let Film::F32x3(pending) = &mut self.pending {
+            pending.extend_from_slice(rows);
+        }
+        self.append_pending()
     }
 
-    /// Checks the shape of `pixels` more pixels, and counts their rows once they are written.
-    fn append(
-        &mut self,
-        pixels: usize,
-        write: impl FnOnce(&mut dyn Encode) -> io::Result<()>,
-    ) -> Result<(), ImageError> {
-        let width = self.width as usize;
+    /// Checks the shape of `pixels` more pixels.
+    fn check(&self, pixels: usize) {
+        let width = self.extent.width as usize;
         assert!(pixels.is_multiple_of(width), "{pixels} pixels are no whole rows of {width}");
-        let left = self.height - self.rows;
+        let left = self.extent.height() - self.rows - (self.pending.len() / width) as u32;
         assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
-        write(self.encoder.as_mut()).map_err(|error| self.destination.explain(&self.path, error))?;
-        self.rows += (pixels / width) as u32;
+    }
+
+    /// Writes those of the rows that came, and are not written, that fill a part.
+    fn append_pending(&mut self) -> Result<(), ImageError> {
+        let width = self.extent.width as usize;
+        let pending = (self.pending.len() / width) as u32;
+        let part = match self.encoder.split() {
+            Split::Bytes | Split::Any { .. } => pending,
+            Split::Strips(rows) => rows,
+        };
+        let is_last = self.rows + pending == self.extent.height();
+        let encoder = self.encoder();
+        let film = std::mem::replace(&mut self.pending, Film::Rgb8(Vec::new()));
+        let mut from = 0;
+        while from < pending && (from + part <= pending || is_last) {
+            let rows = part.min(pending - from);
+            self.append(rows, encoder.encode(&film, width * from as usize..width * (from + rows) as usize))?;
+            from += rows;
+        }
+        self.pending = film;
+        self.pending.remove_first(width * from as usize);
+        Ok(())
+    }
+
+    /// Writes the next part, which has so many rows, or the error of who encoded it.
+    pub(super) fn append(&mut self, rows: u32, part: io::Result<Cow<'_, [u8]>>) -> Result<(), ImageError> {
+        let appended = part.and_then(|part| self.joiner.append(part));
+        appended.map_err(|error| self.destination.explain(&self.path, error))?;
+        self.rows += rows;
         Ok(())
     }
 
@@ -264,11 +391,12 @@ impl ImageWriter {
     /// If rows are missing, or if writing or renaming fails; then the target is as it was before (but what is written
     /// to directly has received what was written).
     pub fn finish(self) -> Result<(), ImageError> {
-        let ImageWriter { path, height, rows, encoder, destination, .. } = self;
+        let ImageWriter { path, extent, rows, pending, joiner, destination, .. } = self;
+        let (height, rows) = (extent.height(), rows + (pending.len() / extent.width as usize) as u32);
         if rows < height {
             return Err(ImageError::RowsMissing { path, rows, height });
         }
-        if let Err(error) = encoder.finish() {
+        if let Err(error) = joiner.finish() {
             return Err(destination.explain(&path, error).into());
         }
         Ok(destination.finish(path)?)

@@ -2,6 +2,8 @@
 
 #[cfg(rayo_asm)]
 mod aos;
+#[cfg(feature = "mpi")]
+mod by_ranks;
 mod engine;
 mod film;
 mod frame;
@@ -22,12 +24,16 @@ mod to_file;
 #[cfg(feature = "lab")]
 mod truth;
 
+#[cfg(feature = "mpi")]
+pub use by_ranks::render_by_ranks;
 pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings};
 pub use hits::{Distance, Found};
 #[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
+#[cfg(feature = "mpi")]
+pub use output::Unfinished;
 #[cfg(feature = "files")]
 pub use output::{Existing, OutputError, OutputFile, is_standard_output, remove_unfinished};
 pub use plan::Plan;

@@ -122,10 +122,11 @@ pub fn remove_unfinished() {
 }
 
 /// Keeps a hidden file known to [`remove_unfinished`].
-struct Unfinished(PathBuf);
+pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    fn new(path: &Path) -> Self {
+    /// A file of this process, or of another one that it may outlive.
+    pub fn new(path: &Path) -> Self {
         UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.into());
         Unfinished(path.into())
     }
@@ -247,6 +248,15 @@ impl Destination {
     /// on its way.
     pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
         OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
+    }
+
+    /// The hidden file, if it is one.
+    #[cfg(feature = "mpi")]
+    pub(super) fn unfinished(&self) -> Option<&Path> {
+        match &self.end {
+            End::Rename { temporary, .. } => Some(temporary),
+            End::Nothing | End::CopyTo(_) => None,
+        }
     }
 
     /// How long the system has taken so far to take what was written.

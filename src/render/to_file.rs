@@ -1,7 +1,12 @@
 //! A whole picture into an image file: an engine driven over it band by band.
 
+use std::borrow::Cow;
+use std::io;
+use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::image_file::{PartEncoder, Split};
 use super::{Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
@@ -23,38 +28,102 @@ pub struct Stats {
     pub write: Duration,
 }
 
-/// Renders the whole picture into an image file, band by band; `done` hears of every few rows that are traced.
+/// Renders the rows of an image file into it, band by band; `done` hears of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
-    let camera = frame.camera;
-    let own = image.format().pixels();
-    let format = if frame.tracer.writes(own) { own } else { PixelFormat::F32x4 };
-    let band_rows = (BAND_BYTES * frame.threads() / (camera.width() as usize * format.bytes())).max(1);
-    let band_rows =
-        band_rows.next_multiple_of(frame.tracer.rows_together() as usize).min(camera.height() as usize) as u32;
-    let mut film = frame.film(format, band_rows)?;
-    let mut converted = if format == own { None } else { Some(frame.film(own, band_rows)?) };
+    let mut bands = Bands::new(frame, image.encoder())?;
+    let (all, height) = (image.rows(), bands.height(image.rows().len() as u32));
     let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
-    for start in (0..camera.height()).step_by(band_rows as usize) {
-        let rows = start..camera.height().min(start + band_rows);
-        let pixels = camera.width() as usize * rows.len();
-
+    for start in all.clone().step_by(height as usize) {
+        let rows = start..all.end.min(start.saturating_add(height));
         let clock = (Instant::now(), Cycles::start());
-        frame.trace_band(rows, film.as_mut().part(0..pixels), done);
+        bands.trace(rows, done)?;
         stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
         stats.trace += clock.0.elapsed();
 
         let clock = (Instant::now(), image.writing());
-        if let (Some(converted), Film::F32x4(floats)) = (&mut converted, &film) {
-            converted.as_mut().part(0..pixels).set(&floats[..pixels]);
-        }
-        match converted.as_ref().unwrap_or(&film) {
-            Film::F32x3(film) => image.write_f32x3(&film[..pixels])?,
-            Film::Rgb8(film) => image.write_rgb8(&film[..pixels])?,
-            Film::F32x4(_) | Film::Rgba8(_) => unreachable!("no file has them"),
-        }
+        bands.encode(|rows, part| image.append(rows, part))?;
         let write = image.writing() - clock.1;
         stats.write += write;
         stats.encode += clock.0.elapsed().saturating_sub(write);
     }
     Ok(stats)
+}
+
+/// An engine, the films that it writes to, and the encoder of what it has written.
+pub(super) struct Bands<'a> {
+    frame: &'a Frame<'a>,
+    encoder: Arc<PartEncoder>,
+    format: PixelFormat,
+    film: Film,
+    /// What the file has, where the engine writes something else.
+    converted: Option<Film>,
+    /// Rows of the band that was traced last.
+    rows: u32,
+}
+
+impl<'a> Bands<'a> {
+    pub(super) fn new(frame: &'a Frame<'a>, encoder: Arc<PartEncoder>) -> Result<Self, RenderError> {
+        let own = encoder.pixels();
+        let format = if frame.tracer.writes(own) { own } else { PixelFormat::F32x4 };
+        let converted = if format == own { None } else { Some(frame.film(own, 0)?) };
+        Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
+    }
+
+    /// The rows of a band of a picture of so many.
+    pub(super) fn height(&self, rows: u32) -> u32 {
+        let threads = self.frame.threads();
+        let width = self.frame.camera.width() as usize;
+        let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
+        let height = match self.encoder.split() {
+            Split::Bytes => height,
+            Split::Any { least } => height.max(least as usize * threads),
+            Split::Strips(strip) => height.max(strip as usize * threads),
+        };
+        let together = match self.encoder.split() {
+            Split::Bytes | Split::Any { .. } => self.frame.tracer.rows_together(),
+            Split::Strips(strip) => strip,
+        };
+        height.next_multiple_of(together as usize).min(rows as usize) as u32
+    }
+
+    /// Traces rows; `done` hears of every few that are.
+    pub(super) fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
+        let pixels = self.frame.camera.width() as usize * rows.len();
+        if self.film.len() < pixels {
+            self.film = self.frame.film(self.format, rows.len() as u32)?;
+            if let Some(converted) = &mut self.converted {
+                *converted = self.frame.film(self.encoder.pixels(), rows.len() as u32)?;
+            }
+        }
+        self.rows = rows.len() as u32;
+        self.frame.trace_band(rows, self.film.as_mut().part(0..pixels), done);
+        Ok(())
+    }
+
+    /// Encodes what was traced, each part by one of the threads, and hands over the parts and their rows from the top.
+    pub(super) fn encode<E>(
+        &mut self,
+        mut take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let (width, threads) = (self.frame.camera.width() as usize, self.frame.threads() as u32);
+        if let (Some(converted), Film::F32x4(floats)) = (&mut self.converted, &self.film) {
+            let pixels = width * self.rows as usize;
+            converted.as_mut().part(0..pixels).set(&floats[..pixels]);
+        }
+        let film = self.converted.as_ref().unwrap_or(&self.film);
+        let height = match self.encoder.split() {
+            Split::Bytes => self.rows,
+            Split::Any { least } => self.rows.div_ceil(threads).max(least),
+            Split::Strips(rows) => rows,
+        };
+        let starts = (0..self.rows).step_by(height as usize);
+        let mut parts: Vec<_> = starts.map(|start| (start..self.rows.min(start + height), None)).collect();
+        self.frame.share(parts.iter_mut(), |(rows, part)| {
+            *part = Some(self.encoder.encode(film, width * rows.start as usize..width * rows.end as usize));
+        });
+        for (rows, part) in parts {
+            take(rows.len() as u32, part.expect("each part is encoded"))?;
+        }
+        Ok(())
+    }
 }

@@ -1,58 +1,109 @@
-//! One encoder per format: rows in, bytes out.
+//! One encoder per format: rows of a picture in, bytes out, part by part; and what joins the parts to a file.
 
-use super::Format;
-use super::threaded;
+use super::png::{PngJoin, PngParts};
+use super::threaded::{ExrParts, Threaded, TiffParts};
+use super::{Extent, Format};
 use crate::render::output::Sink;
 use image::Rgb;
 use image::codecs::hdr::HdrEncoder;
+use std::borrow::Cow;
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Turns rows from the top, whole ones and never too many, into the bytes of a file.
-pub(super) trait Encode: Send {
+/// Encodes parts of a picture, which are whole rows, each by itself: in any order, and from any thread or process.
+pub(super) trait Encode: Send + Sync {
+    /// How many rows a part has.
+    fn split(&self) -> Split {
+        Split::Any { least: 1 }
+    }
+
     /// Rows of R, G, B; called for 8-bit formats.
-    fn rgb8(&mut self, _rows: &[[u8; 3]]) -> io::Result<()> {
+    fn rgb8<'a>(&self, _rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         unreachable!("not an 8-bit format")
     }
 
     /// Rows of R, G, B; called for float formats.
-    fn f32x3(&mut self, _rows: &[[f32; 3]]) -> io::Result<()> {
+    fn f32x3<'a>(&self, _rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
         unreachable!("not a float format")
     }
+}
 
-    /// Writes what comes after the last row.
+/// How many rows an encoder takes for a part. The file does not depend on where `Bytes` and `Any` are cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) enum Split {
+    /// Any number, and nothing is gained by several parts: pixels are written as they are.
+    Bytes,
+    /// Any number; fewer than these cost more.
+    Any {
+        /// Above 0.
+        least: u32,
+    },
+    /// So many, and the rest in the last.
+    Strips(u32),
+}
+
+/// Makes the file of the parts, from the top and never too many.
+pub(super) trait Join: Send {
+    /// Writes the next part.
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()>;
+
+    /// Writes what comes after the last one.
     fn finish(self: Box<Self>) -> io::Result<()> {
         Ok(())
     }
 }
 
+/// What encodes the parts of a picture in `format`.
+pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
+    let width = extent.width as usize;
+    match format {
+        Format::Png => Box::new(PngParts::new(width)),
+        Format::Ppm | Format::Qoi => Box::new(Bytes),
+        Format::PpmText => Box::new(PpmText { width }),
+        Format::Pfm => Box::new(Pfm { width }),
+        Format::Exr => Box::new(ExrParts::new(extent)),
+        Format::Hdr => Box::new(Hdr { width }),
+        Format::Tiff => Box::new(TiffParts::new(extent)),
+    }
+}
+
 /// Begins a file of `format`: its header is written here.
-pub(super) fn encoder(format: Format, sink: Sink, width: u32, height: u32) -> io::Result<Box<dyn Encode>> {
+pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Result<Box<dyn Join>> {
+    let (width, height) = (extent.width, extent.height());
     Ok(match format {
-        Format::Png => Box::new(Png::new(sink, width, height)?),
-        Format::Ppm => Box::new(Ppm::new(sink, width, height)?),
-        Format::PpmText => Box::new(PpmText::new(sink, width, height)?),
-        Format::Pfm => Box::new(Pfm::new(sink, width, height)?),
-        Format::Exr => Box::new(threaded::exr(sink, width, height)?),
-        Format::Hdr => Box::new(Hdr::new(sink, width, height)?),
-        Format::Tiff => Box::new(threaded::tiff(sink, width, height)?),
-        Format::Qoi => Box::new(Qoi::new(sink, width, height)),
+        Format::Png => Box::new(PngJoin::new(sink, width, height)?),
+        Format::Ppm => {
+            write!(sink, "P6\n{width} {height}\n255\n")?;
+            Box::new(InOrder { sink })
+        }
+        Format::PpmText => {
+            write!(sink, "P3\n{width} {height}\n255\n")?;
+            Box::new(InOrder { sink })
+        }
+        Format::Pfm => Box::new(BottomUp::new(sink, width, height)?),
+        Format::Exr => Box::new(Threaded::exr(sink, extent)?),
+        Format::Hdr => {
+            write!(sink, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
+            Box::new(InOrder { sink })
+        }
+        Format::Tiff => Box::new(Threaded::tiff(sink, extent)?),
+        Format::Qoi => Box::new(Qoi { sink, size: (width, height), pixels: Vec::new() }),
     })
 }
 
 /// The most bytes of an image that is held in memory until it is whole.
 pub(super) const MAX_WHOLE: u64 = 1 << 30;
 
-/// Whether the encoder of `format` holds the image in memory.
+/// Whether an image of `format` is held in memory.
 pub(super) fn is_whole(format: Format) -> bool {
     format == Format::Qoi
 }
 
-/// How much it holds.
+/// How much of it is held.
 pub(super) fn whole_bytes(width: u32, height: u32) -> u64 {
     3 * u64::from(width) * u64::from(height)
 }
 
-/// Whether the encoder of `format` writes out of order.
+/// Whether `format` is written out of order.
 pub(super) fn needs_seeking(format: Format) -> bool {
     match format {
         Format::Png | Format::Ppm | Format::PpmText | Format::Hdr | Format::Qoi => false,
@@ -60,62 +111,35 @@ pub(super) fn needs_seeking(format: Format) -> bool {
     }
 }
 
-struct Png {
-    stream: png::StreamWriter<'static, Sink>,
-}
-
-impl Png {
-    fn new(sink: Sink, width: u32, height: u32) -> io::Result<Self> {
-        let mut encoder = png::Encoder::new(sink, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        // A lit sphere of 1632x1224 takes 6 ms and 376 kB so; no filter with deflate's level 4 takes 17 ms and 142 kB,
-        // the default 68 ms and 187 kB. Neither gamma nor sRGB is declared: the values are linear and written as is.
-        encoder.set_compression(png::Compression::Fast);
-        let stream = encoder.write_header()?.into_stream_writer_with_size(1 << 16)?;
-        Ok(Png { stream })
-    }
-}
-
-impl Encode for Png {
-    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
-        self.stream.write_all(rows.as_flattened())
-    }
-
-    fn finish(self: Box<Self>) -> io::Result<()> {
-        Ok(self.stream.finish()?)
-    }
-}
-
-struct Ppm {
+/// Writes the parts one after the other.
+struct InOrder {
     sink: Sink,
 }
 
-impl Ppm {
-    fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
-        write!(sink, "P6\n{width} {height}\n255\n")?;
-        Ok(Ppm { sink })
+impl Join for InOrder {
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
+        self.sink.write_all(&part)
     }
 }
 
-impl Encode for Ppm {
-    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
-        self.sink.write_all(rows.as_flattened())
+/// Pixels as they are.
+struct Bytes;
+
+impl Encode for Bytes {
+    fn split(&self) -> Split {
+        Split::Bytes
+    }
+
+    fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        Ok(rows.as_flattened().into())
     }
 }
 
 struct PpmText {
-    sink: Sink,
     width: usize,
-    row: Vec<u8>,
 }
 
 impl PpmText {
-    fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
-        write!(sink, "P3\n{width} {height}\n255\n")?;
-        Ok(PpmText { sink, width: width as usize, row: Vec::new() })
-    }
-
     /// Appends a level in decimal.
     fn push_decimal(text: &mut Vec<u8>, level: u8) {
         if level >= 100 {
@@ -129,64 +153,63 @@ impl PpmText {
 }
 
 impl Encode for PpmText {
-    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
+    fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        let mut text = Vec::with_capacity("255 255 255\n".len() * rows.len());
         for pixels in rows.chunks_exact(self.width) {
-            self.row.clear();
             for &[r, g, b] in pixels {
                 for (level, end) in [(r, b' '), (g, b' '), (b, b'\n')] {
-                    Self::push_decimal(&mut self.row, level);
-                    self.row.push(end);
+                    Self::push_decimal(&mut text, level);
+                    text.push(end);
                 }
             }
-            self.sink.write_all(&self.row)?;
         }
-        Ok(())
+        Ok(text.into())
     }
 }
 
-/// PFM keeps its rows bottom to top, so each band is written before the one above it in the picture.
+/// PFM keeps its rows bottom to top.
 struct Pfm {
-    sink: Sink,
     width: usize,
-    /// Where the next row from the top ends in the file.
-    end: u64,
-    row: Vec<u8>,
 }
 
-impl Pfm {
+impl Encode for Pfm {
+    fn f32x3<'a>(&self, rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        let mut bytes = Vec::with_capacity(size_of_val(rows));
+        for pixels in rows.chunks_exact(self.width).rev() {
+            bytes.extend(pixels.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+        }
+        Ok(bytes.into())
+    }
+}
+
+/// Each part is written before the one above it in the picture.
+struct BottomUp {
+    sink: Sink,
+    /// Where the next part from the top ends in the file.
+    end: u64,
+}
+
+impl BottomUp {
     fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
         // The sign of the scale says that the floats are little endian.
         let header = format!("PF\n{width} {height}\n-1.0\n");
         sink.write_all(header.as_bytes())?;
-        let end = header.len() as u64 + Self::bytes_per_row(width as usize) * u64::from(height);
-        Ok(Pfm { sink, width: width as usize, end, row: Vec::new() })
-    }
-
-    fn bytes_per_row(width: usize) -> u64 {
-        width as u64 * size_of::<[f32; 3]>() as u64
+        let pixels = u64::from(width) * u64::from(height);
+        Ok(BottomUp { sink, end: header.len() as u64 + pixels * size_of::<[f32; 3]>() as u64 })
     }
 }
 
-impl Encode for Pfm {
-    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
-        let rows = rows.chunks_exact(self.width);
-        self.end -= rows.len() as u64 * Self::bytes_per_row(self.width);
+impl Join for BottomUp {
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
+        self.end -= part.len() as u64;
         self.sink.seek(SeekFrom::Start(self.end))?;
-        for pixels in rows.rev() {
-            self.row.clear();
-            self.row.extend(pixels.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
-            self.sink.write_all(&self.row)?;
-        }
-        Ok(())
+        self.sink.write_all(&part)
     }
 }
 
 /// Radiance's format, which the image crate encodes whole or, as here, a picture of one row at a time.
 struct Hdr {
-    sink: Sink,
     width: usize,
-    row: Vec<Rgb<f32>>,
-    encoded: Vec<u8>,
 }
 
 impl Hdr {
@@ -196,31 +219,27 @@ impl Hdr {
     const SMALLEST: f32 = f32::MIN_POSITIVE;
     /// The largest power of two that the exponent holds, so that nothing is rounded up beyond it.
     const LARGEST: f32 = 8.507_059e37;
-
-    fn new(mut sink: Sink, width: u32, height: u32) -> io::Result<Self> {
-        write!(sink, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
-        Ok(Hdr { sink, width: width as usize, row: Vec::new(), encoded: Vec::new() })
-    }
 }
 
 impl Encode for Hdr {
-    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
+    fn f32x3<'a>(&self, rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        let (mut row, mut encoded, mut part) = (Vec::new(), Vec::new(), Vec::new());
         for pixels in rows.chunks_exact(self.width) {
-            self.row.clear();
-            self.row.extend(pixels.iter().map(|pixel| {
+            row.clear();
+            row.extend(pixels.iter().map(|pixel| {
                 let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
                 let seen = channels.iter().any(|value| *value >= Self::SMALLEST);
                 Rgb(if seen { channels } else { [0.0; 3] })
             }));
-            self.encoded.clear();
-            HdrEncoder::new(&mut self.encoded).encode(&self.row, self.width, 1).map_err(io::Error::other)?;
-            let header = self.encoded.windows(Self::HEADER_END.len()).position(|window| window == Self::HEADER_END);
-            let line = header.map(|at| &self.encoded[at + Self::HEADER_END.len()..]).unwrap_or_default();
+            encoded.clear();
+            HdrEncoder::new(&mut encoded).encode(&row, self.width, 1).map_err(io::Error::other)?;
+            let header = encoded.windows(Self::HEADER_END.len()).position(|window| window == Self::HEADER_END);
+            let line = header.map(|at| &encoded[at + Self::HEADER_END.len()..]).unwrap_or_default();
             let digits = line.iter().take_while(|byte| byte.is_ascii_digit()).count();
             let scan_line = line.get(digits + 1..).ok_or_else(|| io::Error::other("the encoder wrote no row"))?;
-            self.sink.write_all(scan_line)?;
+            part.extend_from_slice(scan_line);
         }
-        Ok(())
+        Ok(part.into())
     }
 }
 
@@ -231,18 +250,12 @@ struct Qoi {
     pixels: Vec<u8>,
 }
 
-impl Qoi {
-    fn new(sink: Sink, width: u32, height: u32) -> Self {
-        Qoi { sink, size: (width, height), pixels: Vec::new() }
-    }
-}
-
-impl Encode for Qoi {
-    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
+impl Join for Qoi {
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         if self.pixels.is_empty() {
             self.pixels.try_reserve_exact(whole_bytes(self.size.0, self.size.1) as usize)?;
         }
-        self.pixels.extend_from_slice(rows.as_flattened());
+        self.pixels.extend_from_slice(&part);
         Ok(())
     }
 

@@ -1,9 +1,18 @@
-//! Encoders of libraries that ask for their rows: each runs in a thread of its own, and is sent block after block.
+//! TIFF and EXR: parts compressed by themselves, and the libraries' writers, which ask for them in threads of their own.
 
-use super::encode::Encode;
+use super::Extent;
+use super::encode::{Encode, Join, Split};
 use crate::render::output::Sink;
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
+use exr::block::enumerate_ordered_header_block_indices;
+use exr::block::writer::ChunksWriter;
+use exr::error::Error;
+use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text};
+use exr::meta::{BlockDescription, header::Header};
+use exr::prelude::{Compression as Method, IntegerBounds, SmallVec, Vec2};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
@@ -11,114 +20,106 @@ use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, Tag};
 use tiff::{TiffError, TiffResult};
 
-/// A block of this many bytes at least, where there are so many rows.
-const BLOCK_BYTES: usize = 1 << 20;
+/// A strip of this many bytes at least, where there are so many rows.
+const STRIP_BYTES: usize = 1 << 20;
 
-/// An encoder in a thread, which takes the samples of whole rows in blocks of so many rows, and of the rest in the last.
-pub(super) struct Threaded<T> {
-    /// Samples that do not fill a block yet.
-    block: Vec<T>,
-    samples_per_block: usize,
+/// A writer in a thread, which takes the parts of a picture.
+pub(super) struct Threaded {
     /// None once the thread has ended early.
-    blocks: Option<SyncSender<Vec<T>>>,
+    parts: Option<SyncSender<Vec<u8>>>,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
-impl<T: Copy + Send + 'static> Threaded<T> {
-    fn new(
-        samples_per_block: usize,
-        encode: impl FnOnce(Receiver<Vec<T>>) -> io::Result<()> + Send + 'static,
-    ) -> io::Result<Self> {
-        let (blocks, receiver) = sync_channel(1);
-        let thread = thread::Builder::new().name("encoder".into()).spawn(move || encode(receiver))?;
-        Ok(Threaded { block: Vec::new(), samples_per_block, blocks: Some(blocks), thread: Some(thread) })
-    }
-
-    fn append(&mut self, mut samples: &[T]) -> io::Result<()> {
-        while !samples.is_empty() {
-            let (now, later) = samples.split_at(samples.len().min(self.samples_per_block - self.block.len()));
-            self.block.extend_from_slice(now);
-            samples = later;
-            if self.block.len() == self.samples_per_block {
-                self.send()?;
-            }
-        }
-        Ok(())
-    }
-
-    fn send(&mut self) -> io::Result<()> {
-        let next = Vec::with_capacity(self.samples_per_block);
-        let block = std::mem::replace(&mut self.block, next);
-        match &self.blocks {
-            Some(blocks) if blocks.send(block).is_ok() => Ok(()),
-            // It has stopped listening, and knows why.
-            _ => self.end().and(Err(io::ErrorKind::BrokenPipe.into())),
-        }
+impl Threaded {
+    fn new(write: impl FnOnce(Receiver<Vec<u8>>) -> io::Result<()> + Send + 'static) -> io::Result<Self> {
+        let (parts, receiver) = sync_channel(1);
+        let thread = thread::Builder::new().name("writer".into()).spawn(move || write(receiver))?;
+        Ok(Threaded { parts: Some(parts), thread: Some(thread) })
     }
 
     /// Lets the thread come to its end, and says how it ended.
     fn end(&mut self) -> io::Result<()> {
-        self.blocks = None;
+        self.parts = None;
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(result)) => result,
             Some(Err(_)) => Err(io::Error::other("the encoder has failed")),
             None => Ok(()),
         }
     }
+}
 
-    fn complete(&mut self) -> io::Result<()> {
-        if !self.block.is_empty() {
-            self.send()?;
+impl Join for Threaded {
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
+        match &self.parts {
+            Some(parts) if parts.send(part.into_owned()).is_ok() => Ok(()),
+            // It has stopped listening, and knows why.
+            _ => self.end().and(Err(io::ErrorKind::BrokenPipe.into())),
         }
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
         self.end()
     }
 }
 
-impl<T> Drop for Threaded<T> {
+impl Drop for Threaded {
     fn drop(&mut self) {
-        self.blocks = None;
+        self.parts = None;
         // The file must not be written to once its writer is gone.
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
-impl Encode for Threaded<u8> {
-    fn rgb8(&mut self, rows: &[[u8; 3]]) -> io::Result<()> {
-        self.append(rows.as_flattened())
-    }
+/// TIFF in strips of about a megabyte, each compressed by itself.
+pub(super) struct TiffParts {
+    width: usize,
+    rows: u32,
+}
 
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        self.complete()
+impl TiffParts {
+    pub(super) fn new(extent: &Extent) -> Self {
+        let width = extent.width as usize;
+        TiffParts { width, rows: STRIP_BYTES.div_ceil(3 * width).min(extent.height() as usize) as u32 }
     }
 }
 
-impl Encode for Threaded<f32> {
-    fn f32x3(&mut self, rows: &[[f32; 3]]) -> io::Result<()> {
-        self.append(rows.as_flattened())
+impl Encode for TiffParts {
+    fn split(&self) -> Split {
+        Split::Strips(self.rows)
     }
 
-    fn finish(mut self: Box<Self>) -> io::Result<()> {
-        self.complete()
+    fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        let mut block = rows.as_flattened().to_vec();
+        // The predictor: each sample less that of the pixel to its left.
+        for row in block.chunks_exact_mut(3 * self.width) {
+            for at in (3..row.len()).rev() {
+                row[at] = row[at].wrapping_sub(row[at - 3]);
+            }
+        }
+        let mut strip = ZlibEncoder::new(Vec::new(), Compression::fast());
+        strip.write_all(&block)?;
+        Ok(strip.finish()?.into())
     }
 }
 
-/// TIFF in strips of about a megabyte.
-pub(super) fn tiff(sink: Sink, width: u32, height: u32) -> io::Result<Threaded<u8>> {
-    let row = 3 * width as usize;
-    let rows = (BLOCK_BYTES.div_ceil(row)).min(height as usize);
-    // Compression could make it smaller, but not for sure; the index and what incompressible strips grow by is added.
-    let big = u64::from(height) * (row as u64 + 64) > u64::from(u32::MAX) - (1 << 20);
-    Threaded::new(row * rows, move |blocks| {
-        let result = if big {
-            TiffEncoder::new_big(sink).and_then(|encoder| write_tiff(encoder, (width, height), rows as u32, blocks))
-        } else {
-            TiffEncoder::new(sink).and_then(|encoder| write_tiff(encoder, (width, height), rows as u32, blocks))
-        };
-        result.map_err(|error| match error {
-            TiffError::IoError(error) => error,
-            error => io::Error::other(error),
+impl Threaded {
+    /// Begins a TIFF.
+    pub(super) fn tiff(sink: Sink, extent: &Extent) -> io::Result<Self> {
+        let (size, rows) = ((extent.width, extent.height()), TiffParts::new(extent).rows);
+        // Compression could make it smaller, but not for sure; the index and what incompressible strips grow by is added.
+        let big = u64::from(size.1) * (3 * u64::from(size.0) + 64) > u64::from(u32::MAX) - (1 << 20);
+        Threaded::new(move |strips| {
+            let result = if big {
+                TiffEncoder::new_big(sink).and_then(|encoder| write_tiff(encoder, size, rows, strips))
+            } else {
+                TiffEncoder::new(sink).and_then(|encoder| write_tiff(encoder, size, rows, strips))
+            };
+            result.map_err(|error| match error {
+                TiffError::IoError(error) => error,
+                error => io::Error::other(error),
+            })
         })
-    })
+    }
 }
 
 /// By tags and data: the library compresses what it is given whole, and not what it is given strip by strip.
@@ -126,21 +127,12 @@ fn write_tiff<K: TiffKind>(
     mut encoder: TiffEncoder<Sink, K>,
     (width, height): (u32, u32),
     rows: u32,
-    blocks: Receiver<Vec<u8>>,
+    strips: Receiver<Vec<u8>>,
 ) -> TiffResult<()> {
     let mut directory = encoder.image_directory()?;
     let (mut offsets, mut lengths) = (Vec::new(), Vec::new());
     for _ in 0..height.div_ceil(rows) {
-        let mut block = blocks.recv().map_err(|_| io::Error::from(io::ErrorKind::UnexpectedEof))?;
-        // The predictor: each sample less that of the pixel to its left.
-        for row in block.chunks_exact_mut(3 * width as usize) {
-            for at in (3..row.len()).rev() {
-                row[at] = row[at].wrapping_sub(row[at - 3]);
-            }
-        }
-        let mut strip = ZlibEncoder::new(Vec::new(), Compression::fast());
-        strip.write_all(&block)?;
-        let strip = strip.finish()?;
+        let strip = strips.recv().map_err(|_| io::Error::from(io::ErrorKind::UnexpectedEof))?;
         offsets.push(directory.write_data(&strip[..])?);
         lengths.push(strip.len() as u64);
     }
@@ -168,39 +160,72 @@ fn write_offsets<K: TiffKind>(
 }
 
 /// EXR in scan lines, compressed 16 by 16 as is its custom, or one by one where they are long.
-pub(super) fn exr(sink: Sink, width: u32, height: u32) -> io::Result<Threaded<f32>> {
-    use exr::block::writer::ChunksWriter;
-    use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices, write};
-    use exr::error::Error;
-    use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text};
-    use exr::meta::{BlockDescription, header::Header};
-    use exr::prelude::{Compression as Method, SmallVec};
+pub(super) struct ExrParts {
+    header: Header,
+}
 
-    let (width, height) = (width as usize, height as usize);
-    let (compression, rows) = if width <= 1 << 16 { (Method::ZIP16, 16) } else { (Method::ZIP1, 1) };
-    Threaded::new(3 * width * rows, move |blocks| {
+impl ExrParts {
+    pub(super) fn new(extent: &Extent) -> Self {
+        let (width, height) = (extent.width as usize, extent.height() as usize);
+        let method = if width <= 1 << 16 { Method::ZIP16 } else { Method::ZIP1 };
         // Channels stand in the order of the alphabet.
         let channels = ["B", "G", "R"].map(|name| ChannelDescription::named(name, SampleType::F32));
         let header = Header::new(Text::default(), (width, height), SmallVec::from_iter(channels));
-        let header = header.with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing);
-        let written = write(sink, SmallVec::from_iter([header]), true, |meta, chunks| {
-            let mut compressor = chunks.sequential_blocks_compressor(&meta);
-            for (index, place) in enumerate_ordered_header_block_indices(&meta.headers) {
-                let samples = blocks.recv().map_err(|_| Error::Aborted)?;
-                let block = UncompressedBlock::from_lines(&meta.headers[0].channels, place, |line| {
-                    let row = line.location.position.y() - place.pixel_position.y();
-                    let pixels: &[[f32; 3]] = samples[3 * width * row..].as_chunks().0;
-                    for (bytes, pixel) in line.value.as_chunks_mut().0.iter_mut().zip(pixels) {
-                        *bytes = pixel[2 - line.location.channel].to_ne_bytes();
-                    }
-                });
-                compressor.compress_block(index, block)?;
+        let whole = IntegerBounds::from_dimensions(Vec2(width, extent.whole as usize));
+        let header = header
+            .with_encoding(method, BlockDescription::ScanLines, LineOrder::Increasing)
+            .with_position(Vec2(0, extent.rows.start.cast_signed()))
+            .with_display_window(whole);
+        ExrParts { header }
+    }
+}
+
+impl Encode for ExrParts {
+    fn split(&self) -> Split {
+        Split::Strips(self.header.compression.scan_lines_per_block() as u32)
+    }
+
+    fn f32x3<'a>(&self, rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        let width = self.header.layer_size.width();
+        let mut block = Vec::with_capacity(size_of_val(rows));
+        for row in rows.chunks_exact(width) {
+            for channel in [2, 1, 0] {
+                block.extend(row.iter().flat_map(|pixel| pixel[channel].to_ne_bytes()));
             }
-            Ok(())
-        });
-        written.map_err(|error| match error {
-            Error::Io(error) => error,
-            error => io::Error::other(error.to_string()),
+        }
+        let section = IntegerBounds::from_dimensions(Vec2(width, rows.len() / width));
+        let packed = self.header.compression.compress_image_section_to_le(&self.header, block, section);
+        packed.map(Cow::from).map_err(exr_error)
+    }
+}
+
+impl Threaded {
+    /// Begins an EXR, whose data window is the rows and whose display window is the whole picture.
+    pub(super) fn exr(sink: Sink, extent: &Extent) -> io::Result<Self> {
+        let header = ExrParts::new(extent).header;
+        let top = header.own_attributes.layer_position.y();
+        Threaded::new(move |parts| {
+            let written = exr::block::write(sink, SmallVec::from_iter([header]), true, |meta, chunks| {
+                for (index, place) in enumerate_ordered_header_block_indices(&meta.headers) {
+                    let block = CompressedScanLineBlock {
+                        y_coordinate: top + place.pixel_position.y() as i32,
+                        compressed_pixels_le: parts.recv().map_err(|_| Error::Aborted)?,
+                    };
+                    chunks.write_chunk(
+                        index,
+                        Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(block) },
+                    )?;
+                }
+                Ok(())
+            });
+            written.map_err(exr_error)
         })
-    })
+    }
+}
+
+fn exr_error(error: Error) -> io::Error {
+    match error {
+        Error::Io(error) => error,
+        error => io::Error::other(error.to_string()),
+    }
 }

@@ -1,0 +1,359 @@
+//! Ranks: the processes that MPI started together, and tasks that each takes as it becomes free.
+//!
+//! Rank 0 hands out the tasks and takes their results in order. A result stays where it was made until rank 0 asks for it, so
+//! that rank 0 holds few at a time however many ranks there are; and a rank that holds many takes no further task. (One
+//! counter of all, read by the ranks themselves, would need MPI's one-sided operations, which the crate `mpi` does not have.)
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::mpsc::{TryRecvError, channel};
+use std::time::Duration;
+
+use mpi::Threading;
+use mpi::environment::Universe;
+use mpi::point_to_point::{Message, Status};
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+
+/// A task that a rank has not begun, beside the one that it works on.
+const AHEAD: usize = 2;
+/// Results that a rank holds, and those that rank 0 has asked others for.
+const HELD: usize = 4;
+const ASKED_FOR: u64 = 8;
+
+/// How long a rank that has nothing to tell sleeps, from the first time to the last: MPI's own waiting would keep a core busy
+/// that has rays to trace.
+const NAPS: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(2)];
+
+/// What messages are about.
+mod tag {
+    use mpi::Tag;
+
+    /// To rank 0: a task, please.
+    pub const ASK: Tag = 1;
+    /// From rank 0: the number of a task.
+    pub const TASK: Tag = 2;
+    /// From rank 0: the result of this task, please.
+    pub const GIVE: Tag = 3;
+    /// To rank 0: a task's number, whether it went well, and its result or what went wrong.
+    pub const RESULT: Tag = 4;
+    /// From rank 0: there are no more tasks. And the last word to rank 0.
+    pub const END: Tag = 5;
+}
+
+/// This process among those that MPI started.
+pub struct Ranks {
+    world: SimpleCommunicator,
+    /// For what is said of tasks, which whoever listens takes from anybody.
+    tasks: SimpleCommunicator,
+    /// Ends MPI when it is dropped.
+    _universe: Universe,
+}
+
+impl Drop for Ranks {
+    fn drop(&mut self) {
+        // The others would wait for this one for ever.
+        if std::thread::panicking() {
+            self.world.abort(1);
+        }
+    }
+}
+
+/// The nap that comes next.
+struct Naps(Duration);
+
+impl Naps {
+    fn new() -> Self {
+        Naps(NAPS[0])
+    }
+
+    fn take(&mut self) {
+        std::thread::sleep(self.0);
+        self.0 = (2 * self.0).min(NAPS[1]);
+    }
+}
+
+impl Ranks {
+    /// Takes part in what MPI has started; None where it has started one process, or was not asked.
+    pub fn join() -> Option<Ranks> {
+        // Alone, a program need not wait until MPI is ready. These are set by Open MPI's own starter and by others'.
+        let started =
+            ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"].iter().any(|name| std::env::var_os(name).is_some());
+        if !started {
+            return None;
+        }
+        let (universe, _) = mpi::initialize_with_threading(Threading::Funneled)?;
+        let world = universe.world();
+        (world.size() > 1).then(|| Ranks { tasks: world.duplicate(), world, _universe: universe })
+    }
+
+    /// The number of this one.
+    pub fn rank(&self) -> usize {
+        self.world.rank() as usize
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.world.size() as usize
+    }
+
+    /// The name of the machine that this one is on.
+    pub fn host() -> String {
+        mpi::environment::processor_name().unwrap_or_else(|_| "a host without a name".into())
+    }
+
+    fn talk(&self, to: usize, bytes: &[u8]) {
+        self.world.process_at_rank(to as i32).send(bytes);
+    }
+
+    /// What a rank says next, without keeping a core busy until it does.
+    fn listen(&self, from: usize) -> Vec<u8> {
+        let process = self.world.process_at_rank(from as i32);
+        let mut naps = Naps::new();
+        loop {
+            match process.immediate_matched_probe() {
+                Some(message) => return message.matched_receive_vec().0,
+                None => naps.take(),
+            }
+        }
+    }
+
+    /// What each rank has to say, in their order, on rank 0; nothing on the others.
+    pub fn gather(&self, mine: Vec<u8>) -> Vec<Vec<u8>> {
+        if self.rank() > 0 {
+            self.talk(0, &mine);
+            return Vec::new();
+        }
+        let others = (1..self.count()).map(|rank| self.listen(rank));
+        [mine].into_iter().chain(others).collect()
+    }
+
+    /// What rank 0 has to say, on all.
+    pub fn broadcast(&self, mine: Vec<u8>) -> Vec<u8> {
+        /// No more at once than an `int` counts.
+        const MOST: usize = 1 << 30;
+        let root = self.world.process_at_rank(0);
+        let mut bytes = mine;
+        if self.rank() == 0 {
+            let length = (bytes.len() as u64).to_le_bytes();
+            (1..self.count()).for_each(|rank| self.talk(rank, &length));
+        } else {
+            bytes = vec![0; number(&self.listen(0)) as usize];
+        }
+        bytes.chunks_mut(MOST).for_each(|part| root.broadcast_into(part));
+        bytes
+    }
+
+    /// Has all ranks do the `tasks`: `work` makes the result of one, in a thread of its own, and rank 0 hands them to `take`
+    /// in order, with the error of who failed. An error of `take` is the end.
+    ///
+    /// # Errors
+    /// What `take` says, on rank 0.
+    pub fn share<E>(
+        &self,
+        tasks: u64,
+        mut work: impl FnMut(u64) -> Result<Vec<u8>, String> + Send,
+        mut take: impl FnMut(u64, Result<Vec<u8>, String>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        std::thread::scope(|scope| {
+            let (begin, begun) = channel();
+            let (end, ended) = channel();
+            scope.spawn(move || {
+                for task in begun {
+                    // Nobody listens any more when something else has failed.
+                    if end.send((task, work(task))).is_err() {
+                        return;
+                    }
+                }
+            });
+            let mut own = Own { held: VecDeque::new(), working: 0 };
+            let own_results = || match ended.try_recv() {
+                Ok(result) => Some(result),
+                Err(TryRecvError::Empty) => None,
+                // It has panicked, and said so.
+                Err(TryRecvError::Disconnected) => self.world.abort(1),
+            };
+            let begin = |task| _ = begin.send(task);
+            let result = if self.rank() == 0 {
+                self.hand_out(tasks, &mut own, begin, own_results, &mut take)
+            } else {
+                self.serve(&mut own, begin, own_results);
+                Ok(())
+            };
+            // Nobody says anything of later tasks before all are here.
+            self.broadcast(Vec::new());
+            result
+        })
+    }
+
+    /// Rank 0: hands out tasks, this rank's too, and takes the results.
+    fn hand_out<E>(
+        &self,
+        tasks: u64,
+        own: &mut Own,
+        begin: impl Fn(u64),
+        own_results: impl Fn() -> Option<(u64, Outcome)>,
+        take: &mut impl FnMut(u64, Outcome) -> Result<(), E>,
+    ) -> Result<(), E> {
+        // The task to hand out next, the one whose result is next, and the one that is asked for next.
+        let (mut next, mut taken, mut asked) = (0, 0, 0);
+        let mut owners = BTreeMap::new();
+        let mut arrived: BTreeMap<u64, Outcome> = BTreeMap::new();
+        let mut waiting = VecDeque::new();
+        let mut naps = Naps::new();
+        let mut result = Ok(());
+        while taken < tasks && result.is_ok() {
+            let mut idle = true;
+            while let Some(of_own) = own_results() {
+                own.finished(of_own);
+                idle = false;
+            }
+            while let Some((from, what, bytes)) = self.message() {
+                match what {
+                    tag::ASK => waiting.push_back(from),
+                    _ => _ = arrived.insert(number(&bytes), outcome(&bytes[8..])),
+                }
+                idle = false;
+            }
+            // Others first: this rank's is not on its way.
+            while next < tasks
+                && let Some(rank) = waiting.pop_front()
+            {
+                self.send(rank, tag::TASK, &next.to_le_bytes());
+                owners.insert(next, rank);
+                next += 1;
+            }
+            while next < tasks && own.wants() {
+                begin(next);
+                own.working += 1;
+                next += 1;
+            }
+            while asked < next && asked < taken + ASKED_FOR {
+                if let Some(rank) = owners.remove(&asked) {
+                    self.send(rank, tag::GIVE, &asked.to_le_bytes());
+                }
+                asked += 1;
+            }
+            while result.is_ok()
+                && let Some(of_next) = arrived.remove(&taken).or_else(|| own.give(taken))
+            {
+                result = take(taken, of_next);
+                taken += 1;
+                idle = false;
+            }
+            if idle {
+                naps.take();
+            } else {
+                naps = Naps::new();
+            }
+        }
+        // What was asked for is on its way, and has to be received.
+        let mut left = self.count() - 1;
+        (1..=left).for_each(|rank| self.send(rank, tag::END, &[]));
+        while left > 0 {
+            match self.message() {
+                Some((_, what, _)) => left -= usize::from(what == tag::END),
+                None => naps.take(),
+            }
+        }
+        result
+    }
+
+    /// The other ranks: work on tasks, and give their results when they are asked for them.
+    fn serve(&self, own: &mut Own, begin: impl Fn(u64), own_results: impl Fn() -> Option<(u64, Outcome)>) {
+        let mut wanted: VecDeque<u64> = VecDeque::new();
+        let mut asked = 0;
+        let mut naps = Naps::new();
+        loop {
+            let mut idle = true;
+            while let Some(of_own) = own_results() {
+                own.finished(of_own);
+                idle = false;
+            }
+            // Tasks and what is wanted of them come in order.
+            while let Some(of_first) = wanted.front().and_then(|task| own.give(*task)) {
+                let task = wanted.pop_front().unwrap_or_default();
+                self.send(0, tag::RESULT, &message(task, of_first));
+                idle = false;
+            }
+            while own.working + asked < AHEAD && own.working + asked + own.held.len() < HELD {
+                self.send(0, tag::ASK, &[]);
+                asked += 1;
+            }
+            while let Some((_, what, bytes)) = self.message() {
+                match what {
+                    tag::TASK => {
+                        begin(number(&bytes));
+                        own.working += 1;
+                        asked -= 1;
+                    }
+                    tag::GIVE => wanted.push_back(number(&bytes)),
+                    _ => return self.send(0, tag::END, &[]),
+                }
+                idle = false;
+            }
+            if idle {
+                naps.take();
+            } else {
+                naps = Naps::new();
+            }
+        }
+    }
+
+    fn send(&self, to: usize, tag: mpi::Tag, bytes: &[u8]) {
+        self.tasks.process_at_rank(to as i32).send_with_tag(bytes, tag);
+    }
+
+    /// A message about tasks that has come: from whom, about what, and what it says.
+    fn message(&self) -> Option<(usize, mpi::Tag, Vec<u8>)> {
+        let message: (Message, Status) = self.tasks.any_process().immediate_matched_probe()?;
+        let (from, what) = (message.1.source_rank() as usize, message.1.tag());
+        Some((from, what, message.matched_receive_vec().0))
+    }
+}
+
+/// A result, or what went wrong.
+type Outcome = Result<Vec<u8>, String>;
+
+/// This rank's own tasks.
+struct Own {
+    /// Results that nobody has asked for, in the order of the tasks.
+    held: VecDeque<(u64, Outcome)>,
+    /// Tasks that have no result yet.
+    working: usize,
+}
+
+impl Own {
+    fn wants(&self) -> bool {
+        self.working < AHEAD && self.working + self.held.len() < HELD
+    }
+
+    fn finished(&mut self, result: (u64, Outcome)) {
+        self.working -= 1;
+        self.held.push_back(result);
+    }
+
+    /// The result of a task, if that is the first here.
+    fn give(&mut self, task: u64) -> Option<Outcome> {
+        let is_first = self.held.front().is_some_and(|(first, _)| *first == task);
+        is_first.then(|| self.held.pop_front())?.map(|(_, result)| result)
+    }
+}
+
+fn number(bytes: &[u8]) -> u64 {
+    bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
+}
+
+fn message(task: u64, result: Outcome) -> Vec<u8> {
+    let (fine, bytes) = match result {
+        Ok(bytes) => (1, bytes),
+        Err(what) => (0, what.into_bytes()),
+    };
+    [&task.to_le_bytes()[..], &[fine], &bytes].concat()
+}
+
+fn outcome(bytes: &[u8]) -> Outcome {
+    match bytes {
+        [1, result @ ..] => Ok(result.into()),
+        other => Err(String::from_utf8_lossy(&other[1.min(other.len())..]).into_owned()),
+    }
+}
