@@ -39,7 +39,7 @@ test: setup ## Run everything that must pass: format, lints, tests with assembly
 
 test-mpi: mpi ## Run the lints and the tests of what several processes do
 	$(cargo) clippy --release --locked --all-targets --features mpi -- -D warnings
-	$(cargo) test --release --locked --features mpi --test mpi
+	$(cargo) test --release --locked --features mpi --lib --test mpi
 
 bench: setup ## Run the micro benches
 	$(cargo) bench --locked

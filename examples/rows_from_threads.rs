@@ -8,8 +8,9 @@ use std::sync::Mutex;
 use std::thread;
 
 use rayo::kernels::Vec4;
-use rayo::render::{Engine, FilmMut, Tracer};
-use rayo::scene::{Scene, many};
+use rayo::render::{FilmMut, Tracer};
+use rayo::scene::many;
+use rayo::{Engine, Scene};
 
 /// All rows by so many threads, each of which takes the next few rows as soon as it is done with its last.
 fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {

@@ -7,8 +7,7 @@ use std::error::Error;
 use std::thread::available_parallelism;
 
 use rayo::glam::Vec3;
-use rayo::render::{Engine, Film, Frame, PixelFormat, Settings};
-use rayo::scene::{Camera, Light, Scene, Sphere, Triangle};
+use rayo::{Camera, Engine, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
 
 /// A ball above a floor, under one lamp. The pinhole is at the origin; x points to the right, y up, and z away.
 fn ball() -> Result<Scene, Box<dyn Error>> {

@@ -4,14 +4,54 @@
 //! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
 //!
 //! Without its default features this is scenes, plan, engines and films; `asm`, `files`, `lab` and `cli` are what else there is.
+//!
+//! A scene that is built in code, traced by the fastest engine that runs here:
+//!
+//! ```
+//! use rayo::glam::Vec3;
+//! use rayo::{Camera, Engine, Film, Light, PixelFormat, Scene, Sphere, Triangle};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // The pinhole is at the origin; x points to the right, y up, and z away.
+//! let scene = Scene {
+//!     name: "ball.png".into(),
+//!     // Pixels in a row and in a column, the focal distance, and the diagonal of the film.
+//!     camera: Camera::new(320, 240, 1.0, 1.0)?,
+//!     lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-5.0, 5.0, 0.0) }],
+//!     spheres: vec![Sphere { radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.0), centre: Vec3::new(0.0, 0.0, 5.0) }],
+//!     triangles: vec![Triangle {
+//!         colour: Vec3::ONE,
+//!         vertices: [Vec3::new(-9.0, 0.0, 9.0), Vec3::new(9.0, 0.0, 9.0), Vec3::new(0.0, 9.0, 9.0)],
+//!     }],
+//! };
+//! let tracer = Engine::fastest().prepare(None, &scene)?;
+//! let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
+//! tracer.rows(0..scene.camera.height(), film.as_mut());
+//!
+//! let pixel = |column: u32, row: u32| film.colour((row * scene.camera.width() + column) as usize).levels();
+//! let [red, green, blue] = pixel(160, 120);
+//! assert!(red > green && green > blue && blue == 0, "the ball is orange");
+//! let [red, green, blue] = pixel(160, 0);
+//! assert!(red > 0 && red == green && green == blue, "above it the triangle is white");
+//! assert_eq!(pixel(160, 239), [0, 0, 0], "and nothing is below it");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`Frame`] traces the same by many threads, [`Scene::seen_from`] moves the camera, and with the feature `files` there are
+//! `scene::read` and `render::render`, from a scene file to an image file.
 
 // The example of the README is a test.
 #[cfg(all(doctest, feature = "cli"))]
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-/// The vectors that scenes are made of.
+/// The vectors that scenes are made of: those of another version would be other types.
 pub use glam;
+
+// What a program needs to render a scene that it builds.
+pub use render::{Engine, Film, Frame, PixelFormat, Precision, Settings};
+pub use scene::{Camera, Light, Scene, Sphere, Triangle, View};
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 /// Those whose commands are shown after a prompt, each in English and in Spanish.
 const GUIDES: [[&str; 2]; 2] = [["README.md", "LEEME.md"], ["docs/tutorial.md", "docs/tutorial.es.md"]];
 
-const DOCUMENTS: [&str; 11] = [
+const DOCUMENTS: [&str; 14] = [
     "README.md",
     "LEEME.md",
     "CHANGELOG.md",
@@ -21,6 +21,9 @@ const DOCUMENTS: [&str; 11] = [
     "docs/tutorial.es.md",
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
+    "docs/accuracy.md",
+    "docs/performance.md",
+    "docs/stability.md",
     "docs/results/accuracy.md",
     "docs/image-files.md",
     "docs/leaving-out.md",

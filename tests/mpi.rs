@@ -3,8 +3,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
+use rayo::scene::Rng;
+use serde_json::{Map, Value};
 use tempfile::TempDir;
 
 /// `rayo` in a directory, started by MPI as so many ranks; on few cores and, as in a container, as root too.
@@ -65,7 +69,12 @@ fn any_number_of_ranks_writes_the_file_of_one_process() {
 fn rows_scenes_and_a_scene_that_is_sent_are_what_they_are_without_ranks() {
     let directory = tempfile::tempdir().unwrap();
     let [sphere, island] = ["sphere.in", "island.toml"].map(scene);
-    for arguments in ["--rows 17..91 --size 200x", "--film 35 --size 100x80", "--engine reference --size 60x50"] {
+    for arguments in [
+        "--rows 17..91 --size 200x",
+        "--film 35 --size 100x80",
+        "--engine reference --size 60x50",
+        "--rows 5..61 --size 90x70 --samples 3 --background 0.1,0.2,0.3 --exposure -1",
+    ] {
         let render = format!("render {} {arguments} --quiet", island.display());
         alone(directory.path(), &format!("{render} -o alone.exr"));
         for broadcast in ["", " --broadcast"] {
@@ -100,7 +109,16 @@ fn an_error_is_told_once_and_nothing_is_left() {
     }
 }
 
-/// Where ranks find different files, a shell starts each in a directory of its own.
+/// Ranks that find different files: a shell starts each in a directory of its own, which has its number.
+fn in_places(ranks: usize, directory: &Path) -> Command {
+    let script = format!("cd $OMPI_COMM_WORLD_RANK && exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
+    let mut command = Command::new("mpirun");
+    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("NO_COLOR", "1");
+    command.current_dir(directory);
+    command
+}
+
 #[test]
 fn a_rank_without_the_scene_or_with_another_is_named() {
     let directory = tempfile::tempdir().unwrap();
@@ -111,11 +129,8 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
     place("0", "sphere.in");
     place("1", "sphere.in");
     let render = || {
-        let script = format!("cd $OMPI_COMM_WORLD_RANK && exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
-        let mut command = Command::new("mpirun");
-        command.args(["--oversubscribe", "-n", "3", "sh", "-c", &script, "sh", "render", "a.in", "-o", "a.png"]);
-        command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
-        command.current_dir(directory.path());
+        let mut command = in_places(3, directory.path());
+        command.args(["render", "a.in", "-o", "a.png"]);
         command
     };
     let output = render().output().unwrap();
@@ -134,20 +149,275 @@ fn a_rank_without_the_scene_or_with_another_is_named() {
     assert!(directory.path().join("0/a.png").exists() && !directory.path().join("1/a.png").exists());
 }
 
+/// Ranks that [`watched`] has started, and their directory.
+#[cfg(target_os = "linux")]
+struct Started {
+    mpirun: Child,
+    directory: TempDir,
+}
+
+/// Ranks that render to `out`, each of which first writes its process's number into `ids`.
+#[cfg(target_os = "linux")]
+fn watched(ranks: usize, arguments: &str) -> Started {
+    let directory = tempfile::tempdir().unwrap();
+    fs::create_dir_all(directory.path().join("out")).unwrap();
+    fs::create_dir_all(directory.path().join("ids")).unwrap();
+    let script = format!("echo $$ >ids/$OMPI_COMM_WORLD_RANK; exec {} \"$@\"", env!("CARGO_BIN_EXE_rayo"));
+    let mut command = Command::new("mpirun");
+    command.args(["--oversubscribe", "-n", &ranks.to_string(), "sh", "-c", &script, "sh"]);
+    command.args(arguments.split(' ')).current_dir(directory.path());
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    let mpirun = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    Started { mpirun, directory }
+}
+
+#[cfg(target_os = "linux")]
+impl Started {
+    /// What a test waits for fails it after so long.
+    const LIMIT: Duration = Duration::from_secs(60);
+
+    fn wait<T>(&mut self, what: &str, mut there: impl FnMut(&mut Self) -> Option<T>) -> T {
+        let start = Instant::now();
+        loop {
+            if let Some(found) = there(self) {
+                return found;
+            }
+            if start.elapsed() > Self::LIMIT {
+                self.mpirun.kill().unwrap();
+                panic!("waited {:?} for {what}; there is {:?}", Self::LIMIT, self.written());
+            }
+            sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// The process of a rank.
+    fn id(&self, rank: usize) -> String {
+        fs::read_to_string(self.directory.path().join(format!("ids/{rank}"))).unwrap().trim().to_owned()
+    }
+
+    /// What is in the directory of the picture, hidden files too.
+    fn written(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.directory.path().join("out")).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    /// Waits until the picture's hidden file is there: MPI is ready by then, and the picture is not.
+    fn wait_for_the_beginning(&mut self) {
+        self.wait("the hidden file", |started| (!started.written().is_empty()).then_some(()));
+    }
+
+    fn wait_for_the_end(&mut self) -> ExitStatus {
+        self.wait("mpirun to end", |started| started.mpirun.try_wait().unwrap())
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn signal(name: &str, process: &str) {
+    // Who has ended in the meantime needs no signal.
+    Command::new("kill").args([name, process]).stderr(Stdio::null()).status().unwrap();
+}
+
+/// A picture that two cores work on for a second or so.
+#[cfg(target_os = "linux")]
+const LONG: &str = "--size 2000x6000 --engine reference --threads 1 --quiet -o out/a.png";
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_rank_that_is_killed_at_any_moment_leaves_no_part_of_a_picture() {
+    let render = format!("render {} {LONG}", scene("sphere.in").display());
+    let mut whole = watched(3, &render);
+    let start = Instant::now();
+    assert!(whole.wait_for_the_end().success());
+    let time = start.elapsed();
+    let expected = fs::read(whole.directory.path().join("out/a.png")).unwrap();
+    let seed = 1;
+    println!("seed {seed}");
+    let mut rng = Rng::new(seed);
+    let mut unfinished = 0;
+    for attempt in 0..50 {
+        let mut ranks = watched(3, &render);
+        ranks.wait_for_the_beginning();
+        // Moments all over the picture, most of them near its beginning, each rank in turn.
+        sleep(time.mul_f64(f64::from(rng.next_f32()).powi(3)));
+        signal("-KILL", &ranks.id(attempt % 3));
+        let status = ranks.wait_for_the_end();
+        match &ranks.written()[..] {
+            [] => {
+                assert!(!status.success(), "attempt {attempt}");
+                unfinished += 1;
+            }
+            [name] if name == "a.png" => {
+                let found = fs::read(ranks.directory.path().join("out/a.png")).unwrap();
+                assert!(found == expected, "attempt {attempt}: a part of the picture");
+            }
+            names => panic!("attempt {attempt} left {names:?}"),
+        }
+    }
+    assert!(unfinished > 10, "the picture is too small: {unfinished} were killed before the end");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn ctrl_c_ends_all_ranks_and_leaves_nothing() {
+    for name in ["-INT", "-TERM"] {
+        // Nobody waits for its end, which has to be far even where mpirun takes its time.
+        let long = LONG.replace("6000", "200000");
+        let mut ranks = watched(3, &format!("render {} {long}", scene("sphere.in").display()));
+        ranks.wait_for_the_beginning();
+        signal(name, &ranks.mpirun.id().to_string());
+        assert!(!ranks.wait_for_the_end().success());
+        assert_eq!(ranks.written(), [""; 0], "{name}");
+        for rank in 0..3 {
+            let process = format!("/proc/{}", ranks.id(rank));
+            ranks.wait("the ranks to end", |_| (!Path::new(&process).exists()).then_some(()));
+        }
+    }
+}
+
+/// A document of times, without them: a word in the place of each, and of what is made of them.
+fn without_times(document: Value) -> Value {
+    const TIMES: [&str; 21] = [
+        "tsc_hz",
+        "ns_per_ray",
+        "ns_per_ray_median",
+        "spread",
+        "cycles_per_ray",
+        "cycles_per_ray_median",
+        "setup_ns",
+        "front",
+        "off_every_front",
+        "robust_ns_per_ray",
+        "plain_ns_per_ray",
+        "ordinary_ns_per_ray",
+        "stiff_ns_per_ray",
+        "ratio",
+        "slowdown",
+        "setup_cycles",
+        "cycles_median",
+        "cycles_min",
+        "runs",
+        "samples",
+        "line",
+    ];
+    match document {
+        Value::Object(fields) => {
+            let without = |(name, value): (String, Value)| {
+                let is_time = TIMES.contains(&&name[..]);
+                let value = if is_time && !value.is_null() { "a time".into() } else { without_times(value) };
+                (name, value)
+            };
+            fields.into_iter().map(without).collect::<Map<_, _>>().into()
+        }
+        Value::Array(values) => values.into_iter().map(without_times).collect::<Vec<_>>().into(),
+        other => other,
+    }
+}
+
+#[test]
+fn ranks_that_share_what_is_measured_write_the_rows_of_one_process_in_its_order() {
+    let directory = tempfile::tempdir().unwrap();
+    let [sphere, tetrahedron] = ["sphere.in", "tetrahedron.in"].map(scene);
+    let accuracy = format!("accuracy {} {} --quick", sphere.display(), tetrahedron.display());
+    for (command, rows, figures) in [
+        (&accuracy[..], 20, None),
+        ("stability --family S1 --quick", 5, Some("limits.csv")),
+        ("experiment --complexity --quick --runs 1", 20, None),
+    ] {
+        let measured = [1, 2].map(|ranks| {
+            let output = run(ranks, directory.path(), &format!("{command} --json --out {ranks}"));
+            assert!(output.status.success() && told(&output).is_empty(), "{output:?}");
+            let document = without_times(serde_json::from_slice(&output.stdout).unwrap());
+            let figures =
+                figures.map(|name| fs::read_to_string(directory.path().join(ranks.to_string()).join(name)).unwrap());
+            (document, figures)
+        });
+        let [alone, ranks] = measured;
+        assert!(alone.0["rows"].as_array().unwrap().len() >= rows, "{command}: {alone:?}");
+        assert_eq!(alone.0["complete"], true, "{command}");
+        assert_eq!(alone, ranks, "{command}");
+    }
+}
+
+#[test]
+fn a_rank_that_measures_another_scene_or_finds_none_is_named_and_nothing_is_measured() {
+    let directory = tempfile::tempdir().unwrap();
+    for (place, name) in [("0", "sphere.in"), ("1", "tetrahedron.in")] {
+        fs::create_dir(directory.path().join(place)).unwrap();
+        fs::copy(scene(name), directory.path().join(place).join("a.in")).unwrap();
+    }
+    let accuracy = || in_places(2, directory.path()).args(["accuracy", "a.in", "--quick"]).output().unwrap();
+    let output = accuracy();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(told(&output).contains("rank 1 on ") && told(&output).contains("is another scene here"), "{output:?}");
+    fs::remove_file(directory.path().join("1/a.in")).unwrap();
+    let output = accuracy();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(told(&output).contains("error: rank 1 on ") && told(&output).contains("a.in"), "{output:?}");
+    assert!(!directory.path().join("0/out").exists());
+}
+
+#[cfg(rayo_asm)]
+#[test]
+fn another_build_among_the_ranks_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    // Of another build, the hash of the kernels is another.
+    let hash = env!("RAYO_KERNELS").as_bytes();
+    let mut other = fs::read(env!("CARGO_BIN_EXE_rayo")).unwrap();
+    let mut places: Vec<usize> = Vec::new();
+    places.extend(other.windows(hash.len()).enumerate().filter(|(_, bytes)| *bytes == hash).map(|(place, _)| place));
+    assert!(!places.is_empty());
+    for place in places {
+        other[place..place + hash.len()].fill(b'x');
+    }
+    let path = directory.path().join("other");
+    fs::write(&path, other).unwrap();
+    fs::set_permissions(&path, fs::metadata(env!("CARGO_BIN_EXE_rayo")).unwrap().permissions()).unwrap();
+    let scene = scene("sphere.in");
+    let render = ["render", scene.to_str().unwrap(), "-o", "a.png"];
+    let mut command = mpirun(1, directory.path());
+    command.args(render).args([":", "-n", "1"]).arg(&path).args(render);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let told = told(&output);
+    assert!(told.contains("rank 1 on ") && told.contains("this is another build of rayo"), "{told}");
+    assert!(told.contains("xxxxxxxx") && told.contains(env!("RAYO_KERNELS")), "both are named: {told}");
+    assert_eq!(names(&directory), ["other"]);
+}
+
+/// Standard output of a rank is a terminal of mpirun's, which says here whose each line is.
+#[test]
+fn rank_0_alone_shows_how_far_all_are() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = scene("sphere.in");
+    let mut command = Command::new("mpirun");
+    command.args(["--oversubscribe", "--tag-output", "-n", "3", env!("CARGO_BIN_EXE_rayo"), "render"]);
+    command.arg(scene).args("--size 2000x12000 --engine reference --threads 1 -o a.png".split(' '));
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("TERM", "xterm");
+    let output = command.current_dir(directory.path()).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(shown.contains("[1,0]<stdout>") && shown.contains("/12000 rows"), "{shown}");
+    assert!(!shown.contains("[1,1]") && !shown.contains("[1,2]"), "{shown}");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn rank_0_holds_a_few_bands_of_a_picture_of_any_size() {
-    let directory = tempfile::tempdir().unwrap();
-    let sphere = scene("sphere.in");
-    let script = format!(
-        "if [ $OMPI_COMM_WORLD_RANK = 0 ]; then ulimit -v 1048576; fi; exec {} \"$@\"",
-        env!("CARGO_BIN_EXE_rayo")
-    );
-    // As floats these are 1.2 GB, nearly all of which rank 0 is not allowed to have beside MPI's own address space.
-    let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "-n", "4", "sh", "-c", &script, "sh", "render", sphere.to_str().unwrap()]);
-    command.args(["--size", "4000x25000", "--threads", "1", "--quiet", "-o", "a.pfm"]);
-    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("MALLOC_ARENA_MAX", "1");
-    let output = command.current_dir(directory.path()).output().unwrap();
-    assert!(output.status.success(), "{output:?}");
+    // As bytes these are 1.2 GB, and as floats four times as much.
+    let arguments = "--size 20000x20000 --threads 1 --quiet -o out/a.png";
+    let mut ranks = watched(4, &format!("render {} {arguments}", scene("sphere.in").display()));
+    ranks.wait_for_the_beginning();
+    let status = format!("/proc/{}/status", ranks.id(0));
+    let (mut looks, mut peak) = (0, 0);
+    let ended = ranks.wait("mpirun to end", |ranks| {
+        // The most that it has ever had, in KiB.
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        if let Some(most) = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse::<u64>().ok()) {
+            (looks, peak) = (looks + 1, most);
+        }
+        ranks.mpirun.try_wait().unwrap()
+    });
+    assert!(ended.success() && ranks.written() == ["a.png"]);
+    assert!(looks > 10 && peak < 256 << 10, "{peak} KiB in {looks} looks");
 }

@@ -437,6 +437,7 @@ mod callgrind {
 }
 
 mod command {
+    use std::collections::BTreeSet;
     use std::fs;
     use std::path::Path;
     use std::process::{Command, Output};
@@ -509,6 +510,70 @@ mod command {
         assert!(listing.contains("*|movhlps xmm0, xmm0"), "{listing}");
         assert!(listing.contains("  movaps xmm0, [rsi]"), "{listing}");
         assert!(!listing.contains("c-O0"), "{listing}");
+    }
+
+    #[test]
+    fn every_kernel_of_the_engines_is_listed_and_can_be_asked_for() {
+        let listed = text(&run(&["--kernels"]));
+        let symbols: BTreeSet<_> = listed.lines().filter_map(|line| line.split(' ').next()).collect();
+        for symbol in rayo::kernels::packet_symbols().into_iter().chain(["rayo_paper_trace", "rayo_c_trace"]) {
+            assert!(symbols.contains(symbol), "{symbol}");
+        }
+        let document: Value = serde_json::from_str(&text(&run(&["--kernels", "--json"]))).unwrap();
+        assert_eq!(document["kernels"].as_array().unwrap().len(), listed.lines().count());
+        let refused = run(&["--kernel", "rayo_papr_trace"]);
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
+        let error = String::from_utf8_lossy(&refused.stderr);
+        assert!(error.contains("no kernel `rayo_papr_trace`; the nearest are rayo_paper_trace"), "{error}");
+    }
+
+    #[test]
+    fn the_listing_of_a_kernel_has_labels_in_place_of_offsets_and_the_source_of_each_instruction() {
+        if rayo::kernels::paper().is_none() {
+            return;
+        }
+        let symbol = "rayo_paper_trace";
+        let document: Value = serde_json::from_str(&text(&run(&["--kernel", symbol, "--json"]))).unwrap();
+        let kernel = &document["kernels"][0];
+        let lines = kernel["listing"].as_array().unwrap();
+        assert_eq!(
+            (kernel["symbol"].as_str(), kernel["instructions"].as_u64()),
+            (Some(symbol), Some(lines.len() as u64))
+        );
+        let source = |line: &Value| line["source"].clone();
+        let dot = lines.iter().find(|line| {
+            source(line)["macros"].as_array().is_some_and(|macros| macros.iter().any(|name| name == "VEC_DOT"))
+        });
+        let dot = source(dot.expect("it has a dot product"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(dot["file"].as_str().unwrap());
+        let file = fs::read_to_string(path).unwrap();
+        let line = file.lines().nth(dot["line"].as_u64().unwrap() as usize - 1).unwrap();
+        assert!(line.contains(dot["text"].as_str().unwrap().split(' ').next().unwrap()), "{line}: {dot}");
+
+        let listing = text(&run(&["--kernel", symbol]));
+        let jumps = lines.iter().filter(|line| line["target"].is_u64()).count();
+        assert!(jumps > 3);
+        let named: Vec<_> = listing.lines().filter_map(|line| line.split_once(" .")?.1.split(' ').next()).collect();
+        assert_eq!(named.len(), jumps, "{listing}");
+        for label in named {
+            assert!(listing.lines().any(|line| line.starts_with(&format!(".{label}:"))), "{label}: {listing}");
+        }
+        assert!(listing.contains("  VEC_DOT < SPHERE_HIT"), "{listing}");
+        assert!(!listing.contains('\u{1b}'), "no colours in a pipe");
+    }
+
+    #[test]
+    fn a_constant_is_named_where_a_kernel_reads_it() {
+        let listing = text(&run(&["--kernel", "rayo_paper_sphere"]));
+        assert!(listing.lines().any(|line| line.contains("movss xmm1, [") && !line.contains("h]")), "{listing}");
+    }
+
+    #[test]
+    fn critical_paths_that_are_one_operation_share_a_line() {
+        let table = text(&run(&["--op", "add,sub,dot", "--engine", "paper,aos,avx2"]));
+        let paths: Vec<_> = table.lines().skip_while(|line| *line != "Critical paths").skip(1).take(4).collect();
+        assert!(paths.iter().any(|line| line.trim() == "of one operation: add, sub"), "{table}");
+        assert!(paths[0].contains("mul -> "), "{table}");
     }
 
     #[test]

@@ -9,11 +9,11 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{
-    announce, bar, create_directory, start_threads_and_pin, stop_on_ctrl_c, tell_whether, write_results,
-};
+use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
+use super::party::Party;
 use super::{Failure, print_result};
-use crate::experiments::accuracy::{self, plot, subjects};
+use crate::experiments::accuracy::subjects::Subject;
+use crate::experiments::accuracy::{self, AccuracyReport, Measured, plot, subjects};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
 
 /// Scenes so few that each is shown row by row.
@@ -25,7 +25,12 @@ const FEW: usize = 8;
 /// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that nothing beats in both error and time are
 /// marked: they are the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
 /// names; docs/results/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
+#[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the scenes, and there Ctrl-C keeps nothing.")]
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo accuracy --quick
+  rayo accuracy scenes/sphere.in scenes/many.in
+  rayo accuracy S1 T3 --quick --out out/stiff")]
 pub struct AccuracyArgs {
     /// Scene files, or families of stiff scenes by their ids (S1 to S9, T1 to T7, X1, X2, L1, L2, I1). Default: the scenes that come
     /// with the program, and each family at three levels of stiffness
@@ -42,37 +47,71 @@ pub struct AccuracyArgs {
     json: bool,
 }
 
+/// Every scene by whoever is free, until `proceed`, which hears of each, says no. Of the clock: its rate, and whether its ticks
+/// are those of the time-stamp counter.
+pub fn measure(
+    party: &Party,
+    subjects: &[Subject],
+    quick: bool,
+    machine: Machine,
+    (clock, hz, cycles): (&mut (impl Clock + Send), f64, bool),
+    mut proceed: impl FnMut(u64) -> bool + Send,
+) -> Result<AccuracyReport, Failure> {
+    let (mut rows, mut plain) = (Vec::new(), Vec::new());
+    let work = |subject: usize| {
+        let ask = &mut || proceed(0);
+        let measured =
+            accuracy::measure_all(&subjects[subject], quick, clock, (hz, cycles), ask).map_err(Failure::input)?;
+        if measured.is_some() {
+            proceed(1);
+        }
+        Ok(measured)
+    };
+    let complete = party.cells(subjects.len(), work, |measured: Option<Measured>, cpu| {
+        let Some(mut measured) = measured else { return false };
+        measured.rows.iter_mut().for_each(|row| row.cpu = cpu.map(str::to_owned));
+        rows.extend(measured.rows);
+        plain.extend(measured.against_plain);
+        true
+    })?;
+    Ok(AccuracyReport::new(machine, quick, complete, rows, plain))
+}
+
 /// Measures, prints and writes.
-pub fn run(args: &AccuracyArgs) -> Result<ExitCode, Failure> {
+pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     let subjects = if args.scenes.is_empty() {
         subjects::all(args.quick)
     } else {
         let named = args.scenes.iter().map(|name| subjects::named(name, args.quick));
-        named.collect::<Result<Vec<_>, _>>().map_err(Failure::input)?.concat()
+        let subjects = party.agree(named.collect::<Result<Vec<_>, _>>().map_err(Failure::input))?.concat();
+        subjects.iter().try_for_each(|subject| party.has_same(&subject.name, &subject.scene, "copy it"))?;
+        subjects
     };
     if subjects.is_empty() {
         return Err(Failure::input("none of these scenes has a picture: the numbers of family N1 are not numbers"));
     }
-    create_directory(&args.out)?;
-    let stop = stop_on_ctrl_c()?;
+    let contenders = accuracy::contenders_and_options();
+    party.run_alike(&contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
+    let stop = party.agree(party.stop_on_ctrl_c())?;
     let machine = Machine::this();
-    let (mut tsc, mut wall) = (TscClock::new(), WallClock::new());
-    let (clock, hz, cycles): (&mut dyn Clock, f64, bool) = match (&mut tsc, machine.tsc_hz) {
-        (Some(clock), Some(hz)) => (clock, hz, true),
-        _ => (&mut wall, WallClock::HZ, false),
-    };
-    start_threads_and_pin();
+    let (tsc, mut wall) = (TscClock::new(), WallClock::new());
+    party.start_threads_and_pin();
 
-    let contenders = accuracy::contenders_and_options().len();
-    let seconds = accuracy::forecast_of_measure(&subjects, contenders, args.quick);
+    let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick) / party.count() as f64;
     announce(seconds, (!args.quick).then_some("--quick"));
     let bar = bar(subjects.len() as u64);
-    let mut proceed = |subjects| {
+    let proceed = |subjects| {
         bar.inc(subjects);
         !stop.load(Ordering::Relaxed)
     };
-    let document = accuracy::sweep(&subjects, args.quick, machine, clock, (hz, cycles), &mut proceed);
-    let document = document.map_err(Failure::input)?;
+    let document = match (tsc, machine.tsc_hz) {
+        (Some(mut clock), Some(hz)) => measure(party, &subjects, args.quick, machine, (&mut clock, hz, true), proceed),
+        _ => measure(party, &subjects, args.quick, machine, (&mut wall, WallClock::HZ, false), proceed),
+    }?;
+    if !party.leads() {
+        return Ok(ExitCode::SUCCESS);
+    }
     bar.finish_and_clear();
     if document.rows.is_empty() {
         return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));

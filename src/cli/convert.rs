@@ -18,6 +18,10 @@ use crate::scene::{Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneEr
 /// becomes a mesh of its triangles. What the new format cannot hold is lost with a warning. PLY and STL are written in
 /// binary.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo convert scenes/meshes/rock.ply rock.toml
+  rayo convert scenes/many.in many.toml
+  rayo convert scenes/tetrahedron.in tetrahedron.stl")]
 pub struct ConvertArgs {
     /// The scene or mesh to read
     #[arg(value_name = "IN")]

@@ -13,6 +13,10 @@ use thiserror::Error;
 
 /// Compare two images pixel by pixel: exit 0 if they agree within the tolerance, 1 if not, 2 if they cannot be compared
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo diff f64.png simd.png
+  rayo diff f64.png simd.png --tolerance 1 -o difference.png
+  rayo diff f64.exr simd.exr --tolerance 1e-4 --json")]
 pub struct DiffArgs {
     /// One image (PNG, PPM, PFM, EXR, HDR, TIFF or QOI, told by its content)
     pub a: PathBuf,

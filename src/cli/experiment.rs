@@ -1,7 +1,7 @@
 //! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
 
 #[cfg(rayo_asm)]
-mod complexity;
+pub mod complexity;
 #[cfg(rayo_asm)]
 mod one_run;
 #[cfg(rayo_asm)]
@@ -15,6 +15,9 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::Failure;
+#[cfg(rayo_asm)]
+use super::for_one_process;
+use super::party::Party;
 
 /// No run of this experiment says more after so many.
 const MAX_RUNS: u64 = 100_000;
@@ -25,6 +28,10 @@ const MAX_RUNS: u64 = 100_000;
 /// Writes table.csv, table.md, results.json, figure2.svg and ratio.svg, with --ladder ladder.svg, to the directory that --out names;
 /// with --complexity complexity.md, .csv, .json and .svg. Ctrl-C keeps what is finished, with exit status 130.
 #[derive(Debug, Default, Args)]
+#[command(after_help = "Examples:
+  rayo experiment --quick
+  rayo experiment --ladder --full
+  rayo experiment --engines rust,avx2 --runs 50 --out out/avx2")]
 pub struct ExperimentArgs {
     /// Five sizes and five runs of each: well under a minute
     #[arg(long)]
@@ -32,7 +39,8 @@ pub struct ExperimentArgs {
     /// Climb from the paper's C to the fastest engine, one change at a time
     #[arg(long)]
     ladder: bool,
-    /// In place of all that: what the packets take as pictures grow to 100 million pixels, a million objects, 64 lights
+    /// In place of all that: what the packets take as pictures grow to 100 million pixels, ten million objects, 64 lights
+    #[cfg_attr(feature = "mpi", doc = " (ranks of mpirun share it, and there Ctrl-C keeps nothing)")]
     #[arg(long, conflicts_with = "ladder")]
     complexity: bool,
     /// Runs of each size. Default: 25, as in the paper, or 5 with --quick; 9 or 2 with --complexity
@@ -71,17 +79,19 @@ impl ExperimentArgs {
 
 /// Measures, prints and writes; or is one run of it.
 #[cfg(rayo_asm)]
-pub fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
+pub fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
     match args.one_run {
-        Some(number) => one_run::measure(args, number),
-        None if args.complexity => complexity::run(args),
+        Some(number) if party.is_alone() => one_run::measure(args, number),
+        Some(_) => Err(for_one_process()),
+        None if args.complexity => complexity::run(args, party),
+        None if !party.is_alone() => Err(for_one_process()),
         None => run::run(args),
     }
 }
 
 /// The engines that the paper compares are not in this build.
 #[cfg(not(rayo_asm))]
-pub fn run(_: &ExperimentArgs) -> Result<ExitCode, Failure> {
+pub fn run(_: &ExperimentArgs, _: &Party) -> Result<ExitCode, Failure> {
     use crate::render::Engine;
     Err("c".parse::<Engine>().map_or_else(Failure::input, |_| unreachable!("the engine `c` is made of C")))
 }

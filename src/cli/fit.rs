@@ -5,7 +5,7 @@ pub fn fit(text: &str, width: usize) -> String {
     let mut fitted = String::new();
     let lines: Vec<_> = text.lines().collect();
     for block in lines.chunk_by(|a, b| a.starts_with('|') && b.starts_with('|')) {
-        let wide = block.iter().any(|line| line.chars().count() > width);
+        let wide = block.iter().any(|line| shown_length(line) > width);
         match block {
             [] => {}
             _ if !wide => block.iter().for_each(|line| fitted += &format!("{line}\n")),
@@ -68,6 +68,13 @@ fn wrap(fitted: &mut String, line: &str, width: usize) {
     *fitted += "\n";
 }
 
+/// As many characters as a terminal shows: styles (SGR) take no place.
+fn shown_length(line: &str) -> usize {
+    let mut parts = line.split("\u{1b}[");
+    let first = parts.next().map_or(0, |part| part.chars().count());
+    first + parts.map(|part| part.split_once('m').map_or(part, |(_, shown)| shown).chars().count()).sum::<usize>()
+}
+
 fn spaces_at(text: &str) -> usize {
     text.len() - text.trim_start_matches(' ').len()
 }
@@ -81,6 +88,12 @@ mod tests {
     fn what_fits_stays_as_it_is() {
         let text = "a line\n\n| a | b |\n|---|---|\n| 1 | 2 |\n  another\n";
         assert_eq!(fit(text, 9), text);
+    }
+
+    #[test]
+    fn styles_take_no_place() {
+        let text = "\u{1b}[2ma line\u{1b}[0m of \u{1b}[1mten\u{1b}[0m\n";
+        assert_eq!((shown_length(text.trim_end()), fit(text, 13)), (13, text.into()));
     }
 
     #[test]

@@ -12,6 +12,10 @@ use crate::render::Engine;
 
 /// Show the CPU, the engines that it runs, and the versions that they were built with
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo info
+  rayo info --json
+  rayo info --json > machine.json")]
 pub struct InfoArgs {
     /// Print one JSON document
     #[arg(long)]

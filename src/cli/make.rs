@@ -17,6 +17,10 @@ use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting};
 /// The same arguments make the same file. How many triangles it has is printed: as near to the number asked for as the
 /// shape allows.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo make icosphere --triangles 2000 --bumps 0.3 -o rock.ply
+  rayo make torus --triangles 50000 -o ring.toml
+  rayo make terrain --triangles 1000000 --seed 7 -o hills.obj")]
 pub struct MakeArgs {
     /// What to make
     shape: Shape,

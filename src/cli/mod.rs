@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod convert;
+mod development;
 mod diff;
 mod engine;
 mod essay;
@@ -84,6 +85,11 @@ impl Failure {
     }
 }
 
+/// What several processes have nothing to do for.
+fn for_one_process() -> Failure {
+    Failure::input("this command is for one process: start it without MPI")
+}
+
 /// Standard output is closed or full.
 fn unprinted(error: &io::Error) -> Failure {
     Failure::output(format!("cannot write to standard output: {error}"))
@@ -91,10 +97,10 @@ fn unprinted(error: &io::Error) -> Failure {
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
-    let party = match Party::join() {
-        Ok(party) => party,
-        Err(failure) => return failure.tell(),
-    };
+    let party = Party::join();
+    if let Err(failure) = party.is_one_build() {
+        return failure.tell();
+    }
     let arguments = match Cli::try_parse() {
         Ok(arguments) => arguments,
         Err(_) if !party.leads() => return ExitCode::SUCCESS,
@@ -102,17 +108,17 @@ pub fn main() -> ExitCode {
     };
     let result = match arguments.command {
         Command::Render(args) => render::run(&args, &party),
-        _ if !party.is_alone() => Err(Failure::input("this command is for one process: start it without MPI")),
+        Command::Accuracy(args) => accuracy::run(&args, &party),
+        Command::Experiment(args) => experiment::run(&args, &party),
+        Command::Stability(args) => stability::run(&args, &party),
+        _ if !party.is_alone() => Err(for_one_process()),
         Command::Plan(args) => plan::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
-        Command::Accuracy(args) => accuracy::run(&args),
-        Command::Experiment(args) => experiment::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Ops(args) => ops::run(&args),
         Command::Report(args) => report::run(&args),
-        Command::Stability(args) => stability::run(&args),
         Command::Step(args) => step::run(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),
@@ -159,6 +165,12 @@ fn colour_on_stderr() -> bool {
 #[cfg(rayo_asm)]
 fn colour_on_stdout() -> bool {
     io::stdout().is_terminal() && colour_is_wanted()
+}
+
+/// Text in a style of terminals (SGR), such as 1 for bold, where there are colours.
+#[cfg(rayo_asm)]
+fn styled(colour: bool, code: &str, text: &str) -> String {
+    if colour && !text.is_empty() { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.into() }
 }
 
 fn colour_is_wanted() -> bool {
@@ -215,4 +227,37 @@ fn print(text: &str) -> Result<(), Failure> {
     let text = fitted.as_deref().unwrap_or(text);
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| unprinted(&error))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_help_of_every_command_has_three_examples_of_it_that_the_program_takes() {
+        let command = Cli::command();
+        for subcommand in command.get_subcommands() {
+            let name = subcommand.get_name();
+            let text = subcommand.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let mut lines = text.lines();
+            assert_eq!(lines.next(), Some("Examples:"), "{name}");
+            let examples: Vec<_> = lines.collect();
+            assert_eq!(examples.len(), 3, "{name}: {text}");
+            for example in examples {
+                // What is behind these is for the shell.
+                let words: Vec<_> = example.split_whitespace().take_while(|word| !["|", ">"].contains(word)).collect();
+                assert_eq!(words[..2], ["rayo", name], "{example}");
+                assert!(example.len() < 80, "it is wrapped: {example}");
+                Cli::try_parse_from(&words).unwrap_or_else(|error| panic!("{example}: {error}"));
+                for file in words.iter().filter(|word| word.starts_with("scenes/")) {
+                    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+                    assert!(path.is_file(), "{example}: there is no {file}");
+                }
+            }
+        }
+    }
 }

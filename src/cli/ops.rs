@@ -18,6 +18,10 @@ use super::Failure;
 /// Counts come from the code of this build: of C and NASM from the objects it was linked from, of Rust from the running
 /// program. The document docs/results/instruction-counts.md is what `rayo ops --executed --markdown` prints.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo ops --op dot,cross
+  rayo ops --op sphere --engine c-O3,paper --asm
+  rayo ops --kernel rayo_paper_trace")]
 pub struct OpsArgs {
     /// Some operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm, cross,
     /// normalise, sphere, triangle, lambert
@@ -27,9 +31,16 @@ pub struct OpsArgs {
     /// sse41, avx2, avx512; `c` is all of C, `printed` both of the paper's columns
     #[arg(long, value_name = "E", value_delimiter = ',')]
     engine: Vec<String>,
-    /// Print the listings side by side, in Intel's syntax
+    /// Print the listings side by side, in Intel's syntax; of one implementation beside the source
     #[arg(long)]
     asm: bool,
+    /// Print the listing of some kernels, separated by commas, beside their source: any function of the objects, the
+    /// loops that trace among them
+    #[arg(long, value_name = "SYMBOL", value_delimiter = ',', conflicts_with_all = ["op", "engine", "asm", "executed", "markdown"])]
+    kernel: Vec<String>,
+    /// Print the symbols that --kernel takes
+    #[arg(long, conflicts_with_all = ["kernel", "op", "engine", "asm", "executed", "markdown"])]
+    kernels: bool,
     /// Count executed instructions too, by single-stepping: every operation on each of its paths, and a small picture
     #[arg(long)]
     executed: bool,
@@ -41,12 +52,32 @@ pub struct OpsArgs {
     markdown: bool,
 }
 
+/// Functions of the objects, as JSON.
+#[cfg(rayo_asm)]
+#[derive(serde::Serialize)]
+struct Listed<T> {
+    kernels: Vec<T>,
+}
+
 /// Counts and prints.
 #[cfg(rayo_asm)]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    use super::{print_result, terminal_width};
+    use super::{colour_on_stdout, print_result, terminal_width};
     use crate::experiments::ops::{self, Options};
+    use crate::measure::instructions::functions;
 
+    let (width, colour) = (terminal_width().unwrap_or(120), colour_on_stdout());
+    if args.kernels {
+        let kernels = Listed { kernels: functions() };
+        print_result(args.json, &kernels, || listing::symbols(&kernels.kernels))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if !args.kernel.is_empty() {
+        let kernels: Result<_, _> = args.kernel.iter().map(|symbol| ops::kernel(symbol)).collect();
+        let kernels = Listed { kernels: kernels.map_err(Failure::input)? };
+        print_result(args.json, &kernels, || listing::kernels(&kernels.kernels, width, colour))?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let options = Options {
         wanted: args.op.clone(),
         implementations: implementations(&args.engine)?,
@@ -60,9 +91,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     });
     bar.finish_and_clear();
     let report = report.map_err(Failure::input)?;
-    let width = terminal_width().unwrap_or(120);
     print_result(args.json, &report, || match () {
-        () if args.asm => listing::text(&report, width),
+        () if args.asm => listing::text(&report, width, colour),
         () if args.markdown => markdown::text(&report),
         () => table::text(&report, !args.op.is_empty(), args.executed, width),
     })?;
@@ -72,7 +102,7 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
 /// Without assembly there is nothing to count.
 #[cfg(not(rayo_asm))]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    let OpsArgs { op: _, engine: _, asm: _, executed: _, json: _, markdown: _ } = args;
+    let OpsArgs { op: _, engine: _, asm: _, kernel: _, kernels: _, executed: _, json: _, markdown: _ } = args;
     Err(Failure::input("this build has no kernels in assembly or C to count: it was built without the feature `asm`"))
 }
 

@@ -1,23 +1,34 @@
 //! This process alone, or with the others that MPI started: what they agree on before they work together.
 
 use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 #[cfg(feature = "mpi")]
 use std::{
+    ffi::OsString,
     hash::{DefaultHasher, Hash, Hasher},
-    path::Path,
+    os::unix::ffi::{OsStrExt, OsStringExt},
 };
 
-use super::Failure;
+#[cfg(feature = "mpi")]
+use serde::{Serialize, de::DeserializeOwned};
+
+use super::measuring::{start_threads_and_pin, stop_on_ctrl_c};
 use super::render::failure;
+use super::{Failure, remove_part_files_on_signals};
 #[cfg(feature = "mpi")]
 use super::{say, silence};
 #[cfg(feature = "mpi")]
-use crate::ranks::Ranks;
+use crate::measure::cpu_name;
+#[cfg(feature = "mpi")]
+use crate::ranks::{Pace, Ranks};
 use crate::render::{Engine, Format, Frame, ImageWriter, Stats, render};
 #[cfg(feature = "mpi")]
 use crate::render::{Unfinished, render_by_ranks};
+use crate::scene::Scene;
 #[cfg(feature = "mpi")]
-use crate::scene::{self, Camera, Scene};
+use crate::scene::{self, Camera};
 
 /// Who takes part in this run.
 pub struct Party {
@@ -25,11 +36,62 @@ pub struct Party {
     ranks: Option<Ranks>,
 }
 
+impl Party {
+    /// This process by itself.
+    #[cfg(rayo_asm)]
+    pub const ALONE: Party = Party {
+        #[cfg(feature = "mpi")]
+        ranks: None,
+    };
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        #[cfg(feature = "mpi")]
+        return self.ranks().map_or(1, Ranks::count);
+        #[cfg(not(feature = "mpi"))]
+        1
+    }
+
+    /// Set when the user asks for an end. That ends all ranks at once, since MPI gives them no time for what they have begun.
+    pub fn stop_on_ctrl_c(&self) -> Result<Arc<AtomicBool>, Failure> {
+        if self.is_alone() {
+            return stop_on_ctrl_c();
+        }
+        remove_part_files_on_signals()?;
+        Ok(Arc::default())
+    }
+
+    /// Keeps this thread on its core, so that times are of one; where MPI has started this, it has its place from there.
+    pub fn start_threads_and_pin(&self) {
+        if self.is_alone() {
+            start_threads_and_pin();
+        }
+    }
+}
+
+/// The cells one after the other, until `take` says no.
+fn one_by_one<T>(
+    count: usize,
+    mut work: impl FnMut(usize) -> Result<T, Failure>,
+    mut take: impl FnMut(T, Option<&str>) -> bool,
+) -> Result<bool, Failure> {
+    for cell in 0..count {
+        if !take(work(cell)?, None) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
 /// Without MPI every process is alone.
 #[cfg(not(feature = "mpi"))]
 impl Party {
-    pub fn join() -> Result<Self, Failure> {
-        Ok(Party {})
+    pub fn join() -> Self {
+        Party {}
+    }
+
+    pub fn is_one_build(&self) -> Result<(), Failure> {
+        Ok(())
     }
 
     pub fn leads(&self) -> bool {
@@ -48,6 +110,30 @@ impl Party {
         Engine::fastest()
     }
 
+    pub fn run_alike(&self, _: &[&str]) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    pub fn has_same(&self, _: &str, _: &Scene, _: &str) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    pub fn cells<T>(
+        &self,
+        count: usize,
+        work: impl FnMut(usize) -> Result<T, Failure>,
+        take: impl FnMut(T, Option<&str>) -> bool,
+    ) -> Result<bool, Failure> {
+        one_by_one(count, work, take)
+    }
+
+    pub fn begin(
+        &self,
+        begin: impl FnOnce(&mut dyn FnMut(&Path)) -> Result<ImageWriter, Failure>,
+    ) -> Result<(Option<ImageWriter>, ()), Failure> {
+        Ok((Some(begin(&mut |_| ())?), ()))
+    }
+
     pub fn render(
         &self,
         frame: &Frame<'_>,
@@ -63,21 +149,25 @@ impl Party {
 impl Party {
     /// Takes part in what MPI started, if it started anything.
     ///
-    /// # Errors
-    /// If not all are the same program.
-    pub fn join() -> Result<Self, Failure> {
+    /// Whoever drops this waits until all do, and `mpirun` kills those who have not ended when one has failed: what there is to
+    /// tell has to be told before.
+    pub fn join() -> Self {
         let party = Party { ranks: Ranks::join() };
         if !party.leads() {
             silence();
         }
+        party
+    }
+
+    /// Fails where not all are the same program.
+    pub fn is_one_build(&self) -> Result<(), Failure> {
         let kernels = option_env!("RAYO_KERNELS").unwrap_or("none");
         let build = concat!(env!("CARGO_PKG_VERSION"), ", ", env!("RAYO_RUSTC"), ", kernels ");
         let build = format!("{build}{kernels}");
-        party.same(build.as_bytes(), |first| {
+        self.same(build.as_bytes(), |first| {
             let first = String::from_utf8_lossy(first);
             format!("this is another build of rayo ({build}) than that of rank 0 ({first}): install one on all")
-        })?;
-        Ok(party)
+        })
     }
 
     /// The others, if there are any.
@@ -123,20 +213,58 @@ impl Party {
     pub fn fastest(&self) -> Engine {
         let own = Engine::fastest();
         let Some(ranks) = self.ranks() else { return own };
-        let usable = |name: &[u8]| Engine::ALL.iter().find(|engine| engine.name().as_bytes() == name).copied();
         let names: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
         let all = ranks.gather(format!("{}\0{}", names.join(","), Ranks::host()).into_bytes());
-        let all: Vec<_> = all.iter().map(|word| String::from_utf8_lossy(word).into_owned()).collect();
-        let runs = |word: &str, name: &str| word.split(['\0', ',']).any(|own| own == name);
-        // Listed from the slowest to the fastest, as in Engine::fastest.
-        let common = names.iter().rev().find(|name| **name != "c" && all.iter().all(|word| runs(word, name)));
-        let common = ranks.broadcast(common.map_or_else(Vec::new, |name| name.as_bytes().into()));
-        let engine = usable(&common).unwrap_or(Engine::Rust);
-        for (rank, word) in all.iter().enumerate().filter(|(_, word)| !runs(word, own.name())) {
-            let host = word.rsplit('\0').next().unwrap_or_default();
-            say(&format!("rank {rank} on {host} does not run {own}: all render by {engine}"));
+        let (common, narrower) = fastest_of_all(own.name(), &all);
+        let common = ranks.broadcast(common.into_bytes());
+        let engine = Engine::ALL.iter().find(|engine| engine.name().as_bytes() == common);
+        let engine = engine.copied().unwrap_or(Engine::Rust);
+        for who in narrower {
+            say(&format!("{who} does not run {own}: all render by {engine}"));
         }
         engine
+    }
+
+    /// Fails where a rank runs other engines than rank 0: its rows would be others.
+    pub fn run_alike(&self, engines: &[&str]) -> Result<(), Failure> {
+        let engines = engines.join(", ");
+        self.same(engines.as_bytes(), |first| {
+            let first = String::from_utf8_lossy(first);
+            format!("this CPU runs other engines ({engines}) than that of rank 0 ({first}): measure on CPUs that run the same")
+        })
+    }
+
+    /// Has all ranks measure `count` cells: `work` measures one, in a thread of its own where there are ranks, and rank 0 hands
+    /// them to `take` in order, each with the name of the CPU that its times are of where that is not rank 0's. Whether `take`
+    /// has never said no, which is the end.
+    pub fn cells<T: Serialize + DeserializeOwned>(
+        &self,
+        count: usize,
+        mut work: impl FnMut(usize) -> Result<T, Failure> + Send,
+        mut take: impl FnMut(T, Option<&str>) -> bool,
+    ) -> Result<bool, Failure> {
+        let Some(ranks) = self.ranks() else { return one_by_one(count, work, take) };
+        let place = format!("rank {} on {}", ranks.rank(), Ranks::host());
+        let own = cpu_name().unwrap_or_default();
+        let measure = |cell| {
+            let measured = work(cell as usize).map_err(|failure| format!("{place}: {}", failure.message))?;
+            let mut bytes = Vec::new();
+            ciborium::into_writer(&(&own, measured), &mut bytes).map_err(|error| format!("{place}: {error}"))?;
+            Ok(bytes)
+        };
+        let read = |_, bytes: Result<Vec<u8>, String>| {
+            let bytes = bytes.map_err(Failure::output)?;
+            let (cpu, measured): (String, T) = ciborium::from_reader(&bytes[..]).map_err(Failure::output)?;
+            take(measured, (cpu != own).then_some(&cpu));
+            Ok(())
+        };
+        self.agree(ranks.share((count as u64, Pace::CELLS), measure, read))?;
+        Ok(true)
+    }
+
+    /// Fails where the scene of this name is not what it is on rank 0, with what to do.
+    pub fn has_same(&self, name: &str, scene: &Scene, advice: &str) -> Result<(), Failure> {
+        self.same(&digest(scene), |_| format!("{name} is another scene here than on rank 0: {advice}"))
     }
 
     /// The scene that `open` reads from `path`: on every rank, which must be the same; or on rank 0 alone, which sends it.
@@ -149,9 +277,7 @@ impl Party {
         let Some(ranks) = self.ranks() else { return open() };
         if !broadcast {
             let scene = self.agree(open())?;
-            self.same(&digest(&scene), |_| {
-                format!("{} is another scene here than on rank 0: copy it, or let --broadcast send it", path.display())
-            })?;
+            self.has_same(&path.display().to_string(), &scene, "copy it, or let --broadcast send it")?;
             return Ok(scene);
         }
         let opened = self.agree(self.leads().then(open).transpose())?;
@@ -172,6 +298,34 @@ impl Party {
         self.agree(opened.map_or_else(received, Ok))
     }
 
+    /// Begins the file that rank 0 writes; `begin` tells of its hidden file before that is there. The others know that name for
+    /// as long as they keep what they are given, and remove the file if rank 0 is killed.
+    pub fn begin(
+        &self,
+        begin: impl FnOnce(&mut dyn FnMut(&Path)) -> Result<ImageWriter, Failure>,
+    ) -> Result<(Option<ImageWriter>, Option<Unfinished>), Failure> {
+        let Some(ranks) = self.ranks() else { return Ok((Some(begin(&mut |_| ())?), None)) };
+        if self.leads() {
+            let announce = &mut |path: &Path| {
+                ranks.broadcast(path.as_os_str().as_bytes().into());
+                // All have heard it.
+                ranks.gather(Vec::new());
+            };
+            let image = begin(announce);
+            ranks.broadcast(Vec::new());
+            return Ok((self.agree(image.map(Some))?, None));
+        }
+        let mut unfinished = None;
+        loop {
+            let path = ranks.broadcast(Vec::new());
+            if path.is_empty() {
+                return Ok((self.agree(Ok(None))?, unfinished));
+            }
+            unfinished = Some(Unfinished::of_another(OsString::from_vec(path).into()));
+            ranks.gather(Vec::new());
+        }
+    }
+
     /// Renders rows into the file that rank 0 has.
     pub fn render(
         &self,
@@ -183,13 +337,22 @@ impl Party {
         let Some(ranks) = self.ranks() else {
             return render(frame, image.expect("who is alone has the file"), done).map_err(failure);
         };
-        // Whoever is left when rank 0 is killed removes its hidden file.
-        let path = image.as_ref().and_then(|image| image.unfinished()?.canonicalize().ok()).unwrap_or_default();
-        let path = ranks.broadcast(path.into_os_string().into_encoded_bytes());
-        let path = String::from_utf8_lossy(&path).into_owned();
-        let _unfinished = (!self.leads() && !path.is_empty()).then(|| Unfinished::new(Path::new(&path)));
         self.agree(render_by_ranks(ranks, frame, (format, rows), image, done).map_err(failure))
     }
+}
+
+/// The fastest engine that all run, and who does not run rank 0's `fastest`. Each word lists the engines of a rank, from the
+/// slowest to the fastest, as [`Engine::fastest`] has them, and its host.
+#[cfg(feature = "mpi")]
+fn fastest_of_all(fastest: &str, words: &[Vec<u8>]) -> (String, Vec<String>) {
+    let words: Vec<_> = words.iter().map(|word| String::from_utf8_lossy(word)).collect();
+    let of_ranks: Vec<_> = words.iter().filter_map(|word| word.split_once('\0')).collect();
+    let runs = |engines: &str, name: &str| engines.split(',').any(|own| own == name);
+    let first = of_ranks.first().map_or("", |(engines, _)| *engines);
+    let is_common = |name: &&str| *name != "c" && of_ranks.iter().all(|(engines, _)| runs(engines, name));
+    let common = first.split(',').rev().find(is_common).unwrap_or_default();
+    let narrower = (0..).zip(&of_ranks).filter(|(_, (engines, _))| !runs(engines, fastest));
+    (common.into(), narrower.map(|(rank, (_, host))| format!("rank {rank} on {host}")).collect())
 }
 
 /// What tells scenes apart.
@@ -237,4 +400,41 @@ fn verdict(words: &[Vec<u8>]) -> Vec<u8> {
         others => format!(" ({others} more of {} ranks failed too)", words.len()),
     };
     format!("1\0rank {rank} on {host}: {message}{others}").into_bytes()
+}
+
+#[cfg(all(test, feature = "mpi"))]
+mod tests {
+    use super::*;
+
+    const WIDE: &str = "reference,rust,c,paper,sse41,avx2,avx512";
+
+    fn words(of_ranks: &[&str]) -> Vec<Vec<u8>> {
+        (0..).zip(of_ranks).map(|(rank, engines)| format!("{engines}\0node{rank}").into_bytes()).collect()
+    }
+
+    #[test]
+    fn ranks_on_different_cpus_choose_the_widest_engine_that_all_run_and_name_who_is_narrower() {
+        let of = |fastest, of_ranks: &[&str]| fastest_of_all(fastest, &words(of_ranks));
+        assert_eq!(of("avx512", &[WIDE, WIDE]), ("avx512".into(), vec![]));
+        let narrow = "reference,rust,c,paper,sse41,avx2";
+        assert_eq!(of("avx512", &[WIDE, narrow, WIDE]), ("avx2".into(), vec!["rank 1 on node1".into()]));
+        // Where rank 0 is the narrower one, nobody lacks what it runs.
+        assert_eq!(of("avx2", &[narrow, WIDE]), ("avx2".into(), vec![]));
+        let both = ["rank 1 on node1".to_owned(), "rank 2 on node2".to_owned()];
+        assert_eq!(of("avx512", &[WIDE, "reference,rust,c", "reference,rust"]), ("rust".into(), both.to_vec()));
+    }
+
+    #[test]
+    fn a_failure_of_some_ranks_names_the_first_and_one_of_all_is_told_as_by_one_process() {
+        let fine = Vec::new();
+        let failed = |host: &str| format!("2\0there is no scene\0{host}").into_bytes();
+        let text = |words: &[Vec<u8>]| String::from_utf8(verdict(words)).unwrap();
+        assert_eq!(text(&[fine.clone(), fine.clone()]), "");
+        assert_eq!(text(&[failed("a"), failed("b")]), "2\0there is no scene");
+        assert_eq!(text(&[fine.clone(), failed("b"), fine.clone()]), "1\0rank 1 on b: there is no scene");
+        assert_eq!(
+            text(&[fine, failed("b"), failed("c")]),
+            "1\0rank 1 on b: there is no scene (1 more of 3 ranks failed too)"
+        );
+    }
 }

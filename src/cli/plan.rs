@@ -22,6 +22,10 @@ const PATIENCE_TICKS: u64 = 20_000_000_000;
 
 /// Show what a scene does not need, and with --measure what leaving it out is worth
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo plan scenes/tetrahedron.in
+  rayo plan scenes/many.in --size 400x300 --engine reference --json
+  rayo plan scenes/sphere.in --measure -o sphere.exr")]
 pub struct PlanArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     scene: PathBuf,

@@ -12,6 +12,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 
+use super::development::DevelopmentArgs;
 use super::engine::EngineArgs;
 use super::measuring::bar_style;
 use super::party::Party;
@@ -19,8 +20,8 @@ use super::view::{ViewArgs, tell};
 use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
-    Engine, Existing, Format, Frame, ImageError, ImageWriter, Plan, Precision, Purpose, RenderError, Settings, Stats,
-    is_standard_output,
+    Developed, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan, Precision, Purpose,
+    RenderError, Settings, Stats, Tracer, is_standard_output,
 };
 use crate::scene::Scene;
 
@@ -31,6 +32,10 @@ const MAX_THREADS: usize = 4096;
 
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo render scenes/sphere.in -o sphere.png
+  rayo render scenes/many.in --size 1600x1200 --engine paper --stats
+  rayo render scenes/sphere.in scenes/tetrahedron.in -o .")]
 pub struct RenderArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
     /// standard input. Several are rendered one after the other, and one that fails does not keep the others from it
@@ -45,6 +50,8 @@ pub struct RenderArgs {
     engine: EngineArgs,
     #[command(flatten)]
     view: ViewArgs,
+    #[command(flatten)]
+    development: DevelopmentArgs,
     /// Only the rows from A on, the first being 0, up to B, which is not among them: an .exr has its place in the whole
     /// picture (data window and display window), and any other format is a picture of these rows
     #[arg(long, value_name = "A..B", value_parser = rows)]
@@ -161,9 +168,9 @@ fn render_one(
         Ok(scene)
     };
     #[cfg(feature = "mpi")]
-    let scene = party.scene(scene, args.broadcast, open)?;
+    let mut scene = party.scene(scene, args.broadcast, open)?;
     #[cfg(not(feature = "mpi"))]
-    let scene = open()?;
+    let mut scene = open()?;
     let (camera, parse) = (scene.camera, clock.elapsed());
     let rows = args.rows.clone().unwrap_or(0..camera.height());
     if rows.end > camera.height() {
@@ -177,17 +184,24 @@ fn render_one(
             "its picture is {path}, as is that of a scene before it: render it in a call of its own"
         )));
     }
+    let development = args.development.of(&path, format)?;
+    if let Some(development) = &development {
+        let too_many = |error| Failure::input(format!("--samples {}: {error}", development.samples));
+        scene.camera = development.camera(&camera).map_err(too_many)?;
+    }
     scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
     // Before the plan: who cannot have a file need not wait for it.
-    remove_part_files_on_signals()?;
+    party.agree(remove_part_files_on_signals())?;
     let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
     let size = (camera.width(), camera.height());
-    let image = || ImageWriter::of_rows(&path, format, size, rows.clone(), existing).map_err(unwritten);
-    let mut image = party.agree(party.leads().then(image).transpose())?;
+    let (mut image, _unfinished) = party.begin(|announce| {
+        ImageWriter::of_rows(&path, format, size, rows.clone(), existing, announce).map_err(unwritten)
+    })?;
     let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
-    let purpose = Purpose { precision, format: Some(engine.format_for(format.is_8bit())), keep, threads };
+    let own = if development.is_some() { PixelFormat::F32x4 } else { engine.format_for(format.is_8bit()) };
+    let purpose = Purpose { precision, format: Some(own), keep, threads };
     let clock = Instant::now();
     let plan = party.agree(Plan::new(engine, &scene, purpose).map_err(Failure::input))?;
     let planning = clock.elapsed();
@@ -199,10 +213,14 @@ fn render_one(
     }
 
     let clock = Instant::now();
-    let frame = party.agree(Frame::new(plan.tracer(), camera, Settings { threads }).map_err(failure))?;
+    let developed = development.map(|development| Developed::new(plan.tracer(), &camera, development));
+    let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
+    let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
     let setup = planning + clock.elapsed();
 
-    let progress = Progress::new(rows.len() as u64, args.quiet, party);
+    // Where MPI has started this, the bar is on standard output, and nothing else may be there.
+    let has_output = !party.is_alone() && (args.stats || args.json || path == Path::new("/dev/stdout"));
+    let progress = Progress::new(rows.len() as u64, args.quiet || has_output, party);
     let done = |rows| progress.advance(rows);
     let mut stats = party.render(&frame, (format, rows.clone()), image.as_mut(), &done)?;
     let clock = Instant::now();
@@ -217,7 +235,7 @@ fn render_one(
         let precision = precision.unwrap_or(engine.precision());
         let report = report(
             (engine, precision),
-            (camera.width(), &rows),
+            (camera.width(), &rows, development.map_or(1, |development| development.samples)),
             frame.count_hits(rows.clone()),
             threads,
             (parse, setup),
@@ -266,7 +284,7 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 
 fn report(
     (engine, precision): (Engine, Precision),
-    (width, rows): (u32, &Range<u32>),
+    (width, rows, samples): (u32, &Range<u32>, u32),
     hits: u64,
     threads: usize,
     (parse, setup): (Duration, Duration),
@@ -279,7 +297,7 @@ fn report(
         width,
         height: rows.len() as u32,
         threads,
-        rays: u64::from(width) * rows.len() as u64,
+        rays: u64::from(width) * rows.len() as u64 * u64::from(samples * samples),
         hits,
         parse_ns: ns(parse),
         setup_ns: ns(setup),

@@ -17,6 +17,10 @@ use super::Failure;
 /// Prints a verdict for each of the paper's claims. Writes report.html, which needs nothing but itself, and results.json, which
 /// --from reads again, to the directory that --out names. Ctrl-C ends the stage that is running and makes the page of those that are done; a second one ends the program.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo report --quick
+  rayo report --from out/report --out out/again
+  rayo report --from desktop laptop --out out/both")]
 pub struct ReportArgs {
     /// Few runs, small pictures: some minutes
     #[arg(long, conflicts_with = "from")]

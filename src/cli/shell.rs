@@ -12,9 +12,11 @@ use super::measuring::{create_directory, write_file};
 use super::{Cli, Failure, unprinted};
 
 /// Print what a shell needs to complete the commands and their options
-///
-/// For bash: rayo completions bash > ~/.local/share/bash-completion/completions/rayo
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo completions bash > ~/.local/share/bash-completion/completions/rayo
+  rayo completions zsh > ~/.zfunc/_rayo
+  rayo completions fish > ~/.config/fish/completions/rayo.fish")]
 pub struct CompletionsArgs {
     /// The shell
     shell: Shell,
@@ -22,6 +24,10 @@ pub struct CompletionsArgs {
 
 /// Print the manual page, or with --out write one for each command
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo man > rayo.1
+  rayo man | man -l -
+  rayo man --out ~/.local/share/man/man1")]
 pub struct ManArgs {
     /// Write rayo.1, rayo-render.1 and so on to this directory
     #[arg(long, value_name = "DIR")]

@@ -12,13 +12,12 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{
-    announce, bar, create_directory, start_threads_and_pin, stop_on_ctrl_c, tell_whether, write_file, write_results,
-};
-use super::{Failure, print, print_result, say};
+use super::measuring::{announce, bar, create_directory, tell_whether, write_file, write_results};
+use super::party::Party;
+use super::{Failure, for_one_process, print, print_result, say};
 use crate::experiments::accuracy::{self, Contender};
 use crate::experiments::stability::limits::{self, Limits};
-use crate::experiments::stability::{self, Settings, StabilityReport, plot, search};
+use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot, search};
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
 use crate::scene::{Rng, Scene};
@@ -33,7 +32,12 @@ const SEARCH_SIDE: u32 = 48;
 /// Hits, t, normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json
 /// and limits.csv, the limits that would just hold, to the directory that --out names. Exit status 1 where an engine does
 /// not keep its limits, with the command that repeats the case. Ctrl-C keeps what is finished.
+#[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the families, and there Ctrl-C keeps nothing.")]
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo stability --quick
+  rayo stability --family S5 --engine rust --quick
+  rayo stability --family S5 --case 12 --search 200")]
 pub struct StabilityArgs {
     /// Sweep this family alone
     #[arg(long, value_name = "NAME")]
@@ -69,26 +73,50 @@ pub struct StabilityArgs {
     json: bool,
 }
 
+/// Every family by whoever is free, until `proceed`, which hears of each level, says no; then what rank 0 alone measures.
+pub fn sweep(
+    party: &Party,
+    settings: &Settings,
+    mut proceed: impl FnMut() -> bool + Send,
+) -> Result<StabilityReport, Failure> {
+    let mut families = Vec::new();
+    let work = |family| stability::sweep(settings, settings.families[family], &mut proceed).map_err(Failure::input);
+    let complete = party.cells(settings.families.len(), work, |swept: Option<Swept>, cpu| {
+        let is_whole = swept.is_some();
+        families.extend(swept.map(|swept| swept.on(cpu)));
+        is_whole
+    })?;
+    let document = party.leads().then(|| StabilityReport::new(settings, complete, families)).transpose();
+    document.map(Option::unwrap_or_default).map_err(Failure::input)
+}
+
 /// Sweeps, prints and writes.
-pub fn run(args: &StabilityArgs) -> Result<ExitCode, Failure> {
-    let settings = settings(args)?;
-    create_directory(&args.out)?;
+pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
+    let settings = party.agree(settings(args))?;
+    if !party.is_alone() && (args.search.is_some() || args.mixtures.is_some()) {
+        return Err(for_one_process());
+    }
+    party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     if let (Some(steps), Some(case)) = (args.search, args.case) {
         return search(args, &settings, case, steps);
     }
     if let Some(count) = args.mixtures {
         return mixtures::run(args, &settings, count);
     }
-    let stop = stop_on_ctrl_c()?;
-    start_threads_and_pin();
-    announce(stability::forecast(&settings), (!args.quick).then_some("--quick"));
+    let stop = party.agree(party.stop_on_ctrl_c())?;
+    party.start_threads_and_pin();
+    announce(stability::forecast(&settings) / party.count() as f64, (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
-    let mut proceed = || {
+    let proceed = || {
         bar.inc(1);
         !stop.load(Ordering::Relaxed)
     };
-    let document = stability::sweep(&settings, &mut proceed).map_err(Failure::input)?;
+    let document = sweep(party, &settings, proceed)?;
     bar.finish_and_clear();
+    if !party.leads() {
+        return Ok(ExitCode::SUCCESS);
+    }
 
     let (page, limits) = (markdown::text(&document), limits::table(&document.rows));
     let figure = plot::figure(&document).map_err(Failure::output)?;
@@ -151,6 +179,7 @@ fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) 
     let (scene, badness) = found.map_err(Failure::input)?;
     let scene = Scene { name: format!("{}-{}.png", family.id, case.index), ..scene };
     write_file(&args.out, "worst.in", scene.to_text().as_bytes())?;
-    print(&format!("{badness:?}\n"))?;
+    let path = args.out.join("worst.in");
+    print(&format!("{}: {badness}\n", path.display()))?;
     Ok(ExitCode::SUCCESS)
 }

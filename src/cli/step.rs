@@ -19,6 +19,10 @@ use super::view::ViewArgs;
 /// The kernel that runs is the one that is shown: it is single-stepped, and each instruction is told in the words of its
 /// source, with what it changed. Of packets it is the packet that makes the pixel, and of its lanes the pixel's.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo step scenes/sphere.in --size 400x300 --pixel 200,150 --depth 1
+  rayo step scenes/sphere.in --engine avx2 --error --html ray.html
+  rayo step --op cross --a 1,2,3 --b 4,5,6")]
 pub struct StepArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
     #[arg(required_unless_present = "op")]

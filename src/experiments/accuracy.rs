@@ -178,6 +178,9 @@ pub struct Accuracy {
     /// What it is worth.
     #[serde(flatten)]
     pub errors: Errors,
+    /// The CPU that the times are of, where that is not the document's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
     /// Nanoseconds of a ray: the fastest run.
     pub ns_per_ray: f64,
     /// The median run.
@@ -284,36 +287,50 @@ pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool)
     forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
 }
 
-/// Every engine, precision and output on every scene, until `proceed`, which hears of each scene, says no.
-pub fn sweep(
-    subjects: &[Subject],
+/// A scene, measured.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Measured {
+    /// Every engine, precision and output.
+    pub rows: Vec<Accuracy>,
+    /// The plain formulas beside them, on ordinary scenes.
+    pub against_plain: Vec<plain::AgainstPlain>,
+}
+
+/// All of one scene; None where `proceed`, which is asked now and then, says no.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn measure_all(
+    subject: &Subject,
     quick: bool,
-    machine: Machine,
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
-    proceed: &mut dyn FnMut(u64) -> bool,
-) -> Result<AccuracyReport, PictureError> {
-    let contenders = contenders_and_options();
-    let mut rows = Vec::new();
+    proceed: &mut dyn FnMut() -> bool,
+) -> Result<Option<Measured>, PictureError> {
+    let measured = measure(subject, &contenders_and_options(), quick, clock, (hz, cycles), proceed)?;
+    let Some(rows) = measured else { return Ok(None) };
     let against_plain = Vec::new();
     #[cfg(rayo_asm)]
-    let mut against_plain = against_plain;
-    let mut complete = true;
-    for subject in subjects {
-        let Some(measured) = measure(subject, &contenders, quick, clock, (hz, cycles), &mut || proceed(0))? else {
-            complete = false;
-            break;
-        };
-        rows.extend(measured);
-        #[cfg(rayo_asm)]
-        if subject.family.is_none() {
-            let timed = plain::against_plain(&subject.name, &subject.scene, clock, hz, &mut || proceed(0))?;
-            against_plain.extend(timed.into_iter().flatten());
-        }
-        proceed(1);
+    let against_plain = if subject.family.is_none() {
+        plain::against_plain(&subject.name, &subject.scene, clock, hz, proceed)?.unwrap_or_default()
+    } else {
+        against_plain
+    };
+    Ok(Some(Measured { rows, against_plain }))
+}
+
+impl AccuracyReport {
+    /// The document of what was measured.
+    pub fn new(
+        machine: Machine,
+        quick: bool,
+        complete: bool,
+        rows: Vec<Accuracy>,
+        plain: Vec<plain::AgainstPlain>,
+    ) -> Self {
+        let off_every_front = summary::off_every_front(&rows);
+        AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain: plain }
     }
-    let off_every_front = summary::off_every_front(&rows);
-    Ok(AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain })
 }
 
 /// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp
@@ -367,6 +384,7 @@ pub fn measure(
             height: camera.height(),
             who: (*entry).into(),
             errors: *errors,
+            cpu: None,
             ns_per_ray: ns(per_ray(fastest)),
             ns_per_ray_median: ns(per_ray(middle)),
             spread: mad(&runs[i].ticks) / middle,

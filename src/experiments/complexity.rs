@@ -90,7 +90,7 @@ impl Settings {
         OBJECTS.into_iter().filter(move |count| *count <= most)
     }
 
-    /// How many times [`run`] calls `proceed` with the work 1.
+    /// How many times [`measure`] of all lines calls `proceed` with the work 1.
     pub fn work(&self) -> u64 {
         let pixels = self.sizes().count() * OUTPUTS.len();
         (pixels + self.objects().count() * SCENES.len() + LIGHTS.len()) as u64
@@ -126,6 +126,9 @@ pub struct Growth {
     pub output: Name,
     /// Whether nothing was left out.
     pub keep_all: bool,
+    /// The CPU that the cycles are of, where that is not the document's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
     /// Median TSC cycles of the set-up, from the parsed scene to the first ray; None where it is not in the time below.
     pub setup_cycles: Option<f64>,
     /// TSC cycles of the picture: the median.
@@ -315,6 +318,7 @@ impl Picture<'_> {
                 engine: if let Who::Engine(engine, _) = who { engine.name() } else { ZEROS },
                 output: output.name(),
                 keep_all: matches!(who, Who::Engine(_, keep) if *keep != Keep::NOTHING),
+                cpu: None,
                 setup_cycles: setup.map(|setup| median(&setup.ticks)),
                 cycles_median: median(&samples),
                 cycles_min: minimum(&samples),
@@ -325,38 +329,51 @@ impl Picture<'_> {
     }
 }
 
-/// Measures picture by picture and gives each to `finished`; `proceed` hears of each, and where it says no that was all.
-/// Whether it has come to the end.
-pub fn run(
+/// How many [`measure`] has: an axis of a scene and an output is one, so that one clock times what slopes go through.
+pub const LINES: usize = OUTPUTS.len() + SCENES.len() + 1;
+
+/// What was measured along a line.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub struct Measured {
+    /// Every contestant in every picture.
+    pub rows: Vec<Growth>,
+    /// Whether it has come to the end.
+    pub complete: bool,
+}
+
+/// Measures a line picture by picture; `proceed` hears of each, and where it says no that was all.
+///
+/// # Errors
+/// An engine that cannot be prepared, or no memory.
+pub fn measure(
     settings: &Settings,
+    line: usize,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-    finished: &mut dyn FnMut(Vec<Growth>),
-) -> Result<bool, SpeedupError> {
+) -> Result<Measured, SpeedupError> {
+    let mut found = Measured::default();
     let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, SpeedupError> {
         let rows = picture.measure(who, settings.runs, clock, proceed)?;
         let whole = rows.is_some();
-        finished(rows.unwrap_or_default());
+        found.rows.extend(rows.unwrap_or_default());
         Ok(whole && proceed(1))
     };
     let all = |engines: &[Engine]| engines.iter().map(|engine| Who::Engine(*engine, Keep::NOTHING)).collect::<Vec<_>>();
-    let mut scene = speedup::scene();
-    for output in OUTPUTS {
+    let (width, height) = settings.size();
+    let camera = in_size(&speedup::scene(), width, height).camera;
+    if let Some(output) = OUTPUTS.get(line).copied() {
         let mut who = all(&settings.engines);
         who.push(Who::Zeros);
         for (width, height) in settings.sizes() {
-            scene = in_size(&scene, width, height);
+            let scene = in_size(&speedup::scene(), width, height);
             let count = scene.camera.pixels();
             let picture = Picture { axis: Axis::Pixels, name: "sphere", count, scene: &scene, output, setup: false };
             if !measure(&picture, &who, proceed)? {
-                return Ok(false);
+                return Ok(found);
             }
         }
-    }
-    let (width, height) = settings.size();
-    let camera = in_size(&scene, width, height).camera;
-    let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
-    for (name, make) in SCENES {
+    } else if let Some((name, make)) = SCENES.get(line - OUTPUTS.len()).copied() {
+        let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
         let mut before = 0;
         for wanted in settings.objects() {
             let scene = make(wanted, camera);
@@ -373,25 +390,21 @@ pub fn run(
                 who.extend(fastest.iter().map(|engine| Who::Engine(*engine, Keep::all())));
             }
             if !measure(&picture, &who, proceed)? {
-                return Ok(false);
+                return Ok(found);
+            }
+        }
+    } else {
+        for count in LIGHTS {
+            let scene = lit(count, camera);
+            let (axis, output) = (Axis::Lights, PixelFormat::Rgb8);
+            let picture = Picture { axis, name: "sphere", count, scene: &scene, output, setup: true };
+            if !measure(&picture, &all(&settings.engines), proceed)? {
+                return Ok(found);
             }
         }
     }
-    for count in LIGHTS {
-        let scene = lit(count, camera);
-        let picture = Picture {
-            axis: Axis::Lights,
-            name: "sphere",
-            count,
-            scene: &scene,
-            output: PixelFormat::Rgb8,
-            setup: true,
-        };
-        if !measure(&picture, &all(&settings.engines), proceed)? {
-            return Ok(false);
-        }
-    }
-    Ok(true)
+    found.complete = true;
+    Ok(found)
 }
 
 /// The rows of each contestant along each axis, in ascending order of what is varied.

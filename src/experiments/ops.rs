@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::{in_size, speedup};
 use crate::kernels::step::{self, Unavailable};
 use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
-use crate::measure::instructions::{Code, Instruction, Mix};
+use crate::measure::instructions::{Code, Function, Instruction, Mix, functions};
 use crate::measure::names::{self, Name};
+use crate::measure::source::{Origin, Unit};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
 pub use model::Model;
@@ -184,6 +185,91 @@ pub struct Line {
     pub body: bool,
     /// How often a call on the first path executes it, where that was counted.
     pub executed: Option<u64>,
+    /// Where it may jump to, as `offset`; of C and Rust beyond the function too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<usize>,
+    /// Where it comes from, of kernels in NASM that this CPU runs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Source>,
+}
+
+/// The line of the source that an instruction comes from.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Source {
+    /// The file of the innermost macro; empty outside of macros.
+    pub file: String,
+    /// The number of the line, from 1 on.
+    pub line: usize,
+    /// The line.
+    pub text: String,
+    /// The macros that it stands in, the outermost first.
+    pub macros: Vec<String>,
+}
+
+/// The listing of a function, each instruction with its source where there is a table of it.
+pub fn listing(code: &Code) -> Vec<Line> {
+    let unit = Unit::with_function(&code.symbol);
+    let source = |i: &Instruction| {
+        let (unit, start) = unit?;
+        let Origin { calls, number, text, .. } = unit.origin(start + i.offset)?;
+        Some(Source {
+            file: unit.file(calls.last().copied()).to_owned(),
+            line: number,
+            text: text.to_owned(),
+            macros: calls.iter().map(|&call| unit.macros[unit.calls[call].of].name.to_owned()).collect(),
+        })
+    };
+    let in_body = |i: &Instruction| code.body.as_ref().is_some_and(|body| body.contains(&i.offset));
+    let line = |i: &Instruction| Line {
+        offset: i.offset,
+        text: i.text.clone(),
+        body: in_body(i),
+        executed: None,
+        target: i.target,
+        source: source(i),
+    };
+    code.instructions.iter().map(line).collect()
+}
+
+/// A function of the objects, with its listing.
+#[derive(Clone, Debug, Serialize)]
+pub struct Kernel {
+    /// What it is.
+    #[serde(flatten)]
+    pub function: Function,
+    /// Instructions.
+    pub instructions: usize,
+    /// Line by line.
+    pub listing: Vec<Line>,
+}
+
+/// Why a kernel cannot be listed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no kernel `{symbol}`; {near}: `rayo ops --kernels` lists all")]
+pub struct UnknownKernel {
+    symbol: String,
+    near: String,
+}
+
+/// The kernel of a symbol; of C and of tests too, which the objects have beside the engines' kernels.
+///
+/// # Errors
+/// What is no symbol, with the symbols that are nearest to it.
+pub fn kernel(symbol: &str) -> Result<Kernel, UnknownKernel> {
+    let functions = functions();
+    match functions.iter().find(|function| function.symbol == symbol) {
+        Some(function) => {
+            let code = Code::of_symbol(symbol).expect("the objects have what they list");
+            let listing = listing(&code);
+            Ok(Kernel { function: function.clone(), instructions: listing.len(), listing })
+        }
+        None => {
+            let mut near: Vec<_> = functions.iter().map(|function| function.symbol.as_str()).collect();
+            near.sort_by_cached_key(|known| strsim::damerau_levenshtein(known, symbol));
+            near.truncate(3);
+            Err(UnknownKernel { symbol: symbol.into(), near: format!("the nearest are {}", near.join(", ")) })
+        }
+    }
 }
 
 /// A picture by an engine.
@@ -334,12 +420,7 @@ impl Counts {
         self.function = self.function_mix.as_ref().map(|mix| mix.instructions);
         self.vectors = lanes(self.implementation);
         self.critical_path = critical_path(self.op, self.implementation);
-        let in_body = |i: &Instruction| code.body.as_ref().is_some_and(|body| body.contains(&i.offset));
-        self.listing = code
-            .instructions
-            .iter()
-            .map(|i| Line { offset: i.offset, text: i.text.clone(), body: in_body(i), executed: None })
-            .collect();
+        self.listing = listing(code);
     }
 
     fn execute(&mut self, code: &Code, subject: &Subject, step: bool, cost: bool) {

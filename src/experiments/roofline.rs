@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::accuracy::subjects::shipped;
 use super::in_size;
 use super::jumps::{Bandwidth, levels_of};
+use super::ladder::SIZE;
 use super::speedup::{Progress, SpeedupError};
 use crate::kernels::{self, Isa, code_at, step};
 use crate::measure::instructions::{Instruction, decode};
@@ -19,10 +20,17 @@ use crate::measure::{Cache, Clock, Work, interleave};
 use crate::render::{Engine, Film, PixelFormat, Tracer};
 use crate::scene::Scene;
 
+/// Why there are no points.
+#[derive(Debug, thiserror::Error)]
+enum NoPoints {
+    #[error(transparent)]
+    Uncounted(#[from] step::Unavailable),
+    #[error(transparent)]
+    Untraced(#[from] SpeedupError),
+}
+
 /// Scenes whose kernels are points.
 const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
-/// The picture that is timed: it stays in a second-level cache.
-const SIZE: (u32, u32) = (256, 192);
 /// The one whose instructions are counted, step by step.
 const COUNTED: (u32, u32) = (32, 24);
 /// More instructions than it takes.
@@ -98,9 +106,10 @@ pub fn run(
     }
     for name in SCENES {
         let scene = shipped(name);
-        match points(name, &scene, clock)? {
+        match points(name, &scene, clock) {
             Ok(points) => roofline.points.extend(points),
-            Err(reason) => roofline.uncounted = Some(reason.to_string()),
+            Err(NoPoints::Uncounted(reason)) => roofline.uncounted = Some(reason.to_string()),
+            Err(NoPoints::Untraced(error)) => return Err(error),
         }
     }
     Ok(proceed(1).then_some(roofline))
@@ -149,24 +158,17 @@ fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, Spee
     levels_of(caches).map(measure).collect()
 }
 
-/// The engines of assembly on a scene. The inner error: instructions cannot be counted.
-fn points(
-    name: Name,
-    scene: &Scene,
-    clock: &mut dyn Clock,
-) -> Result<Result<Vec<Point>, step::Unavailable>, SpeedupError> {
+/// The engines of assembly on a scene.
+fn points(name: Name, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, NoPoints> {
     let of_assembly = |engine: &&Engine| engine.usable() && (engine.is_packet() || **engine == Engine::Paper);
     let engines: Vec<Engine> = Engine::ALL.iter().filter(of_assembly).copied().collect();
     let (small, large) = (in_size(scene, COUNTED.0, COUNTED.1), in_size(scene, SIZE.0, SIZE.1));
     let mut flops = Vec::new();
     for engine in &engines {
-        match flops_of(*engine, &small)? {
-            Ok(count) => flops.push(count / small.camera.pixels() as f64),
-            Err(reason) => return Ok(Err(reason)),
-        }
+        flops.push(flops_of(*engine, &small)? / small.camera.pixels() as f64);
     }
-    let film = RefCell::new(Film::new(PixelFormat::F32x4, large.camera.pixels() as usize)?);
-    let tracers = engines.iter().map(|engine| engine.prepare(None, &large)).collect::<Result<Vec<_>, _>>()?;
+    let film = RefCell::new(film_of(&large)?);
+    let tracers = engines.iter().map(|engine| tracer_of(*engine, &large)).collect::<Result<Vec<_>, _>>()?;
     let trace = |tracer: &dyn Tracer| tracer.rows(0..SIZE.1, film.borrow_mut().as_mut());
     let mut work: Vec<Work<'_>> = Vec::new();
     for tracer in &tracers {
@@ -181,33 +183,36 @@ fn points(
         bytes_per_pixel: PixelFormat::F32x4.bytes() as f64,
         cycles_per_pixel: minimum(&runs.ticks) / large.camera.pixels() as f64,
     };
-    Ok(Ok(engines.iter().zip(flops).zip(runs).map(point).collect()))
+    Ok(engines.iter().zip(flops).zip(runs).map(point).collect())
+}
+
+fn film_of(scene: &Scene) -> Result<Film, SpeedupError> {
+    Ok(Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?)
+}
+
+fn tracer_of(engine: Engine, scene: &Scene) -> Result<Box<dyn Tracer + '_>, SpeedupError> {
+    Ok(engine.prepare(None, scene)?)
 }
 
 /// The operations on numbers that an engine executes for a picture.
-fn flops_of(engine: Engine, scene: &Scene) -> Result<Result<f64, step::Unavailable>, SpeedupError> {
+fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, NoPoints> {
     let isa = match engine {
         Engine::Packet(isa) => isa,
         _ => Isa::Sse41,
     };
-    let Some(unit) = Unit::of(isa) else { return Ok(Err(step::Unavailable::Platform)) };
-    let tracer = engine.prepare(None, scene)?;
-    let camera = &scene.camera;
-    let mut film = Film::new(PixelFormat::F32x4, camera.pixels() as usize)?;
-    let trace = || tracer.rows(0..camera.height(), film.as_mut());
-    let visits = match step::visits(std::slice::from_ref(&unit.code), MOST, trace) {
-        Ok((visits, _)) => visits,
-        Err(reason) => return Ok(Err(reason)),
-    };
-    let Some(code) = code_at(unit.code.start).and_then(|code| code.get(..unit.code.len())) else {
-        return Ok(Err(step::Unavailable::Platform));
-    };
+    let unit = Unit::of(isa).ok_or(step::Unavailable::Platform)?;
+    let tracer = tracer_of(engine, scene)?;
+    let mut film = film_of(scene)?;
+    let trace = || tracer.rows(0..scene.camera.height(), film.as_mut());
+    let (visits, _) = step::visits(std::slice::from_ref(&unit.code), MOST, trace)?;
+    let code = code_at(unit.code.start).and_then(|code| code.get(..unit.code.len()));
+    let code = code.ok_or(step::Unavailable::Platform)?;
     let of: Vec<(usize, u32)> = decode(code, 0).map(|instruction| (instruction.offset, flops(&instruction))).collect();
     let at = |rip: u64| {
         let place = of.binary_search_by_key(&(rip as usize - unit.code.start), |(offset, _)| *offset);
         place.map_or(0, |place| of[place].1)
     };
-    Ok(Ok(visits.iter().map(|visit| f64::from(at(visit.rip))).sum()))
+    Ok(visits.iter().map(|visit| f64::from(at(visit.rip))).sum())
 }
 
 /// The operations on f32 or f64 that an instruction does, in all lanes.

@@ -81,6 +81,9 @@ pub struct Cell {
     unexplained: usize,
     /// Pixels off by two or more.
     pub off_by_2: usize,
+    /// The CPU that the times are of, where that is not the document's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
     /// The fastest run of one thread, floats, all variants together.
     pub ns_per_ray: Option<f64>,
     /// Its ratio to that of the ordinary level or, where levels show more or less, of [`ordinary`]'s scene.
@@ -151,6 +154,9 @@ pub struct Stability {
     pub off_by_2: usize,
     /// The first value of the parameter, from the ordinary one outwards, at which it breaks its bound or hits wrongly.
     pub breaks_at: Option<String>,
+    /// The CPU that the times are of, where that is not the document's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
     /// The largest ratio of a level's time to that of the ordinary one.
     pub slowdown: Option<f64>,
     /// Whether it keeps its limits.
@@ -165,7 +171,7 @@ pub struct Stability {
 }
 
 /// A figure of the worst level, counts as a share of its rays, and of that level's worst case.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 struct Worst {
     figure: f64,
     case: usize,
@@ -173,7 +179,7 @@ struct Worst {
 }
 
 /// Everything that was found.
-#[derive(Clone, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct StabilityReport {
     /// The machine and the build.
     pub machine: Machine,
@@ -210,53 +216,87 @@ pub fn forecast(settings: &Settings) -> f64 {
     accuracy::forecast(settings.families.iter().map(rays).sum(), settings.contenders.len())
 }
 
-/// Sweeps the families. `proceed` is told after each level of a family, and ends the sweep where it says no.
+/// A family, swept.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Swept {
+    rows: Vec<Stability>,
+    /// What documents leave out of the rows.
+    worst_by: Vec<[Worst; limits::MEASURES.len()]>,
+    cells: Vec<Cell>,
+}
+
+impl Swept {
+    /// Sets whose CPU the times are of, where that is not the document's.
+    pub fn on(mut self, cpu: Option<&str>) -> Self {
+        self.rows.iter_mut().for_each(|row| row.cpu = cpu.map(str::to_owned));
+        self.cells.iter_mut().for_each(|cell| cell.cpu = cpu.map(str::to_owned));
+        self
+    }
+}
+
+/// Sweeps a family. `proceed` is told after each level, and ends the sweep where it says no: there is nothing then.
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn sweep(settings: &Settings, proceed: &mut dyn FnMut() -> bool) -> Result<StabilityReport, PictureError> {
-    let mut document = StabilityReport {
-        machine: Machine::this(),
-        seed: settings.seed,
-        quick: settings.quick,
-        complete: true,
-        rows: Vec::new(),
-        cells: Vec::new(),
-        costs: Vec::new(),
-        operations: Vec::new(),
-        tighter: Vec::new(),
-    };
-    'families: for family in &settings.families {
-        let mut cells = Vec::new();
-        for level in 0..family.levels.len() {
-            cells.extend(sweep_level(settings, family, level)?);
-            if !proceed() {
-                document.complete = false;
-                break 'families;
-            }
+pub fn sweep(
+    settings: &Settings,
+    family: &Family,
+    proceed: &mut dyn FnMut() -> bool,
+) -> Result<Option<Swept>, PictureError> {
+    let mut cells = Vec::new();
+    for level in 0..family.levels.len() {
+        cells.extend(sweep_level(settings, family, level)?);
+        if !proceed() {
+            return Ok(None);
         }
-        if family.same_work {
-            compare_times(family, &mut cells);
+    }
+    if family.same_work {
+        compare_times(family, &mut cells);
+    }
+    let rows = rows(family, &cells);
+    Ok(Some(Swept { worst_by: rows.iter().map(|row| row.worst_by).collect(), rows, cells }))
+}
+
+impl StabilityReport {
+    /// The document of families that were swept, in their order, held to their limits; with what is measured beside them where
+    /// they are `complete`.
+    ///
+    /// # Errors
+    /// An engine that cannot be prepared, or no memory.
+    pub fn new(settings: &Settings, complete: bool, families: Vec<Swept>) -> Result<Self, PictureError> {
+        let mut document = StabilityReport {
+            machine: Machine::this(),
+            seed: settings.seed,
+            quick: settings.quick,
+            complete,
+            rows: Vec::new(),
+            cells: Vec::new(),
+            costs: Vec::new(),
+            operations: Vec::new(),
+            tighter: Vec::new(),
+        };
+        for Swept { rows, worst_by, cells } in families {
+            let rows = rows.into_iter().zip(worst_by);
+            document.rows.extend(rows.map(|(row, worst_by)| Stability { worst_by, ..row }));
+            document.cells.extend(cells);
         }
-        document.rows.extend(rows(family, &cells));
-        document.cells.extend(cells);
+        for row in &mut document.rows {
+            row.broken = settings.limits.broken(row);
+            row.holds = row.broken.is_empty();
+        }
+        if document.complete && settings.case.is_none() {
+            document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
+        }
+        #[cfg(rayo_asm)]
+        if document.complete && settings.case.is_none() {
+            document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
+        }
+        // Of small pictures, or of some of the cases, the worst is not to be expected.
+        if document.complete && !settings.quick && settings.case.is_none() {
+            document.tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row)).collect();
+        }
+        Ok(document)
     }
-    for row in &mut document.rows {
-        row.broken = settings.limits.broken(row);
-        row.holds = row.broken.is_empty();
-    }
-    if document.complete && settings.case.is_none() {
-        document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
-    }
-    #[cfg(rayo_asm)]
-    if document.complete && settings.case.is_none() {
-        document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
-    }
-    // Of small pictures, or of some of the cases, the worst is not to be expected.
-    if document.complete && !settings.quick && settings.case.is_none() {
-        document.tighter = document.rows.iter().filter_map(|row| settings.limits.tighter(row)).collect();
-    }
-    Ok(document)
 }
 
 fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, PictureError> {
@@ -441,6 +481,7 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
             holes: sum(|cell| cell.holes),
             off_by_1: sum(|cell| cell.off_by_1),
             off_by_2: sum(|cell| cell.off_by_2),
+            cpu: None,
             breaks_at: outwards.map(|cell| cell.value.clone()),
             slowdown: largest(|cell| cell.slowdown),
             holds: true,

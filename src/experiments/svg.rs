@@ -1,6 +1,10 @@
 //! What all figures share: an SVG on white, the colour of each engine, axes, and the list of marks above the data.
 
+use std::ops::Range;
+
 use plotters::coord::Shift;
+#[cfg(rayo_asm)]
+use plotters::coord::combinators::LogCoord;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
@@ -51,7 +55,7 @@ const LETTER: f64 = 0.56;
 /// What a figure is drawn on.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Points and axes on it.
-type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
+pub(super) type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
 /// Draws on white, of so many pixels, and gives the SVG.
 pub(super) fn draw(
@@ -151,6 +155,22 @@ where
     Ok(())
 }
 
+/// A chart on two logarithmic axes, with what each is of.
+#[cfg(rayo_asm)]
+pub(super) fn log_chart<'a, 'b>(
+    area: &'a Area<'b>,
+    x: (Range<f64>, &str),
+    y: (Range<f64>, &str),
+) -> Result<Chart<'a, 'b, LogCoord<f64>, LogCoord<f64>>, PlotError> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        .build_cartesian_2d(x.0.log_scale(), y.0.log_scale())?;
+    axes(&mut chart, x.1, y.1)?;
+    Ok(chart)
+}
+
 /// A number at an axis: 0.25, 1000, 10⁶.
 pub(super) fn tick(x: &f64) -> String {
     let exponent = x.abs().log10();
@@ -176,7 +196,7 @@ fn superscript(exponent: i32) -> String {
 }
 
 /// From the least to the greatest of some values that are no less than any number, wider by these factors.
-pub(super) fn around(values: impl Iterator<Item = f64>, (below, above): (f64, f64)) -> std::ops::Range<f64> {
+pub(super) fn around(values: impl Iterator<Item = f64>, (below, above): (f64, f64)) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
     if low <= high { below * low..above * high } else { 1.0..10.0 }
 }

@@ -6,7 +6,7 @@ use iced_x86::{
     Decoder, DecoderOptions, FlowControl, Formatter, InstructionInfoFactory, IntelFormatter, MemorySizeOptions,
     Mnemonic, OpAccess, OpKind,
 };
-use object::{Object, ObjectSection, ObjectSymbol};
+use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 use serde::{Deserialize, Serialize};
 
 use crate::kernels;
@@ -58,8 +58,41 @@ pub struct Instruction {
     pub width: Width,
     /// Whether it reads memory.
     pub reads: bool,
+    /// Where it may jump to, in bytes from the beginning of its function; a call stays what its text says.
+    pub target: Option<usize>,
     /// The CPUID features it needs, as Intel's manual names them.
     pub features: Vec<String>,
+}
+
+/// A function of an object, without its code.
+#[derive(Clone, Debug, Serialize)]
+pub struct Function {
+    /// The object, which is named after its source.
+    pub object: &'static str,
+    /// Its symbol.
+    pub symbol: String,
+    /// Its length.
+    pub bytes: usize,
+}
+
+/// The functions of all objects of build.rs, object by object and in the order of their addresses.
+pub fn functions() -> Vec<Function> {
+    let of_object = |(object, data): &(&'static str, &'static [u8])| {
+        let Ok(file) = object::File::parse(*data) else { return Vec::new() };
+        let mut functions: Vec<_> = file
+            .symbols()
+            .filter(|symbol| symbol.is_definition() && symbol.size() > 0 && symbol.kind() == SymbolKind::Text)
+            .filter_map(|symbol| Some((symbol.section_index()?, symbol.address(), symbol.size(), symbol.name().ok()?)))
+            .collect();
+        functions.sort_by_key(|(section, address, ..)| (section.0, *address));
+        let function = |&(_, _, size, symbol): &(_, _, u64, &str)| Function {
+            object,
+            symbol: symbol.to_owned(),
+            bytes: size as usize,
+        };
+        functions.iter().map(function).collect()
+    };
+    kernels::OBJECTS.iter().flat_map(of_object).collect()
 }
 
 /// The instructions of a function.
@@ -127,17 +160,34 @@ impl Code {
             instructions: decode(bytes, 0).collect(),
             body: label("body").zip(label("body_end")).map(|(start, end)| start..end),
         };
-        // A call in an object has no target yet: the relocation has its name.
+        // What is in another section has no address in an object yet: the relocation has its name, or its place there.
         for (at, relocation) in section.relocations() {
             let object::RelocationTarget::Symbol(target) = relocation.target() else { continue };
             let Ok(target) = file.symbol_by_index(target) else { continue };
             let Some(at) = (at as usize).checked_sub(start) else { continue };
             let hit = code.instructions.iter_mut().find(|i| (i.offset..i.offset + i.bytes).contains(&at));
-            if let (Some(instruction), Ok(name)) = (hit, target.name())
-                && !name.is_empty()
-            {
-                instruction.text = format!("{} <{name}>", instruction.text.split_once(' ').map_or("", |(op, _)| op));
-            }
+            let Some(instruction) = hit else { continue };
+            let name = match target.kind() {
+                SymbolKind::Section => {
+                    // The addend counts from where the relocation is, the instruction from its end.
+                    let place = relocation.addend() + (instruction.offset + instruction.bytes - at) as i64;
+                    let is_there = |s: &object::Symbol<'_, '_>| {
+                        s.section_index() == target.section_index()
+                            && s.address() as i64 == place
+                            && s.kind() != SymbolKind::Section
+                    };
+                    file.symbols().find(is_there).and_then(|s| s.name().ok().map(str::to_owned))
+                }
+                _ => target.name().ok().map(str::to_owned),
+            };
+            let Some(name) = name.filter(|name| !name.is_empty()) else { continue };
+            let name = name.strip_prefix(".L").unwrap_or(&name);
+            instruction.text = match (instruction.text.find('['), instruction.text.find(']')) {
+                (Some(open), Some(close)) => {
+                    format!("{}{name}{}", &instruction.text[..=open], &instruction.text[close..])
+                }
+                _ => format!("{} <{name}>", instruction.text.split(' ').next().unwrap_or_default()),
+            };
         }
         Some(code)
     }
@@ -245,6 +295,8 @@ fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, 
         let writes = memory.iter().any(|a| {
             matches!(a, OpAccess::Write | OpAccess::CondWrite | OpAccess::ReadWrite | OpAccess::ReadCondWrite)
         });
+        let jumps = matches!(raw.flow_control(), FlowControl::ConditionalBranch | FlowControl::UnconditionalBranch);
+        let target = jumps.then(|| raw.near_branch_target().checked_sub(address)).flatten();
         let features = raw.cpuid_features().iter().map(|feature| format!("{feature:?}"));
         let instruction = Instruction {
             offset: (raw.ip() - address) as usize,
@@ -253,6 +305,7 @@ fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, 
             class: class(&raw, reads, writes),
             width: width(&raw),
             reads,
+            target: target.map(|target| target as usize),
             features: features.collect(),
         };
         Some((instruction, raw))

@@ -36,11 +36,3 @@ pub fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Name, D::Error> {
 pub fn read_optional<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Name>, D::Error> {
     Ok(Option::<String>::deserialize(from)?.map(of))
 }
-
-/// A number; what is null was none, or infinite.
-///
-/// # Errors
-/// What is neither.
-pub fn read_number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
-}

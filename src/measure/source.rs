@@ -63,6 +63,26 @@ pub struct Line {
     pub comment: &'static str,
 }
 
+/// Where an instruction comes from, in the macro that a reader looks at: what stands for one operation on every lane, in
+/// isa.inc and packet.inc, is taken as the instruction itself.
+#[derive(Clone, Debug)]
+pub struct Origin {
+    /// The macro calls around it, by their places, the outermost first.
+    pub calls: Vec<usize>,
+    /// The number of its line, in the file of the innermost macro.
+    pub number: usize,
+    /// The line.
+    pub text: &'static str,
+    /// The comment behind it.
+    pub comment: &'static str,
+}
+
+/// Whether a macro is no more than a word for an instruction, or a brace around some.
+fn is_plain(of: &Macro) -> bool {
+    let words = ["asm/include/isa.inc", "asm/include/packet.inc"];
+    words.contains(&of.file) || ["OPERATION", "END_OPERATION", "DISTINCT"].contains(&of.name)
+}
+
 /// The kernels of an instruction set in this process, with the lines that they came from.
 #[derive(Debug)]
 pub struct Unit {
@@ -149,6 +169,28 @@ impl Unit {
         let mut calls: Vec<_> = std::iter::successors(line.call, |&call| self.calls[call].within).collect();
         calls.reverse();
         calls
+    }
+
+    /// Where the instruction at `address` comes from.
+    pub fn origin(&self, address: usize) -> Option<Origin> {
+        let line = self.line(address)?;
+        let mut calls = self.calls_of(line);
+        let (mut number, mut text, mut comment) = (line.number, line.text, line.comment);
+        while let Some(&last) = calls.last()
+            && is_plain(&self.macros[self.calls[last].of])
+        {
+            Call { line: number, text, comment, .. } = self.calls[last];
+            calls.pop();
+        }
+        Some(Origin { calls, number, text, comment })
+    }
+
+    /// The unit that has a function, and where in this process the function begins.
+    pub fn with_function(symbol: &str) -> Option<(&'static Unit, usize)> {
+        Isa::ALL.into_iter().filter_map(Unit::of).find_map(|unit| {
+            let (range, _) = unit.functions.iter().find(|(_, name)| name == symbol)?;
+            Some((unit, unit.code.start + range.start))
+        })
     }
 
     /// The file of a line in a macro call.

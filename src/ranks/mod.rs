@@ -14,11 +14,23 @@ use mpi::point_to_point::{Message, Status};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 
-/// A task that a rank has not begun, beside the one that it works on.
-const AHEAD: usize = 2;
-/// Results that a rank holds, and those that rank 0 has asked others for.
-const HELD: usize = 4;
-const ASKED_FOR: u64 = 8;
+/// How far ranks may be ahead of what rank 0 has taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Tasks of a rank that have no result yet.
+    ahead: usize,
+    /// Results that a rank holds.
+    held: usize,
+    /// Results that rank 0 has asked others for.
+    asked_for: u64,
+}
+
+impl Pace {
+    /// For short tasks with large results: the next one is there before it is needed.
+    pub const BANDS: Pace = Pace { ahead: 2, held: 4, asked_for: 8 };
+    /// For long tasks with small results: none waits for a rank while another is free.
+    pub const CELLS: Pace = Pace { ahead: 1, held: usize::MAX, asked_for: u64::MAX };
+}
 
 /// How long a rank that has nothing to tell sleeps, from the first time to the last: MPI's own waiting would keep a core busy
 /// that has rays to trace.
@@ -150,7 +162,7 @@ impl Ranks {
     /// What `take` says, on rank 0.
     pub fn share<E>(
         &self,
-        tasks: u64,
+        (tasks, pace): (u64, Pace),
         mut work: impl FnMut(u64) -> Result<Vec<u8>, String> + Send,
         mut take: impl FnMut(u64, Result<Vec<u8>, String>) -> Result<(), E>,
     ) -> Result<(), E> {
@@ -165,7 +177,7 @@ impl Ranks {
                     }
                 }
             });
-            let mut own = Own { held: VecDeque::new(), working: 0 };
+            let mut own = Own { pace, held: VecDeque::new(), working: 0 };
             let own_results = || match ended.try_recv() {
                 Ok(result) => Some(result),
                 Err(TryRecvError::Empty) => None,
@@ -222,12 +234,12 @@ impl Ranks {
                 owners.insert(next, rank);
                 next += 1;
             }
-            while next < tasks && own.wants() {
+            while next < tasks && own.wants(0) {
                 begin(next);
                 own.working += 1;
                 next += 1;
             }
-            while asked < next && asked < taken + ASKED_FOR {
+            while asked < next && asked < own.pace.asked_for.saturating_add(taken) {
                 if let Some(rank) = owners.remove(&asked) {
                     self.send(rank, tag::GIVE, &asked.to_le_bytes());
                 }
@@ -275,7 +287,7 @@ impl Ranks {
                 self.send(0, tag::RESULT, &message(task, of_first));
                 idle = false;
             }
-            while own.working + asked < AHEAD && own.working + asked + own.held.len() < HELD {
+            while own.wants(asked) {
                 self.send(0, tag::ASK, &[]);
                 asked += 1;
             }
@@ -316,6 +328,7 @@ type Outcome = Result<Vec<u8>, String>;
 
 /// This rank's own tasks.
 struct Own {
+    pace: Pace,
     /// Results that nobody has asked for, in the order of the tasks.
     held: VecDeque<(u64, Outcome)>,
     /// Tasks that have no result yet.
@@ -323,8 +336,11 @@ struct Own {
 }
 
 impl Own {
-    fn wants(&self) -> bool {
-        self.working < AHEAD && self.working + self.held.len() < HELD
+    /// Whether there is room for a task, where so many are on their way.
+    fn wants(&self, asked: usize) -> bool {
+        let Pace { ahead, held, .. } = self.pace;
+        let working = self.working + asked;
+        working < ahead && working + self.held.len() < held
     }
 
     fn finished(&mut self, result: (u64, Outcome)) {

@@ -8,7 +8,7 @@ use super::image_file::{Extent, PartEncoder};
 use super::to_file::Bands;
 use super::{Format, Frame, ImageWriter, RenderError, Stats};
 use crate::measure::Cycles;
-use crate::ranks::Ranks;
+use crate::ranks::{Pace, Ranks};
 
 /// Renders `rows` into an image file of a format, as [`render`](super::render()) does; rank 0 has the file, and hears in `done`
 /// of the rows that are written. The times are those of the rank that took longest.
@@ -70,7 +70,7 @@ pub fn render_by_ranks(
         Ok(())
     };
     let count = rows.len().div_ceil(height as usize) as u64;
-    let result = ranks.share(count, work, take);
+    let result = ranks.share((count, Pace::BANDS), work, take);
     // Whoever failed has told rank 0 so; all that is left is to know how long the others took.
     let numbers = [stats.trace.as_nanos() as u64, stats.encode.as_nanos() as u64, stats.trace_cycles.unwrap_or(0)];
     for of_rank in ranks.gather(numbers.map(u64::to_le_bytes).concat()) {

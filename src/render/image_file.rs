@@ -238,7 +238,7 @@ impl ImageWriter {
     /// If a side is zero, if nothing can be written there, or if the format is held in memory and there would be too much
     /// of it ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::of_rows(path, format, (width, height), 0..height, Existing::Replace)
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Replace, &mut |_| ())
     }
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
@@ -248,11 +248,12 @@ impl ImageWriter {
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].
     pub fn create_new(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
-        Self::of_rows(path, format, (width, height), 0..height, Existing::Keep)
+        Self::of_rows(path, format, (width, height), 0..height, Existing::Keep, &mut |_| ())
     }
 
     /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the whole picture, in the
-    /// other formats a picture of these rows.
+    /// other formats a picture of these rows. `announce` hears the absolute path of the hidden file before that is there, and
+    /// again of another one if that name is taken.
     ///
     /// # Errors
     /// As [`create`](Self::create), and as [`create_new`](Self::create_new) where what is there has to stay.
@@ -265,6 +266,7 @@ impl ImageWriter {
         size: (u32, u32),
         rows: Range<u32>,
         existing: Existing,
+        announce: &mut dyn FnMut(&Path),
     ) -> Result<Self, ImageError> {
         let extent = Extent::new(size, rows);
         let (width, height) = (extent.width, extent.height());
@@ -274,7 +276,7 @@ impl ImageWriter {
         if encode::is_whole(format) && encode::whole_bytes(width, height) > encode::MAX_WHOLE {
             return Err(ImageError::Whole { path: path.into(), width, height });
         }
-        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format))?;
+        let (destination, sink) = output::open(path, existing, encode::needs_seeking(format), announce)?;
         let joiner = encode::joiner(format, sink, &extent).map_err(|error| destination.explain(path, error))?;
         let encoder = Arc::new(PartEncoder::new(format, &extent));
         let pending = if format.is_8bit() { Film::Rgb8(Vec::new()) } else { Film::F32x3(Vec::new()) };
@@ -289,12 +291,6 @@ impl ImageWriter {
     /// The rows of the picture that it has.
     pub fn rows(&self) -> Range<u32> {
         self.extent.rows.clone()
-    }
-
-    /// The hidden file that it is until it is complete, if it is one.
-    #[cfg(feature = "mpi")]
-    pub fn unfinished(&self) -> Option<&Path> {
-        self.destination.unfinished()
     }
 
     /// What encodes its parts.

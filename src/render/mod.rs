@@ -4,6 +4,7 @@
 mod aos;
 #[cfg(feature = "mpi")]
 mod by_ranks;
+mod development;
 mod engine;
 mod film;
 mod frame;
@@ -26,6 +27,7 @@ mod truth;
 
 #[cfg(feature = "mpi")]
 pub use by_ranks::render_by_ranks;
+pub use development::{Developed, Development};
 pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings};

@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tempfile::TempPath;
+use tempfile::{NamedTempFile, TempPath};
 use thiserror::Error;
 
 /// What becomes of a file that is there already.
@@ -85,7 +85,7 @@ impl OutputFile {
     /// # Errors
     /// If nothing can be written there.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, OutputError> {
-        let (destination, sink) = open(path, existing, false)?;
+        let (destination, sink) = open(path, existing, false, &mut |_| ())?;
         Ok(OutputFile { path: path.into(), sink, destination })
     }
 
@@ -112,29 +112,45 @@ impl Write for OutputFile {
 /// The hidden files that exist now.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the hidden files of everything that is being written. For a process that is about to end: what is finished
-/// after this fails.
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the hidden files of everything that is being written. For a process that is about to end: what is begun or
+/// finished after this waits for that end.
 pub fn remove_unfinished() {
-    for path in UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+    let mut paths = unfinished();
+    for path in paths.drain(..) {
         // If it is gone already, all the better.
         let _ = fs::remove_file(path);
     }
+    // Held for ever, so that no file is made between this and the end.
+    std::mem::forget(paths);
 }
 
 /// Keeps a hidden file known to [`remove_unfinished`].
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// A file of this process, or of another one that it may outlive.
-    pub fn new(path: &Path) -> Self {
-        UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).push(path.into());
-        Unfinished(path.into())
+    /// A new file.
+    fn create(path: &Path) -> io::Result<(File, Self)> {
+        let mut paths = unfinished();
+        let file = File::create_new(path)?;
+        paths.push(path.into());
+        Ok((file, Unfinished(path.into())))
+    }
+
+    /// A file of another process, which this one may outlive.
+    #[cfg(feature = "mpi")]
+    pub fn of_another(path: PathBuf) -> Self {
+        unfinished().push(path.clone());
+        Unfinished(path)
     }
 }
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner).retain(|path| *path != self.0);
+        unfinished().retain(|path| *path != self.0);
     }
 }
 
@@ -153,8 +169,14 @@ enum End {
     CopyTo(File),
 }
 
-/// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order.
-pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(Destination, Sink), OutputError> {
+/// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order. `announce` hears the
+/// absolute path of a hidden file before that is made.
+pub(super) fn open(
+    path: &Path,
+    existing: Existing,
+    seeking: bool,
+    announce: &mut dyn FnMut(&Path),
+) -> Result<(Destination, Sink), OutputError> {
     let failed = |error| OutputError::Write { path: path.into(), error };
     if existing == Existing::Keep && fs::symlink_metadata(path).is_ok() {
         return Err(OutputError::Exists { path: path.into() });
@@ -162,7 +184,7 @@ pub(super) fn open(path: &Path, existing: Existing, seeking: bool) -> Result<(De
     let (file, end) = match direct(path).map_err(failed)? {
         Some(target) if seeking => (tempfile::tempfile().map_err(failed)?, End::CopyTo(target)),
         Some(target) => (target, End::Nothing),
-        None => beside(path, existing)?,
+        None => beside(path, existing, announce)?,
     };
     let sink = Sink::new(file);
     Ok((Destination { sink: sink.clone(), end }, sink))
@@ -200,7 +222,7 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
 }
 
 /// A new file in the target's directory.
-fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
+fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> Result<(File, End), OutputError> {
     let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
     // A rename would not ask whether the old file may be written to.
     if fs::metadata(&target).is_ok_and(|metadata| metadata.permissions().readonly()) {
@@ -210,20 +232,16 @@ fn beside(path: &Path, existing: Existing) -> Result<(File, End), OutputError> {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".rayo-").suffix(".part");
-    #[cfg(unix)]
-    {
-        // tempfile's own default is for secrets (0600); the umask takes its part from this as from any new file.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let temporary = builder.tempfile_in(directory).map_err(|error| match error.kind() {
+    // A file as any other: tempfile's own are for secrets, which nobody else may read.
+    let make = |path: &Path| {
+        announce(path);
+        Unfinished::create(path)
+    };
+    let made = tempfile::Builder::new().prefix(".rayo-").suffix(".part").make_in(directory, make);
+    let ((file, _unfinished), temporary) = made.map(NamedTempFile::into_parts).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => OutputError::NoDirectory { path: path.into(), directory: directory.into() },
         error => OutputError::Directory { path: path.into(), directory: directory.into(), error },
     })?;
-    let (file, temporary) = temporary.into_parts();
-    let _unfinished = Unfinished::new(&temporary);
     Ok((file, End::Rename { temporary, target, existing, _unfinished }))
 }
 
@@ -248,15 +266,6 @@ impl Destination {
     /// on its way.
     pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
         OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
-    }
-
-    /// The hidden file, if it is one.
-    #[cfg(feature = "mpi")]
-    pub(super) fn unfinished(&self) -> Option<&Path> {
-        match &self.end {
-            End::Rename { temporary, .. } => Some(temporary),
-            End::Nothing | End::CopyTo(_) => None,
-        }
     }
 
     /// How long the system has taken so far to take what was written.

@@ -35,7 +35,7 @@ pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
-pub use view::{Setting, View};
+pub use view::{Setting, View, ViewError};
 
 use glam::{DVec3, Vec3, Vec3A};
 

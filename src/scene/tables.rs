@@ -12,7 +12,7 @@ use super::mesh::{Mesh, Placement};
 use super::open::no_area_of_mesh;
 use super::opened::NoArea;
 use super::parse::{Problem, Rule};
-use super::view::{NoView, View};
+use super::view::{View, ViewError};
 use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
 use crate::reference::geometry;
 
@@ -237,16 +237,11 @@ impl Reader<'_> {
             return (focal, film, DAffine3::IDENTITY);
         }
         let map = View { position, look_at, up }.to_camera().unwrap_or_else(|why| {
-            match why {
-                NoView::Direction => {
-                    let message = "the camera looks at where it stands, which is no direction";
-                    self.note(fields.span("look_at"), message, "a point other than the camera's position");
-                }
-                NoView::Up => {
-                    let message = "the camera's up is the direction of its view, or nothing";
-                    self.note(fields.span("up"), message, "a direction across the view, such as up = [0, 0, 1]");
-                }
-            }
+            let (key, expected) = match why {
+                ViewError::Up => ("up", "a direction across the view, such as up = [0, 0, 1]"),
+                _ => ("look_at", "a point other than the camera's position"),
+            };
+            self.note(fields.span(key), &why.to_string(), expected);
             DAffine3::IDENTITY
         });
         (focal, film, map)

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::mesh::{Mesh, MeshFormat};
-use super::{Camera, Light, Scene};
+use super::{Camera, Light, Scene, Triangle};
 
 /// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up, and z away.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,13 +16,18 @@ pub struct View {
     pub up: DVec3,
 }
 
-/// Why a view cannot be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum NoView {
+/// Why nothing can be seen from a view.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ViewError {
     /// It looks at where it is, or the distance is beyond numbers.
+    #[error("the camera looks at where it stands, which is no direction")]
     Direction,
     /// Up is nothing, or the direction of view.
+    #[error("the camera's up is the direction of its view, or nothing")]
     Up,
+    /// Whose place has no number: "sphere 2's centre", counted from 1 in the scene's order.
+    #[error("{0} leaves the range of f32, seen from the camera")]
+    Range(String),
 }
 
 impl View {
@@ -30,11 +35,14 @@ impl View {
     pub const AT_REST: View = View { position: DVec3::ZERO, look_at: DVec3::Z, up: DVec3::Y };
 
     /// The map from the world to the camera's frame: a rotation and a translation.
-    pub(super) fn to_camera(self) -> Result<DAffine3, NoView> {
-        let forward = (self.look_at - self.position).try_normalize().ok_or(NoView::Direction)?;
-        let up = self.up.try_normalize().ok_or(NoView::Up)?;
+    ///
+    /// # Errors
+    /// Where there is no direction to look in, or `up` does not tell which way is up in the picture.
+    pub fn to_camera(self) -> Result<DAffine3, ViewError> {
+        let forward = (self.look_at - self.position).try_normalize().ok_or(ViewError::Direction)?;
+        let up = self.up.try_normalize().ok_or(ViewError::Up)?;
         // An angle of less than about 1e-6 would leave little of the direction to the right.
-        let right = Some(up.cross(forward)).filter(|it| it.length() > 1e-6).ok_or(NoView::Up)?.normalize();
+        let right = Some(up.cross(forward)).filter(|it| it.length() > 1e-6).ok_or(ViewError::Up)?.normalize();
         let rows = DMat3::from_cols(right, forward.cross(right), forward).transpose();
         Ok(DAffine3::from_mat3_translation(rows, -(rows * self.position)))
     }
@@ -79,6 +87,73 @@ impl View {
     }
 }
 
+impl Scene {
+    /// What this scene, taken for a world, is to a camera that stands in it: the scene in the camera's frame, which is what
+    /// engines trace. Every point is moved in f64 and rounded once; [`View::AT_REST`] changes nothing.
+    ///
+    /// A camera that moves sees the same world from one view after the other:
+    ///
+    /// ```
+    /// use rayo::glam::{DVec3, Vec3};
+    /// use rayo::{Camera, Engine, Film, Light, PixelFormat, Scene, Sphere, View};
+    ///
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let world = Scene {
+    ///     name: "moon.png".into(),
+    ///     camera: Camera::new(64, 64, 1.0, 1.0)?,
+    ///     lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-50.0, 0.0, 0.0) }],
+    ///     spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::ZERO }],
+    ///     triangles: vec![],
+    /// };
+    /// // Half a turn around the sphere, from its lit side to its dark one.
+    /// let mut middle = Vec::new();
+    /// for degrees in [0.0_f64, 60.0, 120.0, 180.0] {
+    ///     let (sin, cos) = degrees.to_radians().sin_cos();
+    ///     let view = View { position: DVec3::new(-5.0 * cos, 0.0, -5.0 * sin), look_at: DVec3::ZERO, up: DVec3::Y };
+    ///     let scene = world.seen_from(view)?;
+    ///     let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
+    ///     Engine::fastest().prepare(None, &scene)?.rows(0..64, film.as_mut());
+    ///     middle.push(film.colour(32 * 64 + 32).levels()[0]);
+    /// }
+    /// assert!(middle[0] > 250 && middle[1] < middle[0] && middle[2..] == [0, 0], "{middle:?}");
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// As [`View::to_camera`], and where a point leaves the range of f32.
+    pub fn seen_from(&self, view: View) -> Result<Scene, ViewError> {
+        let to_camera = view.to_camera()?;
+        let mut scene = self.clone();
+        // Zeros keep their signs.
+        if to_camera == DAffine3::IDENTITY {
+            return Ok(scene);
+        }
+        let moved = |point: Vec3| to_camera.transform_point3(point.as_dvec3()).as_vec3();
+        let beyond = |thing, i, point| ViewError::Range(format!("{thing} {}'s {point}", i + 1));
+        for (i, light) in scene.lights.iter_mut().enumerate() {
+            light.position = moved(light.position);
+            if !light.position.is_finite() {
+                return Err(beyond("light", i, "position"));
+            }
+        }
+        for (i, sphere) in scene.spheres.iter_mut().enumerate() {
+            sphere.centre = moved(sphere.centre);
+            if !sphere.centre.is_finite() {
+                return Err(beyond("sphere", i, "centre"));
+            }
+        }
+        for (i, triangle) in scene.triangles.iter_mut().enumerate() {
+            let vertices = triangle.vertices.map(moved);
+            if !vertices.iter().all(|vertex| vertex.is_finite()) {
+                return Err(beyond("triangle", i, "vertices"));
+            }
+            *triangle = Triangle::of_moved(triangle.colour, triangle.has_no_area(), vertices);
+        }
+        Ok(scene)
+    }
+}
+
 /// The way from a mesh alone to a scene: how it stands in the world, and from where it is seen.
 pub struct Setting {
     /// The mesh in the world.
@@ -110,5 +185,73 @@ impl Setting {
         let position = to_camera.transform_point3(self.light).as_vec3();
         let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
         Some(Scene { name, camera, lights, spheres: Vec::new(), triangles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::many;
+    use super::*;
+
+    #[test]
+    fn at_rest_a_scene_is_seen_as_it_is_to_the_last_bit() {
+        let mut scene = many(20, 20, 3);
+        scene.spheres[0].centre.x = -0.0;
+        let seen = scene.seen_from(View::AT_REST).unwrap();
+        assert_eq!(seen, scene);
+        assert!(seen.spheres[0].centre.x.is_sign_negative());
+    }
+
+    #[test]
+    fn a_camera_that_steps_back_and_turns_round_sees_what_was_behind_it_in_front_and_the_sides_exchanged() {
+        let scene = many(5, 5, 3);
+        let view = View { position: DVec3::new(0.0, 0.0, 8.0), look_at: DVec3::ZERO, up: DVec3::Y };
+        let seen = scene.seen_from(view).unwrap();
+        let expected = |point: Vec3| Vec3::new(-point.x, point.y, 8.0 - point.z);
+        for (seen, object) in seen.spheres.iter().zip(&scene.spheres) {
+            assert_eq!(
+                (seen.centre, seen.radius, seen.colour),
+                (expected(object.centre), object.radius, object.colour)
+            );
+        }
+        for (seen, object) in seen.triangles.iter().zip(&scene.triangles) {
+            assert_eq!((seen.vertices, seen.colour), (object.vertices.map(expected), object.colour));
+        }
+        for (seen, light) in seen.lights.iter().zip(&scene.lights) {
+            assert_eq!(*seen, Light { position: expected(light.position), ..*light });
+        }
+        assert_eq!((seen.camera, &seen.name), (scene.camera, &scene.name));
+    }
+
+    #[test]
+    fn a_triangle_of_no_area_has_none_from_anywhere() {
+        let mut scene = many(0, 1, 1);
+        scene.triangles[0].vertices = [1.0, 2.0, 7.0].map(|z| z * Vec3::new(77.0, 179.0, 256.0));
+        assert!(scene.triangles[0].has_no_area());
+        for x in 1..50 {
+            let view = View { position: DVec3::new(0.1 * f64::from(x), 1.0, -2.0), look_at: DVec3::Z, up: DVec3::Y };
+            assert!(scene.seen_from(view).unwrap().triangles[0].has_no_area(), "x = {x}");
+        }
+    }
+
+    #[test]
+    fn a_view_of_nothing_and_a_place_beyond_f32_are_errors_that_name_it() {
+        let mut scene = many(2, 1, 1);
+        let seen = |scene: &Scene, view| scene.seen_from(view).unwrap_err().to_string();
+        let still = View { look_at: DVec3::ZERO, ..View::AT_REST };
+        assert_eq!(seen(&scene, still), "the camera looks at where it stands, which is no direction");
+        let nan = View { position: DVec3::NAN, ..View::AT_REST };
+        assert_eq!(scene.seen_from(nan), Err(ViewError::Direction));
+        for up in [DVec3::Z, DVec3::ZERO, DVec3::NAN] {
+            assert_eq!(scene.seen_from(View { up, ..View::AT_REST }), Err(ViewError::Up), "{up}");
+        }
+        let behind = View { position: DVec3::new(0.0, 0.0, -3e38), look_at: DVec3::ZERO, up: DVec3::Y };
+        scene.spheres[1].centre.z = 3e38;
+        assert_eq!(seen(&scene, behind), "sphere 2's centre leaves the range of f32, seen from the camera");
+        scene.spheres[1].centre.z = 3.0;
+        scene.triangles[0].vertices[2].z = 3e38;
+        assert_eq!(scene.seen_from(behind), Err(ViewError::Range("triangle 1's vertices".into())));
+        scene.lights[0].position.z = 3e38;
+        assert_eq!(scene.seen_from(behind), Err(ViewError::Range("light 1's position".into())));
     }
 }

@@ -8,30 +8,51 @@ use super::run::{Prepared, failure, interrupted, prepare, settings};
 use super::table::EXPLANATION;
 use crate::cli::essay::{cpu, filled, part};
 use crate::cli::measuring::{bar, create_directory, write_results};
+use crate::cli::party::Party;
 use crate::cli::table::{self, Column, Table};
 use crate::cli::{Failure, print_result};
 use crate::experiments::claims::Axis;
-use crate::experiments::complexity::{self, Complexity, Growth, Settings, Slope, ZEROS, lines, plot};
+use crate::experiments::complexity::{self, Complexity, Growth, LINES, Measured, Settings, Slope, ZEROS, lines, plot};
+use crate::measure::Clock;
 
-pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    let engines = settings(args)?.engines;
+/// Every line by whoever is free, until `proceed`, which hears of each picture, says no: its rows, and whether these are all.
+pub fn measure(
+    party: &Party,
+    settings: &Settings,
+    clock: &mut (impl Clock + Send),
+    mut proceed: impl FnMut(u64) -> bool + Send,
+) -> Result<(Vec<Growth>, bool), Failure> {
+    let mut rows = Vec::new();
+    let work = |line| complexity::measure(settings, line, clock, &mut proceed).map_err(failure);
+    let complete = party.cells(LINES, work, |mut measured: Measured, cpu| {
+        measured.rows.iter_mut().for_each(|row| row.cpu = cpu.map(str::to_owned));
+        rows.extend(measured.rows);
+        measured.complete
+    })?;
+    Ok((rows, complete))
+}
+
+pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
+    let engines = party.agree(settings(args))?.engines;
     let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), &engines);
     if settings.engines.is_empty() {
         return Err(Failure::input(
             "--complexity is for packet engines, and none is among these: name sse41, avx2 or avx512",
         ));
     }
-    create_directory(&args.out)?;
-    let Prepared { mut clock, stop, machine, .. } = prepare()?;
+    party.run_alike(&settings.engines.iter().map(|engine| engine.name()).collect::<Vec<_>>())?;
+    party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
+    let Prepared { mut clock, stop, machine, .. } = party.agree(prepare(party))?;
     let bar = bar(settings.work());
-    let mut rows = Vec::new();
-    let mut proceed = |work| {
+    let proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)
     };
-    let complete = complexity::run(&settings, &mut clock, &mut proceed, &mut |finished| rows.extend(finished));
-    let complete = complete.map_err(failure)?;
+    let (rows, complete) = measure(party, &settings, &mut clock, proceed)?;
     bar.finish_and_clear();
+    if !party.leads() {
+        return Ok(ExitCode::SUCCESS);
+    }
     if rows.is_empty() {
         let message = "stopped before the first picture was finished: there is nothing to show".into();
         return Err(Failure { message, status: 130 });

@@ -8,7 +8,8 @@ use std::time::Instant;
 
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::measuring::{bar, create_directory, pin, stop_on_ctrl_c, write_file, write_results};
+use crate::cli::measuring::{bar, create_directory, pin, write_file, write_results};
+use crate::cli::party::Party;
 use crate::cli::{Failure, print_result, say};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
@@ -24,7 +25,7 @@ const FEW_ROUNDS: usize = 25;
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     let settings = settings(args)?;
     create_directory(&args.out)?;
-    let mut prepared = prepare()?;
+    let mut prepared = prepare(&Party::ALONE)?;
     let stop = Arc::clone(&prepared.stop);
     let bar = bar(work(args, &settings));
     let document = measure(args, &settings, &mut prepared, &mut |work| {
@@ -62,12 +63,12 @@ pub struct Prepared {
     pub core: Option<usize>,
 }
 
-pub fn prepare() -> Result<Prepared, Failure> {
+pub fn prepare(party: &Party) -> Result<Prepared, Failure> {
     let clock = TscClock::new().ok_or_else(no_clock)?;
-    let stop = stop_on_ctrl_c()?;
+    let stop = party.stop_on_ctrl_c()?;
     let machine = Machine::this();
     let cores = cores()?;
-    Ok(Prepared { clock, stop, machine, cores, core: pin() })
+    Ok(Prepared { clock, stop, machine, cores, core: if party.is_alone() { pin() } else { None } })
 }
 
 pub fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {

@@ -1,33 +1,80 @@
-//! The listings of `rayo ops --asm`, side by side.
+//! The listings of `rayo ops`: operations side by side, and one function beside its source.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use crate::experiments::ops::{Counts, Line, OPS, Report};
+use crate::cli::styled;
+use crate::experiments::ops::{Counts, Kernel, Line, OPS, Report, Source};
+use crate::measure::instructions::Function;
 
-/// The least and the most columns beside each other.
-const ABREAST: (usize, usize) = (2, 4);
+/// The fewest columns beside each other.
+const ABREAST: usize = 2;
+/// Columns of a label, and what the text of most instructions takes at most.
+const LABEL: usize = 5;
+const TEXT: usize = 44;
+
+const BOLD: &str = "1";
+const DIM: &str = "2";
+const YELLOW: &str = "33";
+const CYAN: &str = "36";
+
+/// An instruction as it is printed.
+struct Shown<'a> {
+    line: &'a Line,
+    /// The label before it, if another jumps here.
+    label: String,
+    /// Its text, with the label of where it jumps to.
+    text: String,
+    /// Whether the first column has it too.
+    common: bool,
+}
+
+/// The lines of a function, with labels in place of offsets.
+fn shown(listing: &[Line]) -> Vec<Shown<'_>> {
+    let targets: BTreeSet<_> = listing.iter().filter_map(|line| line.target).collect();
+    let labels: Vec<_> = listing.iter().map(|line| line.offset).filter(|offset| targets.contains(offset)).collect();
+    let label = |offset| Some(format!(".{}", 1 + labels.binary_search(&offset).ok()?));
+    let text = |line: &Line| {
+        let operation = line.text.split(' ').next().unwrap_or_default();
+        line.target.and_then(label).map_or(line.text.clone(), |label| format!("{operation} {label}"))
+    };
+    let shown = |line| Shown {
+        line,
+        label: label(line.offset).map_or(String::new(), |label| label + ":"),
+        text: text(line),
+        common: true,
+    };
+    listing.iter().map(shown).collect()
+}
 
 /// The listing of each operation, in lines of so many characters.
-pub fn text(report: &Report, width: usize) -> String {
+pub fn text(report: &Report, width: usize, colour: bool) -> String {
     let mut text = String::new();
+    let mut side_by_side = false;
     for op in OPS {
         let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty()).collect();
         // What the others are held against: the paper's macros, or else the first.
         let Some(base) = rows.iter().find(|row| row.implementation == "paper").or(rows.first()) else { continue };
         let others: Vec<_> = rows.iter().filter(|row| row.implementation != base.implementation).collect();
-        writeln!(text, "{op}").unwrap();
+        writeln!(text, "{}", styled(colour, BOLD, op)).unwrap();
         if others.is_empty() {
-            band(&mut text, base, &[], width);
+            writeln!(text, "{}", styled(colour, BOLD, &title(base))).unwrap();
+            beside_source(&mut text, &base.listing, width, colour);
+            continue;
         }
+        side_by_side = true;
         // As many as fit without cutting a line off, as far as that goes.
-        let lines = rows.iter().flat_map(|row| &row.listing);
-        let longest = lines.map(|line| cell(line, true).chars().count()).max().unwrap_or(0);
-        let abreast = (width / (longest + 1)).clamp(ABREAST.0, ABREAST.1).min(rows.len());
-        for others in others.chunks((abreast - 1).max(1)) {
-            band(&mut text, base, others, width / abreast);
+        let longest = rows.iter().flat_map(|row| shown(&row.listing)).map(|line| cell(&line).chars().count()).max();
+        let abreast = (width / (longest.unwrap_or(0) + 1)).clamp(ABREAST, rows.len());
+        for others in others.chunks(abreast - 1) {
+            band(&mut text, base, others, width / abreast, colour);
         }
     }
-    text += "|  part of the body     *  not in the first column, or not in that order\n";
+    text += "|  part of the body";
+    text += if side_by_side { "     *  not in the first column, or not in that order\n" } else { "\n" };
+    if side_by_side {
+        text += "one --engine alone, or --kernel, has the source beside each instruction\n";
+    }
     if report.rows.iter().flat_map(|row| &row.listing).any(|line| line.executed.is_some()) {
         text += "numbers at the left of a line: how often a call on the common path executes it\n";
     }
@@ -37,31 +84,101 @@ pub fn text(report: &Report, width: usize) -> String {
     text
 }
 
+/// The listings of functions of the objects.
+pub fn kernels(kernels: &[Kernel], width: usize, colour: bool) -> String {
+    let mut text = String::new();
+    for Kernel { function: Function { object, symbol, bytes }, instructions, listing } in kernels {
+        let about = format!(" in {object}: {instructions} instructions, {bytes} bytes");
+        writeln!(text, "{}{about}", styled(colour, BOLD, symbol)).unwrap();
+        beside_source(&mut text, listing, width, colour);
+    }
+    text
+}
+
+/// What there is to list, a line for each.
+pub fn symbols(functions: &[Function]) -> String {
+    let longest = functions.iter().map(|function| function.symbol.len()).max().unwrap_or(0);
+    let line =
+        |Function { object, symbol, bytes }: &Function| format!("{symbol:<longest$} {bytes:>7} bytes  {object}\n");
+    functions.iter().map(line).collect()
+}
+
+fn title(row: &Counts) -> String {
+    format!("  {} ({})", row.implementation, row.listing.len())
+}
+
+/// A function, an instruction in each line, and its source behind it.
+fn beside_source(text: &mut String, listing: &[Line], width: usize, colour: bool) {
+    let lines = shown(listing);
+    let longest = lines.iter().map(|line| cell(line).chars().count()).max().unwrap_or(0).min(LABEL + TEXT);
+    for line in lines {
+        let cell = cell(&line);
+        let style = if line.line.target.is_some() { CYAN } else { "" };
+        let shown = if style.is_empty() { cell.clone() } else { styled(colour, style, &cell) };
+        let taken = cell.chars().count().max(longest) + 2;
+        let gap = " ".repeat(taken - cell.chars().count());
+        let source = line.line.source.as_ref().map_or(String::new(), |it| origin(it, width.saturating_sub(taken)));
+        let gap = if source.is_empty() { "" } else { &gap };
+        writeln!(text, "{shown}{gap}{}", styled(colour, DIM, &source)).unwrap();
+    }
+    writeln!(text).unwrap();
+}
+
+/// File, line and macros, the innermost first, as many as there is room for.
+fn origin(Source { file, line, macros, .. }: &Source, room: usize) -> String {
+    let file = file.rsplit('/').next().unwrap_or_default();
+    let mut origin = if file.is_empty() { String::new() } else { format!("{file}:{line}") };
+    for (depth, name) in macros.iter().rev().enumerate() {
+        let more = format!("{}{name}", if depth == 0 { "  " } else { " < " });
+        if origin.chars().count() + more.chars().count() > room {
+            break;
+        }
+        origin += &more;
+    }
+    if origin.chars().count() > room { String::new() } else { origin }
+}
+
 /// A line as it is printed.
-fn cell(line: &Line, common: bool) -> String {
+fn cell(Shown { line, label, text, common }: &Shown<'_>) -> String {
     let times = line.executed.map_or(String::new(), |times| format!("{times} "));
-    format!("{}{}{times}{}", if common { ' ' } else { '*' }, if line.body { '|' } else { ' ' }, line.text)
+    let marks = [if *common { ' ' } else { '*' }, if line.body { '|' } else { ' ' }].iter().collect::<String>();
+    format!("{label:<LABEL$}{marks}{times}{text}")
 }
 
 /// Listings beside each other, each in so many characters, a space at the end included.
-fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize) {
+fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, colour: bool) {
     let width = width - 1;
-    let lines_of = |row: &Counts| row.listing.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
-    let base_lines = lines_of(base);
-    let mut columns = vec![(base, vec![true; base_lines.len()])];
-    columns.extend(others.iter().map(|row| (**row, common(&base_lines, &lines_of(row)))));
-    let mut line = String::new();
-    for (row, _) in &columns {
-        write!(line, "{:<width$} ", format!("  {} ({})", row.implementation, row.listing.len())).unwrap();
+    let base_lines = shown(&base.listing);
+    let texts = |lines: &[Shown<'_>]| lines.iter().map(|line| line.text.clone()).collect::<Vec<_>>();
+    let base_texts = texts(&base_lines);
+    let mut columns = vec![(base, base_lines)];
+    for row in others {
+        let mut lines = shown(&row.listing);
+        let common = common(&base_texts, &texts(&lines));
+        lines.iter_mut().zip(common).for_each(|(line, common)| line.common = common);
+        columns.push((row, lines));
     }
-    writeln!(text, "{}", line.trim_end()).unwrap();
-    for i in 0..columns.iter().map(|(row, _)| row.listing.len()).max().unwrap_or(0) {
-        let mut line = String::new();
-        for (row, common) in &columns {
-            let cell = row.listing.get(i).map_or(String::new(), |line| cell(line, common[i]));
-            write!(line, "{cell:<width$.width$} ").unwrap();
+    let heads: String = columns.iter().map(|(row, _)| format!("{:<width$} ", title(row))).collect();
+    writeln!(text, "{}", styled(colour, BOLD, heads.trim_end())).unwrap();
+    for i in 0..columns.iter().map(|(_, lines)| lines.len()).max().unwrap_or(0) {
+        let cells = columns.iter().map(|(_, lines)| {
+            let cell = lines.get(i).map_or(String::new(), cell);
+            let style = lines.get(i).map_or("", |line| match () {
+                () if !line.line.body => DIM,
+                () if !line.common => YELLOW,
+                () => "0",
+            });
+            (format!("{cell:<width$.width$} "), style)
+        });
+        let mut cells: Vec<_> = cells.collect();
+        while cells.last().is_some_and(|(cell, _)| cell.trim().is_empty()) {
+            cells.pop();
         }
-        writeln!(text, "{}", line.trim_end()).unwrap();
+        if let Some((last, _)) = cells.last_mut() {
+            last.truncate(last.trim_end().len());
+        }
+        let line: String = cells.iter().map(|(cell, style)| styled(colour && *style != "0", style, cell)).collect();
+        writeln!(text, "{line}").unwrap();
     }
     writeln!(text).unwrap();
 }
@@ -92,7 +209,8 @@ fn common(a: &[String], b: &[String]) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::common;
+    use super::{common, shown};
+    use crate::experiments::ops::Line;
 
     #[test]
     fn lines_are_common_where_they_come_in_the_same_order() {
@@ -100,5 +218,26 @@ mod tests {
         assert_eq!(common(&lines("a b c d"), &lines("a x c d")), [true, false, true, true]);
         assert_eq!(common(&lines("a b"), &lines("b a")), [true, false]);
         assert_eq!(common(&lines("a"), &lines("b c")), [false, false]);
+    }
+
+    #[test]
+    fn what_jumps_names_a_label_where_its_target_is_listed_and_a_number_elsewhere() {
+        let line = |offset, text: &str, target| Line {
+            offset,
+            text: text.into(),
+            body: false,
+            executed: None,
+            target,
+            source: None,
+        };
+        let listing = [
+            line(0, "jne 5", Some(5)),
+            line(2, "jmp 40h", Some(64)),
+            line(5, "dec eax", None),
+            line(7, "jg 5", Some(5)),
+        ];
+        let shown: Vec<_> = shown(&listing).into_iter().map(|line| (line.label, line.text)).collect();
+        let expected = [("", "jne .1"), ("", "jmp 40h"), (".1:", "dec eax"), ("", "jg .1")];
+        assert_eq!(shown, expected.map(|(label, text)| (label.to_owned(), text.to_owned())));
     }
 }

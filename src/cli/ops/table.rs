@@ -97,7 +97,7 @@ pub fn text(report: &Report, detail: bool, executed: bool, columns: usize) -> St
             paths(&mut text, op, &rows, columns);
         }
     }
-    critical_paths(&mut text, report);
+    critical_paths(&mut text, report, columns);
     frames(&mut text, report);
     notes(&mut text, report, executed, &empty);
     text
@@ -214,15 +214,26 @@ fn paths(text: &mut String, op: &str, rows: &[&Counts], columns: usize) {
     }
 }
 
-fn critical_paths(text: &mut String, report: &Report) {
-    let mut first = true;
-    for row in &report.rows {
-        if let Some(path) = &row.critical_path {
-            if std::mem::take(&mut first) {
-                writeln!(text, "\nCritical paths").unwrap();
-            }
-            writeln!(text, "  {:<10}{:<8}{path}", row.op, row.implementation).unwrap();
-        }
+/// Those that have more than one operation; implementations that share one are in one line, and the others in a last line.
+fn critical_paths(text: &mut String, report: &Report, columns: usize) {
+    let rows = report.rows.iter().filter_map(|row| Some((row, row.critical_path.as_ref()?)));
+    let (chains, single): (Vec<_>, Vec<_>) = rows.partition(|(_, path)| path.contains("->"));
+    if chains.is_empty() && single.is_empty() {
+        return;
+    }
+    writeln!(text, "\nCritical paths").unwrap();
+    for alike in chains.chunk_by(|(a, a_path), (b, b_path)| (a.op, a_path) == (b.op, b_path)) {
+        let names: Vec<_> = alike.iter().map(|(row, _)| row.implementation).collect();
+        let (row, path) = alike[0];
+        let names = format!("  {:<10}{:<14}", row.op, names.join(", "));
+        let fits = names.len() + 2 + path.len() <= columns;
+        let (names, gap) = if fits { (&*names, "  ") } else { (names.trim_end(), "\n            ") };
+        writeln!(text, "{names}{gap}{path}").unwrap();
+    }
+    let mut ops: Vec<_> = single.iter().map(|(row, _)| row.op).collect();
+    ops.dedup();
+    if !ops.is_empty() {
+        writeln!(text, "  of one operation: {}", ops.join(", ")).unwrap();
     }
 }
 

@@ -134,6 +134,20 @@ fn figure(svg: Result<String, PlotError>, label: &str) -> Result<Markup, PlotErr
     })
 }
 
+/// A section of one stage: its words, what of it is missing, and its `content`; or why there is nothing of it.
+fn section<T>(
+    results: &Results,
+    (stage, title, id): (Stage, &'static str, &'static str),
+    of: &Option<T>,
+    content: impl FnOnce(&T) -> Result<Markup, PlotError>,
+) -> Result<Section, PlotError> {
+    let content = match of {
+        None => absent(results, stage),
+        Some(of) => html! { (explained(id)) (partly(results, stage)) (content(of)?) },
+    };
+    Ok(Section { title, id, content })
+}
+
 /// Why a part is not there.
 fn absent(results: &Results, stage: Stage) -> Markup {
     let reason = results.missing.get(stage.name()).map_or("not among these results", String::as_str);

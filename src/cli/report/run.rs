@@ -6,11 +6,12 @@ use std::time::Instant;
 
 use indicatif::ProgressBar;
 
-use crate::cli::Failure;
 use crate::cli::experiment::ExperimentArgs;
 use crate::cli::experiment::run::{self, Prepared};
 use crate::cli::measuring::{announce, bar, bar_style};
+use crate::cli::party::Party;
 use crate::cli::step::text;
+use crate::cli::{self, Failure};
 use crate::experiments::accuracy::subjects;
 use crate::experiments::ops::{self, Options};
 use crate::experiments::report::{Left, Planned, Results, Stage, Told};
@@ -83,7 +84,7 @@ pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     let total: f64 = Stage::ALL.map(seconds).iter().map(|(few, many)| if quick { few } else { many }).sum();
     // Threads that were started after this one is pinned would share its core.
     rayon::broadcast(|_| ());
-    let mut prepared = run::prepare()?;
+    let mut prepared = run::prepare(&Party::ALONE)?;
     announce(total, (!quick).then_some("--quick"));
     let bar = bar(total as u64);
     bar.set_style(bar_style("{msg:10} {percent:>3} %, {eta} left"));
@@ -147,10 +148,9 @@ fn measure(
         Stage::Accuracy => {
             let subjects = subjects::all(quick);
             let hz = machine.tsc_hz.ok_or_else(|| Failure::input("the time-stamp counter's rate is not known"))?;
-            let mut proceed = |work| course.done(work, subjects.len() as u64);
-            let clock: &mut TscClock = &mut prepared.clock;
-            let document = accuracy::sweep(&subjects, quick, machine, clock, (hz, true), &mut proceed);
-            let document = document.map_err(Failure::input)?;
+            let proceed = |work| course.done(work, subjects.len() as u64);
+            let clock = (&mut prepared.clock, hz, true);
+            let document = cli::accuracy::measure(&Party::ALONE, &subjects, quick, machine, clock, proceed)?;
             let complete = document.complete;
             results.accuracy = (!document.rows.is_empty()).then_some(document);
             complete
@@ -165,7 +165,8 @@ fn measure(
                 limits: Limits::checked_in(),
             };
             let all = settings.families.iter().map(|family| family.levels.len() as u64).sum();
-            let document = stability::sweep(&settings, &mut || course.done(1, all)).map_err(Failure::input)?;
+            let proceed = || course.done(1, all);
+            let document = cli::stability::sweep(&Party::ALONE, &settings, proceed)?;
             let complete = document.complete;
             results.stability = Some(document);
             complete
@@ -173,11 +174,9 @@ fn measure(
         Stage::Complexity => {
             let engines: Vec<Engine> = Engine::ALL.iter().copied().filter(|engine| engine.usable()).collect();
             let settings = complexity::Settings::new(quick, None, &engines);
-            let mut rows = Vec::new();
-            let mut proceed = |work| course.done(work, settings.work());
-            let complete =
-                complexity::run(&settings, &mut prepared.clock, &mut proceed, &mut |finished| rows.extend(finished))
-                    .map_err(run::failure)?;
+            let proceed = |work| course.done(work, settings.work());
+            let measured = cli::experiment::complexity::measure(&Party::ALONE, &settings, &mut prepared.clock, proceed);
+            let (rows, complete) = measured?;
             results.complexity = Some(complexity::Complexity::new(machine, &settings, complete, rows));
             complete
         }

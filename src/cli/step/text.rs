@@ -1,5 +1,6 @@
 //! The tree of `rayo step` in lines of text.
 
+use crate::cli::styled;
 use crate::experiments::step::{Argument, Change, Line, Node, Value, Watched};
 use crate::measure::instructions::Mix;
 
@@ -17,7 +18,7 @@ pub struct How {
 
 impl How {
     fn styled(&self, code: &str, text: &str) -> String {
-        if self.colour && !text.is_empty() { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.into() }
+        styled(self.colour, code, text)
     }
 
     fn dim(&self, text: &str) -> String {

@@ -3,7 +3,9 @@
 use plotters::prelude::*;
 
 use super::Report;
-use crate::experiments::svg::{Entry, FONT, GREY, Mark, ORANGE, PlotError, SMALL, around, axes, colour_of, draw, head};
+use crate::experiments::svg::{
+    Entry, FONT, GREY, Mark, ORANGE, PlotError, SMALL, around, colour_of, draw, head, log_chart,
+};
 
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 560;
@@ -51,12 +53,11 @@ pub fn figure(report: &Report) -> Result<String, PlotError> {
     let y = around(marks.iter().map(|(.., at)| at.1), (0.6, 1.8));
     draw(WIDTH, HEIGHT, |area| {
         let area = head(area, "Fewer instructions are not always faster", &entries)?;
-        let mut chart = ChartBuilder::on(&area)
-            .margin(12)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
-        axes(&mut chart, "instructions for each vector", "core cycles for each vector, many independent")?;
+        let mut chart = log_chart(
+            &area,
+            (x.clone(), "instructions for each vector"),
+            (y.clone(), "core cycles for each vector, many independent"),
+        )?;
         let (low, high) = (x.start.max(y.start), x.end.min(y.end));
         chart.draw_series(LineSeries::new([(low, low), (high, high)], GREY.stroke_width(1)))?;
         for (op, implementation, mark, at) in &marks {

@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 
 use super::Roofline;
-use crate::experiments::svg::{FONT, GREY, Mark, PlotError, SMALL, around, axes, colour_of, draw, head};
+use crate::experiments::svg::{FONT, GREY, Mark, PlotError, SMALL, around, colour_of, draw, head, log_chart};
 
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 560;
@@ -32,12 +32,11 @@ pub fn figure(roofline: &Roofline) -> Result<String, PlotError> {
     let x = around(points.iter().map(|point| at(point).0).chain([0.1, 100.0]), (0.7, 1.5));
     draw(WIDTH, HEIGHT, |area| {
         let area = head(area, "Roofline: arithmetic of f32 against what is written, one thread", &entries)?;
-        let mut chart = ChartBuilder::on(&area)
-            .margin(12)
-            .x_label_area_size(44)
-            .y_label_area_size(64)
-            .build_cartesian_2d(x.clone().log_scale(), (0.5 * lowest..2.0 * highest).log_scale())?;
-        axes(&mut chart, "operations by the byte of the picture", "operations in a TSC cycle")?;
+        let mut chart = log_chart(
+            &area,
+            (x.clone(), "operations by the byte of the picture"),
+            (0.5 * lowest..2.0 * highest, "operations in a TSC cycle"),
+        )?;
         let words = |x: f64, y: f64, text: String| Text::new(text, (x, y), (FONT, SMALL));
         for peak in peaks {
             let level = peak.flops_per_cycle;

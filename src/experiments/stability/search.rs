@@ -1,5 +1,7 @@
 //! The adversarial search: a scene is perturbed at random, and what is worse than before is kept.
 
+use std::fmt::{self, Display, Formatter};
+
 use glam::Vec3;
 
 use crate::experiments::PictureError;
@@ -15,6 +17,16 @@ pub struct Badness {
     pub bound_share: f64,
     /// Pixels off by a level.
     pub off_by_1: usize,
+}
+
+impl Display for Badness {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Badness { wrong, bound_share, off_by_1 } = self;
+        write!(
+            f,
+            "{wrong} rays or pixels wrong, t off by at most {bound_share:.2} of its bound, {off_by_1} pixels off by a level"
+        )
+    }
 }
 
 /// What one of `contenders` at its worst makes of a scene.

@@ -11,7 +11,7 @@ use super::shadow::{ElementError, StepError};
 use super::slice;
 use crate::kernels::step::{State, Step};
 use crate::measure::instructions::{self, Instruction};
-use crate::measure::source::{Call, Macro, Parameter, Unit};
+use crate::measure::source::{self, Call, Macro, Parameter, Unit};
 
 /// An instruction that was executed.
 #[derive(Clone, Debug, Serialize)]
@@ -377,15 +377,9 @@ pub struct Origin {
     memory: String,
 }
 
-/// Whether a macro is no more than a word for an instruction, or a brace around some.
-fn is_plain(of: &Macro) -> bool {
-    let words = ["asm/include/isa.inc", "asm/include/packet.inc"];
-    words.contains(&of.file) || ["OPERATION", "END_OPERATION", "DISTINCT"].contains(&of.name)
-}
-
 impl Origin {
     pub fn of(unit: &'static Unit, rip: u64) -> Self {
-        let Some(line) = unit.line(rip as usize) else {
+        let Some(source::Origin { calls, number, text, comment }) = unit.origin(rip as usize) else {
             let nothing = String::new();
             return Origin {
                 file: "",
@@ -396,14 +390,6 @@ impl Origin {
                 memory: nothing,
             };
         };
-        let mut calls = unit.calls_of(line);
-        let (mut number, mut text, mut comment) = (line.number, line.text, line.comment);
-        while let Some(&last) = calls.last()
-            && is_plain(&unit.macros[unit.calls[last].of])
-        {
-            Call { line: number, text, comment, .. } = unit.calls[last];
-            calls.pop();
-        }
         let within = calls.last().map(|&call| &unit.calls[call]);
         let source = in_words(text, within, within.map_or(&[], |call| &unit.macros[call.of].parameters));
         let memory = source.find('[').and_then(|start| Some(&source[start..=start + source[start..].find(']')?]));

@@ -2,22 +2,16 @@
 
 use maud::{Markup, html};
 
-use super::{Section, absent, explained, partly, words};
+use super::{Section, section, words};
 use crate::cli::table::Table;
 use crate::experiments::gallery::{Shot, Shown};
 use crate::experiments::report::{Planned, Results, Stage};
 use crate::experiments::svg::PlotError;
 
 pub fn plans(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.plans {
-        None => absent(results, Stage::Plans),
-        Some(plans) => html! {
-            (explained("plans"))
-            (partly(results, Stage::Plans))
-            @for plan in plans { (of_scene(plan)) }
-        },
-    };
-    Ok(Section { title: "What a scene does not need", id: "plans", content })
+    section(results, (Stage::Plans, "What a scene does not need", "plans"), &results.plans, |plans| {
+        Ok(html! { @for plan in plans { (of_scene(plan)) } })
+    })
 }
 
 fn of_scene(plan: &Planned) -> Markup {
@@ -43,14 +37,9 @@ fn of_scene(plan: &Planned) -> Markup {
 }
 
 pub fn gallery(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.gallery {
-        None => absent(results, Stage::Gallery),
-        Some(gallery) => html! {
-            (explained("gallery"))
-            div.gallery { @for (number, shown) in gallery.iter().enumerate() { (flip(shown, number)) } }
-        },
-    };
-    Ok(Section { title: "The scenes by every engine", id: "gallery", content })
+    section(results, (Stage::Gallery, "The scenes by every engine", "gallery"), &results.gallery, |gallery| {
+        Ok(html! { div.gallery { @for (number, shown) in gallery.iter().enumerate() { (flip(shown, number)) } } })
+    })
 }
 
 /// A picture of a set to flip through.
@@ -96,12 +85,8 @@ fn flip(shown: &Shown, number: usize) -> Markup {
 }
 
 pub fn ray(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.ray {
-        None => absent(results, Stage::Ray),
-        Some(told) => html! {
-            (explained("ray"))
-            details { summary { (words(&format!("`{}`", told.command))) } pre.wide tabindex="0" { (told.text) } }
-        },
-    };
-    Ok(Section { title: "One ray watched", id: "ray", content })
+    section(results, (Stage::Ray, "One ray watched", "ray"), &results.ray, |told| {
+        let command = words(&format!("`{}`", told.command));
+        Ok(html! { details { summary { (command) } pre.wide tabindex="0" { (told.text) } } })
+    })
 }

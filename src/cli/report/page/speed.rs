@@ -2,7 +2,7 @@
 
 use maud::html;
 
-use super::{Section, absent, explained, figure, partly, words};
+use super::{Section, absent, explained, figure, partly, section, words};
 use crate::cli::table::{Column, Table};
 use crate::experiments::complexity::{Slope, plot};
 use crate::experiments::report::{Results, Stage};
@@ -11,16 +11,14 @@ use crate::experiments::svg::PlotError;
 use crate::experiments::threads::OnThreads;
 
 pub fn roofline(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.roofline {
-        None => absent(results, Stage::Roofline),
-        Some(roofline) => html! {
-            (explained("roofline"))
-            (figure(roofline::plot::figure(roofline), "Operations on numbers in a cycle against operations by the byte written.")?)
+    section(results, (Stage::Roofline, "How near the machine's limits", "roofline"), &results.roofline, |roofline| {
+        let label = "Operations on numbers in a cycle against operations by the byte written.";
+        Ok(html! {
+            (figure(roofline::plot::figure(roofline), label)?)
             @if let Some(reason) = &roofline.uncounted { p.absent { "No kernel is on it: " (words(reason)) "." } }
             details { summary { "The same in figures" } (points(roofline).html()) (limits(roofline).html()) }
-        },
-    };
-    Ok(Section { title: "How near the machine's limits", id: "roofline", content })
+        })
+    })
 }
 
 fn points(roofline: &Roofline) -> Table {

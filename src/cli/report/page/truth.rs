@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{Section, absent, explained, figure, partly};
+use super::{Section, figure, section};
 use crate::experiments::accuracy::plot;
 use crate::experiments::report::{Results, Stage};
 use crate::experiments::stability::plot::{SHADES, shade};
@@ -12,26 +12,20 @@ use crate::scene::families::family;
 
 /// One panel large, the others to be opened.
 pub fn accuracy(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.accuracy {
-        None => absent(results, Stage::Accuracy),
-        Some(document) => {
-            let panels = plot::panels(&document.rows);
-            // Of all scenes the far spheres show most: there the paper's formula loses its digits.
-            let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
-            html! {
-                (explained("accuracy"))
-                (partly(results, Stage::Accuracy))
-                @if let Some(panel) = panels.get(chosen) { (figure(plot::one_figure(panel), &label(&panel.0))?) }
-                @for (_, panel) in panels.iter().enumerate().filter(|(place, _)| *place != chosen) {
-                    details {
-                        summary { (panel.0) }
-                        (figure(plot::one_figure(panel), &label(&panel.0))?)
-                    }
+    section(results, (Stage::Accuracy, "Error against run time", "accuracy"), &results.accuracy, |document| {
+        let panels = plot::panels(&document.rows);
+        // Of all scenes the far spheres show most: there the paper's formula loses its digits.
+        let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
+        Ok(html! {
+            @if let Some(panel) = panels.get(chosen) { (figure(plot::one_figure(panel), &label(&panel.0))?) }
+            @for (_, panel) in panels.iter().enumerate().filter(|(place, _)| *place != chosen) {
+                details {
+                    summary { (panel.0) }
+                    (figure(plot::one_figure(panel), &label(&panel.0))?)
                 }
             }
-        }
-    };
-    Ok(Section { title: "Error against run time", id: "accuracy", content })
+        })
+    })
 }
 
 fn label(scene: &str) -> String {
@@ -40,16 +34,12 @@ fn label(scene: &str) -> String {
 
 /// Families down, engines across; each family opens to the values of its parameter.
 pub fn stability(results: &Results) -> Result<Section, PlotError> {
-    let content = match &results.stability {
-        None => absent(results, Stage::Stability),
-        Some(document) => html! {
-            (explained("stability"))
-            (partly(results, Stage::Stability))
+    section(results, (Stage::Stability, "Stiff and extreme scenes", "stability"), &results.stability, |document| {
+        Ok(html! {
             ul.legend { @for (place, (label, _)) in SHADES.iter().enumerate() { li { span.swatch.(shade_class(place)) {} (label) } } }
             (map(document))
-        },
-    };
-    Ok(Section { title: "Stiff and extreme scenes", id: "stability", content })
+        })
+    })
 }
 
 fn shade_class(shade: usize) -> String {

@@ -1,0 +1,67 @@
+//! What is made of linear light after tracing, as options.
+
+use std::path::Path;
+
+use clap::Args;
+
+use super::Failure;
+use crate::render::{Development, Format};
+
+/// Samples of a pixel in each direction.
+const MOST_SAMPLES: u32 = 16;
+/// Stops, more or less.
+const MOST_STOPS: f64 = 60.0;
+
+/// How a picture is developed.
+#[derive(Debug, Args)]
+pub struct DevelopmentArgs {
+    /// Trace N times N rays through each pixel, on a regular grid, and average their linear light: smooth edges
+    #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
+    samples: Option<u32>,
+    /// What is seen where there is nothing: linear red, green and blue, from 0 on
+    #[arg(long, value_name = "R,G,B", value_parser = colour, allow_hyphen_values = true)]
+    background: Option<[f32; 3]>,
+    /// Multiply all light by 2 to the power of so many stops, which may be negative
+    #[arg(long, value_name = "STOPS", value_parser = stops, allow_negative_numbers = true)]
+    exposure: Option<f64>,
+    /// Write levels on the sRGB curve, as screens expect them, in place of linear ones; for formats with 8 bits
+    #[arg(long)]
+    srgb: bool,
+}
+
+fn samples(text: &str) -> Result<u32, String> {
+    let samples = text.parse().ok().filter(|samples| (1..=MOST_SAMPLES).contains(samples));
+    samples.ok_or_else(|| format!("expected a whole number from 1 to {MOST_SAMPLES}"))
+}
+
+fn stops(text: &str) -> Result<f64, String> {
+    let stops = text.parse().ok().filter(|stops: &f64| stops.abs() <= MOST_STOPS);
+    stops.ok_or_else(|| format!("expected a number of stops from -{MOST_STOPS} to {MOST_STOPS}"))
+}
+
+fn colour(text: &str) -> Result<[f32; 3], &'static str> {
+    let channel = |text: &str| text.trim().parse().ok().filter(|v: &f32| v.is_finite() && *v >= 0.0);
+    let colour: Option<Vec<f32>> = text.split(',').map(channel).collect();
+    let colour = colour.and_then(|colour| colour.try_into().ok());
+    colour.ok_or("expected three numbers from 0 on with commas between them, as in 0.2,0.3,0.5")
+}
+
+impl DevelopmentArgs {
+    /// What is asked for, if anything, of the picture `path`.
+    pub(super) fn of(&self, path: &Path, format: Format) -> Result<Option<Development>, Failure> {
+        if self.srgb && !format.is_8bit() {
+            return Err(Failure::input(format!(
+                "{}: --srgb is for formats with 8 bits, and this one has linear floats: leave it out, or name a .png",
+                path.display()
+            )));
+        }
+        let plain = Development::default();
+        let development = Development {
+            samples: self.samples.unwrap_or(plain.samples),
+            background: self.background.unwrap_or(plain.background),
+            exposure: self.exposure.unwrap_or(plain.exposure),
+            srgb: self.srgb,
+        };
+        Ok((development != plain).then_some(development))
+    }
+}

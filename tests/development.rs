@@ -1,0 +1,101 @@
+//! `rayo render --samples --background --exposure --srgb`: what is made of linear light after tracing.
+#![cfg(feature = "cli")]
+
+mod program;
+
+use std::path::Path;
+
+use program::rayo;
+use rayo::measure::picture::Pixels;
+use rayo::render::{Engine, read};
+use tempfile::TempDir;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const SCENE: &str = "scenes/tetrahedron.in";
+
+/// Renders the scene, at 120x90, with these arguments.
+fn render(directory: &Path, name: &str, args: &[&str]) -> Vec<u8> {
+    let path = directory.join(name);
+    let output = rayo(
+        ["render", SCENE, "--quiet", "--size", "120x90", "-o", path.to_str().unwrap()].iter().chain(args),
+        ROOT.as_ref(),
+    );
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    std::fs::read(path).unwrap()
+}
+
+fn linear(path: &Path) -> Vec<[f32; 3]> {
+    match read(path).unwrap().pixels {
+        Pixels::Rgb32F(pixels) => pixels,
+        Pixels::Rgb8(_) => panic!("it has floats"),
+    }
+}
+
+#[test]
+fn every_engine_develops_the_same_on_any_number_of_threads_whole_and_in_parts() {
+    let directory = TempDir::new().unwrap();
+    let look = ["--samples", "3", "--background", "0.1,0.2,0.4", "--exposure", "0.5", "--srgb"];
+    for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
+        let with = |name: &str, more: &[&str]| {
+            render(directory.path(), name, &[&look[..], &["--engine", engine.name()], more].concat())
+        };
+        let one = with("one.ppm", &["--threads", "1"]);
+        assert!(one == with("three.ppm", &["--threads", "3"]), "{engine}: threads show");
+        let part = with("part.ppm", &["--rows", "40..70"]);
+        let pixels = &one[one.len() - 120 * 90 * 3..];
+        assert!(part.ends_with(&pixels[40 * 360..70 * 360]), "{engine}: rows differ alone");
+    }
+}
+
+#[test]
+fn what_is_not_asked_for_changes_no_byte() {
+    let directory = TempDir::new().unwrap();
+    let plain = render(directory.path(), "plain.png", &[]);
+    let asked = render(directory.path(), "asked.png", &["--samples", "1", "--exposure", "0", "--background", "0,0,0"]);
+    assert!(plain == asked);
+    assert!(plain != render(directory.path(), "srgb.png", &["--srgb"]));
+}
+
+#[test]
+fn edges_are_smooth_and_a_stop_doubles_what_is_there() {
+    let directory = TempDir::new().unwrap();
+    let picture = |name: &str, args: &[&str]| {
+        render(directory.path(), name, args);
+        linear(&directory.path().join(name))
+    };
+    let backed = ["--background", "1,0,0"];
+    let shades = |picture: &[[f32; 3]]| {
+        let mut reds: Vec<u32> = picture.iter().map(|[red, ..]| red.to_bits()).collect();
+        reds.sort_unstable();
+        reds.dedup();
+        reds.len()
+    };
+    let (one, four) = (picture("1.pfm", &backed), picture("4.pfm", &[&backed[..], &["--samples", "4"]].concat()));
+    assert!(one.contains(&[1.0, 0.0, 0.0]) && four.contains(&[1.0, 0.0, 0.0]));
+    assert!(shades(&four) > shades(&one), "edges have no shades between");
+    let brighter = picture("brighter.pfm", &["--samples", "4", "--background", "1,0,0", "--exposure", "1"]);
+    for (exposed, light) in brighter.iter().zip(four) {
+        assert_eq!(*exposed, light.map(|v| 2.0 * v));
+    }
+}
+
+#[test]
+fn what_cannot_be_developed_is_refused_with_a_reason() {
+    let directory = TempDir::new().unwrap();
+    for (name, args, expected) in [
+        ("a.png", &["--samples", "0"][..], "expected a whole number from 1 to 16"),
+        ("a.png", &["--samples", "17"], "expected a whole number from 1 to 16"),
+        ("a.png", &["--background", "1,2"], "expected three numbers from 0 on"),
+        ("a.png", &["--background", "1,2,-3"], "expected three numbers from 0 on"),
+        ("a.png", &["--exposure", "nan"], "expected a number of stops"),
+        ("a.exr", &["--srgb"], "--srgb is for formats with 8 bits"),
+        ("a.ppm", &["--samples", "16", "--size", "70000x100"], "--samples 16: each side of an image"),
+    ] {
+        let path = directory.path().join(name);
+        let output = rayo(["render", SCENE, "-o", path.to_str().unwrap()].iter().chain(args), ROOT.as_ref());
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+        assert!(error.contains(expected), "{args:?}: {error}");
+        assert!(!path.exists(), "{args:?} wrote a file");
+    }
+}
