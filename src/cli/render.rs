@@ -216,6 +216,7 @@ fn render_one(
     let developed = development.map(|development| Developed::new(plan.tracer(), &camera, development));
     let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
     let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
+    let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
     let setup = planning + clock.elapsed();
 
     // Where MPI has started this, the bar is on standard output, and nothing else may be there.
@@ -236,7 +237,6 @@ fn render_one(
         let report = report(
             (engine, precision),
             (camera.width(), &rows, development.map_or(1, |development| development.samples)),
-            frame.count_hits(rows.clone()),
             threads,
             (parse, setup),
             &stats,
@@ -285,7 +285,6 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 fn report(
     (engine, precision): (Engine, Precision),
     (width, rows, samples): (u32, &Range<u32>, u32),
-    hits: u64,
     threads: usize,
     (parse, setup): (Duration, Duration),
     stats: &Stats,
@@ -298,7 +297,7 @@ fn report(
         height: rows.len() as u32,
         threads,
         rays: u64::from(width) * rows.len() as u64 * u64::from(samples * samples),
-        hits,
+        hits: stats.hits.unwrap_or(0),
         parse_ns: ns(parse),
         setup_ns: ns(setup),
         trace_ns: ns(stats.trace),

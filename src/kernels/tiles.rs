@@ -423,6 +423,19 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
+    /// How many pixels of a window have somebody, for kernels of so many lanes.
+    pub fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
+        let somebody = |who: &E| usize::from(*who != E::ZERO);
+        if (window.rows.len(), window.columns as usize) == (TILE_HEIGHT, TILE_WIDTH) {
+            return self.tile.who.iter().map(somebody).sum::<usize>() as u64;
+        }
+        let row = |row: u32| {
+            let at = move |column: u32| Self::index(lanes, column as usize, row as usize);
+            (0..window.columns).map(|column| somebody(&self.tile.who[at(column)])).sum::<usize>()
+        };
+        window.rows.clone().map(row).sum::<usize>() as u64
+    }
+
     /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
     pub fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());

@@ -5,7 +5,7 @@
 //! counter of all, read by the ranks themselves, would need MPI's one-sided operations, which the crate `mpi` does not have.)
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::mpsc::{TryRecvError, channel};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use mpi::Threading;
@@ -27,7 +27,7 @@ pub struct Pace {
 
 impl Pace {
     /// For short tasks with large results: the next one is there before it is needed.
-    pub const BANDS: Pace = Pace { ahead: 2, held: 4, asked_for: 8 };
+    pub const BANDS: Pace = Pace { ahead: 4, held: 8, asked_for: 16 };
     /// For long tasks with small results: none waits for a rank while another is free.
     pub const CELLS: Pace = Pace { ahead: 1, held: usize::MAX, asked_for: u64::MAX };
 }
@@ -46,7 +46,7 @@ mod tag {
     pub const TASK: Tag = 2;
     /// From rank 0: the result of this task, please.
     pub const GIVE: Tag = 3;
-    /// To rank 0: a task's number, whether it went well, and its result or what went wrong.
+    /// To rank 0: a result or what went wrong, whether it went well, and the task's number.
     pub const RESULT: Tag = 4;
     /// From rank 0: there are no more tasks. And the last word to rank 0.
     pub const END: Tag = 5;
@@ -79,8 +79,14 @@ impl Naps {
     }
 
     fn take(&mut self) {
-        std::thread::sleep(self.0);
-        self.0 = (2 * self.0).min(NAPS[1]);
+        self.next(std::thread::sleep);
+    }
+
+    /// Has `wait` do so for the nap's time at most.
+    fn next<T>(&mut self, wait: impl FnOnce(Duration) -> T) -> T {
+        let nap = self.0;
+        self.0 = (2 * nap).min(NAPS[1]);
+        wait(nap)
     }
 }
 
@@ -178,11 +184,11 @@ impl Ranks {
                 }
             });
             let mut own = Own { pace, held: VecDeque::new(), working: 0 };
-            let own_results = || match ended.try_recv() {
+            let own_results = |wait| match ended.recv_timeout(wait) {
                 Ok(result) => Some(result),
-                Err(TryRecvError::Empty) => None,
+                Err(RecvTimeoutError::Timeout) => None,
                 // It has panicked, and said so.
-                Err(TryRecvError::Disconnected) => self.world.abort(1),
+                Err(RecvTimeoutError::Disconnected) => self.world.abort(1),
             };
             let begin = |task| _ = begin.send(task);
             let result = if self.rank() == 0 {
@@ -203,7 +209,7 @@ impl Ranks {
         tasks: u64,
         own: &mut Own,
         begin: impl Fn(u64),
-        own_results: impl Fn() -> Option<(u64, Outcome)>,
+        own_results: impl Fn(Duration) -> Option<(u64, Outcome)>,
         take: &mut impl FnMut(u64, Outcome) -> Result<(), E>,
     ) -> Result<(), E> {
         // The task to hand out next, the one whose result is next, and the one that is asked for next.
@@ -215,14 +221,14 @@ impl Ranks {
         let mut result = Ok(());
         while taken < tasks && result.is_ok() {
             let mut idle = true;
-            while let Some(of_own) = own_results() {
+            while let Some(of_own) = own_results(Duration::ZERO) {
                 own.finished(of_own);
                 idle = false;
             }
             while let Some((from, what, bytes)) = self.message() {
                 match what {
                     tag::ASK => waiting.push_back(from),
-                    _ => _ = arrived.insert(number(&bytes), outcome(&bytes[8..])),
+                    _ => arrived.extend(outcome(bytes)),
                 }
                 idle = false;
             }
@@ -252,10 +258,10 @@ impl Ranks {
                 taken += 1;
                 idle = false;
             }
-            if idle {
-                naps.take();
-            } else {
+            if !idle {
                 naps = Naps::new();
+            } else if let Some(of_own) = naps.next(&own_results) {
+                own.finished(of_own);
             }
         }
         // What was asked for is on its way, and has to be received.
@@ -271,20 +277,20 @@ impl Ranks {
     }
 
     /// The other ranks: work on tasks, and give their results when they are asked for them.
-    fn serve(&self, own: &mut Own, begin: impl Fn(u64), own_results: impl Fn() -> Option<(u64, Outcome)>) {
+    fn serve(&self, own: &mut Own, begin: impl Fn(u64), own_results: impl Fn(Duration) -> Option<(u64, Outcome)>) {
         let mut wanted: VecDeque<u64> = VecDeque::new();
         let mut asked = 0;
         let mut naps = Naps::new();
         loop {
             let mut idle = true;
-            while let Some(of_own) = own_results() {
+            while let Some(of_own) = own_results(Duration::ZERO) {
                 own.finished(of_own);
                 idle = false;
             }
             // Tasks and what is wanted of them come in order.
             while let Some(of_first) = wanted.front().and_then(|task| own.give(*task)) {
                 let task = wanted.pop_front().unwrap_or_default();
-                self.send(0, tag::RESULT, &message(task, of_first));
+                self.send_result(&message(task, of_first));
                 idle = false;
             }
             while own.wants(asked) {
@@ -303,16 +309,29 @@ impl Ranks {
                 }
                 idle = false;
             }
-            if idle {
-                naps.take();
-            } else {
+            if !idle {
                 naps = Naps::new();
+            } else if let Some(of_own) = naps.next(&own_results) {
+                own.finished(of_own);
             }
         }
     }
 
     fn send(&self, to: usize, tag: mpi::Tag, bytes: &[u8]) {
         self.tasks.process_at_rank(to as i32).send_with_tag(bytes, tag);
+    }
+
+    /// Sends rank 0 a result. MPI's own sending would keep a core busy until rank 0 takes it.
+    fn send_result(&self, message: &[u8]) {
+        mpi::request::scope(|scope| {
+            let rank_0 = self.tasks.process_at_rank(0);
+            let mut request = rank_0.immediate_send_with_tag(scope, message, tag::RESULT);
+            let mut naps = Naps::new();
+            while let Err(on_its_way) = request.test() {
+                request = on_its_way;
+                naps.take();
+            }
+        });
     }
 
     /// A message about tasks that has come: from whom, about what, and what it says.
@@ -359,17 +378,24 @@ fn number(bytes: &[u8]) -> u64 {
     bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
 }
 
+/// What is said of a task comes last, so that a large result stays where it is.
 fn message(task: u64, result: Outcome) -> Vec<u8> {
-    let (fine, bytes) = match result {
+    let (fine, mut bytes) = match result {
         Ok(bytes) => (1, bytes),
         Err(what) => (0, what.into_bytes()),
     };
-    [&task.to_le_bytes()[..], &[fine], &bytes].concat()
+    bytes.push(fine);
+    bytes.extend(task.to_le_bytes());
+    bytes
 }
 
-fn outcome(bytes: &[u8]) -> Outcome {
-    match bytes {
-        [1, result @ ..] => Ok(result.into()),
-        other => Err(String::from_utf8_lossy(&other[1.min(other.len())..]).into_owned()),
-    }
+/// A task and its outcome, from their message.
+fn outcome(mut message: Vec<u8>) -> Option<(u64, Outcome)> {
+    let (rest, task) = message.split_last_chunk()?;
+    let (task, length) = (u64::from_le_bytes(*task), rest.len());
+    message.truncate(length);
+    Some(match message.pop()? {
+        1 => (task, Ok(message)),
+        _ => (task, Err(String::from_utf8_lossy(&message).into_owned())),
+    })
 }

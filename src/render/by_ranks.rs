@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use super::image_file::{Extent, PartEncoder};
 use super::to_file::Bands;
 use super::{Format, Frame, ImageWriter, RenderError, Stats};
-use crate::measure::Cycles;
 use crate::ranks::{Pace, Ranks};
 
 /// Renders `rows` into an image file of a format, as [`render`](super::render()) does; rank 0 has the file, and hears in `done`
@@ -31,18 +30,17 @@ pub fn render_by_ranks(
         let start = rows.start + index as u32 * height;
         start..rows.end.min(start.saturating_add(height))
     };
-    let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
+    let mut stats = Stats::of(frame);
     let place = format!("rank {} on {}", ranks.rank(), Ranks::host());
     let work = |index| {
-        let clock = (Instant::now(), Cycles::start());
-        bands.trace(band(index), &|_| ()).map_err(|error| format!("{place}: {error}"))?;
-        stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
-        stats.trace += clock.0.elapsed();
+        stats.trace(&mut bands, band(index), &|_| ()).map_err(|error| format!("{place}: {error}"))?;
         let clock = Instant::now();
         let mut encoded = Vec::new();
         bands
             .encode(|rows, part| {
                 let part = part?;
+                // With room for what its message says beside it.
+                encoded.reserve(part.len() + 64);
                 encoded.extend_from_slice(&rows.to_le_bytes());
                 encoded.extend_from_slice(&(part.len() as u64).to_le_bytes());
                 encoded.extend_from_slice(&part);
@@ -72,12 +70,19 @@ pub fn render_by_ranks(
     let count = rows.len().div_ceil(height as usize) as u64;
     let result = ranks.share((count, Pace::BANDS), work, take);
     // Whoever failed has told rank 0 so; all that is left is to know how long the others took.
-    let numbers = [stats.trace.as_nanos() as u64, stats.encode.as_nanos() as u64, stats.trace_cycles.unwrap_or(0)];
+    let numbers = [
+        stats.trace.as_nanos() as u64,
+        stats.encode.as_nanos() as u64,
+        stats.trace_cycles.unwrap_or(0),
+        stats.hits.unwrap_or(0),
+    ];
+    stats.hits = stats.hits.map(|_| 0);
     for of_rank in ranks.gather(numbers.map(u64::to_le_bytes).concat()) {
         let number = |at: usize| of_rank[at..].first_chunk().map_or(0, |number| u64::from_le_bytes(*number));
         stats.trace = stats.trace.max(Duration::from_nanos(number(0)));
         stats.encode = stats.encode.max(Duration::from_nanos(number(8)));
         stats.trace_cycles = stats.trace_cycles.map(|cycles| cycles.max(number(16)));
+        stats.hits = stats.hits.map(|hits| hits + number(24));
     }
     stats.write = write;
     result.map(|()| stats)

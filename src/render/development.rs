@@ -59,17 +59,25 @@ impl<'a> Developed<'a> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    fn develop<P: Pixel>(&self, rows: Range<u32>, out: &mut [P]) {
+    /// With how the tracer does so; what that says of hits, in sum.
+    fn develop<P: Pixel>(
+        &self,
+        rows: Range<u32>,
+        out: &mut [P],
+        trace: impl Fn(Range<u32>, FilmMut<'_>) -> Option<u64>,
+    ) -> Option<u64> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let Development { samples, background, .. } = self.development;
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
         let together = (self.rows_together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
         let mut light = vec![Vec4::from([0.0; 4]); of_row * together];
+        let mut hits = Some(0);
         for (first, out) in rows.clone().step_by(together).zip(out.chunks_mut(together * self.width)) {
             let some = first..rows.end.min(first + together as u32);
             let light = &mut light[..of_row * some.len()];
-            self.tracer.rows(self.samples(some.clone()), FilmMut::F32x4(light));
+            let of_some = trace(self.samples(some.clone()), FilmMut::F32x4(light));
+            hits = hits.zip(of_some).map(|(hits, of_some)| hits + of_some);
             if background != [0.0; 3] {
                 let [x, y, z] = background;
                 let missed = self.tracer.hits(self.samples(some)).into_iter().zip(&mut *light);
@@ -83,6 +91,7 @@ impl<'a> Developed<'a> {
                 }
             }
         }
+        hits
     }
 
     /// Of a pixel's samples, which are summed in their order.
@@ -117,7 +126,11 @@ impl Tracer for Developed<'_> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        with_pixels!(FilmMut(out) = out => self.develop(rows, out));
+        let trace = |rows, out: FilmMut<'_>| {
+            self.tracer.rows(rows, out);
+            None
+        };
+        with_pixels!(FilmMut(out) = out => self.develop(rows, out, trace));
     }
 
     /// Of each pixel the sample in the middle, or next to it.
@@ -133,6 +146,12 @@ impl Tracer for Developed<'_> {
     /// Of all samples.
     fn count_hits(&self, rows: Range<u32>) -> u64 {
         self.tracer.count_hits(self.samples(rows))
+    }
+
+    /// Of all samples.
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<u64> {
+        let trace = |rows, out: FilmMut<'_>| self.tracer.counted_rows(rows, out);
+        with_pixels!(FilmMut(out) = out => self.develop(rows, out, trace))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::collections::TryReserveError;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use crossbeam_deque::{Steal, Stealer, Worker};
@@ -62,6 +62,9 @@ pub struct Frame<'a> {
     pub(super) camera: Camera,
     /// The threads beside this one, if any.
     others: Option<rayon::ThreadPool>,
+    /// Whether [`Stats`](super::Stats) are to say at how many pixels there is something.
+    #[cfg(feature = "files")]
+    pub(super) counts_hits: bool,
 }
 
 impl<'a> Frame<'a> {
@@ -70,9 +73,22 @@ impl<'a> Frame<'a> {
         let threads = settings.threads.max(1);
         let others = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads - 1).build());
         let others = others.transpose().map_err(|source| RenderError::Threads { threads, source })?;
-        let frame = Frame { tracer, camera, others };
+        let frame = Frame {
+            tracer,
+            camera,
+            others,
+            #[cfg(feature = "files")]
+            counts_hits: false,
+        };
         frame.keep_awake();
         Ok(frame)
+    }
+
+    /// Has [`Stats`](super::Stats) say at how many pixels there is something.
+    #[cfg(feature = "files")]
+    pub fn counting_hits(mut self) -> Self {
+        self.counts_hits = true;
+        self
     }
 
     /// Threads that trace.
@@ -100,7 +116,19 @@ impl<'a> Frame<'a> {
 
     /// The same for a band, after which cores have other things to do.
     pub(super) fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
-        with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, done));
+        let trace = |rows, film: FilmMut<'_>| self.tracer.rows(rows, film);
+        with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
+    }
+
+    /// The same; and at how many pixels the engine finds something, where [it knows](Tracer::counted_rows).
+    pub fn trace_counted(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Option<u64> {
+        let (hits, unknown) = (AtomicU64::new(0), AtomicBool::new(false));
+        let trace = |rows, film: FilmMut<'_>| match self.tracer.counted_rows(rows, film) {
+            Some(in_task) => _ = hits.fetch_add(in_task, Ordering::Relaxed),
+            None => unknown.store(true, Ordering::Relaxed),
+        };
+        with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
+        (!unknown.into_inner()).then_some(hits.into_inner())
     }
 
     /// At how many pixels of `rows` the engine finds something.
@@ -150,14 +178,20 @@ impl<'a> Frame<'a> {
         rows.next_multiple_of(self.tracer.rows_together() as usize)
     }
 
-    fn trace_tasks<P: Pixel>(&self, rows: Range<u32>, film: &mut [P], done: &(dyn Fn(u32) + Sync)) {
+    fn trace_tasks<P: Pixel>(
+        &self,
+        rows: Range<u32>,
+        film: &mut [P],
+        trace: impl Fn(Range<u32>, FilmMut<'_>) + Sync,
+        done: &(dyn Fn(u32) + Sync),
+    ) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
         self.share(film.chunks_mut(task_rows * width).enumerate(), |(index, part): (usize, &mut [P])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
-            self.tracer.rows(start..start + count, P::film(part));
+            trace(start..start + count, P::film(part));
             done(count);
         });
     }

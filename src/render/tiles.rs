@@ -158,22 +158,43 @@ struct SphereLooks<E> {
 type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    fn trace<P: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P]) {
+    /// Traces rows; at how many pixels there is something, where that is to be `counted`.
+    fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
+        let pixels = rows.len() * self.plan.camera().width() as usize;
+        assert_eq!(out.len(), pixels, "the film must have the size of the rows");
+        let mut hits = counted.then_some(0);
+        match out {
+            FilmMut::F32x4(out) => self.trace(rows, out, &mut hits),
+            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3, &mut hits),
+            FilmMut::Rgba8(out) => self.trace(rows, out, &mut hits),
+            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8, &mut hits),
+        }
+        hits
+    }
+
+    fn trace<P: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P], hits: &mut Option<u64>) {
         let width = self.plan.camera().width() as usize;
         let mut scratches = Scratches::default();
         self.each_tile(rows.clone(), |tile, window| {
             let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
-            self.trace_tile(tile, window, out, &mut scratches);
+            self.trace_tile(tile, window, out, &mut scratches, hits);
         });
     }
 
     /// Three channels, a tile of four channels after another.
-    fn trace_three<P, Four: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P], narrow: &Narrow<Four, P>) {
+    fn trace_three<P, Four: Output<E> + Output<f64>>(
+        &self,
+        rows: Range<u32>,
+        out: &mut [P],
+        narrow: &Narrow<Four, P>,
+        hits: &mut Option<u64>,
+    ) {
         let width = self.plan.camera().width() as usize;
         let mut scratches = Scratches::default();
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
-            self.trace_tile(tile, window, TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH }, &mut scratches);
+            let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
+            self.trace_tile(tile, window, own, &mut scratches, hits);
             let columns = window.columns as usize;
             let out = out[first_pixel(window, &rows, width)..].chunks_mut(width);
             for (four, out) in four.chunks(TILE_WIDTH).zip(out).take(window.rows.len()) {
@@ -189,12 +210,13 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         out: TileOut<'_, P>,
         (scratch, wide_scratch): &mut Scratches<E>,
+        hits: &mut Option<u64>,
     ) {
         match &self.wide {
             Some(wide) if self.plan.is_wide(tile) => {
-                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default());
+                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), hits);
             }
-            _ => self.trace_own(tile, window, out, scratch),
+            _ => self.trace_own(tile, window, out, scratch, hits),
         }
     }
 
@@ -284,6 +306,7 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
+        hits: &mut Option<u64>,
     ) {
         let weighted = P::weighted(&self.plan);
         let (_, rays) = self.plan.view(tile);
@@ -309,6 +332,9 @@ impl<E: Element> TileTracer<'_, E> {
             return;
         }
         let Scratch { buffers, looks, shades, .. } = scratch;
+        if let Some(hits) = hits {
+            *hits += buffers.count_hits(self.kernels.lanes, window);
+        }
         shade(buffers, shades, looks);
         if looks.seen.iter().any(|sphere| sphere.most == Seen::ANY) {
             self.shade_odd(&looks.seen, buffers, window, TileOut { pixels, first, width });
@@ -570,16 +596,6 @@ impl<E: Element> TileTracer<'_, E> {
         self.add_normals(rows, &mut found);
         found
     }
-
-    /// As [`Tracer::count_hits`], of its `own` tiles.
-    fn count(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> u64 {
-        let mut hits = 0;
-        self.each_nearest(rows, own, |window, Scratch { buffers, .. }| {
-            let hit = |(row, column): &(usize, usize)| buffers.pixel(self.kernels.lanes, *column, *row).1 > 0;
-            hits += pixels_of(window).filter(hit).count() as u64;
-        });
-        hits
-    }
 }
 
 /// Forgets those triangles of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
@@ -650,23 +666,15 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
         self.ask_both(|own| self.found(rows.clone(), own), |wide, own| wide.found(rows.clone(), own), both)
     }
 
-    fn count_hits(&self, rows: Range<u32>) -> u64 {
-        let sum = |narrow, wide| narrow + wide;
-        self.ask_both(|own| self.count(rows.clone(), own), |wide, own| wide.count(rows.clone(), own), sum)
-    }
-
     fn rows_together(&self) -> u32 {
         TILE_HEIGHT as u32
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        let pixels = rows.len() * self.plan.camera().width() as usize;
-        assert_eq!(out.len(), pixels, "the film must have the size of the rows");
-        match out {
-            FilmMut::F32x4(out) => self.trace(rows, out),
-            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3),
-            FilmMut::Rgba8(out) => self.trace(rows, out),
-            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8),
-        }
+        self.trace_film(rows, out, false);
+    }
+
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<u64> {
+        self.trace_film(rows, out, true)
     }
 }

@@ -26,20 +26,44 @@ pub struct Stats {
     pub encode: Duration,
     /// Handing bytes to the operating system.
     pub write: Duration,
+    /// At how many pixels there is something, where the frame [counts](Frame::counting_hits) them.
+    pub hits: Option<u64>,
+}
+
+impl Stats {
+    /// Of nothing so far.
+    pub(super) fn of(frame: &Frame<'_>) -> Self {
+        Stats {
+            trace_cycles: Cycles::available().then_some(0),
+            hits: frame.counts_hits.then_some(0),
+            ..Stats::default()
+        }
+    }
+
+    /// Adds a band that `bands` traces; `done` hears of every few rows that are.
+    pub(super) fn trace(
+        &mut self,
+        bands: &mut Bands<'_>,
+        rows: Range<u32>,
+        done: &(dyn Fn(u32) + Sync),
+    ) -> Result<(), RenderError> {
+        let clock = (Instant::now(), Cycles::start());
+        let known = bands.trace(rows.clone(), done)?;
+        self.trace_cycles = self.trace_cycles.map(|sum| sum + clock.1.stop());
+        self.trace += clock.0.elapsed();
+        self.hits = self.hits.map(|hits| hits + known.unwrap_or_else(|| bands.frame.count_hits(rows)));
+        Ok(())
+    }
 }
 
 /// Renders the rows of an image file into it, band by band; `done` hears of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let mut bands = Bands::new(frame, image.encoder())?;
     let (all, height) = (image.rows(), bands.height(image.rows().len() as u32));
-    let mut stats = Stats { trace_cycles: Cycles::available().then_some(0), ..Stats::default() };
+    let mut stats = Stats::of(frame);
     for start in all.clone().step_by(height as usize) {
         let rows = start..all.end.min(start.saturating_add(height));
-        let clock = (Instant::now(), Cycles::start());
-        bands.trace(rows, done)?;
-        stats.trace_cycles = stats.trace_cycles.map(|sum| sum + clock.1.stop());
-        stats.trace += clock.0.elapsed();
-
+        stats.trace(&mut bands, rows, done)?;
         let clock = (Instant::now(), image.writing());
         bands.encode(|rows, part| image.append(rows, part))?;
         let write = image.writing() - clock.1;
@@ -86,8 +110,8 @@ impl<'a> Bands<'a> {
         height.next_multiple_of(together as usize).min(rows as usize) as u32
     }
 
-    /// Traces rows; `done` hears of every few that are.
-    pub(super) fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
+    /// Traces rows; `done` hears of every few that are. At how many pixels there is something, if that is asked and known.
+    fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<u64>, RenderError> {
         let pixels = self.frame.camera.width() as usize * rows.len();
         if self.film.len() < pixels {
             self.film = self.frame.film(self.format, rows.len() as u32)?;
@@ -96,8 +120,12 @@ impl<'a> Bands<'a> {
             }
         }
         self.rows = rows.len() as u32;
-        self.frame.trace_band(rows, self.film.as_mut().part(0..pixels), done);
-        Ok(())
+        let film = self.film.as_mut().part(0..pixels);
+        if self.frame.counts_hits {
+            return Ok(self.frame.trace_counted(rows, film, done));
+        }
+        self.frame.trace_band(rows, film, done);
+        Ok(None)
     }
 
     /// Encodes what was traced, each part by one of the threads, and hands over the parts and their rows from the top.
