@@ -27,7 +27,7 @@ pub struct Pace {
 
 impl Pace {
     /// For short tasks with large results: the next one is there before it is needed.
-    pub const BANDS: Pace = Pace { ahead: 4, held: 8, asked_for: 16 };
+    pub const BANDS: Pace = Pace { ahead: 2, held: 8, asked_for: 16 };
     /// For long tasks with small results: none waits for a rank while another is free.
     pub const CELLS: Pace = Pace { ahead: 1, held: usize::MAX, asked_for: u64::MAX };
 }

@@ -24,7 +24,7 @@ pub fn render_by_ranks(
     let extent = Extent::new((frame.camera.width(), frame.camera.height()), rows.clone());
     let mut bands = Bands::new(frame, PartEncoder::new(format, &extent).into())?;
     // Ranks may have more threads or fewer; bands are the same for all.
-    let height = ranks.broadcast(bands.height(rows.len() as u32).to_le_bytes().into());
+    let height = ranks.broadcast(bands.height(rows.len() as u32, ranks.count()).to_le_bytes().into());
     let height = height.first_chunk().map_or(1, |bytes| u32::from_le_bytes(*bytes));
     let band = |index: u64| {
         let start = rows.start + index as u32 * height;

@@ -173,7 +173,7 @@ impl<'a> Frame<'a> {
     }
 
     /// The rows that a thread takes at a time.
-    fn task_rows(&self) -> usize {
+    pub(super) fn task_rows(&self) -> usize {
         let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
         rows.next_multiple_of(self.tracer.rows_together() as usize)
     }

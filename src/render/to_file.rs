@@ -15,6 +15,9 @@ use crate::measure::Cycles;
 /// the threads for each does not count.
 const BAND_BYTES: usize = 512 << 10;
 
+/// As many bands each of several ranks has at least, if those are not shorter then than what threads take.
+const BANDS_OF_RANK: usize = 32;
+
 /// Where the time of a picture went.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
@@ -59,7 +62,7 @@ impl Stats {
 /// Renders the rows of an image file into it, band by band; `done` hears of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let mut bands = Bands::new(frame, image.encoder())?;
-    let (all, height) = (image.rows(), bands.height(image.rows().len() as u32));
+    let (all, height) = (image.rows(), bands.height(image.rows().len() as u32, 1));
     let mut stats = Stats::of(frame);
     for start in all.clone().step_by(height as usize) {
         let rows = start..all.end.min(start.saturating_add(height));
@@ -93,8 +96,8 @@ impl<'a> Bands<'a> {
         Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
     }
 
-    /// The rows of a band of a picture of so many.
-    pub(super) fn height(&self, rows: u32) -> u32 {
+    /// The rows of a band of a picture of so many, which so many ranks share.
+    pub(super) fn height(&self, rows: u32, ranks: usize) -> u32 {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
@@ -103,6 +106,9 @@ impl<'a> Bands<'a> {
             Split::Any { least } => height.max(least as usize * threads),
             Split::Strips(strip) => height.max(strip as usize * threads),
         };
+        // Fewer where ranks would have too few bands to end together.
+        let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
+        let height = if ranks > 1 { height.min(fair) } else { height };
         let together = match self.encoder.split() {
             Split::Bytes | Split::Any { .. } => self.frame.tracer.rows_together(),
             Split::Strips(strip) => strip,
