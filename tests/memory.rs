@@ -6,7 +6,6 @@ mod counting;
 
 use counting::peak_of;
 use glam::{DVec3, Vec3};
-use rayo::plan::Keep;
 use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
 use rayo::scene::mesh::shapes::icosphere;
 use rayo::scene::{Camera, MeshFormat, Rng, Scene, Setting, Triangle};
@@ -47,8 +46,7 @@ fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u
 fn peak_beside(scene: &Scene, precision: Precision) -> usize {
     // What is kept does not depend on the instruction set.
     let engine = Engine::fastest();
-    let purpose =
-        Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), keep: Keep::NOTHING, threads: 1 };
+    let purpose = Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), ..Purpose::default() };
     let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
     let ((), peak) = peak_of(|| {
         let plan = Plan::new(engine, scene, purpose).unwrap();

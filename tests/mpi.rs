@@ -389,15 +389,23 @@ fn another_build_among_the_ranks_is_named() {
 fn rank_0_alone_shows_how_far_all_are() {
     let directory = tempfile::tempdir().unwrap();
     let scene = scene("sphere.in");
-    let mut command = Command::new("mpirun");
-    command.args(["--oversubscribe", "--tag-output", "-n", "3", env!("CARGO_BIN_EXE_rayo"), "render"]);
-    command.arg(scene).args("--size 2000x12000 --engine reference --threads 1 -o a.png".split(' '));
-    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("TERM", "xterm");
-    let output = command.current_dir(directory.path()).output().unwrap();
-    assert!(output.status.success(), "{output:?}");
-    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(shown.contains("[1,0]<stdout>") && shown.contains("/12000 rows"), "{shown}");
-    assert!(!shown.contains("[1,1]") && !shown.contains("[1,2]"), "{shown}");
+    let shown = |arguments: &str| {
+        let mut command = Command::new("mpirun");
+        command.args(["--oversubscribe", "--tag-output", "-n", "3", env!("CARGO_BIN_EXE_rayo")]);
+        command.args(arguments.split(' '));
+        command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1").env("TERM", "xterm");
+        let output = command.current_dir(directory.path()).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(!shown.contains("[1,1]") && !shown.contains("[1,2]"), "{shown}");
+        shown
+    };
+    let scene = scene.display();
+    let render = format!("render {scene} --size 2000x12000 --engine reference --threads 1 -o a.png");
+    let rendered = shown(&render);
+    assert!(rendered.contains("[1,0]<stdout>") && rendered.contains("/12000 rows"), "{rendered}");
+    let measured = shown(&format!("accuracy {scene} --quick"));
+    assert!(measured.contains(" %, ") && measured.contains(" left"), "{measured}");
 }
 
 #[cfg(target_os = "linux")]

@@ -22,7 +22,7 @@ fn packets() -> Vec<Contender> {
 
 /// The bytes of a picture.
 fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {
-    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, threads: 1 };
+    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, ..Purpose::default() };
     let tracer = Plan::new(contender.engine, scene, purpose).unwrap().into_tracer();
     match film(tracer.as_ref(), scene.camera, 1, format) {
         Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),

@@ -101,6 +101,7 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick) / party.count() as f64;
     announce(seconds, (!args.quick).then_some("--quick"));
     let bar = bar(subjects.len() as u64);
+    bar.set_draw_target(party.bar_target(args.json)());
     let proceed = |subjects| {
         bar.inc(subjects);
         !stop.load(Ordering::Relaxed)

@@ -11,6 +11,7 @@ use std::{
     os::unix::ffi::{OsStrExt, OsStringExt},
 };
 
+use indicatif::ProgressDrawTarget;
 #[cfg(feature = "mpi")]
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -59,6 +60,16 @@ impl Party {
         }
         remove_part_files_on_signals()?;
         Ok(Arc::default())
+    }
+
+    /// Where a bar shows how far all are, which rank 0 draws. Where MPI has started this, standard error goes through a pipe, and
+    /// only standard output is a terminal: nothing else may be there, as there is if a result `is_printed` for programs.
+    pub fn bar_target(&self, is_printed: bool) -> fn() -> ProgressDrawTarget {
+        match (self.is_alone(), self.leads() && !is_printed) {
+            (true, _) => ProgressDrawTarget::stderr,
+            (false, true) => ProgressDrawTarget::stdout,
+            (false, false) => ProgressDrawTarget::hidden,
+        }
     }
 
     /// Keeps this thread on its core, so that times are of one; where MPI has started this, it has its place from there.

@@ -201,7 +201,7 @@ fn render_one(
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.unwrap_or_else(cores);
     let own = if development.is_some() { PixelFormat::F32x4 } else { engine.format_for(format.is_8bit()) };
-    let purpose = Purpose { precision, format: Some(own), keep, threads };
+    let purpose = Purpose { precision, format: Some(own), keep, threads, in_bands: true };
     let clock = Instant::now();
     let plan = party.agree(Plan::new(engine, &scene, purpose).map_err(Failure::input))?;
     let planning = clock.elapsed();
@@ -219,9 +219,8 @@ fn render_one(
     let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
     let setup = planning + clock.elapsed();
 
-    // Where MPI has started this, the bar is on standard output, and nothing else may be there.
-    let has_output = !party.is_alone() && (args.stats || args.json || path == Path::new("/dev/stdout"));
-    let progress = Progress::new(rows.len() as u64, args.quiet || has_output, party);
+    let prints = args.stats || args.json || path == Path::new("/dev/stdout");
+    let progress = Progress::new(rows.len() as u64, args.quiet, party.bar_target(prints));
     let done = |rows| progress.advance(rows);
     let mut stats = party.render(&frame, (format, rows.clone()), image.as_mut(), &done)?;
     let clock = Instant::now();
@@ -348,7 +347,7 @@ pub(super) fn failure(error: RenderError) -> Failure {
     }
 }
 
-/// A bar on standard error, if that is a terminal and the picture takes its time.
+/// A bar, if there is a terminal and the picture takes its time.
 struct Progress {
     target: fn() -> ProgressDrawTarget,
     start: Instant,
@@ -358,9 +357,7 @@ struct Progress {
 }
 
 impl Progress {
-    fn new(rows: u64, quiet: bool, party: &Party) -> Self {
-        // Where MPI has started this, standard error goes through a pipe, and only standard output is a terminal.
-        let target = if party.is_alone() { ProgressDrawTarget::stderr } else { ProgressDrawTarget::stdout };
+    fn new(rows: u64, quiet: bool, target: fn() -> ProgressDrawTarget) -> Self {
         let bar = ProgressBar::with_draw_target(Some(rows), ProgressDrawTarget::hidden());
         bar.set_style(bar_style("{pos}/{len} rows, {eta} left"));
         Progress { target, start: Instant::now(), bar, shown: OnceLock::new(), quiet }

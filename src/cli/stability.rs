@@ -108,6 +108,7 @@ pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     party.start_threads_and_pin();
     announce(stability::forecast(&settings) / party.count() as f64, (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
+    bar.set_draw_target(party.bar_target(args.json)());
     let proceed = || {
         bar.inc(1);
         !stop.load(Ordering::Relaxed)

@@ -118,7 +118,7 @@ impl Contender {
     /// A scene that cannot be traced.
     pub fn prepare(self, scene: &Scene) -> Result<Box<dyn Tracer + '_>, EngineError> {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
-        let purpose = Purpose { precision: Some(self.precision), format: None, keep, threads: 1 };
+        let purpose = Purpose { precision: Some(self.precision), keep, ..Purpose::default() };
         Ok(Plan::new(self.engine, scene, purpose)?.into_tracer())
     }
 

@@ -282,7 +282,7 @@ impl Picture<'_> {
         let trace = |tracer: &dyn Tracer| tracer.rows(0..camera.height(), film.borrow_mut().as_mut());
         // The first time shows whether it can be done at all.
         let prepare = |engine: Engine, keep| {
-            let purpose = Purpose { precision: None, format: Some(*output), keep, threads: 1 };
+            let purpose = Purpose { format: Some(*output), keep, ..Purpose::default() };
             Plan::new(engine, scene, purpose).map(Plan::into_tracer)
         };
         let mut contestants: Vec<Work<'_>> = Vec::new();

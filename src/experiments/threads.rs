@@ -13,7 +13,6 @@ use crate::kernels::sys;
 use crate::measure::names::{self, Name};
 use crate::measure::statistics::median;
 use crate::measure::{Clock, Work, interleave};
-use crate::plan::Keep;
 use crate::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
 use crate::scene::mesh::shapes;
 use crate::scene::{MeshFormat, Scene, Setting, many};
@@ -85,7 +84,7 @@ pub fn run(
         let film = RefCell::new(Film::new(output, camera.pixels() as usize)?);
         let counts = counts(cores.count());
         let picture = |threads: usize| -> Result<(), SpeedupError> {
-            let purpose = Purpose { precision: None, format: Some(output), keep: Keep::NOTHING, threads };
+            let purpose = Purpose { format: Some(output), threads, ..Purpose::default() };
             on_all(cores, || {
                 let tracer = Plan::new(engine, &scene, purpose)?.into_tracer();
                 let frame = Frame::new(tracer.as_ref(), camera, Settings { threads })?;

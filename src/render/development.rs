@@ -67,11 +67,13 @@ impl<'a> Developed<'a> {
         trace: impl Fn(Range<u32>, FilmMut<'_>) -> Option<u64>,
     ) -> Option<u64> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
-        let Development { samples, background, .. } = self.development;
+        let Development { samples, background, exposure, .. } = self.development;
+        let scale = exposure.exp2() / f64::from(samples * samples);
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
         let together = (self.rows_together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
         let mut light = vec![Vec4::from([0.0; 4]); of_row * together];
+        let mut sums = vec![[0.0; 4]; self.width];
         let mut hits = Some(0);
         for (first, out) in rows.clone().step_by(together).zip(out.chunks_mut(together * self.width)) {
             let some = first..rows.end.min(first + together as u32);
@@ -85,26 +87,29 @@ impl<'a> Developed<'a> {
                 missed.for_each(|(_, light)| *light = Vec4::from([x, y, z, 0.0]));
             }
             for (out, light) in out.chunks_mut(self.width).zip(light.chunks(of_row)) {
-                for (column, out) in out.iter_mut().enumerate() {
-                    let own = column * samples as usize..(column + 1) * samples as usize;
-                    *out = self.pixel(light.chunks(across).flat_map(|row| &row[own.clone()]));
-                }
+                sums.fill([0.0; 4]);
+                light.chunks_exact(across).for_each(|row| add_samples(row, samples as usize, &mut sums));
+                out.iter_mut().zip(&sums).for_each(|(out, [r, g, b, _])| *out = self.pixel(scale, [*r, *g, *b]));
             }
         }
         hits
     }
 
-    /// Of a pixel's samples, which are summed in their order.
-    fn pixel<'b, P: Pixel>(&self, light: impl Iterator<Item = &'b Vec4>) -> P {
-        let Development { samples, exposure, srgb, .. } = self.development;
-        let mut sum = [0.0; 3];
-        for light in light {
-            for (sum, light) in sum.iter_mut().zip([light.x, light.y, light.z]) {
+    /// Of the sum of a pixel's samples.
+    fn pixel<P: Pixel>(&self, scale: f64, sum: [f64; 3]) -> P {
+        let light = sum.map(|sum| sum * scale);
+        P::of_colour(if self.development.srgb { light.map(nearest_level) } else { light }.into())
+    }
+}
+
+/// Adds a row of samples, so many for each pixel, to the sums of theirs.
+fn add_samples(row: &[Vec4], samples: usize, sums: &mut [[f64; 4]]) {
+    for (sum, samples) in sums.iter_mut().zip(row.chunks_exact(samples)) {
+        for light in samples {
+            for (sum, light) in sum.iter_mut().zip(light.lanes()) {
                 *sum += f64::from(light);
             }
         }
-        let scale = exposure.exp2() / f64::from(samples * samples);
-        P::of_colour(sum.map(|sum| if srgb { nearest_level(sum * scale) } else { sum * scale }).into())
     }
 }
 

@@ -39,6 +39,9 @@ pub struct Purpose {
     pub keep: Keep,
     /// Threads that get it ready; 0 is 1. The pictures do not depend on it.
     pub threads: usize,
+    /// Whether the film is a band of the picture, and the next one takes its place: it stays in the caches, which no picture
+    /// is stored past then.
+    pub in_bands: bool,
 }
 
 /// In what numbers an engine computes.

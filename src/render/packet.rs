@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::plan::PacketPlan;
-use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
+use super::{FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, LitBodies, LitPlanes, LitRow, LitRows, Narrow, NearSpan,
@@ -16,7 +16,7 @@ use crate::kernels::{
     TriangleSpan, Vec4,
 };
 use crate::measure::caches;
-use crate::plan::{Keep, Omission, Report, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
+use crate::plan::{Omission, Report, RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 use crate::scene::Scene;
 
 /// Whether a picture of so many pixels is stored past the caches: it does not find its place in them.
@@ -47,7 +47,7 @@ pub struct PacketTracer<E: 'static> {
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     width: usize,
-    /// Pixels of the picture.
+    /// Pixels of the film.
     pixels: u64,
     /// The one scale of light that it is ready for; None: any.
     scale: Option<Scale>,
@@ -57,49 +57,41 @@ pub struct PacketTracer<E: 'static> {
 }
 
 impl<E: Element> PacketTracer<E> {
-    /// Plans `scene` for the kernels; `spans` is theirs for one element type. It then writes `format` and what differs from
-    /// it in the number of channels alone, or any if None.
+    /// Plans `scene` for the kernels; `spans` is theirs for one element type.
     fn planned(
         kernels: &'static PacketKernels,
         spans: &'static SpanKernels<E>,
         fast: bool,
         scene: &Scene,
-        format: Option<PixelFormat>,
-        keep: Keep,
+        purpose: Purpose,
     ) -> Self {
-        let scale = format.map(scale_of);
+        let scale = purpose.format.map(scale_of);
         PacketTracer {
             kernels,
             spans,
             fast,
             width: scene.camera.width() as usize,
-            pixels: scene.camera.pixels(),
+            pixels: if purpose.in_bands { 0 } else { scene.camera.pixels() },
             scale,
-            plan: Spans::new(scene, scale, keep),
+            plan: Spans::new(scene, scale, purpose.keep),
             wide: None,
         }
     }
 }
 
 impl PacketTracer<f32> {
-    /// Plans `scene` for the kernels in f32, with estimates where `fast`; `format` and `keep` as in [`Self::planned`].
-    pub fn single(
-        kernels: &'static PacketKernels,
-        fast: bool,
-        scene: &Scene,
-        format: Option<PixelFormat>,
-        keep: Keep,
-    ) -> Self {
-        let tracer = Self::planned(kernels, &kernels.single, fast, scene, format, keep);
-        let wide = || Box::new(PacketTracer::double(kernels, scene, format, keep));
+    /// Plans `scene` for the kernels in f32, with estimates where `fast`.
+    pub fn single(kernels: &'static PacketKernels, fast: bool, scene: &Scene, purpose: Purpose) -> Self {
+        let tracer = Self::planned(kernels, &kernels.single, fast, scene, purpose);
+        let wide = || Box::new(PacketTracer::double(kernels, scene, purpose));
         PacketTracer { wide: tracer.plan.any_wide().then(wide), ..tracer }
     }
 }
 
 impl PacketTracer<f64> {
     /// Plans `scene` for the kernels in f64.
-    pub fn double(kernels: &'static PacketKernels, scene: &Scene, format: Option<PixelFormat>, keep: Keep) -> Self {
-        Self::planned(kernels, &kernels.double, false, scene, format, keep)
+    pub fn double(kernels: &'static PacketKernels, scene: &Scene, purpose: Purpose) -> Self {
+        Self::planned(kernels, &kernels.double, false, scene, purpose)
     }
 }
 

@@ -144,10 +144,9 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
 
 #[cfg(rayo_asm)]
 fn spans<'a>(kernels: &'static PacketKernels, precision: Precision, scene: &Scene, purpose: Purpose) -> Way<'a> {
-    let Purpose { format, keep, .. } = purpose;
     Way::Packets(match precision {
-        Precision::Double => Box::new(PacketTracer::double(kernels, scene, format, keep)),
-        _ => Box::new(PacketTracer::single(kernels, precision == Precision::Fast, scene, format, keep)),
+        Precision::Double => Box::new(PacketTracer::double(kernels, scene, purpose)),
+        _ => Box::new(PacketTracer::single(kernels, precision == Precision::Fast, scene, purpose)),
     })
 }
 

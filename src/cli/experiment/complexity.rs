@@ -44,6 +44,7 @@ pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Fail
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let Prepared { mut clock, stop, machine, .. } = party.agree(prepare(party))?;
     let bar = bar(settings.work());
+    bar.set_draw_target(party.bar_target(args.json)());
     let proceed = |work| {
         bar.inc(work);
         !stop.load(Ordering::Relaxed)

@@ -200,7 +200,7 @@ impl Judge<'_> {
         let Contender { engine, precision, .. } = contender;
         let height = self.scene.camera.height();
         let prepare = |format, keep| {
-            let purpose = Purpose { precision: Some(precision), format: Some(format), keep, threads: 1 };
+            let purpose = Purpose { precision: Some(precision), format: Some(format), keep, ..Purpose::default() };
             Plan::new(engine, self.scene, purpose).map(Plan::into_tracer)
         };
         let allowed: Vec<_> = self.truth.iter().map(|pixel| self.allowed(pixel, precision)).collect();
