@@ -1,7 +1,7 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build mpi demo test test-mpi bench images accuracy stability complexity map clean
+.PHONY: help setup build mpi demo test test-mpi bench images counts accuracy stability leaving-out complexity map clean
 
 # cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
 # after set-up. A NASM named by the user stays.
@@ -10,6 +10,11 @@ cargo = $(strip $(if $(NASM),,$(unpacked_nasm)) cargo)
 
 # The program that `make build` makes.
 rayo := "$${CARGO_TARGET_DIR:-target}/release/rayo"
+
+# Scenes that the README shows.
+shown := knot.in planet.in sunflower.in island.toml
+# Scenes of which docs/leaving-out.md tells what leaving out is worth.
+planned := sphere.in tetrahedron.in two-lights.in many.in island.toml
 
 help: ## List the commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
@@ -45,11 +50,16 @@ bench: setup ## Run the micro benches
 	$(cargo) bench --locked
 
 images: build ## Make the pictures and figures of the README anew
-	for scene in sphere.in tetrahedron.in many.in island.toml; do \
-	    $(rayo) render scenes/$$scene --engine reference --size 400x300 -o docs/images/$${scene%.*}.png || exit; \
+	for scene in $(shown); do \
+	    $(rayo) render scenes/$$scene --size 400x300 --samples 4 --srgb -o docs/images/$${scene%.*}.png || exit; \
 	done
 	$(rayo) experiment --ladder --out out/experiment
 	cp out/experiment/ratio.svg out/experiment/ladder.svg docs/images/
+
+counts: build ## Count and time the operations anew: docs/results/instruction-counts.md and its figure
+	mkdir -p out
+	$(rayo) ops --executed --markdown --figure docs/results/instruction-counts.svg >out/instruction-counts.md
+	cp out/instruction-counts.md docs/results/
 
 accuracy: build ## Measure error against run time anew: docs/results/accuracy.md and its figure
 	$(rayo) accuracy --out out/accuracy
@@ -58,6 +68,11 @@ accuracy: build ## Measure error against run time anew: docs/results/accuracy.md
 stability: build ## Sweep the stiff scenes anew: docs/results/stability.md and its figure
 	$(rayo) stability --out out/stability
 	cp out/stability/stability.md out/stability/stability.svg docs/results/
+
+leaving-out: build ## Measure what each omission is worth anew: docs/results/leaving-out.txt and its figure
+	mkdir -p out
+	$(rayo) plan $(planned:%=scenes/%) --measure --figure docs/results/leaving-out.svg >out/leaving-out.txt
+	cp out/leaving-out.txt docs/results/
 
 complexity: build ## Measure large pictures and scenes anew: docs/results/complexity.md and its figure
 	$(rayo) experiment --complexity --out out/complexity

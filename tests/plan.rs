@@ -645,3 +645,30 @@ fn render_explains_its_plan_and_brute_force_makes_the_same_file() {
         "{rust}"
     );
 }
+
+#[test]
+fn the_figure_of_a_measurement_has_a_line_for_each_omission_that_was_timed() {
+    let directory = tempfile::TempDir::new().unwrap();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+    let scenes = ["sphere.in", "tetrahedron.in"].map(|name| format!("{folder}/{name}"));
+    let [sphere, tetrahedron] = scenes.each_ref().map(String::as_str);
+    let output = program::rayo(
+        ["plan", sphere, tetrahedron, "--size", "16x12", "--measure", "--figure", "worth.svg"],
+        directory.path(),
+    );
+    assert!(output.status.success(), "{output:?}");
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.contains("sphere.in: 16x12") && told.contains("\n\n") && told.contains("tetrahedron.in: 16x12"));
+    let figure = std::fs::read_to_string(directory.path().join("worth.svg")).unwrap();
+    for text in ["sphere.in", "tetrahedron.in", "all that --keep-all keeps"] {
+        assert_eq!(figure.matches(&format!("\n{text}\n")).count(), 1, "{text}");
+    }
+    for (args, expected) in [
+        (&["plan", sphere, "--figure", "a.svg"][..], "--measure"),
+        (&["plan", sphere, tetrahedron, "--json"], "--json prints one document, of one scene"),
+    ] {
+        let refused = program::rayo(args, directory.path());
+        let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && error.contains(expected), "{error}");
+    }
+}

@@ -56,12 +56,18 @@ impl DevelopmentArgs {
             )));
         }
         let plain = Development::default();
-        let development = Development {
-            samples: self.samples.unwrap_or(plain.samples),
+        let development = self.with_samples(plain.samples);
+        Ok((development != plain).then_some(development))
+    }
+
+    /// What is asked for, with so many samples unless others are.
+    pub(super) fn with_samples(&self, samples: u32) -> Development {
+        let plain = Development::default();
+        Development {
+            samples: self.samples.unwrap_or(samples),
             background: self.background.unwrap_or(plain.background),
             exposure: self.exposure.unwrap_or(plain.exposure),
             srgb: self.srgb,
-        };
-        Ok((development != plain).then_some(development))
+        }
     }
 }

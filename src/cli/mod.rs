@@ -14,6 +14,7 @@ mod measuring;
 mod ops;
 mod party;
 mod plan;
+mod preview;
 mod render;
 mod report;
 mod shell;
@@ -28,7 +29,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
 use serde::Serialize;
-use terminal_size::{Width, terminal_size_of};
+use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
 use crate::render::remove_unfinished;
@@ -162,7 +163,6 @@ fn colour_on_stderr() -> bool {
     io::stderr().is_terminal() && colour_is_wanted()
 }
 
-#[cfg(rayo_asm)]
 fn colour_on_stdout() -> bool {
     io::stdout().is_terminal() && colour_is_wanted()
 }
@@ -215,10 +215,15 @@ fn print_result(as_json: bool, result: &impl Serialize, text: impl FnOnce() -> S
     writeln!(io::stdout().lock(), "{}", json(result)?).map_err(|error| unprinted(&error))
 }
 
+/// The columns and lines of standard output, if that is a terminal.
+fn terminal_size() -> Option<(usize, usize)> {
+    let (Width(width), Height(height)) = terminal_size_of(io::stdout())?;
+    Some((width.into(), height.into()))
+}
+
 /// As many characters as a line of standard output has, if that is a terminal.
 fn terminal_width() -> Option<usize> {
-    let (Width(width), _) = terminal_size_of(io::stdout())?;
-    Some(width.into())
+    Some(terminal_size()?.0)
 }
 
 /// Prints text to standard output, and to a terminal so that it fits.

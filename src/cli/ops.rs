@@ -7,6 +7,7 @@ mod markdown;
 #[cfg(rayo_asm)]
 mod table;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
@@ -50,6 +51,9 @@ pub struct OpsArgs {
     /// Print docs/results/instruction-counts.md
     #[arg(long, conflicts_with_all = ["asm", "op", "engine"])]
     markdown: bool,
+    /// Draw cycles against instructions: an SVG
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["asm", "kernel", "kernels"])]
+    figure: Option<PathBuf>,
 }
 
 /// Functions of the objects, as JSON.
@@ -62,7 +66,9 @@ struct Listed<T> {
 /// Counts and prints.
 #[cfg(rayo_asm)]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    use super::{colour_on_stdout, print_result, terminal_width};
+    use std::io::Write;
+
+    use super::{colour_on_stdout, convert, print_result, terminal_width};
     use crate::experiments::ops::{self, Options};
     use crate::measure::instructions::functions;
 
@@ -91,6 +97,10 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     });
     bar.finish_and_clear();
     let report = report.map_err(Failure::input)?;
+    if let Some(figure) = &args.figure {
+        let svg = ops::plot::figure(&report).map_err(Failure::output)?;
+        convert::write(figure, |out| out.write_all(svg.as_bytes()))?;
+    }
     print_result(args.json, &report, || match () {
         () if args.asm => listing::text(&report, width, colour),
         () if args.markdown => markdown::text(&report),
@@ -102,7 +112,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
 /// Without assembly there is nothing to count.
 #[cfg(not(rayo_asm))]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    let OpsArgs { op: _, engine: _, asm: _, kernel: _, kernels: _, executed: _, json: _, markdown: _ } = args;
+    let OpsArgs { op: _, engine: _, asm: _, kernel: _, kernels: _, executed: _, json: _, markdown: _, figure: _ } =
+        args;
     Err(Failure::input("this build has no kernels in assembly or C to count: it was built without the feature `asm`"))
 }
 

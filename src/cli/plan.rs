@@ -1,5 +1,6 @@
 //! `rayo plan`: what is kept of a scene, what is left out of it and why, and what that is worth.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -9,8 +10,8 @@ use serde::Serialize;
 use super::engine::EngineArgs;
 use super::measuring::{bar, pin};
 use super::view::{ViewArgs, tell};
-use super::{Failure, print_result};
-use crate::experiments::ablation::{self, Ablation, Timed};
+use super::{Failure, convert, print_result};
+use crate::experiments::ablation::{self, Ablation, Timed, plot};
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
@@ -27,8 +28,10 @@ const PATIENCE_TICKS: u64 = 20_000_000_000;
   rayo plan scenes/many.in --size 400x300 --engine reference --json
   rayo plan scenes/sphere.in --measure -o sphere.exr")]
 pub struct PlanArgs {
-    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl)
-    scene: PathBuf,
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl). Of several, one after
+    /// the other
+    #[arg(value_name = "SCENE", required = true)]
+    scenes: Vec<PathBuf>,
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
@@ -39,7 +42,10 @@ pub struct PlanArgs {
     /// Trace the scene, on one thread, with one omission after the other not made
     #[arg(long)]
     measure: bool,
-    /// Print one JSON document
+    /// Draw what that is worth: an SVG, of all the scenes
+    #[arg(long, value_name = "FILE", requires = "measure")]
+    figure: Option<PathBuf>,
+    /// Print one JSON document, of one scene
     #[arg(long)]
     json: bool,
 }
@@ -118,10 +124,35 @@ fn note(timed: Timed) -> Option<&'static str> {
     }
 }
 
-/// Prints the plan.
+/// Prints the plans, and draws what their lines are worth.
 pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
+    if args.json && args.scenes.len() > 1 {
+        return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
+    }
+    let mut worth = Vec::new();
+    for (number, path) in args.scenes.iter().enumerate() {
+        let (of, report, ablation) = plan(args, path)?;
+        let gap = if number > 0 { "\n" } else { "" };
+        print_result(args.json, &of.plan(&report, ablation.as_ref()), || {
+            format!("{gap}{}", of.text(&report, ablation.as_ref()))
+        })?;
+        if let Some(ablation) = ablation {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let lines = report.left_out.iter().map(|line| line.what).zip(ablation.worth);
+            worth.push((name, lines.chain([("all that --keep-all keeps", ablation.keep_all)]).collect()));
+        }
+    }
+    if let Some(figure) = &args.figure {
+        let svg = plot::figure(&worth).map_err(Failure::output)?;
+        convert::write(figure, |out| out.write_all(svg.as_bytes()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The plan of a scene, and what it is worth if that is asked for.
+fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<Ablation>), Failure> {
     let (engine, precision) = args.engine.chosen()?;
-    let mut scene = tell(args.view.open(&args.scene)?, false);
+    let mut scene = tell(args.view.open(path)?, false);
     scene.camera = args.view.camera(&scene.camera)?;
     let bytes = match &args.output {
         Some(path) => Format::from_path(path).map_err(Failure::input)?.is_8bit(),
@@ -146,15 +177,8 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     } else {
         None
     };
-    let of = Of {
-        path: &args.scene,
-        engine,
-        precision: precision.unwrap_or(engine.precision()),
-        format,
-        camera: scene.camera,
-    };
-    print_result(args.json, &of.plan(&report, ablation.as_ref()), || of.text(&report, ablation.as_ref()))?;
-    Ok(ExitCode::SUCCESS)
+    let precision = precision.unwrap_or(engine.precision());
+    Ok((Of { path, engine, precision, format, camera: scene.camera }, report, ablation))
 }
 
 /// What the plan is of.

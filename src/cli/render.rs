@@ -16,6 +16,7 @@ use super::development::DevelopmentArgs;
 use super::engine::EngineArgs;
 use super::measuring::bar_style;
 use super::party::Party;
+use super::preview::Preview;
 use super::view::{ViewArgs, tell};
 use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
@@ -35,7 +36,7 @@ const MAX_THREADS: usize = 4096;
 #[command(after_help = "Examples:
   rayo render scenes/sphere.in -o sphere.png
   rayo render scenes/many.in --size 1600x1200 --engine paper --stats
-  rayo render scenes/sphere.in scenes/tetrahedron.in -o .")]
+  rayo render scenes/island.toml --preview --srgb")]
 pub struct RenderArgs {
     /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
     /// standard input. Several are rendered one after the other, and one that fails does not keep the others from it
@@ -46,6 +47,12 @@ pub struct RenderArgs {
     /// Of several scenes: the directory of their pictures. Default: the name in the scene, in this directory
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Show the picture in the terminal, two pixels in each character, and write a file only if -o is given too. It is traced
+    /// at as many pixels as fit, at most at those of the picture, with 4 x 4 samples of each unless --samples says otherwise.
+    /// Where standard output is no terminal, or NO_COLOR is set, it is made of letters from dark to bright; where it is no
+    /// terminal, in 80 columns and 24 lines
+    #[arg(long)]
+    preview: bool,
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
@@ -125,6 +132,9 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
              a file with -o",
         ));
     }
+    if args.preview {
+        can_be_shown(args, party, to_standard_output)?;
+    }
     let mut written = BTreeSet::new();
     if let [scene] = &args.scenes[..] {
         render_one(args, party, scene, chosen, &mut written)?;
@@ -153,6 +163,22 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     Ok(status)
 }
 
+/// Standard output holds one thing, and a terminal one process.
+fn can_be_shown(args: &RenderArgs, party: &Party, to_standard_output: bool) -> Result<(), Failure> {
+    let problem = match () {
+        () if !party.is_alone() => "--preview is for one process: start it without MPI, or leave it out",
+        () if to_standard_output => {
+            "--preview prints where the picture is to go, to standard output: name a file with -o"
+        }
+        () if args.json => "--preview prints a picture where --json prints a document: leave one of them out",
+        () if args.stats && args.output.is_none() => {
+            "--stats is of a picture that is written, and --preview alone writes none: name a file with -o"
+        }
+        () => return Ok(()),
+    };
+    Err(Failure::input(problem))
+}
+
 /// Renders a scene to a picture that is not among those `written` before.
 fn render_one(
     args: &RenderArgs,
@@ -177,6 +203,23 @@ fn render_one(
         let Range { start, end } = rows;
         return Err(Failure::input(format!("--rows {start}..{end}: the picture has the rows 0..{}", camera.height())));
     }
+    scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
+    let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.unwrap_or_else(cores);
+    let preview = args.preview.then(|| Preview {
+        engine,
+        precision,
+        keep,
+        threads,
+        development: args.development.with_samples(Preview::SAMPLES),
+        rows: rows.clone(),
+        explain: args.explain && args.output.is_none(),
+        quiet: args.quiet,
+    });
+    if let (Some(preview), None) = (&preview, &args.output) {
+        return preview.show(&mut scene);
+    }
     let (path, format) = output(args, &scene)?;
     if written.contains(&path) {
         let path = path.display();
@@ -185,11 +228,13 @@ fn render_one(
         )));
     }
     let development = args.development.of(&path, format)?;
+    if let Some(preview) = &preview {
+        preview.show(&mut scene)?;
+    }
     if let Some(development) = &development {
         let too_many = |error| Failure::input(format!("--samples {}: {error}", development.samples));
         scene.camera = development.camera(&camera).map_err(too_many)?;
     }
-    scene.doubts().iter().for_each(|doubt| say(&format!("warning: {doubt}")));
     // Before the plan: who cannot have a file need not wait for it.
     party.agree(remove_part_files_on_signals())?;
     let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
@@ -197,9 +242,6 @@ fn render_one(
     let (mut image, _unfinished) = party.begin(|announce| {
         ImageWriter::of_rows(&path, format, size, rows.clone(), existing, announce).map_err(unwritten)
     })?;
-    let keep = if args.keep_all { Keep::all() } else { Keep::NOTHING };
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.unwrap_or_else(cores);
     let own = if development.is_some() { PixelFormat::F32x4 } else { engine.format_for(format.is_8bit()) };
     let purpose = Purpose { precision, format: Some(own), keep, threads, in_bands: true };
     let clock = Instant::now();

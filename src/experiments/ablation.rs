@@ -1,5 +1,7 @@
 //! What each omission is worth: a scene traced as planned, and with one omission after the other not made.
 
+pub mod plot;
+
 use std::ops::Range;
 use std::slice::from_ref;
 

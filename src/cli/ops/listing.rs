@@ -13,6 +13,7 @@ const ABREAST: usize = 2;
 const LABEL: usize = 5;
 const TEXT: usize = 44;
 
+const PLAIN: &str = "0";
 const BOLD: &str = "1";
 const DIM: &str = "2";
 const YELLOW: &str = "33";
@@ -163,10 +164,12 @@ fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, col
     for i in 0..columns.iter().map(|(_, lines)| lines.len()).max().unwrap_or(0) {
         let cells = columns.iter().map(|(_, lines)| {
             let cell = lines.get(i).map_or(String::new(), cell);
-            let style = lines.get(i).map_or("", |line| match () {
-                () if !line.line.body => DIM,
-                () if !line.common => YELLOW,
-                () => "0",
+            // A listing without a body, as those of C, is not dim as a whole, nor all of it other than the first.
+            let has_body = lines.iter().any(|line| line.line.body);
+            let style = lines.get(i).map_or(PLAIN, |line| match () {
+                () if has_body && !line.line.body => DIM,
+                () if has_body && !line.common => YELLOW,
+                () => PLAIN,
             });
             (format!("{cell:<width$.width$} "), style)
         });
@@ -177,7 +180,7 @@ fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, col
         if let Some((last, _)) = cells.last_mut() {
             last.truncate(last.trim_end().len());
         }
-        let line: String = cells.iter().map(|(cell, style)| styled(colour && *style != "0", style, cell)).collect();
+        let line: String = cells.iter().map(|(cell, style)| styled(colour && *style != PLAIN, style, cell)).collect();
         writeln!(text, "{line}").unwrap();
     }
     writeln!(text).unwrap();

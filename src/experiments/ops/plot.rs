@@ -60,17 +60,28 @@ pub fn figure(report: &Report) -> Result<String, PlotError> {
         )?;
         let (low, high) = (x.start.max(y.start), x.end.min(y.end));
         chart.draw_series(LineSeries::new([(low, low), (high, high)], GREY.stroke_width(1)))?;
+        let mut labels: Vec<(String, (f64, f64))> = Vec::new();
         for (op, implementation, mark, at) in &marks {
             let colour = colour(implementation);
             match mark {
                 Mark::Triangle => chart.draw_series([TriangleMarker::new(*at, 6, colour.filled())]).map(drop),
-                Mark::Square => chart.draw_series([Circle::new(*at, 5, colour.stroke_width(2))]).map(drop),
+                Mark::Square => {
+                    let square = Rectangle::new([(-4, -4), (4, 4)], colour.stroke_width(2));
+                    chart.draw_series([EmptyElement::at(*at) + square]).map(drop)
+                }
                 _ => chart.draw_series([Circle::new(*at, 5, colour.filled())]).map(drop),
             }?;
             if ["c-O3", "paper"].contains(implementation) {
-                let beside = EmptyElement::at(*at) + Text::new((*op).to_owned(), (8, -6), (FONT, SMALL - 2));
-                chart.draw_series([beside])?;
+                // What takes the same shares a name.
+                let same = |(_, (x, y)): &&mut (String, (f64, f64))| *x == at.0 && (y.ln() - at.1.ln()).abs() < 0.1;
+                match labels.iter_mut().find(same) {
+                    Some((names, _)) => *names += &format!(", {op}"),
+                    None => labels.push(((*op).to_owned(), *at)),
+                }
             }
+        }
+        for (names, at) in labels {
+            chart.draw_series([EmptyElement::at(at) + Text::new(names, (8, -6), (FONT, SMALL - 2))])?;
         }
         Ok(())
     })

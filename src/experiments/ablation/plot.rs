@@ -1,0 +1,93 @@
+//! The figure: what each omission is worth, a line for each, and a mark on it for each scene.
+
+use std::collections::BTreeMap;
+
+use plotters::prelude::*;
+
+use super::Timed;
+use crate::experiments::svg::{
+    BLUE, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, SMALL, VERMILION, draw, head, mark, text_width, tick,
+    write,
+};
+
+const WIDTH: i32 = 960;
+const LINE: i32 = 26;
+/// Scenes have these in turn, and those after them the same with another mark.
+const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
+const MARKS: [Mark; 3] = [Mark::Dot, Mark::Triangle, Mark::Square];
+/// What stands at the axis, as far as it goes.
+const TICKS: [f64; 11] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0];
+
+/// Of a scene: its name, and how many times as long each omission's absence takes.
+pub type Worth<'a> = (String, Vec<(&'a str, Timed)>);
+
+/// A line for each omission, from what is worth most somewhere to what is worth least, on a logarithmic scale, on which factors
+/// add up.
+pub fn figure(scenes: &[Worth<'_>]) -> Result<String, PlotError> {
+    let ratios =
+        || scenes.iter().flat_map(|(_, lines)| lines).filter_map(|(name, timed)| Some((*name, timed.ratio()?)));
+    let mut most = BTreeMap::new();
+    for (name, ratio) in ratios() {
+        let most = most.entry(name).or_insert(ratio);
+        *most = ratio.max(*most);
+    }
+    let mut names: Vec<_> = most.keys().copied().collect();
+    names.sort_by(|one, other| most[other].total_cmp(&most[one]));
+    let low = ratios().map(|(_, ratio)| ratio).fold(0.9, f64::min).log2();
+    let high = (1.15 * most.values().copied().fold(2.0, f64::max)).log2();
+    let left = names.iter().map(|name| text_width(name, SMALL)).max().unwrap_or(0) + 28;
+    let place = |ratio: f64| left + (f64::from(WIDTH - left - 24) * (ratio.log2() - low) / (high - low)) as i32;
+    let look = |scene: usize| (MARKS[scene / COLOURS.len() % MARKS.len()], COLOURS[scene % COLOURS.len()]);
+    let entries: Vec<_> = scenes
+        .iter()
+        .enumerate()
+        .map(|(scene, (name, _))| {
+            let (mark, colour) = look(scene);
+            (mark, colour, name.clone())
+        })
+        .collect();
+    let bottom = LINE * names.len() as i32;
+    draw(WIDTH, bottom + 110 + LINE * (scenes.len() as i32 / 7), |area| {
+        let area = head(area, "How many times as long without leaving it out", &entries)?;
+        for ratio in TICKS.into_iter().filter(|ratio| ratio.log2() <= high) {
+            let x = place(ratio);
+            let strength = if ratio == 1.0 { 0.5 } else { 0.12 };
+            area.draw(&PathElement::new([(x, 0), (x, bottom + 4)], BLACK.mix(strength).stroke_width(1)))?;
+            write(&area, &tick(&ratio), (x - text_width(&tick(&ratio), SMALL) / 2, bottom + 8), SMALL)?;
+        }
+        for (line, name) in names.iter().enumerate() {
+            let y = LINE * line as i32 + LINE / 2;
+            write(&area, name, (12, y - SMALL / 2 - 1), SMALL)?;
+            area.draw(&PathElement::new([(left, y), (WIDTH - 24, y)], GREY.mix(0.25).stroke_width(1)))?;
+            for (scene, (_, lines)) in scenes.iter().enumerate() {
+                let (shape, colour) = look(scene);
+                for ratio in lines.iter().filter(|(other, _)| other == name).filter_map(|(_, timed)| timed.ratio()) {
+                    mark(&area, shape, (place(ratio), y), 5, colour)?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_omission_that_was_timed_has_a_line_and_each_scene_a_mark_on_it() {
+        let scene = |name: &str, lines: &[(&'static str, Timed)]| (name.to_owned(), lines.to_vec());
+        let svg = figure(&[
+            scene("one.in", &[("misses", Timed::Once(8.0)), ("no code", Timed::NoCode)]),
+            scene("two.in", &[("misses", Timed::Once(30.0)), ("depths", Timed::Once(1.5))]),
+        ])
+        .unwrap();
+        // With those of the list of scenes.
+        assert_eq!(svg.matches("<circle").count(), 3 + 2);
+        for text in ["one.in", "two.in", "misses", "depths"] {
+            assert_eq!(svg.matches(&format!("\n{text}\n")).count(), 1, "{text}");
+        }
+        assert!(!svg.contains("no code"));
+        assert!(svg.find("\nmisses\n") < svg.find("\ndepths\n"), "what is worth most comes first");
+    }
+}
