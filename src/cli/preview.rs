@@ -56,7 +56,7 @@ impl Preview {
     /// Red, green and blue of these rows' pixels.
     fn trace(&self, scene: &Scene, camera: &Camera, rows: Range<u32>) -> Result<Vec<[u8; 3]>, Failure> {
         let Preview { engine, precision, keep, threads, development, .. } = *self;
-        let purpose = Purpose { precision, format: Some(PixelFormat::F32x4), keep, threads };
+        let purpose = Purpose { precision, format: Some(PixelFormat::F32x4), keep, threads, in_bands: true };
         let plan = Plan::new(engine, scene, purpose).map_err(Failure::input)?;
         if self.explain {
             plan.report().lines().iter().for_each(|line| say(line));
