@@ -7,7 +7,7 @@ use std::thread;
 use super::bins::Bins;
 use super::forms::{Form, LONG};
 use super::{covered, range};
-use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
+use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, ObjectList, Seen, SphereView};
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
 use crate::scene::{Camera, Grid};
@@ -117,12 +117,15 @@ where
 {
     /// Which tiles all `objects` may be in. Each thread takes as many, which lie side by side; what they find is one after
     /// another, so that nobody sees how many there were.
-    pub(super) fn plan(&self, objects: &[T], threads: usize) -> Planned {
+    pub(super) fn plan(&self, objects: T::Many<'_>, threads: usize) -> Planned {
         let threads = threads.clamp(1, objects.len().div_ceil(FEWEST_PER_THREAD).max(1));
         let part = objects.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
-        let parts = (0..).step_by(part).zip(objects.chunks(part));
         let long = if objects.len() <= MOST_LOOKED_AT { 0 } else { LONG };
-        let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects, long));
+        let starts = (0..objects.len()).step_by(part);
+        let mut parts = starts.map(|first| {
+            let objects = objects.part(first..objects.len().min(first + part));
+            move || self.plan_part(first as u32, objects, long)
+        });
         let own = parts.next();
         let planned: Vec<Planned> = thread::scope(|scope| {
             let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
@@ -134,17 +137,17 @@ where
     }
 
     /// Piece by piece, so that what is found of one is in the caches until it is in the lists.
-    fn plan_part(&self, first_id: u32, objects: &[T], long: usize) -> Planned {
+    fn plan_part(&self, first_id: u32, objects: T::Many<'_>, long: usize) -> Planned {
         let mut bins = Bins::new(self.picture, self.most_tiles);
         let piece = PIECE.max(bins.tiles().next_multiple_of(CHUNK));
         let mut room = vec![Seen::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
         let mut wide = Vec::new();
         let mut extremes = None;
-        let pieces = objects.chunks(piece);
-        for (done, objects) in pieces.clone().enumerate() {
-            let first_id = first_id + (done * piece) as u32;
-            let (seen, of_piece) = self.find(first_id, objects, long, &mut room, &mut wide);
-            bins.add(seen, pieces.len() - 1 - done);
+        for start in (0..objects.len()).step_by(piece) {
+            let end = objects.len().min(start + piece);
+            let first_id = first_id + start as u32;
+            let (seen, of_piece) = self.find(first_id, objects.part(start..end), long, &mut room, &mut wide);
+            bins.add(seen, (objects.len() - end).div_ceil(piece));
             extremes = extremes.into_iter().chain(of_piece).reduce(Extremes::and);
         }
         Planned { bins: vec![bins], wide, extremes }
@@ -154,7 +157,7 @@ where
     fn find<'a>(
         &self,
         first_id: u32,
-        objects: &[T],
+        objects: T::Many<'_>,
         long: usize,
         room: &'a mut [Seen],
         wide: &mut Vec<Seen>,
@@ -169,8 +172,8 @@ where
             let mut left = 0;
             for i in 0..count {
                 let seen = &mut room[i];
-                let object = &objects[(seen.id - first_id) as usize];
-                let is_wide = !is_sure(seen.most) && (self.form)(object, seen) == Form::Wide && self.in_f32;
+                let object = objects.get((seen.id - first_id) as usize);
+                let is_wide = !is_sure(seen.most) && (self.form)(&object, seen) == Form::Wide && self.in_f32;
                 wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
                 room[left] = *seen;
                 // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
@@ -186,7 +189,7 @@ where
                 !sides.contains(&0) && sides.iter().any(|side| *side >= long)
             };
             for seen in seen.iter().filter(is_long) {
-                (self.steep)(&objects[(seen.id - first_id) as usize], seen, wide);
+                (self.steep)(&objects.get((seen.id - first_id) as usize), seen, wide);
             }
         }
         if seen.len() <= self.most_sorted {
@@ -198,8 +201,8 @@ where
             let mut left = 0;
             for i in 0..count {
                 let Seen { id, columns, rows, .. } = &mut seen[i];
-                let object = &objects[(*id - first_id) as usize];
-                self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, object));
+                let object = || objects.get((*id - first_id) as usize);
+                self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, &object()));
                 let has_pixels = covered(*columns, *rows) > 0;
                 seen[left] = seen[i];
                 left += usize::from(has_pixels);
