@@ -73,7 +73,7 @@ pub enum Facets<'a> {
 /// # Safety
 /// At the first of the addresses are as many objects as [`ObjectList::len`] says, as the kernels that take the kind read them; if
 /// these are faces, their vertices are at the second, with 4 bytes more, and otherwise that is 0.
-pub unsafe trait ObjectList: Copy + Send {
+pub unsafe trait ObjectList: Copy + Send + Sync {
     /// One of them.
     type Object;
     /// How many there are.

@@ -18,6 +18,7 @@ use self::bins::{Bins, tiles_of};
 use self::bounds::{Picture, Planned, Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
 use super::omission::{Keep, Omission};
+use super::team::Team;
 use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
@@ -93,9 +94,9 @@ struct Binned<'a> {
     triangles: Cow<'a, [Triangle]>,
     /// The same of those that share their corners.
     faces: Cow<'a, Faces>,
-    of_spheres: Vec<Bins>,
+    of_spheres: Bins,
     /// Of both kinds of triangles, each counted from 0.
-    of_triangles: [Vec<Bins>; 2],
+    of_triangles: [Bins; 2],
     /// The tiles, row by row, that have an object whose numbers are beyond f32, if there are any.
     wide: Vec<bool>,
     /// Of all objects; None where there are none.
@@ -140,6 +141,11 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
+/// So many threads; or this one alone if they cannot be started, of which whoever traces with them has more to say.
+fn team(threads: usize) -> Arc<Team> {
+    Team::of(threads).unwrap_or_else(|_| Arc::new(Team::alone()))
+}
+
 /// Lights that are further away are brought nearer.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
@@ -151,7 +157,7 @@ impl<'a> Binned<'a> {
         scene: &'a Scene,
         &Frame { grid, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
-        (keep, threads): (Keep, usize),
+        (keep, team): (Keep, &Team),
         in_f32: bool,
     ) -> Self {
         let picture = Picture::of(&scene.camera);
@@ -189,9 +195,9 @@ impl<'a> Binned<'a> {
             most_sorted: 0,
             in_f32,
         };
-        let of_spheres = spheres.plan(&scene.spheres, threads);
-        let of_triangles = triangles.plan(Facets::Apart(&scene.triangles), threads);
-        let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), threads);
+        let of_spheres = spheres.plan(&scene.spheres, team);
+        let of_triangles = triangles.plan(Facets::Apart(&scene.triangles), team);
+        let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), team);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
         let (near_triangles, near_faces) = (near_corners(&of_triangles), near_corners(&of_faces));
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
@@ -211,7 +217,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// Plans `scene` on so many threads, by kernels that find bounds, without the omissions in `keep`.
     pub fn new(scene: &'a Scene, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene);
-        let binned = Binned::new(scene, &frame, kernels, (keep, threads), is_f32::<E>());
+        let binned = Binned::new(scene, &frame, kernels, (keep, &team(threads)), is_f32::<E>());
         Self::of(scene, frame, keep, Arc::new(binned))
     }
 
@@ -221,7 +227,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, &frame, kernels, (keep, threads), false))
+            Arc::new(Binned::new(scene, &frame, kernels, (keep, &team(threads)), false))
         };
         Tiles::of(scene, frame, keep, binned)
     }
@@ -303,7 +309,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Those of them that are in the list of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Seen> {
-        let mut seen: Vec<_> = self.binned.of_spheres.iter().flat_map(Bins::listed).collect();
+        let mut seen: Vec<_> = self.binned.of_spheres.listed().collect();
         seen.sort_unstable_by_key(|seen| seen.id);
         seen.dedup_by_key(|seen| seen.id);
         seen.into_iter().copied()
@@ -386,19 +392,18 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
-        for bins in &self.binned.of_spheres {
-            spheres.extend(bins.large_in(tile));
-            bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
-        }
+        let bins = &self.binned.of_spheres;
+        spheres.extend(bins.large_in(tile));
+        bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
     }
 
     /// Hands out the triangles of one of the [kinds](Tiles::facets) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
     /// by way of `room` if they are not in one list.
     pub fn triangles_in(&self, kind: usize, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
         let bins = &self.binned.of_triangles[kind];
-        let mut lists = bins.iter().flat_map(|bins| bins.of_tile(tile)).filter(|seen| !seen.is_empty());
+        let mut lists = bins.of_tile(tile).filter(|seen| !seen.is_empty());
         if let (Some(only), None) = (lists.next(), lists.next())
-            && bins.iter().all(|bins| bins.large_in(tile).next().is_none())
+            && bins.large_in(tile).next().is_none()
         {
             return only.chunks(MOST_AT_ONCE).for_each(say);
         }
@@ -414,10 +419,8 @@ impl<'a, E: Element> Tiles<'a, E> {
                 seen = others;
             }
         };
-        for bins in bins {
-            bins.large_in(tile).for_each(|large| add(&[large]));
-            bins.of_tile(tile).for_each(&mut add);
-        }
+        bins.large_in(tile).for_each(|large| add(&[large]));
+        bins.of_tile(tile).for_each(&mut add);
         if !room.is_empty() {
             say(room);
         }
@@ -497,10 +500,10 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
 }
 
 /// The bounds of so many objects, empty of those that are in no list.
-fn bounds_in(bins: &[Bins], objects: usize) -> PixelBounds {
+fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };
-    for seen in bins.iter().flat_map(Bins::listed) {
+    for seen in bins.listed() {
         bounds.columns[seen.id as usize] = seen.columns;
         bounds.rows[seen.id as usize] = seen.rows;
     }

@@ -243,6 +243,7 @@ mod tests {
 
     use super::super::shapes::{icosphere, terrain};
     use super::{Mesh, MeshFormat, read};
+    use crate::scene::pieces::{LONGEST, PIECE};
 
     /// What is read in bulk, which is what is read with care.
     fn in_bulk(source: impl Into<Vec<u8>>, format: MeshFormat) -> Option<Mesh> {
@@ -264,6 +265,32 @@ mod tests {
                 let soup = |mesh: &Mesh| mesh.triangles.iter().map(|&it| mesh.corners(it)).collect::<Vec<_>>();
                 assert_eq!(soup(&mesh), soup(&shape));
             }
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_many_pieces_is_read_in_bulk_wherever_these_end() {
+        let shape = terrain(20_000, 2);
+        let [obj, ply] = [MeshFormat::Obj, MeshFormat::Ply].map(|format| {
+            let mut file = Vec::new();
+            shape.write(format, &mut file).unwrap();
+            file
+        });
+        assert!(ply.len() > 2 * PIECE && obj.len() > 2 * PIECE);
+        for more in 0..16 {
+            let comment = "c".repeat(more);
+            let obj = [format!("# {comment}\n").as_bytes(), &obj].concat();
+            assert_eq!(in_bulk(obj, MeshFormat::Obj).map(|mesh| mesh.triangles.len()), Some(shape.triangles.len()));
+            let header = format!("ply\nformat binary_little_endian 1.0\ncomment {comment}\n");
+            let after = ply.iter().enumerate().filter(|(_, byte)| **byte == b'\n').nth(1).unwrap().0 + 1;
+            let ply = [header.as_bytes(), &ply[after..]].concat();
+            assert!(in_bulk(ply, MeshFormat::Ply).is_some_and(|mesh| mesh == shape));
+        }
+        // A line that may be longer than what is at hand.
+        for (blanks, bulk) in [(LONGEST / 2, true), (2 * PIECE, false)] {
+            let long =
+                [&obj[..], b"f 1", " ".repeat(blanks).as_bytes(), b" 2 3\n", &b"# after\n".repeat(PIECE)].concat();
+            assert_eq!(in_bulk(long, MeshFormat::Obj).is_some(), bulk);
         }
     }
 
