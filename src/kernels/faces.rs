@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::records::Facet;
+use super::records::{FACE_BYTES, Facet};
+
+const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() == FACE_BYTES);
 
 /// The number past those of faces that follow one another and have one colour, and that colour.
 pub type ColourRun = (usize, Vec3);

@@ -6,9 +6,7 @@ use glam::Vec3;
 
 use super::faces::{ColourRun, Faces, run_of_colour};
 use super::kernel::reads;
-use super::records::{Ball, FACE_BYTES, Facet, Seen};
-
-const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() == FACE_BYTES);
+use super::records::{Ball, Facet, Seen};
 
 /// Some [`Faces`], one after another.
 #[derive(Clone, Copy, Debug)]
