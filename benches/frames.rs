@@ -8,7 +8,7 @@ use std::time::Duration;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
 use rayo::render::{Engine, Film, PixelFormat};
-use rayo::scene::{Camera, Light, Scene, Sphere, Triangle, many};
+use rayo::scene::{Camera, Faces, Light, Scene, Sphere, Triangle, many};
 
 const SEED: u64 = 1;
 
@@ -20,7 +20,14 @@ fn lamp(position: Vec3) -> Light {
 fn empty() -> Scene {
     let camera = Camera::new(320, 240, 1.0, 1.0).expect("a camera within the limits");
     let light = lamp(Vec3::new(-4.0, 5.0, 0.0));
-    Scene { name: "bench".to_owned(), camera, lights: vec![light], spheres: Vec::new(), triangles: Vec::new() }
+    Scene {
+        name: "bench".to_owned(),
+        camera,
+        lights: vec![light],
+        spheres: Vec::new(),
+        triangles: Vec::new(),
+        faces: Faces::default(),
+    }
 }
 
 /// The experiment of the paper: a sphere that covers about half of the picture.

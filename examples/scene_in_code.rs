@@ -7,7 +7,7 @@ use std::error::Error;
 use std::thread::available_parallelism;
 
 use rayo::glam::Vec3;
-use rayo::{Camera, Engine, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
+use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
 
 /// A ball above a floor, under one lamp. The pinhole is at the origin; x points to the right, y up, and z away.
 fn ball() -> Result<Scene, Box<dyn Error>> {
@@ -24,6 +24,7 @@ fn ball() -> Result<Scene, Box<dyn Error>> {
             Triangle { colour: grey, vertices: [near[0], near[1], far[0]] },
             Triangle { colour: grey, vertices: [near[1], far[1], far[0]] },
         ],
+        faces: Faces::default(),
     })
 }
 

@@ -113,7 +113,7 @@ pub fn image(source: &[u8]) {
 fn sound(scene: &Scene) {
     assert!(scene.lights.iter().all(|light| light.position.is_finite() && light.colour.min_element() >= 0.0));
     assert!(scene.spheres.iter().all(|sphere| sphere.centre.is_finite() && sphere.radius > 0.0));
-    assert!(scene.triangles.iter().all(|triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite())));
+    assert!(scene.all_triangles().all(|triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite())));
 }
 
 /// An error has a place in the file, and words of bounded length that cannot steer a terminal.

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use rayo::glam::Vec3;
-//! use rayo::{Camera, Engine, Film, Light, PixelFormat, Scene, Sphere, Triangle};
+//! use rayo::{Camera, Engine, Faces, Film, Light, PixelFormat, Scene, Sphere, Triangle};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // The pinhole is at the origin; x points to the right, y up, and z away.
@@ -23,6 +23,7 @@
 //!         colour: Vec3::ONE,
 //!         vertices: [Vec3::new(-9.0, 0.0, 9.0), Vec3::new(9.0, 0.0, 9.0), Vec3::new(0.0, 9.0, 9.0)],
 //!     }],
+//!     faces: Faces::default(),
 //! };
 //! let tracer = Engine::fastest().prepare(None, &scene)?;
 //! let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
@@ -51,7 +52,7 @@ pub use glam;
 
 // What a program needs to render a scene that it builds.
 pub use render::{Engine, Film, Frame, PixelFormat, Precision, Settings};
-pub use scene::{Camera, Light, Scene, Sphere, Triangle, View};
+pub use scene::{Camera, Faces, Light, Scene, Sphere, Triangle, View};
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -448,7 +448,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 202] = [
+const PACKET_SNIPPETS: [Snippet; 205] = [
     ("ELEMENT", "", "ELEM"),
     ("CLEAN_UPPER", "", ""),
     ("DISTINCT", "", "v0, v1"),
@@ -619,8 +619,11 @@ const PACKET_SNIPPETS: [Snippet; 202] = [
     ("TRIANGLE_VOLUME", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TRIANGLE_EDGE", "", "v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13"),
     ("TURN4", "", "0, 1, 2, 3, 4, 5, 6, 0"),
+    ("TURN_THREE", "", "rdi, Corners, ax, ay, az, 0, 1, 2, 3, 4"),
     ("TURN_QUARTER", "", "rdi, Corners, red, green, blue, ax, rax, rbx, rcx, rdx, 0, 0, 1, 2, 3, 4"),
     ("TURN_FACETS", "", "rdi, rax, rbx, rcx, rdx"),
+    ("LOAD_VERTEX", "", "0, rdx, rax, 1, rbx"),
+    ("TURN_FACES", "", "rdi, rax, rbx, rcx, rdx, r8, r9"),
     ("TURN_BALLS", "", "rdi, rax, rbx, rcx, rdx"),
     ("OBJECT_AT", "", "1, rax, Ball_size, rdx, r15"),
     ("STORE_SEEN", "", "rdi, 2, 3, 4, 5, 6, 7, 8, eax, r12"),

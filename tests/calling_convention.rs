@@ -9,14 +9,15 @@ mod kernel_cases;
 use std::fmt::Debug;
 use std::ops::Range;
 
+use glam::Vec3;
 use kernel_cases::{Input, Numbers, implementations, packet_kernels, seed};
 use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
 use rayo::kernels::{
-    Bodies, BoundsView, CHUNK, Depth, Element, Emit, Extremes, F32x3, Fault, Fill, Frame, Hits, InRow, InsideSpan,
-    LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight, Objects, Op, OpRef, PART_SIDE,
-    PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows, ShadeTile, SpanKernels, Sphere,
-    SphereRecords, SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles,
-    Vec4, hits_of_c, hits_of_paper,
+    Bodies, BoundsView, CHUNK, ColourRun, Depth, Element, Emit, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
+    Frame, Hits, InRow, InsideSpan, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight,
+    Objects, Op, OpRef, PART_SIDE, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows,
+    ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade,
+    TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
 use rayo::reference::tile::middle;
@@ -767,16 +768,20 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
         let ids: Vec<_> = (0..count as u32).collect();
         let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];
         let view_of_all = bounds_view(64, 32);
-        packets.bounds.call(&view_of_all, plan.facets(), 0, true, &mut seen).unwrap();
+        packets.bounds.call(&view_of_all, Facets::Apart(&scene.triangles), 0, true, &mut seen).unwrap();
+        let (vertices, corners, colours) = joined(&scene.triangles);
         let view_of_spheres = &plan.levels().spheres;
         // Everyone as seen anywhere but for what is found of the spheres by their own kernel.
         let mut seen_spheres = vec![Seen::default(); count.next_multiple_of(CHUNK)];
         packets.sphere_bounds.call(view_of_spheres, plan.balls(), 0, true, &mut seen_spheres).unwrap();
         let order: Vec<_> = (0..=2 * count as u32).collect();
         let grid = plan.grid();
-        for side in SIDES {
+        for (side, shared) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
             // What is read lies between guard pages; the plan's copies are the scene's own.
-            let facets = Guarded::new(plan.facets(), side).unwrap();
+            let apart = Guarded::new(&scene.triangles, side).unwrap();
+            let (vertices, corners) = (Guarded::new(&vertices, side).unwrap(), Guarded::new(&corners, side).unwrap());
+            let joined = FacePart::new(&vertices, &corners, &colours);
+            let facets = if shared { Facets::Joined(joined) } else { Facets::Apart(&apart) };
             let balls = Guarded::new(plan.balls(), side).unwrap();
             let ids = Guarded::new(&ids, side).unwrap();
             let seen = Guarded::new(&seen[..count], side).unwrap();
@@ -784,7 +789,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
             let lights_of_spheres = Guarded::new(plan.sphere_lights(), side).unwrap();
             let lights = Guarded::new(&plan.levels().lights, side).unwrap();
             let order = Guarded::new(&order, side).unwrap();
-            let triangles = Triangles { facets: &facets, lights: &lights, seen: &seen, first_id: 1 + count };
+            let triangles = Triangles { facets, lights: &lights, seen: &seen, first_id: 1 + count };
             let spheres = Spheres { balls: &balls, seen: &seen_spheres };
             let records = |short: bool| {
                 let (mut checked, mut unchecked) = (SphereRecords::<E>::default(), SphereRecords::<E>::default());
@@ -836,6 +841,12 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 kernels.set_up.call(&view, triangles, &mut unchecked, &mut of_unchecked);
                 kernels.nearest_triangles.call(&mut unchecked, &order, &window, &grid);
                 assert!(of_checked == of_unchecked, "{what}");
+                // Corners that are shared are the same corners.
+                let (mut buffers, mut of_apart) = (TileBuffers::default(), shades());
+                let apart = Triangles { facets: Facets::Apart(&apart), ..triangles };
+                kernels.set_up.call(&view, apart, &mut buffers, &mut of_apart);
+                let set_up = (1 + count) * lights.len();
+                assert!(of_checked[..set_up] == of_apart[..set_up], "{what}");
                 let all = || (0..32).flat_map(|row| (0..64).map(move |column| (column, row)));
                 let of = |buffers: &TileBuffers<E>| all().map(|(x, y)| buffers.pixel(4, x, y)).collect::<Vec<_>>();
                 assert!(of(&checked) == of(&unchecked), "{what}");
@@ -966,20 +977,34 @@ fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
     }
 }
 
+/// The same triangles as faces, none of which happen to share a corner: their vertices and one more, which may be anything,
+/// the corners and the colours.
+fn joined(triangles: &[Facet]) -> (Vec<Vec3>, Vec<[u32; 3]>, Vec<ColourRun>) {
+    let vertices = triangles.iter().flat_map(|triangle| triangle.vertices).chain([Vec3::NAN]);
+    let corners = (0..triangles.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]);
+    let colours = (1..).zip(triangles).map(|(end, triangle)| (end, triangle.colour));
+    (vertices.collect(), corners.collect(), colours.collect())
+}
+
 fn check_bounds(kernels: &PacketKernels, seed: u64) {
     let view = bounds_view(64, 32);
     for count in [1, 2, 3, 5, 63, 64, 65, 200] {
         let scene = scene::many(0, count, seed);
-        for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
+        let (vertices, corners, colours) = joined(&scene.triangles);
+        let ways = SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]);
+        for ((side, keep_all), shared) in ways.flat_map(|way| [(way, false), (way, true)]) {
             let facets = Guarded::new(&scene.triangles, side).unwrap();
+            let (vertices, corners) = (Guarded::new(&vertices, side).unwrap(), Guarded::new(&corners, side).unwrap());
+            let joined = FacePart::new(&vertices, &corners, &colours);
+            let list = if shared { Facets::Joined(joined) } else { Facets::Apart(&facets) };
             let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
             let (mut checked, mut unchecked) = (seen(), seen());
             let what = format!("{} of {count}", kernels.bounds.symbol());
             let mut room = Guarded::new(&seen(), side).unwrap();
-            let alive = survives(|| _ = kernels.bounds.call(&view, &facets, 5, keep_all, &mut room)).unwrap();
+            let alive = survives(|| _ = kernels.bounds.call(&view, list, 5, keep_all, &mut room)).unwrap();
             assert!(alive, "{what}: the guard page {side:?} is touched");
-            assert_eq!(kernels.bounds.call_checked(&view, &facets, 5, keep_all, &mut checked), Ok(()), "{what}");
-            let (found, extremes) = kernels.bounds.call(&view, &facets, 5, keep_all, &mut unchecked).unwrap();
+            assert_eq!(kernels.bounds.call_checked(&view, list, 5, keep_all, &mut checked), Ok(()), "{what}");
+            let (found, extremes) = kernels.bounds.call(&view, list, 5, keep_all, &mut unchecked).unwrap();
             assert_eq!(checked[..found], unchecked[..found], "{what}");
             let sizes = facets.iter().map(|facet| facet.vertices.map(|v| v.abs().max_element()));
             let sizes: Vec<_> = sizes.map(|[a, b, c]| a.max(b).max(c)).collect();

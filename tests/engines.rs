@@ -327,7 +327,7 @@ mod short_form {
     use glam::{DVec3, Vec3};
     use rayo::plan::Omission;
     use rayo::render::{Engine, Plan, Precision, Purpose};
-    use rayo::scene::{self, Camera, Rng, Scene};
+    use rayo::scene::{self, Camera, Faces, Rng, Scene};
 
     use super::contenders::{Contender, Truth};
     use super::packets;
@@ -348,6 +348,7 @@ mod short_form {
             lights: vec![scene::Light { intensity: 1.0, colour: Vec3::ONE, position: light.as_vec3() }],
             spheres: vec![scene::Sphere { centre: centre.as_vec3(), radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.25) }],
             triangles: Vec::new(),
+            faces: Faces::default(),
         }
     }
 

@@ -44,15 +44,16 @@ fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u
 
 /// The most memory that a picture takes beside the scene, in one precision.
 fn peak_beside(scene: &Scene, precision: Precision) -> usize {
+    let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
+    peak_of(|| picture(scene, precision, &mut film)).1
+}
+
+fn picture(scene: &Scene, precision: Precision, film: &mut Film) {
     // What is kept does not depend on the instruction set.
     let engine = Engine::fastest();
     let purpose = Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), ..Purpose::default() };
-    let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
-    let ((), peak) = peak_of(|| {
-        let plan = Plan::new(engine, scene, purpose).unwrap();
-        plan.tracer().rows(0..scene.camera.height(), film.as_mut());
-    });
-    peak
+    let plan = Plan::new(engine, scene, purpose).unwrap();
+    plan.tracer().rows(0..scene.camera.height(), film.as_mut());
 }
 
 #[test]
@@ -78,6 +79,24 @@ fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_190_bytes_beside_the_sc
 }
 
 #[test]
+#[cfg(feature = "files")]
+fn from_a_mesh_file_to_its_picture_a_triangle_takes_at_most_45_bytes() {
+    /// The piece of the file that is at hand, the tile that is worked on, the places of all tiles, and what is found of a
+    /// piece of the scene.
+    const FIXED: usize = 4 << 20;
+    let mesh = icosphere(1_000_000, 0.3, 1);
+    let count = mesh.triangles.len();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.ply");
+    mesh.write(MeshFormat::Ply, &mut std::io::BufWriter::new(std::fs::File::create(&path).unwrap())).unwrap();
+    drop(mesh);
+    let mut film = Film::new(PixelFormat::Rgb8, 800 * 600).unwrap();
+    let ((), peak) = peak_of(|| picture(&rayo::scene::read(&path).unwrap(), Precision::Single, &mut film));
+    let each = peak.saturating_sub(FIXED) as f64 / count as f64;
+    assert!(each <= 45.0, "{each:.1} bytes for each");
+}
+
+#[test]
 fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
     /// What does not grow with the number: the tile that is worked on, and the places of all tiles.
     const FIXED: usize = 1 << 20;
@@ -90,7 +109,7 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
         scenes.push(("spread", spread(60_000, size, camera)));
     }
     for (name, scene) in scenes {
-        let count = scene.triangles.len();
+        let count = scene.triangle_count();
         for &precision in Engine::fastest().precisions() {
             let peak = peak_beside(&scene, precision);
             let each = peak.saturating_sub(FIXED) as f64 / count as f64;

@@ -359,9 +359,9 @@ fn a_scene_that_becomes_a_mesh_comes_back_as_it_was() {
         let mut bytes = Vec::new();
         mesh.write(format, &mut bytes).unwrap();
         let again = read(format, bytes).unwrap().placed(format.placement().to_world(), Vec3::ONE).unwrap();
-        let corners =
-            |scene: &[rayo::scene::Triangle]| scene.iter().map(|triangle| triangle.vertices).collect::<Vec<_>>();
-        assert_eq!(corners(&again), corners(&scene.triangles), "{format}");
+        let again: Vec<_> = again.iter().map(|triangle| triangle.vertices).collect();
+        let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
+        assert_eq!(again, corners, "{format}");
     }
     // Four triangles of a tetrahedron share four corners.
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/tetrahedron.in");
@@ -500,13 +500,13 @@ fn the_meshes_of_the_example_are_what_its_comment_says() {
         assert!(Mesh::read(&file).unwrap() == mesh, "{}", file.display());
     }
     let scene = rayo::scene::read(&folder.join("island.toml")).unwrap();
-    assert_eq!((scene.name.as_str(), scene.triangles.len()), ("island.png", 1682 + 900 + 2 * 1280));
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("island.png", 1682 + 900 + 2 * 1280));
 }
 
 /// Where the camera sees a vertex, in halves of the film from its middle; behind it nowhere.
 fn seen(scene: &Scene) -> Vec<(f64, f64)> {
     let grid = scene.camera.grid::<f64>();
-    let corners = scene.triangles.iter().flat_map(|triangle| triangle.vertices);
+    let corners = scene.all_triangles().flat_map(|triangle| triangle.vertices);
     corners
         .map(|v| {
             assert!(v.z > 0.0);
@@ -549,8 +549,8 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         mesh.vertices.push(0.1 * front);
         mesh.triangles.push([3, 1, 2]);
         let scene = setting.scene(mesh, Vec3::ONE, String::new(), Camera::default()).unwrap();
-        let [origin, above, right] = scene.triangles[0].vertices;
-        let [nearer, ..] = scene.triangles[1].vertices;
+        let [origin, above, right] = scene.triangle(0).vertices;
+        let [nearer, ..] = scene.triangle(1).vertices;
         assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");
     }
     // A vertex that no triangle has is not seen, and does not count.

@@ -12,7 +12,7 @@ use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
 use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
-use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
+use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
 fn packets() -> Vec<Contender> {
@@ -91,7 +91,14 @@ fn on_borders(rng: &mut Rng) -> Scene {
             position: pick(),
         })
         .collect();
-    Scene { name: "borders.png".into(), camera: camera(12, 16, focal, 20.0), lights, spheres, triangles }
+    Scene {
+        name: "borders.png".into(),
+        camera: camera(12, 16, focal, 20.0),
+        lights,
+        spheres,
+        triangles,
+        faces: Faces::default(),
+    }
 }
 
 #[test]
@@ -182,6 +189,7 @@ fn triangles_that_nearly_coincide_are_the_same_cut_or_by_depth() {
                 Triangle { colour: Vec3::Y, vertices: [b, c, a] },
                 Triangle { colour: Vec3::Z, vertices: [a, b, point()] },
             ],
+            faces: Faces::default(),
         };
         for contender in packets() {
             check(&contender, &scene, Keep::only(Omission::Depths), &format!("case {case}, gap {gap}"));
@@ -200,6 +208,7 @@ fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
             lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }],
             spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: vec3(x, 0.0, 1.0) }],
             triangles: vec![],
+            faces: Faces::default(),
         };
         let truth = Truth::new(&scene);
         assert!((0..45).any(|row| truth.object(row, if x > 0.0 { 59 } else { 0 }).is_some()));
@@ -441,6 +450,7 @@ fn on_tile_borders(rng: &mut Rng) -> Scene {
         spheres: (0..8).map(|_| sphere(rng)).collect(),
         // More in some tiles than are tried without a look at which of them others hide.
         triangles: (0..80).map(|_| triangle(rng)).collect(),
+        faces: Faces::default(),
     }
 }
 

@@ -11,7 +11,7 @@ use counting::peak_of;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::scene::{
-    Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
+    Camera, Faces, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
 };
 
 /// What diagnostics may take, however short the file.
@@ -81,6 +81,7 @@ fn every_number_of_a_file_lands_in_its_place() {
             colour: Vec3::X,
             vertices: [Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 1.0)],
         }],
+        faces: Faces::default(),
     };
     assert_eq!(accepted(VALID), expected);
 }
@@ -492,6 +493,7 @@ prop_compose! {
             lights: lights.into_iter().map(light).collect(),
             spheres: spheres.into_iter().map(sphere).collect(),
             triangles: triangles.into_iter().map(|(colour, vertices)| Triangle { colour, vertices }).collect(),
+            faces: Faces::default(),
         }
     }
 }

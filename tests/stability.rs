@@ -13,7 +13,7 @@ use rayo::experiments::accuracy::{Contender, contenders, judge};
 use rayo::experiments::stability::mixtures::{failures, judge_mixtures};
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
 use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
-use rayo::scene::{self, Camera, Light, Scene, Sphere, Triangle};
+use rayo::scene::{self, Camera, Faces, Light, Scene, Sphere, Triangle};
 
 /// The side of a case's picture here: `rayo stability` has the large ones.
 const SIDE: u32 = 18;
@@ -305,7 +305,14 @@ fn mirrored_scenes_and_triangles_with_their_vertices_rotated_are_as_right() {
 
 fn one_light(camera: Camera, position: Vec3) -> Scene {
     let light = Light { intensity: 0.9, colour: Vec3::ONE, position };
-    Scene { name: "case.png".into(), camera, lights: vec![light], spheres: vec![], triangles: vec![] }
+    Scene {
+        name: "case.png".into(),
+        camera,
+        lights: vec![light],
+        spheres: vec![],
+        triangles: vec![],
+        faces: Faces::default(),
+    }
 }
 
 proptest! {

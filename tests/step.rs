@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayo::experiments::ops;
 use rayo::experiments::step::{Line, Ray, Watched, watch, watch_operation};
 use rayo::render::{Engine, Film, FilmMut, PixelFormat};
-use rayo::scene::{Camera, Light, Scene, Sphere};
+use rayo::scene::{Camera, Faces, Light, Scene, Sphere};
 use serde_json::Value;
 
 /// A sphere in front of the camera, so far away that the paper's quadratic loses its digits, or near.
@@ -27,6 +27,7 @@ fn sphere_at(distance: f32) -> Scene {
             centre: Vec3::new(0.25, 0.5, distance),
         }],
         triangles: Vec::new(),
+        faces: Faces::default(),
     }
 }
 

@@ -10,6 +10,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::Path;
 
+use glam::{DAffine3, DVec3, Vec3};
 use kernel_cases::{Input, Numbers, call, implementations, seed, sphere};
 use object::{Object, ObjectSection, ObjectSymbol};
 use rayo::experiments::step::model::{Check, Element, Float, Number, Operation, Place, What, model};
@@ -124,7 +125,11 @@ fn scenes() -> Vec<(String, Scene)> {
     let read = files.iter().map(|path| (name(path), scene::read(path).unwrap()));
     let many = [(33, 0), (0, 33), (20, 20)]
         .map(|(spheres, triangles)| (format!("{spheres} spheres, {triangles} triangles"), many(spheres, triangles, 7)));
-    read.chain(many).collect()
+    let mut of_mesh = scene::many(1, 1, 7);
+    let mesh = scene::mesh::shapes::icosphere(80, 0.2, 7);
+    let away = DAffine3::from_translation(DVec3::new(0.2, 0.1, 4.0));
+    assert!(of_mesh.faces.append(mesh.placed(away, Vec3::ONE).unwrap()));
+    read.chain(many).chain([("a mesh".to_owned(), of_mesh)]).collect()
 }
 
 #[test]
@@ -132,7 +137,7 @@ fn scenes() -> Vec<(String, Scene)> {
 fn the_model_gives_every_bit_of_every_step_of_every_engine() {
     let mut proof = Proof::default();
     for (index, (name, mut scene)) in scenes().into_iter().enumerate() {
-        let in_tiles = scene.spheres.len() + scene.triangles.len() >= 32;
+        let in_tiles = scene.spheres.len() + scene.triangle_count() >= 32;
         let stepped = Engine::ALL.iter().filter(|engine| engine.is_packet() || **engine == Engine::Paper);
         for (number, engine) in stepped.filter(|engine| engine.usable()).enumerate() {
             let (width, height) = if engine.is_packet() { SIZE } else { SIZE_OF_RAYS };

@@ -4,8 +4,8 @@
 
 use glam::{DVec3, Vec3};
 use rayo::kernels::{
-    self, CHUNK, Element, Isa, Looks, PacketKernels, Rgba8, Seen, SpanKernels, SphereRecords, Spheres, TileBuffers,
-    TileGrid, TileOut, TileRays, TileShade, TileWindow, Triangles, Vec4, packets,
+    self, CHUNK, Element, Facets, Isa, Looks, PacketKernels, Rgba8, Seen, SpanKernels, SphereRecords, Spheres,
+    TileBuffers, TileGrid, TileOut, TileRays, TileShade, TileWindow, Triangles, Vec4, packets,
 };
 use rayo::plan::{Keep, TilePlace, Tiles, Weighted};
 use rayo::reference::Real;
@@ -54,7 +54,8 @@ impl<E: Element + Real> Check<'_, E> {
         let bounds = [(WIDTH as u32) << 16, (HEIGHT as u32) << 16];
         let all = |id| Seen { id, columns: bounds[0], rows: bounds[1], most: 0.75 + id as f32 };
         let seen: Vec<_> = (0..COUNT as u32).map(all).collect();
-        let triangles = Triangles { facets: plan.facets(), lights: &weighted.lights, seen: &seen, first_id: 1 + COUNT };
+        let triangles =
+            Triangles { facets: plan.facets()[0], lights: &weighted.lights, seen: &seen, first_id: 1 + COUNT };
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         kernels.set_up.call(&view, triangles, &mut self.buffers, &mut self.shades);
         kernels.nearest_triangles.call(&mut self.buffers, &order, &self.window, &plan.grid());
@@ -316,7 +317,7 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
     };
     for kernels in [Isa::Sse41, Isa::Avx2, Isa::Avx512].into_iter().filter_map(packets) {
         let mut seen = vec![Seen::default(); triangles.len().next_multiple_of(CHUNK)];
-        let (_, extremes) = kernels.bounds.call(&view, &triangles, 0, true, &mut seen).unwrap();
+        let (_, extremes) = kernels.bounds.call(&view, Facets::Apart(&triangles), 0, true, &mut seen).unwrap();
         assert_eq!(extremes.longest, longest(&expected));
         for (i, expected) in expected.iter().enumerate() {
             let found = ([seen[i].columns, seen[i].rows], seen[i].most);

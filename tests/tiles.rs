@@ -5,10 +5,10 @@
 mod contenders;
 
 use contenders::{Contender, Truth, contenders, film, levels};
-use glam::Vec3;
-use rayo::plan::{Keep, Omission};
+use glam::{DAffine3, DVec3, Vec3};
+use rayo::plan::{Keep, Omission, Report};
 use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
-use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle, many};
+use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle, View, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
@@ -231,6 +231,57 @@ fn fine(triangles: u64, camera: Camera) -> Scene {
         scene.triangles.push(Triangle { colour: [1.0, 0.5, 0.25].into(), vertices });
     }
     scene
+}
+
+#[test]
+fn what_shares_its_corners_is_seen_as_what_has_its_own() {
+    let mut joined = scattered(40, 60, 8, camera(200, 150));
+    for (place, count, colour) in [(3.6, 9000, Vec3::ONE), (2.9, 320, Vec3::new(1.0, 0.25, 0.0)), (3.4, 80, Vec3::Y)] {
+        let map = DAffine3::from_translation(DVec3::new(0.1, 0.5 - place / 8.0, place));
+        let mesh = scene::mesh::shapes::icosphere(count, 0.3, 5);
+        assert!(joined.faces.append(mesh.placed(map, colour).unwrap()));
+    }
+    // A wall twice, of which the first wins; a corner near the camera, which is to come first; and what f32 does not hold.
+    let wall = [(-9.0, -9.0), (9.0, -9.0), (0.0, 9.0)].map(|(x, y)| Vec3::new(x, y, 4.0));
+    let near = [Vec3::new(3.0, 0.0, 5.0), Vec3::new(1e-9, 0.0, 1e-8), Vec3::new(3.0, 3.0, 5.0)];
+    let far = wall.map(|corner| 1e20 * corner);
+    for (corners, colour) in [(wall, Vec3::X), (wall, Vec3::Z), (near, Vec3::ONE), (far, Vec3::ONE)] {
+        assert!(joined.faces.append(Faces::new(corners.to_vec(), vec![[0, 1, 2], [2, 1, 0]], colour)));
+    }
+    let mut apart = joined.clone();
+    apart.triangles.extend(std::mem::take(&mut apart.faces).iter());
+    let count = apart.triangles.len();
+    assert!(joined.triangle_count() == count && joined.all_triangles().eq(apart.triangles.iter().copied()));
+    assert!((0..count).all(|number| joined.triangle(number) == apart.triangles[number]));
+    let view = View { position: DVec3::new(0.3, 0.2, -1.0), look_at: DVec3::new(0.0, 0.1, 3.0), up: DVec3::Y };
+    for (joined, apart) in [
+        (joined.seen_from(view).unwrap(), apart.seen_from(view).unwrap()),
+        (joined.scaled(4.0), apart.scaled(4.0)),
+        (joined, apart),
+    ] {
+        for contender in packets() {
+            for (keep_all, format) in [false, true].into_iter().flat_map(|keep| FORMATS.map(|format| (keep, format))) {
+                let [one, other] = [&joined, &apart].map(|scene| picture(&contender, scene, keep_all, format));
+                assert!(one == other, "{contender}, {format:?}, {keep_all}");
+            }
+            let found = |scene| tiles(&contender, scene, false).hits(0..150);
+            assert_eq!(found(&joined), found(&apart), "{contender}");
+            let report = |scene| {
+                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+                Plan::by_tiles(contender.engine, scene, purpose).unwrap().report()
+            };
+            // What hides what depends on the order in which they are asked.
+            let counts = |report: &Report| {
+                let lines = report
+                    .left_out
+                    .iter()
+                    .filter(|line| !matches!(line.omission, Omission::Occluded | Omission::Unseen));
+                lines.map(|line| (line.what, line.count)).collect::<Vec<_>>()
+            };
+            let [one, other] = [report(&joined), report(&apart)];
+            assert_eq!((one.kept, counts(&one)), (other.kept, counts(&other)), "{contender}");
+        }
+    }
 }
 
 #[test]

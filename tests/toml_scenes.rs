@@ -12,9 +12,7 @@ use glam::{DMat3, DVec3, Vec3};
 use proptest::prelude::*;
 use rayo::scene::mesh::Placement;
 use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{
-    Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, Triangle, many, open, parse_toml, read,
-};
+use rayo::scene::{Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read};
 
 /// Parses, and holds the memory that it takes to a multiple of the file.
 fn parse(source: &[u8]) -> Result<Opened, SceneError> {
@@ -123,7 +121,10 @@ fn triangles_of_no_area_are_told_with_their_lines_and_those_of_meshes_by_their_n
     let first = "aside.toml:3: triangle 1 has no area, and no ray hits it: its corners are on one line";
     assert_eq!(warnings("aside.toml"), [first, of_mesh]);
     let scene = read(&path("aside.toml")).unwrap();
-    assert_eq!(scene.triangles.iter().map(Triangle::has_no_area).collect::<Vec<_>>(), [true, false, false, true]);
+    assert_eq!(
+        scene.all_triangles().map(|triangle| triangle.has_no_area()).collect::<Vec<_>>(),
+        [true, false, false, true]
+    );
 }
 
 #[test]
@@ -222,7 +223,7 @@ fn mesh_files_are_found_beside_the_scene_and_follow_its_triangles() {
     fs::write(&file, text).unwrap();
     let Opened { scene, notes, .. } = open(&file, &Camera::default()).unwrap();
     let corners = |points: [[f32; 3]; 3]| points.map(Vec3::from_array);
-    let found: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
+    let found: Vec<_> = scene.all_triangles().map(|triangle| triangle.vertices).collect();
     let expected = [
         corners([[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]),
         corners([[5.0, 0.0, 4.0], [5.0, 2.0, 4.0], [3.0, 2.0, 4.0]]),
@@ -231,7 +232,7 @@ fn mesh_files_are_found_beside_the_scene_and_follow_its_triangles() {
         corners([[0.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]),
     ];
     assert_eq!(found, expected);
-    assert_eq!(scene.triangles[1].colour, Vec3::Y);
+    assert_eq!(scene.triangle(1).colour, Vec3::Y);
     assert_eq!(notes.len(), 2);
     assert!(notes[0].ends_with("1 face of more than three corners was cut into triangles"));
     // From any directory.

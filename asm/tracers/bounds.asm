@@ -9,14 +9,15 @@
 ;   pixels that they can hold, and if one edge or another has each of them outside by more than the rounding, they are
 ;   made empty.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets, rcx facets to go, r8 corners,
-;               r9 the next id, r10 seen, r11 packets to go, r15 the last facet
+;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets or faces, rcx those to go, r8 corners,
+;               r9 the next id, r10 seen, r11 packets to go, r15 the last of them
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the
 ;               greatest of what 1/t cannot exceed
 ;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
-;               CHUNK: what is past the last facet may be there too, under numbers of its own; how many they are; and of
-;               all triangles together, to judge the scene's numbers by, those in BoundsFound
-;   requires    the CPUID features of the ISA; facets, count >= 1 of them
+;               CHUNK: what is past the last one may be there too, under numbers of its own; how many they are; and of
+;               all triangles together, to judge the scene's numbers by, those in BoundsFound; faces have no colours
+;   requires    the CPUID features of the ISA; facets, or faces of vertices that there are, count >= 1 of them; 4 bytes
+;               more behind the vertices
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
@@ -111,29 +112,9 @@
 
 %assign AHEAD 3072                      ; bytes from an object to those that are prefetched: some chunks
 
-; BEGIN_BOUNDS - begins a function: saves registers, readies constants and extremes, and turns the first chunk round, to
-;                which END_BOUNDS comes back for the next one.
-%macro BEGIN_BOUNDS 4
+; FOUR_AT - the addresses of four objects from rdx on in r14, rbx, r12 and r13, or of the last one. Asks for later ones.
+%macro FOUR_AT 1
 %define %%bytes %1      ; [in]       of an object
-%define %%turn %2       ; [in]       what turns four of them round
-%define %%constants %3  ; [in]       how many there are at rdi
-%define %%greatest %4   ; [in]       aligned memory: more than any size, as bits of f32
-    PUSH_OWNED
-    mov     rdx, [rsi + BoundsTask.objects]
-    mov     r9, [rsi + BoundsTask.first_id]
-    mov     r10, [rsi + BoundsTask.seen]
-    mov     rcx, [rsi + BoundsTask.count]
-    imul    r15, rcx, %%bytes
-    lea     r15, [rdx + r15 - %%bytes]
-    CONSTANTS %%constants
-    VZERO   v12
-    VMOV    v13, %%greatest
-    VZERO   v14
-    VMOV_TO [SCRATCH], v14
-.chunk:
-    mov     r8, [rsi + BoundsTask.turned]
-    mov     r11d, CHUNK / 4
-.turn:
 %assign %%i 0
 %rep (4 * %%bytes + 63) / 64
     prefetcht0 [rdx + AHEAD + 64 * %%i]
@@ -143,11 +124,41 @@
     OBJECT_AT 1, rbx, %%bytes, rdx, r15
     OBJECT_AT 2, r12, %%bytes, rdx, r15
     OBJECT_AT 3, r13, %%bytes, rdx, r15
-    %%turn  r8, r14, rbx, r12, r13
     add     rdx, 4 * %%bytes
+%endmacro
+
+; BEGIN_BOUNDS - begins a function: saves registers and readies constants and extremes.
+%macro BEGIN_BOUNDS 2
+%define %%constants %1  ; [in]       how many there are at rdi
+%define %%greatest %2   ; [in]       aligned memory: more than any size, as bits of f32
+    PUSH_OWNED
+    mov     rdx, [rsi + BoundsTask.objects]
+    mov     r9, [rsi + BoundsTask.first_id]
+    mov     r10, [rsi + BoundsTask.seen]
+    mov     rcx, [rsi + BoundsTask.count]
+    CONSTANTS %%constants
+    VZERO   v12
+    VMOV    v13, %%greatest
+    VZERO   v14
+    VMOV_TO [SCRATCH], v14
+%endmacro
+
+; TURN_CHUNK - turns a chunk of objects round, from rdx on.
+%macro TURN_CHUNK 2
+%define %%bytes %1      ; [in]       of an object
+%define %%turn %2       ; [in]       what turns four of them round
+    imul    r15, [rsi + BoundsTask.count], %%bytes
+    add     r15, [rsi + BoundsTask.objects]
+    sub     r15, %%bytes
+    mov     r8, [rsi + BoundsTask.turned]
+%%four:
+    FOUR_AT %%bytes
+    %%turn  r8, r14, rbx, r12, r13
     add     r8, 16
-    dec     r11d
-    jnz     .turn
+    mov     rax, r8
+    sub     rax, [rsi + BoundsTask.turned]
+    cmp     eax, 4 * CHUNK
+    jb      %%four
 %endmacro
 
 ; END_BOUNDS - goes on to the next packet and the next chunk; ends the function when all are through.
@@ -171,10 +182,33 @@
 ENDFUNC
 %endmacro
 
+; TURN_BLACK_FACES - turns four faces round, whose colours others know. Clobbers rax, r11, v0 to v4.
+%macro TURN_BLACK_FACES 5
+%define %%to %1         ; [out]      general register: address of the first of the four in Corners
+%define %%f0 %2         ; [in]       general register: address of a face
+%define %%f1 %3         ; [in]       general register
+%define %%f2 %4         ; [in]       general register
+%define %%f3 %5         ; [in]       general register
+    mov     r11, [rsi + BoundsTask.vertices]
+    TURN_FACES %%to, %%f0, %%f1, %%f2, %%f3, r11, rax
+    VZERO   v0
+    STORE128 [%%to + Corners.red], x, 0, 0
+    STORE128 [%%to + Corners.green], x, 0, 0
+    STORE128 [%%to + Corners.blue], x, 0, 0
+%endmacro
+
 ; BOUNDS - the function.
 %macro BOUNDS 0
 FUNC ISA %+ _bounds
-    BEGIN_BOUNDS Facet_size, TURN_FACETS, 12, [PACKET(magnitude)]
+    BEGIN_BOUNDS 12, [PACKET(magnitude)]
+.chunk:
+    cmp     qword [rsi + BoundsTask.vertices], 0
+    jne     .faces
+    TURN_CHUNK Facet_size, TURN_FACETS
+    jmp     .turned
+.faces:
+    TURN_CHUNK FACE_BYTES, TURN_BLACK_FACES
+.turned:
     mov     r8, [rsi + BoundsTask.turned]
     mov     r11d, CHUNK / LANES
 .packet:

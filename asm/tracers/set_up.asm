@@ -11,7 +11,8 @@
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
 ;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets, or of faces of vertices that there
+;               are, behind which there are 4 bytes more, and whose colours are in turned
 ;   equals      reference::tile::set_up and shade, rounded once
 
 ; SEEN_OBJECT - r = the address of the object number i of those seen from r8 on, of which rcx are left, or else of the
@@ -40,10 +41,11 @@
 
 ; TURN_SEEN - turns the objects of the task round, and asks for those of the chunk that comes next.
 ;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
-%macro TURN_SEEN 3
+%macro TURN_SEEN 4
 %define %%bytes %1      ; [in]       of an object
 %define %%turned %2     ; [in]       Corners or Balls
 %define %%turn %3       ; [in]       what turns four of them round
+%define %%fetch %4      ; [in]       what asks for the object number rax of those at rdx
     mov     rdx, [rsi + SetupTask.objects]
     mov     r8, [rsi + SetupTask.seen]
     imul    r9, [rsi + SetupTask.count], Seen_size
@@ -53,8 +55,7 @@
 %%next_ahead:
     mov     eax, [r9 + Seen.id]
     imul    rax, rax, %%bytes
-    prefetcht0 [rdx + rax]
-    prefetcht0 [rdx + rax + %%bytes - 1]
+    %%fetch %%bytes
     add     r9, Seen_size
 %%ahead:
     dec     rcx
@@ -71,6 +72,37 @@
     add     r9, 16
     sub     rcx, 4
     ja      %%four
+%endmacro
+
+; FETCH_ALL - asks for all lines of the object at rdx + rax.
+%macro FETCH_ALL 1
+%define %%bytes %1      ; [in]       of an object
+    prefetcht0 [rdx + rax]
+    prefetcht0 [rdx + rax + %%bytes - 1]
+%endmacro
+
+; FETCH_VERTICES - asks for the vertices of the face at rdx + rax. Clobbers r10 and r11.
+%macro FETCH_VERTICES 1
+%define %%bytes %1      ; [in]       of a face
+    mov     r10, [rsi + SetupTask.vertices]
+%assign %%at 0
+%rep 3
+    movsxd  r11, dword [rdx + rax + %%bytes / 3 * %%at]
+    lea     r11, [r11 + 2 * r11]
+    prefetcht0 [r10 + 4 * r11]
+%assign %%at %%at + 1
+%endrep
+%endmacro
+
+; TURN_SEEN_FACES - turns four faces round, whose colours are there. Clobbers r10, r14, v0 to v4.
+%macro TURN_SEEN_FACES 5
+%define %%to %1         ; [out]      general register: address of the first of the four in Corners
+%define %%f0 %2         ; [in]       general register: address of a face
+%define %%f1 %3         ; [in]       general register
+%define %%f2 %4         ; [in]       general register
+%define %%f3 %5         ; [in]       general register
+    mov     r10, [rsi + SetupTask.vertices]
+    TURN_FACES %%to, %%f0, %%f1, %%f2, %%f3, r10, r14
 %endmacro
 
 ; ROUNDED_STORE - stores a register as elements of `out` bytes, in a field at r9.
@@ -159,7 +191,13 @@
 %define %%out %2        ; [in]       4 or 8
 FUNC ISA %+ _ %+ %%precision %+ _set_up
     PUSH_OWNED
-    TURN_SEEN Facet_size, Corners, TURN_FACETS
+    cmp     qword [rsi + SetupTask.vertices], 0
+    jne     .faces
+    TURN_SEEN Facet_size, Corners, TURN_FACETS, FETCH_ALL
+    jmp     .turned
+.faces:
+    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES, FETCH_VERTICES
+.turned:
     mov     r8, [rsi + SetupTask.turned]
     mov     r9, [rsi + SetupTask.planes]
     mov     r10, [rsi + SetupTask.shades]

@@ -35,7 +35,9 @@
 ; SPHERE_BOUNDS - the function.
 %macro SPHERE_BOUNDS 0
 FUNC ISA %+ _sphere_bounds
-    BEGIN_BOUNDS Ball_size, TURN_BALLS, 8, [single_magnitude]
+    BEGIN_BOUNDS 8, [single_magnitude]
+.chunk:
+    TURN_CHUNK Ball_size, TURN_BALLS
 
     ; As many f32 as a register has.
     mov     r8, [rsi + BoundsTask.turned]

@@ -85,7 +85,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
     let warn = |what: &str| say(&format!("warning: {}: {what}", path.display()));
     match format {
         SceneFormat::Toml => {
-            let (spheres, triangles) = (scene.spheres.len(), scene.triangles.len());
+            let (spheres, triangles) = (scene.spheres.len(), scene.triangle_count());
             let text = scene.to_toml();
             if text.len() as u64 > MAX_TOML {
                 let (path, limit) = (path.display(), MAX_TOML >> 20);
@@ -108,7 +108,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
             write(path, |out| out.write_all(scene.to_text().as_bytes()))
         }
         SceneFormat::Mesh(format) => {
-            if scene.triangles.is_empty() {
+            if scene.triangle_count() == 0 {
                 let path = path.display();
                 return Err(Failure::input(format!(
                     "{path}: the scene has no triangles, and {format} holds nothing else: write it as .in or .toml"
@@ -119,7 +119,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
                 1 => Some(format!("1 {one}")),
                 count => Some(format!("{count} {many}")),
             };
-            let coloured = scene.triangles.iter().any(|triangle| triangle.colour != Vec3::ONE);
+            let coloured = scene.all_triangles().any(|triangle| triangle.colour != Vec3::ONE);
             let parts = [
                 count(scene.spheres.len(), "sphere", "spheres"),
                 count(scene.lights.len(), "light", "lights"),

@@ -370,8 +370,8 @@ fn fastest_of_all(fastest: &str, words: &[Vec<u8>]) -> (String, Vec<String>) {
 #[cfg(feature = "mpi")]
 fn digest(scene: &Scene) -> [u8; 8] {
     let mut hasher = DefaultHasher::new();
-    let Scene { camera, lights, spheres, triangles, .. } = scene;
-    (camera.width(), camera.height(), lights.len(), spheres.len(), triangles.len()).hash(&mut hasher);
+    let Scene { camera, lights, spheres, .. } = scene;
+    (camera.width(), camera.height(), lights.len(), spheres.len(), scene.triangle_count()).hash(&mut hasher);
     let mut hash = |numbers: &[f32]| numbers.iter().for_each(|number| number.to_bits().hash(&mut hasher));
     hash(&[camera.focal(), camera.film()]);
     for light in lights {
@@ -382,7 +382,7 @@ fn digest(scene: &Scene) -> [u8; 8] {
         hash(&[sphere.radius]);
         [sphere.colour, sphere.centre].iter().for_each(|vector| hash(&vector.to_array()));
     }
-    for triangle in triangles {
+    for triangle in scene.all_triangles() {
         hash(&triangle.colour.to_array());
         triangle.vertices.iter().for_each(|vertex| hash(&vertex.to_array()));
     }

@@ -378,7 +378,7 @@ pub fn measure(
         for wanted in settings.objects() {
             let scene = make(wanted, camera);
             // A mesh has as many triangles as its shape admits.
-            let count = (scene.spheres.len() + scene.triangles.len()) as u64;
+            let count = (scene.spheres.len() + scene.triangle_count()) as u64;
             if std::mem::replace(&mut before, count) == count {
                 proceed(1);
                 continue;

@@ -8,6 +8,7 @@ mod by_value;
 mod checked;
 #[cfg(feature = "lab")]
 mod code;
+mod faces;
 #[cfg(rayo_asm)]
 mod ffi;
 #[cfg(all(rayo_asm, unix))]
@@ -20,6 +21,8 @@ mod isa;
 mod kernel;
 #[cfg(all(rayo_asm, feature = "lab"))]
 pub mod ladder;
+#[cfg(rayo_asm)]
+mod objects;
 #[cfg(rayo_asm)]
 mod packet;
 #[cfg(rayo_asm)]
@@ -40,6 +43,7 @@ pub use by_value::{ByValue, Ray, by_value};
 pub use checked::Fault;
 #[cfg(feature = "lab")]
 pub use code::code_at;
+pub use faces::{ColourRun, Faces};
 #[cfg(rayo_asm)]
 pub use ffi::{
     AosKernels, Bodies, FEEDBACK, InRow, LitBodies, PacketElement, PacketKernels, SpanKernels, TileKernels, aos, c,
@@ -49,6 +53,8 @@ pub use ffi::{
 pub use isa::Isa;
 #[cfg(rayo_asm)]
 pub use kernel::Kernel;
+#[cfg(rayo_asm)]
+pub use objects::{FacePart, Facets, ObjectList};
 #[cfg(rayo_asm)]
 pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, Row, RowSetup, Shade, ShadeRows};
 #[cfg(rayo_asm)]

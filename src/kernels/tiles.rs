@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::kernel::{kinds, reads, writes};
+use super::objects::{Facets, ObjectList};
 use super::records::{
     Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
     NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
@@ -29,7 +30,7 @@ kinds! {
     /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
     /// be. There must be room for all objects, up to a multiple of [`CHUNK`]. None where there is no object.
     fn call(
-        view: &T::View, objects: &[T], first_id: u32, keep_all: bool, seen: &mut [Seen],
+        view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, seen: &mut [Seen],
     ) -> Option<(usize, Extremes)>; |enter| {
         assert!(seen.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
         assert!(first_id as usize + objects.len() <= 1 << 24, "f32 has every number up to here");
@@ -37,8 +38,10 @@ kinds! {
             return None;
         }
         let (mut turned, mut found) = (T::Turned::ZERO, BoundsFound::NONE);
+        let [objects_at, vertices] = objects.addresses();
         let task = BoundsTask {
-            objects: reads(objects),
+            objects: objects_at,
+            vertices,
             count: objects.len() as u64,
             first_id: first_id.into(),
             keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
@@ -50,6 +53,9 @@ kinds! {
         // What fills the last chunk comes last.
         let past = first_id + objects.len() as u32;
         let count = seen[..found.count as usize].iter().rposition(|seen| seen.id < past).map_or(0, |last| last + 1);
+        let colours = objects.colours().flat_map(|colour| colour.to_array().map(f32::to_bits));
+        let brightest = &mut found.brightest[0];
+        *brightest = colours.fold(*brightest, u32::max);
         Some((count, found.extremes()))
     }
 
@@ -88,6 +94,10 @@ kinds! {
     ); |enter| {
         let Triangles { facets, lights, seen, first_id } = triangles;
         let (seen, ahead) = chunk_of(seen, facets.len());
+        let turned = &mut *buffers.triangles.turned;
+        if let Facets::Joined(faces) = facets {
+            faces.paint(seen, [&mut turned.red, &mut turned.green, &mut turned.blue]);
+        }
         // The last packet writes as many as it has lanes.
         let before = first_id * lights.len();
         let past = before + (seen.len() + MOST_SET_UP) * lights.len();
@@ -96,12 +106,14 @@ kinds! {
         }
         buffers.triangles.count = seen.len();
         buffers.most = buffers.most.max(first_id + seen.len() - 1);
+        let [objects, vertices] = facets.addresses();
         let task = SetupTask {
-            objects: reads(facets),
+            objects,
+            vertices,
             seen: reads(seen),
             count: seen.len() as u64,
             ahead,
-            turned: writes(&mut *buffers.triangles.turned),
+            turned: writes(turned),
             planes: writes(&mut *buffers.triangles.planes),
             shades: writes(&mut shades[before..]),
             shorts: 0,
@@ -456,6 +468,8 @@ impl<E: Element> TileBuffers<E> {
 
 /// An object whose bounds a kernel finds.
 pub trait Bounded: Plain {
+    /// Many of them.
+    type Many<'a>: ObjectList<Object = Self>;
     /// How it sees the picture.
     type View;
     /// A chunk of them, turned round.
@@ -463,11 +477,13 @@ pub trait Bounded: Plain {
 }
 
 impl Bounded for Facet {
+    type Many<'a> = Facets<'a>;
     type View = BoundsView<f32>;
     type Turned = Corners;
 }
 
 impl Bounded for Ball {
+    type Many<'a> = &'a [Ball];
     type View = SphereView<f64>;
     type Turned = Balls;
 }
@@ -475,8 +491,8 @@ impl Bounded for Ball {
 /// Triangles, the lights, and which of them a chunk is.
 #[derive(Clone, Copy)]
 pub struct Triangles<'a> {
-    /// All triangles of the scene.
-    pub facets: &'a [Facet],
+    /// All triangles of the scene, or those that share their corners, or the others.
+    pub facets: Facets<'a>,
     /// The lights.
     pub lights: &'a [TileLight<f64>],
     /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.

@@ -145,6 +145,8 @@ plain! {
     [u8; 4] = [0; 4],
     [u8; 3] = [0; 3],
     [f32; 3] = [0.0; 3],
+    [u32; 3] = [0; 3],
+    glam::Vec3 = glam::Vec3::ZERO,
     Vec4 = ORIGIN,
     Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
     Light = Light { position: ORIGIN, radiance: ORIGIN },

@@ -6,6 +6,7 @@ mod omission;
 mod packed;
 mod report;
 mod spans;
+mod team;
 #[cfg(rayo_asm)]
 mod tile_report;
 #[cfg(rayo_asm)]
@@ -16,6 +17,7 @@ pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
+pub use team::Team;
 #[cfg(rayo_asm)]
 pub use tile_report::TileSurvey;
 #[cfg(rayo_asm)]

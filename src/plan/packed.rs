@@ -2,7 +2,7 @@
 
 use crate::kernels::{Frame, Light, Objects, Sphere, Triangle, Vec4};
 use crate::reference::geometry;
-use crate::scene::{Object, Scene};
+use crate::scene::{Object, Scene, Triangle as Facet};
 
 /// Numbers of objects have two digits, each exact in f32.
 const DIGIT: usize = 1 << 20;
@@ -33,11 +33,12 @@ impl Packed {
             padding: [0.0; 3],
         });
         // Of a triangle that is never hit, eq. 9 in f32 could see the rounding.
-        let hit = |i: &usize| geometry::triangle_volume(scene.triangles[*i].vertices.map(|v| v.as_dvec3())).is_some();
-        let sources: Vec<usize> = (0..scene.triangles.len()).filter(hit).collect();
+        let hit = |i: &usize| geometry::triangle_volume(scene.triangle(*i).vertices.map(|v| v.as_dvec3())).is_some();
+        let sources: Vec<usize> = (0..scene.triangle_count()).filter(hit).collect();
         let triangles = sources.iter().map(|i| {
-            let [v1, v2, v3] = scene.triangles[*i].vertices.map(Into::into);
-            Triangle { v1, v2, v3, colour: scene.triangles[*i].colour.into() }
+            let Facet { colour, vertices } = scene.triangle(*i);
+            let [v1, v2, v3] = vertices.map(Into::into);
+            Triangle { v1, v2, v3, colour: colour.into() }
         });
         let grid = scene.camera.grid::<f32>();
         Packed {

@@ -129,7 +129,7 @@ impl Report {
         let kept = if made.contains(&Omission::Outside) {
             Kept { spheres, triangles, lights: scene.lights.len() - unseen(Omission::DarkLights) }
         } else {
-            let triangles = scene.triangles.len() - unseen(Omission::NoArea) - unseen(Omission::EdgeOn);
+            let triangles = scene.triangle_count() - unseen(Omission::NoArea) - unseen(Omission::EdgeOn);
             Kept { spheres: scene.spheres.len(), triangles, lights: scene.lights.len() }
         };
         let by_rows = [Omission::Misses, Omission::Search, Omission::Depths, Omission::Hidden];

@@ -264,7 +264,7 @@ impl<E: Element> Spans<E> {
             columns_per_x: 1.0 / grid.step,
             keep,
             left_out: [0; Omission::ALL.len()],
-            objects: Vec::with_capacity(scene.spheres.len() + scene.triangles.len()),
+            objects: Vec::with_capacity(scene.spheres.len() + scene.triangle_count()),
             lits: Scale::ALL.map(|_| Vec::new()),
             wide: Vec::new(),
         };
@@ -279,8 +279,8 @@ impl<E: Element> Spans<E> {
         for (i, sphere) in scene.spheres.iter().enumerate() {
             spans.push_sphere(scene::Object::Sphere(i), sphere, &lights, &mut on, scales);
         }
-        for (i, triangle) in scene.triangles.iter().enumerate() {
-            spans.push_triangle(scene::Object::Triangle(i), triangle, &lights, &mut on, scales);
+        for (i, triangle) in scene.all_triangles().enumerate() {
+            spans.push_triangle(scene::Object::Triangle(i), &triangle, &lights, &mut on, scales);
         }
         spans.compare_depths();
         spans

@@ -121,16 +121,16 @@ impl Counts {
     }
 
     /// Of all `objects`: `unseen` says why one without pixels is left out, `why` whether one with some is.
-    fn of<T: Sync>(
-        objects: &[T],
+    fn of<T>(
+        objects: impl IndexedParallelIterator<Item = T>,
         bounds: &PixelBounds,
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
-        let objects = objects.par_iter().zip(&bounds.columns).zip(&bounds.rows);
-        let add = |sum: Counts, ((object, columns), rows): ((&T, &u32), &u32)| match covered(*columns, *rows) {
-            0 => sum.one(Some(unseen(object)), 0),
-            covered => sum.one(why(object), covered),
+        let objects = objects.zip(&bounds.columns).zip(&bounds.rows);
+        let add = |sum: Counts, ((object, columns), rows): ((T, &u32), &u32)| match covered(*columns, *rows) {
+            0 => sum.one(Some(unseen(&object)), 0),
+            covered => sum.one(why(&object), covered),
         };
         objects.fold(Counts::default, add).reduce(Counts::default, Counts::and)
     }
@@ -140,10 +140,14 @@ impl Report {
     /// Of a scene that goes by `tiles`; `survey` is of the whole picture, and `bytes` says whether the engine writes 8 bits.
     pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
         let (scene, frustum) = (tiles.scene(), tiles.frustum());
-        let spheres =
-            Counts::of(&scene.spheres, &tiles.sphere_bounds(), |sphere| frustum.unseen_sphere(sphere), |_| None);
+        let spheres = Counts::of(
+            scene.spheres.par_iter().copied(),
+            &tiles.sphere_bounds(),
+            |sphere| frustum.unseen_sphere(sphere),
+            |_| None,
+        );
         let triangles = Counts::of(
-            &scene.triangles,
+            (0..scene.triangle_count()).into_par_iter().map(|i| scene.triangle(i)),
             &tiles.triangle_bounds(),
             |triangle| frustum.unseen_triangle(triangle),
             never_hit,
@@ -152,7 +156,7 @@ impl Report {
         let dark = scene.lights.iter().filter(|light| is_dark(light)).count();
         let [across, down] = tiles.tiles();
         let (count, pixels) = (u64::from(across) * u64::from(down), tiles.pixels());
-        let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
+        let objects = (scene.spheres.len() + scene.triangle_count()) as u64;
         let counted = |omission: Omission| match omission {
             Omission::Behind | Omission::Outside | Omission::NoArea | Omission::EdgeOn | Omission::Between => {
                 both.left_out[omission as usize]

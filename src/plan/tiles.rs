@@ -12,17 +12,18 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use self::bins::{Bins, tiles_of};
-use self::bounds::{Picture, Planning, Widening, bounds_view, sphere_view};
+use self::bounds::{Picture, Planned, Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
 use super::omission::{Keep, Omission};
+use super::team::Team;
 use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
-    Element, Extremes, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight,
-    TilePoint, TileRays, TileView,
+    Element, Extremes, Faces, Facets, ObjectList, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT,
+    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView,
 };
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
@@ -56,7 +57,7 @@ pub(super) const FEWEST_OBJECTS: usize = 32;
 
 /// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects.
 pub fn tiles_pay(scene: &Scene) -> bool {
-    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangles.len()))
+    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangle_count()))
         && scene.camera.width().max(scene.camera.height()) <= LONGEST_SIDE
 }
 
@@ -91,8 +92,11 @@ struct Frame {
 struct Binned<'a> {
     /// The scene's triangles, those that have a near corner turned round.
     triangles: Cow<'a, [Triangle]>,
-    of_spheres: Vec<Bins>,
-    of_triangles: Vec<Bins>,
+    /// The same of those that share their corners.
+    faces: Cow<'a, Faces>,
+    of_spheres: Bins,
+    /// Of both kinds of triangles, each counted from 0.
+    of_triangles: [Bins; 2],
     /// The tiles, row by row, that have an object whose numbers are beyond f32, if there are any.
     wide: Vec<bool>,
     /// Of all objects; None where there are none.
@@ -137,6 +141,11 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
+/// So many threads; or this one alone if they cannot be started, of which whoever traces with them has more to say.
+fn team(threads: usize) -> Arc<Team> {
+    Team::of(threads).unwrap_or_else(|_| Arc::new(Team::alone()))
+}
+
 /// Lights that are further away are brought nearer.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
@@ -148,7 +157,7 @@ impl<'a> Binned<'a> {
         scene: &'a Scene,
         &Frame { grid, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
-        (keep, threads): (Keep, usize),
+        (keep, team): (Keep, &Team),
         in_f32: bool,
     ) -> Self {
         let picture = Picture::of(&scene.camera);
@@ -178,20 +187,28 @@ impl<'a> Binned<'a> {
             surely_narrow: &|extremes| forms.surely_narrow_triangles(extremes),
             form: &|triangle, seen| forms.of_triangle(triangle, seen),
             steep: &|triangle, seen, tiles| forms.steep_tiles(triangle, seen, tiles),
-            most_tiles: most_tiles(if scene.triangles.len() <= FEW_TRIANGLES { MOST_TILES_OF_FEW } else { MOST_TILES }),
+            most_tiles: most_tiles(if scene.triangle_count() <= FEW_TRIANGLES {
+                MOST_TILES_OF_FEW
+            } else {
+                MOST_TILES
+            }),
             most_sorted: 0,
             in_f32,
         };
-        let (of_spheres, of_triangles) =
-            (spheres.plan(&scene.spheres, threads), triangles.plan(&scene.triangles, threads));
-        let wide = [of_spheres.wide, of_triangles.wide].concat();
-        let near_corners = of_triangles.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
+        let of_spheres = spheres.plan(&scene.spheres, team);
+        let of_triangles = triangles.plan(Facets::Apart(&scene.triangles), team);
+        let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), team);
+        let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
+        let (near_triangles, near_faces) = (near_corners(&of_triangles), near_corners(&of_faces));
+        let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
+        let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
         Binned {
-            triangles: if near_corners { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
+            triangles: if near_triangles { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
+            faces: if near_faces { faces_turned_round(&scene.faces) } else { Cow::Borrowed(&scene.faces) },
             of_spheres: of_spheres.bins,
-            of_triangles: of_triangles.bins,
+            of_triangles: [of_triangles.bins, of_faces.bins],
             wide: if wide.is_empty() { Vec::new() } else { tiles_of(&wide, picture) },
-            extremes: of_spheres.extremes.into_iter().chain(of_triangles.extremes).reduce(Extremes::and),
+            extremes: all.into_iter().flatten().reduce(Extremes::and),
         }
     }
 }
@@ -200,7 +217,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// Plans `scene` on so many threads, by kernels that find bounds, without the omissions in `keep`.
     pub fn new(scene: &'a Scene, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene);
-        let binned = Binned::new(scene, &frame, kernels, (keep, threads), is_f32::<E>());
+        let binned = Binned::new(scene, &frame, kernels, (keep, &team(threads)), is_f32::<E>());
         Self::of(scene, frame, keep, Arc::new(binned))
     }
 
@@ -210,7 +227,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, &frame, kernels, (keep, threads), false))
+            Arc::new(Binned::new(scene, &frame, kernels, (keep, &team(threads)), false))
         };
         Tiles::of(scene, frame, keep, binned)
     }
@@ -280,9 +297,9 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.scene.camera
     }
 
-    /// All triangles.
-    pub fn facets(&self) -> &[Triangle] {
-        &self.binned.triangles
+    /// All triangles: those that have corners of their own, and those that share them.
+    pub fn facets(&self) -> [Facets<'_>; 2] {
+        [Facets::Apart(&self.binned.triangles), Facets::Joined((&*self.binned.faces).into())]
     }
 
     /// All spheres.
@@ -292,7 +309,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Those of them that are in the list of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Seen> {
-        let mut seen: Vec<_> = self.binned.of_spheres.iter().flat_map(Bins::listed).collect();
+        let mut seen: Vec<_> = self.binned.of_spheres.listed().collect();
         seen.sort_unstable_by_key(|seen| seen.id);
         seen.dedup_by_key(|seen| seen.id);
         seen.into_iter().copied()
@@ -305,7 +322,11 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// The bounds of all triangles, empty of those that no ray can hit.
     pub fn triangle_bounds(&self) -> PixelBounds {
-        bounds_in(&self.binned.of_triangles, self.scene.triangles.len())
+        let [mut bounds, of_faces] =
+            [0, 1].map(|kind| bounds_in(&self.binned.of_triangles[kind], self.facets()[kind].len()));
+        bounds.columns.extend(of_faces.columns);
+        bounds.rows.extend(of_faces.rows);
+        bounds
     }
 
     /// The lights as spheres see them, for set-up.
@@ -371,19 +392,18 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
-        for bins in &self.binned.of_spheres {
-            spheres.extend(bins.large_in(tile));
-            bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
-        }
+        let bins = &self.binned.of_spheres;
+        spheres.extend(bins.large_in(tile));
+        bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
     }
 
-    /// Hands out the triangles that a tile may see, `MOST_AT_ONCE` at a time or fewer, by way of `room` if they are not in
-    /// one list.
-    pub fn triangles_in(&self, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
-        let bins = &self.binned.of_triangles;
-        let mut lists = bins.iter().flat_map(|bins| bins.of_tile(tile)).filter(|seen| !seen.is_empty());
+    /// Hands out the triangles of one of the [kinds](Tiles::facets) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
+    /// by way of `room` if they are not in one list.
+    pub fn triangles_in(&self, kind: usize, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
+        let bins = &self.binned.of_triangles[kind];
+        let mut lists = bins.of_tile(tile).filter(|seen| !seen.is_empty());
         if let (Some(only), None) = (lists.next(), lists.next())
-            && bins.iter().all(|bins| bins.large_in(tile).next().is_none())
+            && bins.large_in(tile).next().is_none()
         {
             return only.chunks(MOST_AT_ONCE).for_each(say);
         }
@@ -399,10 +419,8 @@ impl<'a, E: Element> Tiles<'a, E> {
                 seen = others;
             }
         };
-        for bins in bins {
-            bins.large_in(tile).for_each(|large| add(&[large]));
-            bins.of_tile(tile).for_each(&mut add);
-        }
+        bins.large_in(tile).for_each(|large| add(&[large]));
+        bins.of_tile(tile).for_each(&mut add);
         if !room.is_empty() {
             say(room);
         }
@@ -437,8 +455,8 @@ impl<'a, E: Element> Tiles<'a, E> {
 /// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust
 /// makes no other object's numbers large or small.
 fn extent(scene: &Scene) -> f64 {
-    let stride = scene.triangles.len() / 1024 + 1;
-    let corners = scene.triangles.iter().step_by(stride).flat_map(|triangle| triangle.vertices);
+    let count = scene.triangle_count();
+    let corners = (0..count).step_by(count / 1024 + 1).flat_map(|i| scene.triangle(i).vertices);
     let stride = scene.spheres.len() / 1024 + 1;
     let centres = scene.spheres.iter().step_by(stride).map(|sphere| sphere.centre);
     let sizes = corners.chain(centres).map(|v| v.abs().max_element());
@@ -449,15 +467,30 @@ fn extent(scene: &Scene) -> f64 {
 
 /// Triangles with the near corner first of those that have one; see [`geometry::near_corner_first`].
 fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
-    let turned = |triangle: &Triangle| {
-        let vertices = geometry::near_corner_first(triangle.vertices.map(|v| v.as_dvec3()));
-        Triangle { vertices: vertices.map(|v| v.as_vec3()), ..*triangle }
-    };
-    if triangles.iter().any(|triangle| turned(triangle) != *triangle) {
+    if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0) {
+        let turned = |triangle: &Triangle| {
+            let mut turned = *triangle;
+            turned.vertices.rotate_left(near_corner(triangle.vertices));
+            turned
+        };
         triangles.iter().map(turned).collect()
     } else {
         Cow::Borrowed(triangles)
     }
+}
+
+/// The same of those that share their corners.
+fn faces_turned_round(faces: &Faces) -> Cow<'_, Faces> {
+    let mut turned = Cow::Borrowed(faces);
+    if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0) {
+        turned.to_mut().turn(near_corner);
+    }
+    turned
+}
+
+/// Which corner is to come first.
+fn near_corner(vertices: [Vec3; 3]) -> usize {
+    geometry::near_corner(vertices.map(|v| v.as_dvec3()))
 }
 
 /// A point, brought along its direction to a distance of at most `far`.
@@ -467,10 +500,10 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
 }
 
 /// The bounds of so many objects, empty of those that are in no list.
-fn bounds_in(bins: &[Bins], objects: usize) -> PixelBounds {
+fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };
-    for seen in bins.iter().flat_map(Bins::listed) {
+    for seen in bins.listed() {
         bounds.columns[seen.id as usize] = seen.columns;
         bounds.rows[seen.id as usize] = seen.rows;
     }

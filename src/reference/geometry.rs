@@ -73,14 +73,23 @@ pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 /// Turned round, so that a corner that is [near](NEAR_CORNER) comes first: its product with the normal is the triangle's
 /// volume as any other's is, and the terms of a farther one's would cancel.
 pub fn near_corner_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
-    let [one, two, three] = [v1, v2, v3].map(|v| v.abs().max_element());
+    match near_corner([v1, v2, v3]) {
+        1 => [v2, v3, v1],
+        2 => [v3, v1, v2],
+        _ => [v1, v2, v3],
+    }
+}
+
+/// Which corner then comes first: 0, 1 or 2.
+pub fn near_corner(corners: [DVec3; 3]) -> usize {
+    let [one, two, three] = corners.map(|v| v.abs().max_element());
     let near = NEAR_CORNER * one.max(two).max(three);
     if two < near && two < one && two <= three {
-        [v2, v3, v1]
+        1
     } else if three < near && three < one && three < two {
-        [v3, v1, v2]
+        2
     } else {
-        [v1, v2, v3]
+        0
     }
 }
 

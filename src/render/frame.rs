@@ -1,24 +1,19 @@
 //! The frame: drives an engine over rows of a picture with any number of threads.
 
-use std::cell::Cell;
 use std::collections::TryReserveError;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
-
-use crossbeam_deque::{Steal, Stealer, Worker};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
 use super::{Film, FilmMut, Pixel, PixelFormat, Tracer};
+use crate::plan::Team;
 use crate::scene::Camera;
 
 /// A thread takes as many whole rows at a time as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
-/// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
-/// packet engine is done with a picture.
-const LINGER: Duration = Duration::from_millis(2);
 
 /// How to render.
 #[derive(Clone, Copy, Debug)]
@@ -60,28 +55,25 @@ pub enum RenderError {
 pub struct Frame<'a> {
     pub(super) tracer: &'a dyn Tracer,
     pub(super) camera: Camera,
-    /// The threads beside this one, if any.
-    others: Option<rayon::ThreadPool>,
+    team: Arc<Team>,
     /// Whether [`Stats`](super::Stats) are to say at how many pixels there is something.
     #[cfg(feature = "files")]
     pub(super) counts_hits: bool,
 }
 
 impl<'a> Frame<'a> {
-    /// Starts the threads.
+    /// Has the threads ready.
     pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
         let threads = settings.threads.max(1);
-        let others = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads - 1).build());
-        let others = others.transpose().map_err(|source| RenderError::Threads { threads, source })?;
-        let frame = Frame {
+        let team = Team::of(threads).map_err(|source| RenderError::Threads { threads, source })?;
+        team.keep_awake();
+        Ok(Frame {
             tracer,
             camera,
-            others,
+            team,
             #[cfg(feature = "files")]
             counts_hits: false,
-        };
-        frame.keep_awake();
-        Ok(frame)
+        })
     }
 
     /// Has [`Stats`](super::Stats) say at how many pixels there is something.
@@ -94,7 +86,7 @@ impl<'a> Frame<'a> {
     /// Threads that trace.
     #[cfg(feature = "files")]
     pub(super) fn threads(&self) -> usize {
-        1 + self.others.as_ref().map_or(0, rayon::ThreadPool::current_num_threads)
+        self.team.threads()
     }
 
     /// A film for `rows` rows, in memory that has been touched.
@@ -111,7 +103,7 @@ impl<'a> Frame<'a> {
     /// As [`Tracer::rows`].
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         self.trace_band(rows, film, done);
-        self.keep_awake();
+        self.team.keep_awake();
     }
 
     /// The same for a band, after which cores have other things to do.
@@ -135,41 +127,17 @@ impl<'a> Frame<'a> {
     pub fn count_hits(&self, rows: Range<u32>) -> u64 {
         let task_rows = self.task_rows();
         let hits = AtomicU64::new(0);
-        self.share(rows.clone().step_by(task_rows), |start| {
+        self.team.share(rows.clone().step_by(task_rows), |start| {
             let hits_in_task = self.tracer.count_hits(start..rows.end.min(start + task_rows as u32));
             hits.fetch_add(hits_in_task, Ordering::Relaxed);
         });
         hits.into_inner()
     }
 
-    /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
-    /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
+    /// See [`Team::share`].
+    #[cfg(feature = "files")]
     pub(super) fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
-        let Some(others) = &self.others else { return tasks.for_each(work) };
-        let queue = Worker::new_lifo();
-        tasks.rev().for_each(|task| queue.push(task));
-        let stealer = queue.stealer();
-        let done = AtomicUsize::new(0);
-        others.in_place_scope(|scope| {
-            let count = others.current_num_threads();
-            for _ in 0..count {
-                scope.spawn(|_| {
-                    steal_all(&stealer, &work);
-                    done.fetch_add(1, Ordering::Release);
-                });
-            }
-            while let Some(task) = queue.pop() {
-                work(task);
-            }
-            wait_a_while(|| done.load(Ordering::Acquire) == count);
-        });
-    }
-
-    /// Has the other threads linger, from when they have nothing to do.
-    fn keep_awake(&self) {
-        if let Some(others) = &self.others {
-            others.spawn_broadcast(|_| linger());
-        }
+        self.team.share(tasks, work);
     }
 
     /// The rows that a thread takes at a time.
@@ -188,47 +156,11 @@ impl<'a> Frame<'a> {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
-        self.share(film.chunks_mut(task_rows * width).enumerate(), |(index, part): (usize, &mut [P])| {
+        self.team.share(film.chunks_mut(task_rows * width).enumerate(), |(index, part): (usize, &mut [P])| {
             let start = rows.start + (index * task_rows) as u32;
             let count = (part.len() / width) as u32;
             trace(start..start + count, P::film(part));
             done(count);
         });
-    }
-}
-
-/// Works on tasks from the back of a queue until it is empty.
-fn steal_all<T>(queue: &Stealer<T>, work: impl Fn(T)) {
-    loop {
-        match queue.steal() {
-            Steal::Success(task) => work(task),
-            Steal::Retry => {}
-            Steal::Empty => return,
-        }
-    }
-}
-
-/// Has a thread of a pool look for work for [`LINGER`] after it last had some.
-fn linger() {
-    thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
-    // What a lingering thread finds may be this.
-    if LINGERS.replace(true) {
-        return;
-    }
-    while wait_a_while(|| rayon::yield_now() == Some(rayon::Yield::Executed)) {}
-    LINGERS.set(false);
-}
-
-/// Awake until something is so, and not much longer than [`LINGER`]; whether it is.
-fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
-    let start = Instant::now();
-    loop {
-        if is_so() {
-            return true;
-        }
-        if start.elapsed() > LINGER {
-            return false;
-        }
-        std::thread::yield_now();
     }
 }

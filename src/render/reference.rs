@@ -57,7 +57,7 @@ impl ReferenceTracer {
             radius: sphere.radius.into(),
             colour: sphere.colour.as_dvec3(),
         });
-        let triangles = scene.triangles.iter().map(|triangle| {
+        let triangles = scene.all_triangles().map(|triangle| {
             let vertices = triangle.vertices.map(|v| v.as_dvec3());
             Triangle {
                 vertices,

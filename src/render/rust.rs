@@ -43,7 +43,7 @@ struct Triangle {
 
 impl Triangle {
     /// None for a triangle that is never hit.
-    fn new((source, triangle): (usize, &scene::Triangle)) -> Option<Self> {
+    fn new((source, triangle): (usize, scene::Triangle)) -> Option<Self> {
         let vertices @ [v1, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
         let volume = geometry::triangle_volume(vertices)?;
         let normal = near_1(geometry::triangle_plane(vertices));
@@ -105,7 +105,7 @@ impl RustTracer {
             grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
-            triangles: scene.triangles.iter().enumerate().filter_map(Triangle::new).collect(),
+            triangles: scene.all_triangles().enumerate().filter_map(Triangle::new).collect(),
         }
     }
 

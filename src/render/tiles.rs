@@ -13,8 +13,8 @@ use self::farthest::Farthest;
 use super::plan::PacketPlan;
 use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::{
-    CHUNK, Element, Looks, Narrow, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels, SphereRecords, Spheres,
-    TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
+    CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
+    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
 use crate::reference::geometry;
@@ -370,35 +370,38 @@ impl<E: Element> TileTracer<'_, E> {
             let by_force = so_far.is_some();
             self.look_at_spheres(weighted, buffers, looks, by_force);
         }
-        let before_triangles = 1 + self.plan.balls().len() as u32;
+        let mut before = 1 + self.plan.balls().len() as u32;
         let first_triangle = order.len();
-        self.plan.triangles_in(tile, room, |triangles| {
-            if !any {
-                buffers.clear();
-                any = true;
-            }
-            if order.len() == first_triangle {
-                // Nobody's shades, and none for spheres, whose light is their own.
-                let dark = first_triangle * weighted.lights.len();
-                shades.resize(shades.len().max(dark), TileShade::default());
-                shades[..dark].fill(TileShade::default());
-            } else {
-                *forgotten += forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
-            }
-            *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
-                for start in (0..seen.len()).step_by(CHUNK) {
-                    let first_id = order.len();
-                    let seen = &seen[start..];
-                    let triangles = Triangles { facets: self.plan.facets(), lights: &weighted.lights, seen, first_id };
-                    order.extend(seen.iter().take(CHUNK).map(|seen| before_triangles + seen.id));
-                    kernels.set_up.call(&view, triangles, buffers, shades);
-                    kernels.nearest_triangles.call(buffers, order, window, &grid);
-                    if let Some(so_far) = &mut so_far {
-                        so_far(buffers, shades, looks);
-                    }
+        for (kind, facets) in self.plan.facets().into_iter().enumerate() {
+            self.plan.triangles_in(kind, tile, room, |triangles| {
+                if !any {
+                    buffers.clear();
+                    any = true;
                 }
+                if order.len() == first_triangle {
+                    // Nobody's shades, and none for spheres, whose light is their own.
+                    let dark = first_triangle * weighted.lights.len();
+                    shades.resize(shades.len().max(dark), TileShade::default());
+                    shades[..dark].fill(TileShade::default());
+                } else {
+                    *forgotten += forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
+                }
+                *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
+                    for start in (0..seen.len()).step_by(CHUNK) {
+                        let first_id = order.len();
+                        let seen = &seen[start..];
+                        let triangles = Triangles { facets, lights: &weighted.lights, seen, first_id };
+                        order.extend(seen.iter().take(CHUNK).map(|seen| before + seen.id));
+                        kernels.set_up.call(&view, triangles, buffers, shades);
+                        kernels.nearest_triangles.call(buffers, order, window, &grid);
+                        if let Some(so_far) = &mut so_far {
+                            so_far(buffers, shades, looks);
+                        }
+                    }
+                });
             });
-        });
+            before += facets.len() as u32;
+        }
         any
     }
 

@@ -145,7 +145,7 @@ impl Truth {
             radiance: f64::from(light.intensity) * light.colour.as_dvec3(),
         });
         let spheres = scene.spheres.iter().enumerate().map(|(i, sphere)| Body::sphere(i, sphere));
-        let triangles = scene.triangles.iter().enumerate().map(|(i, triangle)| Body::triangle(i, triangle));
+        let triangles = scene.all_triangles().enumerate().map(|(i, triangle)| Body::triangle(i, &triangle));
         let mut bodies: Vec<Body> = spheres.chain(triangles).flatten().collect();
         // 0 and -0 are the same number.
         let bits = |v: Vec3| v.to_array().map(|x| (x + 0.0).to_bits());
@@ -153,7 +153,7 @@ impl Truth {
         for (i, body) in bodies.iter_mut().enumerate() {
             let shape = match body.object {
                 Object::Sphere(i) => [Vec3::splat(scene.spheres[i].radius), scene.spheres[i].centre, Vec3::NAN],
-                Object::Triangle(i) => scene.triangles[i].vertices,
+                Object::Triangle(i) => scene.triangle(i).vertices,
             };
             body.same_as = *seen.entry(shape.map(bits)).or_insert(i);
         }

@@ -11,20 +11,15 @@ use super::log::is_line_end;
 use super::number::{number, whole};
 use super::opened::{NoArea, Opened};
 use super::parse::{FILM, is_space};
-use super::{Camera, Light, Scene, Sphere, Triangle};
+use super::pieces::Pieces;
+use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
 use crate::kernels::sys::room;
-
-/// So much is read at a time, which stays in a core's caches. To get memory for all of a file takes longer than to fill it.
-const PIECE: usize = 128 << 10;
-/// The most bytes of one object, with the comments between its numbers.
-const LONGEST: usize = 16 << 10;
 
 /// The scene of a file of this length; `name` is what warnings call it.
 pub(super) fn read(file: impl Read, length: usize, name: &str) -> Option<Opened> {
-    let bytes = Vec::with_capacity(1 + length.min(PIECE + LONGEST));
-    let mut text = Text { file, length, bytes, at: 0, line: 1, ended: false };
+    let mut text = Text { pieces: Pieces::new(file, length), length, line: 1 };
     text.fill()?;
-    let image = text.word()?.to_owned();
+    let image = text.word()?;
     let (width, height) = (text.whole()?, text.whole()?);
     let [focal] = text.numbers()?;
     let camera = Camera::new(width, height, focal, FILM).ok()?;
@@ -43,7 +38,7 @@ pub(super) fn read(file: impl Read, length: usize, name: &str) -> Option<Opened>
         }
         Some(triangle)
     })?;
-    let scene = Scene { name: image, camera, lights, spheres, triangles };
+    let scene = Scene { name: image, camera, lights, spheres, triangles, faces: Faces::default() };
     text.is_over().then(|| Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
@@ -56,57 +51,45 @@ fn not_negative(number: f32) -> Option<f32> {
     (number >= 0.0).then_some(number + 0.0)
 }
 
-/// A file, and the piece of it that is at hand.
+/// A file of this length, and the line that comes next, from 1.
 struct Text<R> {
-    file: R,
-    /// All of its bytes.
+    pieces: Pieces<R>,
     length: usize,
-    bytes: Vec<u8>,
-    /// The first of `bytes` that has not been read, and its line from 1.
-    at: usize,
     line: usize,
-    /// Whether `bytes` are the last ones, which then end with a line.
-    ended: bool,
 }
 
 impl<R: Read> Text<R> {
     /// Has the bytes of an object at hand.
     fn fill(&mut self) -> Option<()> {
-        if !self.ended && self.bytes.len() - self.at < LONGEST {
-            self.bytes.drain(..self.at);
-            self.at = 0;
-            let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut self.bytes).ok()?;
-            if more < PIECE {
-                self.ended = true;
-                self.bytes.push(b'\n');
-            }
-        }
-        Some(())
+        self.pieces.fill(b"\n")
     }
 
     /// The next token, in which there is no comment.
-    fn word(&mut self) -> Option<&str> {
+    fn word(&mut self) -> Option<String> {
         let end = |text: &[u8]| text.iter().position(|byte| is_space(*byte));
-        let (word, rest) = token(&self.bytes[self.at..], &mut self.line, |text| Some(text.split_at(end(text)?)))?;
-        self.at = self.bytes.len() - rest.len();
-        let word = str::from_utf8(word).ok()?;
+        let (word, rest) = token(self.pieces.rest(), &mut self.line, |text| Some(text.split_at(end(text)?)))?;
+        let (word, left) = (str::from_utf8(word).ok()?.to_owned(), rest.len());
+        self.pieces.leave(left);
         let usual = !word.is_empty() && !word.starts_with('\u{feff}') && !word.contains('#') && !word.contains("//");
         usual.then_some(word)
     }
 
     fn whole(&mut self) -> Option<u32> {
-        let (whole, rest) = token(&self.bytes[self.at..], &mut self.line, whole)?;
-        self.at = self.bytes.len() - rest.len();
+        let (whole, rest) = token(self.pieces.rest(), &mut self.line, whole)?;
+        let left = rest.len();
+        self.pieces.leave(left);
         Some(whole)
     }
 
     fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
-        let (mut text, mut line) = (&self.bytes[self.at..], self.line);
+        let (mut text, mut line) = (self.pieces.rest(), self.line);
         let mut numbers = [0.0; N];
         for next in &mut numbers {
             (*next, text) = token(text, &mut line, number)?;
         }
-        (self.at, self.line) = (self.bytes.len() - text.len(), line);
+        let left = text.len();
+        self.pieces.leave(left);
+        self.line = line;
         Some(numbers)
     }
 
@@ -130,11 +113,11 @@ impl<R: Read> Text<R> {
     /// Whether nothing but white space and comments is left.
     fn is_over(&mut self) -> bool {
         loop {
-            let ended = self.fill().map(|()| self.ended);
-            let rest = skip(&self.bytes[self.at..], &mut self.line);
+            let ended = self.fill().map(|()| self.pieces.ended());
+            let rest = skip(self.pieces.rest(), &mut self.line);
             match (ended, rest) {
                 (Some(true), Some([])) => return true,
-                (Some(false), Some([])) => self.at = self.bytes.len(),
+                (Some(false), Some([])) => self.pieces.leave(0),
                 _ => return false,
             }
         }
@@ -172,8 +155,9 @@ fn skip<'a>(mut text: &'a [u8], line: &mut usize) -> Option<&'a [u8]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pieces::{LONGEST, PIECE};
     use super::super::{Camera, Scene, many, parse_with_care};
-    use super::{LONGEST, PIECE, read};
+    use super::read;
 
     /// What is read in bulk, which is what is read with care.
     fn in_bulk(text: &str) -> Option<Scene> {

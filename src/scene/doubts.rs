@@ -29,7 +29,7 @@ impl Scene {
 
     fn reaches_in_front(&self) -> bool {
         self.spheres.iter().any(|sphere| sphere.centre.z + sphere.radius > 0.0)
-            || self.triangles.iter().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
+            || self.all_triangles().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
     }
 
     /// Whether each of the rays at the corners hits something: then, but for a frame, all do.
@@ -41,7 +41,7 @@ impl Scene {
             let ray = DVec3::from_array(grid.ray(row, column)).normalize();
             let sphere = |centre: DVec3, radius| geometry::sphere(ray, centre, radius).is_some();
             self.spheres.iter().any(|s| sphere(s.centre.as_dvec3(), s.radius.into()))
-                || self.triangles.iter().any(|t| geometry::triangle(ray, t.vertices.map(|v| v.as_dvec3())).is_some())
+                || self.all_triangles().any(|t| geometry::triangle(ray, t.vertices.map(|v| v.as_dvec3())).is_some())
         })
     }
 }

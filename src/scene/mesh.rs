@@ -19,14 +19,12 @@ mod write;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt;
-use std::mem;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::diagnostic::printable;
-use super::{Scene, Triangle, has_no_area};
-use crate::kernels::sys::room;
+use super::{Faces, Scene};
 
 /// Triangles that share their corners.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -165,26 +163,8 @@ impl Mesh {
 
     /// Its triangles, moved by `map` in f64 and rounded once, in one colour; nothing where a corner leaves the range of
     /// f32.
-    pub fn placed(mut self, map: DAffine3, colour: Vec3) -> Option<Vec<Triangle>> {
-        let triangles = mem::take(&mut self.triangles);
-        let without_area = |&triangle: &usize| has_no_area(self.corners(triangles[triangle]));
-        let mut without_area = (0..triangles.len()).filter(without_area).collect::<Vec<_>>().into_iter().peekable();
-        if map != DAffine3::IDENTITY {
-            let place = |vertex: &mut Vec3| *vertex = map.transform_point3(vertex.as_dvec3()).as_vec3();
-            self.vertices.iter_mut().for_each(place);
-        }
-        // Those that no triangle has may be anywhere.
-        let all_finite = self.vertices.iter().all(|vertex| vertex.is_finite());
-        let mut placed = room(triangles.len());
-        for (number, triangle) in triangles.into_iter().enumerate() {
-            let corners = self.corners(triangle);
-            if !all_finite && !corners.iter().all(|vertex| vertex.is_finite()) {
-                return None;
-            }
-            let had_no_area = without_area.next_if_eq(&number).is_some();
-            placed.push(Triangle::of_moved(colour, had_no_area, corners));
-        }
-        Some(placed)
+    pub fn placed(self, map: DAffine3, colour: Vec3) -> Option<Faces> {
+        Faces::new(self.vertices, self.triangles, colour).moved(map).ok()
     }
 
     /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the
@@ -194,7 +174,7 @@ impl Mesh {
         let mut mesh = Mesh::default();
         // The placements are mirror images that exchange and negate axes: their own inverses, and exact.
         let map = format.placement().to_world().inverse();
-        for triangle in &scene.triangles {
+        for triangle in scene.all_triangles() {
             let corners = triangle.vertices.map(|vertex| {
                 *known.entry(vertex.to_array().map(f32::to_bits)).or_insert_with(|| {
                     mesh.vertices.push(map.transform_point3(vertex.as_dvec3()).as_vec3());

@@ -13,6 +13,7 @@ mod number;
 mod open;
 mod opened;
 mod parse;
+mod pieces;
 mod random;
 #[cfg(feature = "files")]
 mod tables;
@@ -37,12 +38,13 @@ pub use tables::parse_toml;
 pub use validity::InvalidScene;
 pub use view::{Setting, View, ViewError};
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DAffine3, DVec3, Vec3};
 
 use crate::reference::geometry;
 
 /// A sphere.
 pub use crate::kernels::Ball as Sphere;
+pub use crate::kernels::Faces;
 /// A flat triangle, seen from both sides.
 pub use crate::kernels::Facet as Triangle;
 
@@ -73,6 +75,37 @@ impl Light {
     }
 }
 
+impl Faces {
+    /// Moved by `map` in f64 and rounded once; those of no area keep none. Where a corner leaves the range of f32, the number
+    /// of the first face that has one.
+    fn moved(mut self, map: DAffine3) -> Result<Self, usize> {
+        let without_area: Vec<_> = self.without_area().collect();
+        if map != DAffine3::IDENTITY {
+            let place = |vertex: &mut Vec3| *vertex = map.transform_point3(vertex.as_dvec3()).as_vec3();
+            self.vertices_mut().iter_mut().for_each(place);
+        }
+        // Those that no face has may be anywhere.
+        if !self.vertices().iter().all(|vertex| vertex.is_finite()) {
+            let is_finite = |triangle: Triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite());
+            if let Some(beyond) = self.iter().position(|triangle| !is_finite(triangle)) {
+                return Err(beyond);
+            }
+        }
+        for face in without_area {
+            if !self.get(face).has_no_area() {
+                self.collapse(face);
+            }
+        }
+        Ok(self)
+    }
+
+    /// The numbers of those of no area.
+    fn without_area(&self) -> impl Iterator<Item = usize> {
+        let has_none = |face: &usize| has_no_area(self.corners_of(*face));
+        (0..self.len()).filter(has_none)
+    }
+}
+
 impl Triangle {
     /// Whether its corners are on one line, or one point: no ray hits it then.
     pub fn has_no_area(&self) -> bool {
@@ -95,7 +128,7 @@ impl Triangle {
 fn has_no_area(corners: [Vec3; 3]) -> bool {
     // Nearly all are so far from it that f32 tells, whatever it loses: their normal is longer than 1e-5 of the longest side
     // times the furthest corner, and what has no area is below 1e-15 of that.
-    let [v1, v2, v3] = corners.map(Vec3A::from);
+    let [v1, v2, v3] = corners;
     let (a, b) = (v2 - v1, v3 - v1);
     let sides = a.length_squared() + b.length_squared();
     let plain = a.cross(b).length_squared() > 1e-10 * sides * (sides + v1.length_squared());
@@ -107,7 +140,7 @@ fn has_no_area(corners: [Vec3; 3]) -> bool {
 pub enum Object {
     /// A sphere.
     Sphere(usize),
-    /// A triangle.
+    /// A triangle, counted as by [`Scene::triangle`].
     Triangle(usize),
 }
 
@@ -122,11 +155,31 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Spheres, in file order; they come before all triangles where two objects tie.
     pub spheres: Vec<Sphere>,
-    /// Triangles, in file order.
+    /// Triangles with corners of their own, in file order.
     pub triangles: Vec<Triangle>,
+    /// Those that share their corners, of which meshes are made; they come after all others.
+    pub faces: Faces,
 }
 
 impl Scene {
+    /// How many triangles there are, of both kinds.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len() + self.faces.len()
+    }
+
+    /// The triangle of this number, counted from 0 in the scene's order.
+    pub fn triangle(&self, number: usize) -> Triangle {
+        match number.checked_sub(self.triangles.len()) {
+            None => self.triangles[number],
+            Some(face) => self.faces.get(face),
+        }
+    }
+
+    /// All triangles, in the scene's order.
+    pub fn all_triangles(&self) -> impl Iterator<Item = Triangle> + Clone {
+        self.triangles.iter().copied().chain(self.faces.iter())
+    }
+
     /// The scene with all lengths times `factor`, but for the camera's: the same picture.
     pub fn scaled(&self, factor: f32) -> Scene {
         let mut scene = self.clone();
@@ -136,6 +189,7 @@ impl Scene {
             sphere.radius *= factor;
         });
         scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(|vertex| *vertex *= factor);
+        scene.faces.vertices_mut().iter_mut().for_each(|vertex| *vertex *= factor);
         scene
     }
 }

@@ -10,7 +10,7 @@ use super::bulk;
 use super::diagnostic::printable;
 use super::log::is_line_end;
 use super::parse::{opened_with_care, parse_with_warnings};
-use super::{Camera, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, Triangle, parse_toml};
+use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
 use crate::kernels::sys::room;
 
 /// The longest scene file, in bytes.
@@ -150,16 +150,15 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
          stands to the left above the camera; `rayo convert` makes a scene of it, to be changed",
         path.display()
     ));
-    let warnings = no_area_of_mesh(path, &scene.triangles).into_iter().collect();
+    let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
     Ok(Opened { scene, notes, warnings })
 }
 
 /// A warning of the triangles of a mesh that have no area, which are often its seams: how many, and the first by their
 /// numbers in the file, from 1 on, where each face of more corners counts as the triangles it is cut into.
-pub(super) fn no_area_of_mesh(path: &Path, triangles: &[Triangle]) -> Option<String> {
+pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     const MOST: usize = 5;
-    let of_no_area = |(number, triangle): (usize, &Triangle)| triangle.has_no_area().then_some(number);
-    let mut numbers = (1..).zip(triangles).filter_map(of_no_area);
+    let mut numbers = mesh.without_area().map(|number| number + 1);
     let first: Vec<_> = numbers.by_ref().take(MOST).map(|number| number.to_string()).collect();
     let (count, listed) = (first.len() + numbers.count(), first.join(", "));
     let path = path.to_string_lossy();

@@ -9,7 +9,7 @@ use super::bulk;
 use super::log::{Log, is_line_end};
 use super::misfit::{List, first_misfit};
 use super::opened::{NoArea, Opened};
-use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
 /// The film diagonal of Algorithm 1; the format has no place for another.
@@ -213,7 +213,7 @@ impl<'a> Parser<'a, '_> {
         self.end_of_file();
         // What a camera cannot be has been noted above.
         let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
-        Ok(Scene { name: name.to_owned(), camera, lights, spheres, triangles })
+        Ok(Scene { name: name.to_owned(), camera, lights, spheres, triangles, faces: Faces::default() })
     }
 
     /// The next token's place in the text, or `None` at the end of the file.

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{Camera, Light, Scene, Sphere, Triangle};
+use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): a counter in steps of the golden ratio, and a mixing function.
 ///
@@ -66,6 +66,7 @@ pub fn many(spheres: usize, triangles: usize, seed: u64) -> Scene {
         ],
         spheres,
         triangles,
+        faces: Faces::default(),
     }
 }
 

@@ -13,7 +13,7 @@ use super::open::no_area_of_mesh;
 use super::opened::NoArea;
 use super::parse::{Problem, Rule};
 use super::view::{View, ViewError};
-use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
+use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
 use crate::reference::geometry;
 
 /// The focal distance and the film's diagonal where the file gives none: those of Algorithm 1.
@@ -177,7 +177,7 @@ impl Reader<'_> {
             }
             triangles.push(triangle);
         }
-        let (mut told, mut warnings) = (Vec::new(), Vec::new());
+        let (mut told, mut warnings, mut faces) = (Vec::new(), Vec::new(), Faces::default());
         for fields in self.list(&root, "mesh", &["file", "colour", "scale", "rotate", "translate"]) {
             let colour = self.colour(&fields);
             let placement = self.placement(&fields);
@@ -186,7 +186,10 @@ impl Reader<'_> {
                 let map = to_camera * placement.to_world();
                 let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
                 warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
-                triangles.extend(placed);
+                if !faces.append(placed) {
+                    let message = format!("{} and those before it have too many vertices", fields.owner);
+                    self.note(fields.span.clone(), &message, &format!("at most {}", Faces::MOST_VERTICES));
+                }
             }
         }
         if !self.notes.is_empty() {
@@ -194,7 +197,7 @@ impl Reader<'_> {
         }
         // What a camera cannot be has been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
-        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles }, notes: told, warnings })
+        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles, faces }, notes: told, warnings })
     }
 
     /// The file name, the width and the height of the picture.
@@ -272,7 +275,7 @@ impl Reader<'_> {
         map: DAffine3,
         colour: Vec3,
         told: &mut Vec<String>,
-    ) -> Option<Vec<Triangle>> {
+    ) -> Option<Faces> {
         let path = self.folder.join(file);
         let mesh = match Mesh::read(&path) {
             Ok(mesh) => mesh,

@@ -36,7 +36,7 @@ impl Scene {
                 return invalid("sphere", i, "centre", FINITE, sphere.centre.to_string());
             }
         }
-        for (i, triangle) in self.triangles.iter().enumerate() {
+        for (i, triangle) in self.all_triangles().enumerate() {
             if !bright(triangle.colour) {
                 return invalid("triangle", i, "colour", NOT_NEGATIVE, triangle.colour.to_string());
             } else if let Some(vertex) = triangle.vertices.iter().find(|vertex| !vertex.is_finite()) {

@@ -95,7 +95,7 @@ impl Scene {
     ///
     /// ```
     /// use rayo::glam::{DVec3, Vec3};
-    /// use rayo::{Camera, Engine, Film, Light, PixelFormat, Scene, Sphere, View};
+    /// use rayo::{Camera, Engine, Faces, Film, Light, PixelFormat, Scene, Sphere, View};
     ///
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// let world = Scene {
@@ -104,6 +104,7 @@ impl Scene {
     ///     lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-50.0, 0.0, 0.0) }],
     ///     spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::ZERO }],
     ///     triangles: vec![],
+    ///     faces: Faces::default(),
     /// };
     /// // Half a turn around the sphere, from its lit side to its dark one.
     /// let mut middle = Vec::new();
@@ -150,6 +151,8 @@ impl Scene {
             }
             *triangle = Triangle::of_moved(triangle.colour, triangle.has_no_area(), vertices);
         }
+        let before = scene.triangles.len();
+        scene.faces = scene.faces.moved(to_camera).map_err(|face| beyond("triangle", before + face, "vertices"))?;
         Ok(scene)
     }
 }
@@ -181,10 +184,10 @@ impl Setting {
     /// The scene of this mesh, in one colour, in the camera's frame; nothing where it leaves the range of f32.
     pub fn scene(&self, mesh: Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
         let to_camera = self.view.to_camera().ok()?;
-        let triangles = mesh.placed(to_camera * self.placement.to_world(), colour)?;
+        let faces = mesh.placed(to_camera * self.placement.to_world(), colour)?;
         let position = to_camera.transform_point3(self.light).as_vec3();
         let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
-        Some(Scene { name, camera, lights, spheres: Vec::new(), triangles })
+        Some(Scene { name, camera, lights, spheres: Vec::new(), triangles: Vec::new(), faces })
     }
 }
 

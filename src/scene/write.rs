@@ -37,9 +37,9 @@ impl Scene {
             writeln!(out, "{}  {}  {}", Decimal(*radius), Triple(*colour), Triple(*centre))?;
         }
         let parts = "r g b  x1 y1 z1  x2 y2 z2  x3 y3 z3";
-        writeln!(out, "\n# triangles: how many, then of each  {parts}\n{}", self.triangles.len())?;
-        for Triangle { colour, vertices: [a, b, c] } in &self.triangles {
-            writeln!(out, "{}  {}  {}  {}", Triple(*colour), Triple(*a), Triple(*b), Triple(*c))?;
+        writeln!(out, "\n# triangles: how many, then of each  {parts}\n{}", self.triangle_count())?;
+        for Triangle { colour, vertices: [a, b, c] } in self.all_triangles() {
+            writeln!(out, "{}  {}  {}  {}", Triple(colour), Triple(a), Triple(b), Triple(c))?;
         }
         Ok(())
     }

@@ -27,9 +27,9 @@ impl Scene {
             writeln!(out, "\n[[sphere]]\ncentre = {}\nradius = {}", Array(*centre), Decimal(*radius))?;
             writeln!(out, "colour = {}", Array(*colour))?;
         }
-        for Triangle { colour, vertices: [a, b, c] } in &self.triangles {
-            writeln!(out, "\n[[triangle]]\nvertices = [{}, {}, {}]", Array(*a), Array(*b), Array(*c))?;
-            writeln!(out, "colour = {}", Array(*colour))?;
+        for Triangle { colour, vertices: [a, b, c] } in self.all_triangles() {
+            writeln!(out, "\n[[triangle]]\nvertices = [{}, {}, {}]", Array(a), Array(b), Array(c))?;
+            writeln!(out, "colour = {}", Array(colour))?;
         }
         Ok(())
     }

@@ -59,7 +59,7 @@ mod with_assembly {
         hz: f64,
         proceed: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<AgainstPlain>>, PictureError> {
-        if scene.spheres.len().max(scene.triangles.len()) > ladder::MOST {
+        if scene.spheres.len().max(scene.triangle_count()) > ladder::MOST {
             return Ok(Some(Vec::new()));
         }
         let (camera, packed) = (scene.camera, Packed::new(scene));

@@ -124,7 +124,7 @@ fn of_family(family: &'static Family, size: Size) -> Vec<Subject> {
 /// The same scene with as many pixels fewer as there is time for.
 fn reduced(scene: Scene, size: Size) -> Scene {
     let camera = scene.camera;
-    let objects = (scene.spheres.len() + scene.triangles.len()).max(1) as u64;
+    let objects = (scene.spheres.len() + scene.triangle_count()).max(1) as u64;
     let most = size.pixels.min(size.tests.div_ceil(objects)).max(1);
     if camera.pixels() <= most {
         return scene;
@@ -151,7 +151,7 @@ mod tests {
         }
         assert!(!names.iter().any(|name| name.starts_with("N1")), "what is not a scene has no picture");
         for Subject { name, scene, .. } in &subjects {
-            let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
+            let objects = (scene.spheres.len() + scene.triangle_count()) as u64;
             assert!(scene.camera.pixels() <= SIZES[0].pixels, "{name}");
             assert!(scene.camera.pixels() * objects <= 2 * SIZES[0].tests, "{name}");
         }

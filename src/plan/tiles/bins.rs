@@ -10,6 +10,7 @@ use crate::kernels::{Seen, TILE_HEIGHT, TILE_WIDTH, sys};
 const MOST_IN_BLOCK: usize = 1 << 20;
 
 /// The objects that each tile may see, of one piece of the scene after another.
+#[derive(Default)]
 pub(super) struct Bins {
     picture: Picture,
     /// An object in more tiles is large; if None, all of them are, and in all tiles.
@@ -19,24 +20,30 @@ pub(super) struct Bins {
     blocks: Vec<Vec<Seen>>,
     /// Objects in the last block.
     used: usize,
-    /// Those that are in many tiles.
-    large: Vec<Seen>,
     /// Where the runs of the last piece end.
     ends: Vec<u32>,
 }
 
 /// Where the objects of a piece of the scene are.
 struct Piece {
+    /// Its number in the scene.
+    number: usize,
     block: usize,
     /// In the block: where each tile's begin, and where the last one's end.
     starts: Vec<u32>,
+    /// Those that are in many tiles.
+    large: Vec<Seen>,
 }
 
 impl Bins {
     /// Without objects.
     pub(super) fn new(picture: Picture, most_tiles: Option<usize>) -> Self {
-        let (pieces, blocks, large, ends) = Default::default();
-        Bins { picture, most_tiles, pieces, blocks, used: 0, large, ends }
+        Bins { picture, most_tiles, ..Bins::default() }
+    }
+
+    /// How many pieces have been added.
+    pub(super) fn pieces(&self) -> usize {
+        self.pieces.len()
     }
 
     /// How many tiles there are.
@@ -45,9 +52,10 @@ impl Bins {
         (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize
     }
 
-    /// Adds what is seen of a piece of the scene, after which `pieces_left` are to come that may be like it.
-    pub(super) fn add(&mut self, seen: &[Seen], pieces_left: usize) {
-        let Some(most_tiles) = self.most_tiles else { return self.large.extend_from_slice(seen) };
+    /// Adds what is seen of the piece of the scene that has this number, after which `pieces_left` may come that are like it.
+    pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: usize) {
+        let mut large = Vec::new();
+        let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
         // How many objects each tile has, and then where they begin.
         let mut starts = vec![0_u32; self.tiles() + 1];
@@ -56,7 +64,7 @@ impl Bins {
             self.ends.push(run.len() as u32 + self.ends.last().copied().unwrap_or(0));
             let tiles = TileRanges::of(&run[0]);
             if tiles.count() > most_tiles {
-                self.large.extend_from_slice(run);
+                large.extend_from_slice(run);
             } else {
                 tiles.each(across, |tile| starts[tile] += run.len() as u32);
             }
@@ -90,13 +98,22 @@ impl Bins {
                 *next += run.len() as u32;
             });
         }
-        self.pieces.push(Piece { block, starts });
+        self.pieces.push(Piece { number, block, starts, large });
+    }
+
+    /// With the pieces of another, all in the scene's order.
+    pub(super) fn and(mut self, other: Self) -> Self {
+        let blocks = self.blocks.len();
+        self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
+        self.pieces.sort_unstable_by_key(|piece| piece.number);
+        self.blocks.extend(other.blocks);
+        self
     }
 
     /// All that is in a list, once for each.
     pub(super) fn listed(&self) -> impl Iterator<Item = &Seen> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
-        lists.chain(&self.large)
+        lists.chain(self.large())
     }
 
     /// What a tile may see of what is in few tiles.
@@ -116,7 +133,11 @@ impl Bins {
             let (x, y) = (range(large.columns), range(large.rows));
             x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
         };
-        self.large.iter().filter(in_tile).copied()
+        self.large().filter(in_tile).copied()
+    }
+
+    fn large(&self) -> impl Iterator<Item = &Seen> {
+        self.pieces.iter().flat_map(|piece| &piece.large)
     }
 }
 

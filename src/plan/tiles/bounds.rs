@@ -1,13 +1,12 @@
 //! The bounds of all objects in the picture, found on several threads.
 
 use std::cmp::Reverse;
-use std::panic::resume_unwind;
-use std::thread;
 
 use super::bins::Bins;
 use super::forms::{Form, LONG};
 use super::{covered, range};
-use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, Seen, SphereView};
+use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, ObjectList, Seen, SphereView};
+use crate::plan::Team;
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
 use crate::scene::{Camera, Grid};
@@ -19,11 +18,15 @@ const FEWEST_PER_THREAD: usize = 1 << 14;
 /// finds some side by side. They are more where there are more tiles, of each of which every piece has a list.
 const PIECE: usize = 1 << 17;
 
+/// With several threads there are so many pieces for each, unless they had too few objects.
+const PIECES_PER_THREAD: usize = 4;
+const FEWEST_IN_PIECE: usize = 1 << 13;
+
 /// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
 
 /// The size of the picture.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Picture {
     pub(super) width: u32,
     pub(super) height: u32,
@@ -115,46 +118,40 @@ impl<T: Bounded + Sync> Planning<'_, T>
 where
     T::View: Sync,
 {
-    /// Which tiles all `objects` may be in. Each thread takes as many, which lie side by side; what they find is one after
-    /// another, so that nobody sees how many there were.
-    pub(super) fn plan(&self, objects: &[T], threads: usize) -> Planned {
-        let threads = threads.clamp(1, objects.len().div_ceil(FEWEST_PER_THREAD).max(1));
-        let part = objects.len().div_ceil(threads).next_multiple_of(CHUNK).max(CHUNK);
-        let parts = (0..).step_by(part).zip(objects.chunks(part));
+    /// Which tiles all `objects` may be in. They are looked at piece by piece, so that what is found of one is in the caches
+    /// until it is in the lists. Threads take pieces as they become free, and keep their lists and the room to find them in
+    /// from one to the next; nobody sees at last who took which.
+    pub(super) fn plan(&self, objects: T::Many<'_>, team: &Team) -> Planned {
+        let bins = || Bins::new(self.picture, self.most_tiles);
+        let threads = team.threads().min(objects.len().div_ceil(FEWEST_PER_THREAD)).max(1);
+        let share = if threads > 1 { objects.len().div_ceil(PIECES_PER_THREAD * threads) } else { PIECE };
+        let least = FEWEST_IN_PIECE.max(bins().tiles());
+        let piece = share.clamp(least, PIECE.max(least)).next_multiple_of(CHUNK);
         let long = if objects.len() <= MOST_LOOKED_AT { 0 } else { LONG };
-        let mut parts = parts.map(|(first, objects)| move || self.plan_part(first, objects, long));
-        let own = parts.next();
-        let planned: Vec<Planned> = thread::scope(|scope| {
-            let others: Vec<_> = parts.map(|part| scope.spawn(part)).collect();
-            let own = own.map(|part| part());
-            let others = others.into_iter().map(|other| other.join().unwrap_or_else(|panic| resume_unwind(panic)));
-            own.into_iter().chain(others).collect()
-        });
-        planned.into_iter().reduce(Planned::and).unwrap_or_default()
-    }
-
-    /// Piece by piece, so that what is found of one is in the caches until it is in the lists.
-    fn plan_part(&self, first_id: u32, objects: &[T], long: usize) -> Planned {
-        let mut bins = Bins::new(self.picture, self.most_tiles);
-        let piece = PIECE.max(bins.tiles().next_multiple_of(CHUNK));
-        let mut room = vec![Seen::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
-        let mut wide = Vec::new();
-        let mut extremes = None;
-        let pieces = objects.chunks(piece);
-        for (done, objects) in pieces.clone().enumerate() {
-            let first_id = first_id + (done * piece) as u32;
-            let (seen, of_piece) = self.find(first_id, objects, long, &mut room, &mut wide);
-            bins.add(seen, pieces.len() - 1 - done);
-            extremes = extremes.into_iter().chain(of_piece).reduce(Extremes::and);
-        }
-        Planned { bins: vec![bins], wide, extremes }
+        let pieces = objects.len().div_ceil(piece);
+        let begin = || {
+            let room = vec![Seen::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
+            (Planned { bins: bins(), wide: Vec::new(), extremes: None }, room)
+        };
+        let add = |(planned, room): &mut (Planned, Vec<Seen>), number: usize| {
+            let start = number * piece;
+            let of_piece = objects.part(start..objects.len().min(start + piece));
+            let (seen, extremes) = self.find(start as u32, of_piece, long, room, &mut planned.wide);
+            // As many as the others take.
+            let left = (pieces / threads).saturating_sub(1 + planned.bins.pieces());
+            planned.bins.add(number, seen, left);
+            planned.extremes = planned.extremes.into_iter().chain(extremes).reduce(Extremes::and);
+        };
+        let team = if threads > 1 { team } else { &Team::alone() };
+        let planned = team.share_with(0..pieces, begin, add).into_iter().map(|(planned, _)| planned);
+        planned.reduce(Planned::and).unwrap_or_else(|| Planned { bins: bins(), wide: Vec::new(), extremes: None })
     }
 
     /// Finds the objects of a piece that may be seen, by way of `room`, and which tiles are `wide`.
     fn find<'a>(
         &self,
         first_id: u32,
-        objects: &[T],
+        objects: T::Many<'_>,
         long: usize,
         room: &'a mut [Seen],
         wide: &mut Vec<Seen>,
@@ -169,8 +166,8 @@ where
             let mut left = 0;
             for i in 0..count {
                 let seen = &mut room[i];
-                let object = &objects[(seen.id - first_id) as usize];
-                let is_wide = !is_sure(seen.most) && (self.form)(object, seen) == Form::Wide && self.in_f32;
+                let object = objects.get((seen.id - first_id) as usize);
+                let is_wide = !is_sure(seen.most) && (self.form)(&object, seen) == Form::Wide && self.in_f32;
                 wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
                 room[left] = *seen;
                 // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
@@ -186,7 +183,7 @@ where
                 !sides.contains(&0) && sides.iter().any(|side| *side >= long)
             };
             for seen in seen.iter().filter(is_long) {
-                (self.steep)(&objects[(seen.id - first_id) as usize], seen, wide);
+                (self.steep)(&objects.get((seen.id - first_id) as usize), seen, wide);
             }
         }
         if seen.len() <= self.most_sorted {
@@ -198,8 +195,8 @@ where
             let mut left = 0;
             for i in 0..count {
                 let Seen { id, columns, rows, .. } = &mut seen[i];
-                let object = &objects[(*id - first_id) as usize];
-                self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, object));
+                let object = || objects.get((*id - first_id) as usize);
+                self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, &object()));
                 let has_pixels = covered(*columns, *rows) > 0;
                 seen[left] = seen[i];
                 left += usize::from(has_pixels);
@@ -211,9 +208,8 @@ where
 }
 
 /// What is planned of some objects.
-#[derive(Default)]
 pub(super) struct Planned {
-    pub(super) bins: Vec<Bins>,
+    pub(super) bins: Bins,
     /// Those that are traced in f64, within their true bounds, and those tiles of others where they are.
     pub(super) wide: Vec<Seen>,
     /// None where there are no objects.
@@ -221,9 +217,9 @@ pub(super) struct Planned {
 }
 
 impl Planned {
-    /// With the objects that come after.
+    /// With other objects of the same kind.
     fn and(mut self, next: Self) -> Self {
-        self.bins.extend(next.bins);
+        self.bins = self.bins.and(next.bins);
         self.wide.extend(next.wide);
         self.extremes = self.extremes.into_iter().chain(next.extremes).reduce(Extremes::and);
         self

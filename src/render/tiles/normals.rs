@@ -26,7 +26,7 @@ impl<E: Element> TileTracer<'_, E> {
                 Object::Sphere(_) => cosines(ahead) - cosines(back),
                 // Both of its sides are lit alike, and the signs are lost.
                 Object::Triangle(i) => {
-                    let vertices = self.plan.scene().triangles[i].vertices.map(|vertex| vertex.as_dvec3());
+                    let vertices = self.plan.scene().triangle(i).vertices.map(|vertex| vertex.as_dvec3());
                     cosines(ahead) * geometry::triangle_plane(vertices).signum()
                 }
             });
@@ -36,12 +36,15 @@ impl<E: Element> TileTracer<'_, E> {
     /// The rows in white, with red light from `far` along x, green along y and blue along z.
     fn lit_along_the_axes(&self, far: f32, rows: Range<u32>) -> Vec<Vec4> {
         let light = |axis: Vec3| Light { intensity: 1.0, colour: axis, position: far * axis };
+        let mut faces = self.plan.scene().faces.clone();
+        faces.paint(Vec3::ONE);
         let scene = Scene {
             name: String::new(),
             camera: *self.plan.camera(),
             lights: [Vec3::X, Vec3::Y, Vec3::Z].map(light).to_vec(),
             spheres: self.plan.scene().spheres.iter().map(|sphere| Sphere { colour: Vec3::ONE, ..*sphere }).collect(),
             triangles: self.plan.scene().triangles.iter().map(|face| Triangle { colour: Vec3::ONE, ..*face }).collect(),
+            faces,
         };
         let tracer = TileTracer::planned(self.packets, self.kernels, &scene, (Keep::NOTHING, 1));
         let mut out = vec![Vec4::default(); rows.len() * self.plan.camera().width() as usize];

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3, dvec3};
 
 use super::maker::{camera, icosphere, sphere, triangle};
 use crate::scene::random::direction;
-use crate::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
+use crate::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle};
 
 /// A random scene.
 #[derive(Clone, Debug)]
@@ -76,8 +76,14 @@ pub fn mixture(seed: u64) -> Mixture {
     let camera = some_camera(&mut rng);
     let across = f64::from(camera.film()) / f64::from(camera.width()).hypot(f64::from(camera.height()));
     let half = [camera.width(), camera.height()].map(|side| 0.5 * across * f64::from(side) / f64::from(camera.focal()));
-    let scene =
-        Scene { name: format!("mixture-{seed}.png"), camera, lights: vec![], spheres: vec![], triangles: vec![] };
+    let scene = Scene {
+        name: format!("mixture-{seed}.png"),
+        camera,
+        lights: vec![],
+        spheres: vec![],
+        triangles: vec![],
+        faces: Faces::default(),
+    };
     let mut mixer = Mixer { rng, scene, half: (half[0], half[1]) };
 
     let count = mixer.count();

@@ -11,20 +11,15 @@ use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
 use super::{Mesh, MeshFormat, ply, stl};
 use crate::kernels::sys::room;
 use crate::scene::number::{number, whole};
+use crate::scene::pieces::Pieces;
 
-/// The mesh of a file in a format's usual layout.
-pub(super) fn read(source: &[u8], format: MeshFormat) -> Option<Mesh> {
+/// The mesh of a file of this length in its format's usual layout, of which only a piece at a time is in memory.
+pub(super) fn read(file: impl Read, length: usize, format: MeshFormat) -> Option<Mesh> {
     let mesh = match format {
-        MeshFormat::Obj => obj(source),
-        MeshFormat::Ply => ply(source),
-        MeshFormat::Stl => stl(source, source.len()),
+        MeshFormat::Obj => obj(file, length),
+        MeshFormat::Ply => ply(file, length),
+        MeshFormat::Stl => stl(file, length),
     };
-    mesh.filter(|mesh| !mesh.triangles.is_empty())
-}
-
-/// The same of a file of this length without having all of it in memory, if the format is one that can be read so.
-pub(super) fn read_in_pieces(file: impl Read, length: usize, format: MeshFormat) -> Option<Mesh> {
-    let mesh = if format == MeshFormat::Stl { stl(file, length) } else { None };
     mesh.filter(|mesh| !mesh.triangles.is_empty())
 }
 
@@ -45,7 +40,7 @@ fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
     if count > most || !stl::is_binary(&header, length) {
         return None;
     }
-    let mut vertices = room(corners as usize);
+    let mut vertices = room(corners as usize + 1);
     let mut piece = vec![[0; stl::FACET]; count.min(TOGETHER)];
     for first in (0..count).step_by(TOGETHER) {
         let facets = &mut piece[..TOGETHER.min(count - first)];
@@ -63,8 +58,12 @@ fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
 }
 
 /// Binary little-endian PLY of vertices, whose properties are numbers, and then faces, which have corners alone.
-fn ply(source: &[u8]) -> Option<Mesh> {
-    let (header, mut rest, _) = ply::header(source).ok()?;
+fn ply(file: impl Read, length: usize) -> Option<Mesh> {
+    let mut pieces = Pieces::new(file, length);
+    pieces.fill(&[])?;
+    let (header, rest, _) = ply::header(pieces.rest(), length).ok()?;
+    let left = rest.len();
+    pieces.leave(left);
     let [vertex, face] = header.elements.values().collect::<Vec<_>>()[..] else { return None };
     let corners_alone = face.properties.len() == 1
         && face.properties.values().all(|property| {
@@ -74,98 +73,120 @@ fn ply(source: &[u8]) -> Option<Mesh> {
         return None;
     }
     // Where x, y and z are among a vertex's bytes.
-    let (mut places, mut length) = ([None; 3], 0);
+    let (mut places, mut size) = ([None; 3], 0);
     for (name, property) in &vertex.properties {
         let axis = ["x", "y", "z"].iter().position(|axis| axis == name);
         match (axis, &property.data_type) {
             (_, PropertyType::List(..)) => return None,
-            (Some(axis), PropertyType::Scalar(ScalarType::Float)) => places[axis] = Some(length),
+            (Some(axis), PropertyType::Scalar(ScalarType::Float)) => places[axis] = Some(size),
             (Some(_), _) => return None,
             (None, PropertyType::Scalar(_)) => {}
         }
-        length += ply::least_bytes(&property.data_type);
+        size += ply::least_bytes(&property.data_type);
     }
     let [Some(x), Some(y), Some(z)] = places else { return None };
 
-    let points = rest.split_off(..length.checked_mul(vertex.count)?)?;
-    let mut mesh = Mesh { vertices: room(vertex.count), ..Mesh::default() };
-    for bytes in points.chunks_exact(length) {
-        let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk());
-        mesh.vertices.push(point(x?, y?, z?)?);
+    // With the one that faces have behind them.
+    let mut mesh = Mesh { vertices: room(vertex.count + 1), triangles: room(face.count), ..Mesh::default() };
+    while mesh.vertices.len() < vertex.count {
+        pieces.fill(&[])?;
+        let rest = pieces.rest();
+        let here = (rest.len() / size).min(vertex.count - mesh.vertices.len());
+        if here == 0 {
+            return None;
+        }
+        let (points, rest) = rest.split_at(here * size);
+        for bytes in points.chunks_exact(size) {
+            let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk());
+            mesh.vertices.push(point(x?, y?, z?)?);
+        }
+        let left = rest.len();
+        pieces.leave(left);
     }
-    // A face of three corners.
-    const TRIANGLE: usize = 1 + 3 * 4;
-    if face.count > rest.len() / TRIANGLE {
-        return None;
-    }
-    mesh.triangles = room(face.count);
+    /// The most bytes of a face.
+    const MOST: usize = 1 + 4 * 255;
     // A negative index is beyond it, too.
     let end = u32::try_from(vertex.count).ok()?.min(1 << 31);
     let index = |bytes: &[u8; 4]| Some(u32::from_le_bytes(*bytes)).filter(|index| *index < end);
-    let (mut fans, mut corners) = (Vec::new(), Vec::new());
-    for number in 1..=face.count {
-        let corners_of = usize::from(*rest.split_off_first()?);
-        let indices = rest.split_off(..4 * corners_of)?.as_chunks().0;
-        if let [a, b, c] = indices {
-            mesh.triangles.push([index(a)?, index(b)?, index(c)?]);
-        } else if corners_of > 3 {
-            corners.clear();
-            for bytes in indices {
-                corners.push(index(bytes)?);
+    let (mut fans, mut corners, mut number) = (Vec::new(), Vec::new(), 0);
+    while number < face.count {
+        pieces.fill(&[])?;
+        let mut rest = pieces.rest();
+        while number < face.count && (rest.len() >= MOST || pieces.ended()) {
+            number += 1;
+            let corners_of = usize::from(*rest.split_off_first()?);
+            let indices = rest.split_off(..4 * corners_of)?.as_chunks().0;
+            if let [a, b, c] = indices {
+                mesh.triangles.push([index(a)?, index(b)?, index(c)?]);
+            } else if corners_of > 3 {
+                corners.clear();
+                for bytes in indices {
+                    corners.push(index(bytes)?);
+                }
+                mesh.push_face(number, &corners, &mut fans);
+            } else {
+                return None;
             }
-            mesh.push_face(number, &corners, &mut fans);
-        } else {
-            return None;
         }
+        let left = rest.len();
+        pieces.leave(left);
     }
     mesh.cut(&fans).ok()
 }
 
-/// OBJ without lines that go on in the next one, and vertices without weights.
-fn obj(source: &[u8]) -> Option<Mesh> {
+/// OBJ without lines that go on in the next one or are very long, and vertices without weights.
+fn obj(file: impl Read, length: usize) -> Option<Mesh> {
+    let mut pieces = Pieces::new(file, length);
     // "v 0 0 0" and "f 1 2 3" are the shortest lines.
-    let most = source.len() / 8 + 1;
+    let most = length / 8 + 1;
     let (mut points, mut mesh) = (room(most), Mesh { triangles: room(most), ..Mesh::default() });
     let (mut fans, mut corners, mut faces) = (Vec::new(), Vec::new(), 0);
-    let mut rest = source.trim_ascii_start();
-    while let [kind, after @ ..] = rest {
-        let whole_word = after.first().is_none_or(u8::is_ascii_whitespace);
-        match kind {
-            b'v' if whole_word => {
-                rest = after;
-                let mut coordinate = || word(&mut rest, number);
-                points.push(Vec3::new(coordinate()?, coordinate()?, coordinate()?));
-                let more = line(&mut rest)?.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
-                // A colour is of no interest; one number is a weight.
-                if more == 1 {
-                    return None;
+    while !pieces.ended() {
+        pieces.fill(&[])?;
+        let text = pieces.rest();
+        let end = if pieces.ended() { text.len() } else { text.iter().rposition(|byte| *byte == b'\n')? + 1 };
+        let left = text.len() - end;
+        let mut rest = text[..end].trim_ascii_start();
+        while let [kind, after @ ..] = rest {
+            let whole_word = after.first().is_none_or(u8::is_ascii_whitespace);
+            match kind {
+                b'v' if whole_word => {
+                    rest = after;
+                    let mut coordinate = || word(&mut rest, number);
+                    points.push(Vec3::new(coordinate()?, coordinate()?, coordinate()?));
+                    let more = line(&mut rest)?.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+                    // A colour is of no interest; one number is a weight.
+                    if more == 1 {
+                        return None;
+                    }
                 }
+                b'f' if whole_word => {
+                    rest = after;
+                    corners.clear();
+                    while !blanks(rest).first().is_none_or(|byte| matches!(byte, b'\r' | b'\n')) {
+                        corners.push(word(&mut rest, |text| corner(text, points.len() as u32))?);
+                    }
+                    if !line(&mut rest)?.trim_ascii().is_empty() {
+                        return None;
+                    }
+                    faces += 1;
+                    match corners[..] {
+                        [a, b, c] => mesh.triangles.push([a, b, c]),
+                        [_, _, _, ..] => mesh.push_face(faces, &corners, &mut fans),
+                        _ => return None,
+                    }
+                }
+                _ => drop(line(&mut rest)?),
             }
-            b'f' if whole_word => {
-                rest = after;
-                corners.clear();
-                while !blanks(rest).first().is_none_or(|byte| matches!(byte, b'\r' | b'\n')) {
-                    corners.push(word(&mut rest, |text| corner(text, points.len() as u32))?);
-                }
-                if !line(&mut rest)?.trim_ascii().is_empty() {
-                    return None;
-                }
-                faces += 1;
-                match corners[..] {
-                    [a, b, c] => mesh.triangles.push([a, b, c]),
-                    [_, _, _, ..] => mesh.push_face(faces, &corners, &mut fans),
-                    _ => return None,
-                }
-            }
-            _ => drop(line(&mut rest)?),
+            rest = rest.trim_ascii_start();
         }
-        rest = rest.trim_ascii_start();
+        pieces.leave(left);
     }
 
     // Vertices in the order in which faces name them, as tobj has them.
     const NOWHERE: u32 = u32::MAX;
     let mut places = vec![NOWHERE; points.len()];
-    mesh.vertices = room(points.len());
+    mesh.vertices = room(points.len() + 1);
     for index in mesh.triangles.as_flattened_mut() {
         let place = places.get_mut(*index as usize)?;
         if *place == NOWHERE {
@@ -222,11 +243,12 @@ mod tests {
 
     use super::super::shapes::{icosphere, terrain};
     use super::{Mesh, MeshFormat, read};
+    use crate::scene::pieces::{LONGEST, PIECE};
 
     /// What is read in bulk, which is what is read with care.
     fn in_bulk(source: impl Into<Vec<u8>>, format: MeshFormat) -> Option<Mesh> {
         let source = source.into();
-        let mesh = read(&source, format)?;
+        let mesh = read(&source[..], source.len(), format)?;
         let with_care = Mesh::from_bytes_with_care(source, format, "test").unwrap();
         // Debug tells -0 from 0.
         assert_eq!(format!("{mesh:?}"), format!("{with_care:?}"));
@@ -243,6 +265,32 @@ mod tests {
                 let soup = |mesh: &Mesh| mesh.triangles.iter().map(|&it| mesh.corners(it)).collect::<Vec<_>>();
                 assert_eq!(soup(&mesh), soup(&shape));
             }
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_many_pieces_is_read_in_bulk_wherever_these_end() {
+        let shape = terrain(20_000, 2);
+        let [obj, ply] = [MeshFormat::Obj, MeshFormat::Ply].map(|format| {
+            let mut file = Vec::new();
+            shape.write(format, &mut file).unwrap();
+            file
+        });
+        assert!(ply.len() > 2 * PIECE && obj.len() > 2 * PIECE);
+        for more in 0..16 {
+            let comment = "c".repeat(more);
+            let obj = [format!("# {comment}\n").as_bytes(), &obj].concat();
+            assert_eq!(in_bulk(obj, MeshFormat::Obj).map(|mesh| mesh.triangles.len()), Some(shape.triangles.len()));
+            let header = format!("ply\nformat binary_little_endian 1.0\ncomment {comment}\n");
+            let after = ply.iter().enumerate().filter(|(_, byte)| **byte == b'\n').nth(1).unwrap().0 + 1;
+            let ply = [header.as_bytes(), &ply[after..]].concat();
+            assert!(in_bulk(ply, MeshFormat::Ply).is_some_and(|mesh| mesh == shape));
+        }
+        // A line that may be longer than what is at hand.
+        for (blanks, bulk) in [(LONGEST / 2, true), (2 * PIECE, false)] {
+            let long =
+                [&obj[..], b"f 1", " ".repeat(blanks).as_bytes(), b" 2 3\n", &b"# after\n".repeat(PIECE)].concat();
+            assert_eq!(in_bulk(long, MeshFormat::Obj).is_some(), bulk);
         }
     }
 
@@ -314,7 +362,7 @@ mod tests {
             let faces = [&[3], &corners(&[3, 1, 0])[..], &[4], &corners(&[0, 1, 2, 3])].concat();
             // Whatever the properties of a vertex, zeros are numbers.
             let file = [header.as_bytes(), &vec![0; 4 * length], &faces].concat();
-            assert_eq!(read(&file, MeshFormat::Ply).is_some(), bulk, "{header}");
+            assert_eq!(read(&file[..], file.len(), MeshFormat::Ply).is_some(), bulk, "{header}");
             if !bulk {
                 continue;
             }
@@ -327,9 +375,9 @@ mod tests {
             {
                 let mut file = file.clone();
                 file[wrong].fill(byte);
-                assert_eq!(read(&file, MeshFormat::Ply), None);
+                assert_eq!(read(&file[..], file.len(), MeshFormat::Ply), None);
             }
-            (0..file.len()).for_each(|length| assert_eq!(read(&file[..length], MeshFormat::Ply), None));
+            (0..file.len()).for_each(|length| assert_eq!(read(&file[..length], length, MeshFormat::Ply), None));
         }
     }
 }

@@ -11,8 +11,8 @@ use ply_rs_bw::ply::{
 use super::Mesh;
 use super::read::{Fault, counted, not_finite};
 
-/// The header, held to what is a mesh and to what the file can hold; what follows it, and in which line.
-pub(super) fn header(source: &[u8]) -> Result<(Header, &[u8], usize), Fault> {
+/// The header, held to what is a mesh and to what the file, of this length, can hold; what follows it, and in which line.
+pub(super) fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
     if !source.starts_with(b"ply") {
         return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
     }
@@ -27,12 +27,13 @@ pub(super) fn header(source: &[u8]) -> Result<(Header, &[u8], usize), Fault> {
     })?;
     let line = reader.line();
     let payload = reader.into_inner();
-    check(&header, &source[..source.len() - payload.len()], payload.len())?;
+    let text = &source[..source.len() - payload.len()];
+    check(&header, text, length.saturating_sub(text.len()))?;
     Ok((header, payload, line))
 }
 
 pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
-    let (header, payload, line) = header(source)?;
+    let (header, payload, line) = header(source, source.len())?;
     let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
     let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
     for element in header.elements.values() {

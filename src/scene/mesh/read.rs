@@ -48,12 +48,13 @@ impl Mesh {
                 _ => Fault::new(format!("the file cannot be read: {cause}")),
             })
         };
-        let in_pieces = open::read_twice(path).and_then(|(file, length)| bulk::read_in_pieces(file, length, format));
-        if let Some(mesh) = in_pieces {
+        let in_bulk = open::read_twice(path).map(|(file, length)| bulk::read(file, length, format));
+        if let Some(Some(mesh)) = in_bulk {
             return Ok(mesh);
         }
         let source = open::contents(path).map_err(unread)?;
-        Mesh::parse(source, format).map_err(fault)
+        let parse = if in_bulk.is_some() { Mesh::parse_with_care } else { Mesh::parse };
+        parse(source, format).map_err(fault)
     }
 
     /// Reads the content of a mesh file; `name` is what errors call it.
@@ -73,7 +74,7 @@ impl Mesh {
     }
 
     fn parse(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
-        bulk::read(&source, format).map_or_else(|| Mesh::parse_with_care(source, format), Ok)
+        bulk::read(&source[..], source.len(), format).map_or_else(|| Mesh::parse_with_care(source, format), Ok)
     }
 
     fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {

@@ -1,0 +1,153 @@
+//! The objects of a scene as the tile kernels read them: spheres, and triangles that share their corners or do not.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use super::faces::{ColourRun, Faces, run_of_colour};
+use super::kernel::reads;
+use super::records::{Ball, Facet, Seen};
+
+/// Some [`Faces`], one after another.
+#[derive(Clone, Copy, Debug)]
+pub struct FacePart<'a> {
+    /// And one more behind them.
+    vertices: &'a [Vec3],
+    /// None of them has that one.
+    corners: &'a [[u32; 3]],
+    colours: &'a [ColourRun],
+    /// The number of the first of them among those that the colours are of.
+    first: usize,
+}
+
+impl<'a> FacePart<'a> {
+    /// Of `vertices` but for the last, which none of the `corners` may be, nor one past [`Faces::MOST_VERTICES`].
+    ///
+    /// # Panics
+    /// If one is.
+    pub fn new(vertices: &'a [Vec3], corners: &'a [[u32; 3]], colours: &'a [ColourRun]) -> Self {
+        let most = corners.as_flattened().iter().copied().reduce(u32::max);
+        let past = vertices.len().min(Faces::MOST_VERTICES + 1);
+        assert!(most.is_none_or(|most| (most as usize) + 1 < past), "vertex {most:?} of {past}");
+        FacePart { vertices, corners, colours, first: 0 }
+    }
+
+    /// Writes the colours of those that are `seen`, a channel after another, as bits.
+    pub(super) fn paint(&self, seen: &[Seen], channels: [&mut [u32]; 3]) {
+        let number = |seen: &Seen| self.first + seen.id as usize;
+        let Some(first) = seen.first() else { return };
+        let (run, colour) = run_of_colour(self.colours, number(first));
+        // Nearly always they have one.
+        if seen.iter().all(|seen| run.contains(&number(seen))) {
+            let colour = colour.to_array().map(f32::to_bits);
+            return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..seen.len()].fill(of));
+        }
+        let [red, green, blue] = channels;
+        for (i, seen) in seen.iter().enumerate() {
+            let colour = run_of_colour(self.colours, number(seen)).1;
+            [red[i], green[i], blue[i]] = colour.to_array().map(f32::to_bits);
+        }
+    }
+}
+
+impl<'a> From<&'a Faces> for FacePart<'a> {
+    fn from(faces: &'a Faces) -> Self {
+        let (vertices, colours) = faces.parts();
+        FacePart { vertices, corners: faces.corners(), colours, first: 0 }
+    }
+}
+
+/// Triangles of a scene, one after another.
+#[derive(Clone, Copy, Debug)]
+pub enum Facets<'a> {
+    /// Each with corners of its own.
+    Apart(&'a [Facet]),
+    /// Those that share theirs.
+    Joined(FacePart<'a>),
+}
+
+/// Objects of one kind, one after another, as a scene has them and kernels read them.
+///
+/// # Safety
+/// At the first of the addresses are as many objects as [`ObjectList::len`] says, as the kernels that take the kind read them; if
+/// these are faces, their vertices are at the second, with 4 bytes more, and otherwise that is 0.
+pub unsafe trait ObjectList: Copy + Send + Sync {
+    /// One of them.
+    type Object;
+    /// How many there are.
+    fn len(self) -> usize;
+    /// Some of them.
+    fn part(self, range: Range<usize>) -> Self;
+    /// One of them.
+    fn get(self, at: usize) -> Self::Object;
+    /// Where they are, and their vertices.
+    fn addresses(self) -> [u64; 2];
+    /// Colours that kernels do not see.
+    fn colours(self) -> impl Iterator<Item = Vec3>;
+
+    /// Whether there are none.
+    fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+}
+
+// SAFETY: a slice of them, where set-up reads balls in place.
+unsafe impl ObjectList for &[Ball] {
+    type Object = Ball;
+    fn len(self) -> usize {
+        <[Ball]>::len(self)
+    }
+    fn part(self, range: Range<usize>) -> Self {
+        &self[range]
+    }
+    fn get(self, at: usize) -> Ball {
+        self[at]
+    }
+    fn addresses(self) -> [u64; 2] {
+        [reads(self), 0]
+    }
+    fn colours(self) -> impl Iterator<Item = Vec3> {
+        [].into_iter()
+    }
+}
+
+// SAFETY: a slice of facets; or one of faces, whose numbers are those of vertices, behind which there is one more.
+unsafe impl ObjectList for Facets<'_> {
+    type Object = Facet;
+    fn len(self) -> usize {
+        match self {
+            Facets::Apart(facets) => facets.len(),
+            Facets::Joined(part) => part.corners.len(),
+        }
+    }
+    fn part(self, Range { start, end }: Range<usize>) -> Self {
+        match self {
+            Facets::Apart(facets) => Facets::Apart(&facets[start..end]),
+            Facets::Joined(part) => {
+                Facets::Joined(FacePart { corners: &part.corners[start..end], first: part.first + start, ..part })
+            }
+        }
+    }
+    fn get(self, at: usize) -> Facet {
+        match self {
+            Facets::Apart(facets) => facets[at],
+            Facets::Joined(part) => Facet {
+                colour: run_of_colour(part.colours, part.first + at).1,
+                vertices: part.corners[at].map(|corner| part.vertices[corner as usize]),
+            },
+        }
+    }
+    fn addresses(self) -> [u64; 2] {
+        match self {
+            Facets::Apart(facets) => [reads(facets), 0],
+            Facets::Joined(FacePart { vertices, corners, .. }) => [reads(corners), reads(vertices)],
+        }
+    }
+    fn colours(self) -> impl Iterator<Item = Vec3> {
+        let of_faces = match self {
+            Facets::Apart(_) => [].iter(),
+            Facets::Joined(part) => part.colours.iter(),
+        };
+        of_faces.map(|(_, colour)| *colour)
+    }
+}

@@ -1,0 +1,164 @@
+//! The threads that plan and trace pictures: who is free takes what is next.
+
+use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crossbeam_deque::{Steal, Stealer, Worker};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+
+/// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
+/// packet engine is done with a picture.
+const LINGER: Duration = Duration::from_millis(2);
+
+/// A thread, and others that help it.
+pub struct Team {
+    /// The threads beside the one that asks, if any.
+    others: Option<ThreadPool>,
+}
+
+impl Team {
+    /// A thread without others.
+    pub const fn alone() -> Self {
+        Team { others: None }
+    }
+
+    /// A team of so many threads, at least 1: the one that was asked for last, if it has as many, so that what plans and what
+    /// traces need not start threads of their own.
+    ///
+    /// # Errors
+    /// If they cannot be started.
+    pub fn of(threads: usize) -> Result<Arc<Self>, ThreadPoolBuildError> {
+        static LAST: Mutex<Option<Arc<Team>>> = Mutex::new(None);
+        if threads <= 1 {
+            return Ok(Arc::new(Team::alone()));
+        }
+        let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(team) = last.as_ref().filter(|team| team.threads() == threads) {
+            return Ok(Arc::clone(team));
+        }
+        let others = ThreadPoolBuilder::new().num_threads(threads - 1).build()?;
+        let team = Arc::new(Team { others: Some(others) });
+        *last = Some(Arc::clone(&team));
+        team.keep_awake();
+        Ok(team)
+    }
+
+    /// How many threads it has.
+    pub fn threads(&self) -> usize {
+        1 + self.others.as_ref().map_or(0, ThreadPool::current_num_threads)
+    }
+
+    /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
+    /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
+    pub fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
+        self.share_with(tasks, || (), |(), task| work(task));
+    }
+
+    /// The same with something that each thread which takes a task keeps until its last one; what these are at last.
+    pub fn share_with<T: Send, S: Send>(
+        &self,
+        tasks: impl DoubleEndedIterator<Item = T>,
+        begin: impl Fn() -> S + Sync,
+        work: impl Fn(&mut S, T) + Sync,
+    ) -> Vec<S> {
+        let mut own = None;
+        let mut work_here = |task| work(own.get_or_insert_with(&begin), task);
+        let Some(others) = &self.others else {
+            tasks.for_each(work_here);
+            return own.into_iter().collect();
+        };
+        let queue = Worker::new_lifo();
+        tasks.rev().for_each(|task| queue.push(task));
+        let stealer = queue.stealer();
+        let done = AtomicUsize::new(0);
+        let of_others = Mutex::new(Vec::new());
+        others.in_place_scope(|scope| {
+            let count = others.current_num_threads();
+            for _ in 0..count {
+                scope.spawn(|_| {
+                    let mut theirs = None;
+                    steal_all(&stealer, |task| work(theirs.get_or_insert_with(&begin), task));
+                    of_others.lock().unwrap_or_else(PoisonError::into_inner).extend(theirs);
+                    done.fetch_add(1, Ordering::Release);
+                });
+            }
+            while let Some(task) = queue.pop() {
+                work_here(task);
+            }
+            wait_a_while(|| done.load(Ordering::Acquire) == count);
+        });
+        own.into_iter().chain(of_others.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
+    }
+
+    /// Has the other threads linger, from when they have nothing to do.
+    pub fn keep_awake(&self) {
+        if let Some(others) = &self.others {
+            others.spawn_broadcast(|_| linger());
+        }
+    }
+}
+
+/// Works on tasks from the back of a queue until it is empty.
+fn steal_all<T>(queue: &Stealer<T>, mut work: impl FnMut(T)) {
+    loop {
+        match queue.steal() {
+            Steal::Success(task) => work(task),
+            Steal::Retry => {}
+            Steal::Empty => return,
+        }
+    }
+}
+
+/// Has a thread of a pool look for work for [`LINGER`] after it last had some.
+fn linger() {
+    thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
+    // What a lingering thread finds may be this.
+    if LINGERS.replace(true) {
+        return;
+    }
+    while wait_a_while(|| rayon::yield_now() == Some(rayon::Yield::Executed)) {}
+    LINGERS.set(false);
+}
+
+/// Awake until something is so, and not much longer than [`LINGER`]; whether it is.
+fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if is_so() {
+            return true;
+        }
+        if start.elapsed() > LINGER {
+            return false;
+        }
+        std::thread::yield_now();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_task_is_done_once_and_what_threads_keep_adds_up() {
+        for threads in [1, 2, 5] {
+            let team = Team::of(threads).unwrap();
+            assert_eq!(team.threads(), threads);
+            for count in [0, 1, 2, 1000] {
+                let kept = team.share_with(0..count, Vec::new, |kept: &mut Vec<usize>, task| kept.push(task));
+                assert!(kept.len() <= threads && kept.iter().all(|kept| !kept.is_empty()), "{kept:?}");
+                let mut all = kept.concat();
+                all.sort_unstable();
+                assert!(all.into_iter().eq(0..count), "{threads} threads, {count} tasks");
+            }
+        }
+    }
+
+    #[test]
+    fn who_asks_for_as_many_threads_again_gets_the_same() {
+        // Tests beside this one may ask for others in between.
+        let same = || Arc::ptr_eq(&Team::of(3).unwrap(), &Team::of(3).unwrap());
+        assert!((0..100).any(|_| same()));
+    }
+}

@@ -1,0 +1,54 @@
+//! A file read piece by piece.
+
+use std::io::Read;
+
+/// So much is read at a time, which stays in a core's caches. To get memory for all of a file takes longer than to fill it.
+pub(super) const PIECE: usize = 128 << 10;
+/// So much is at hand before the end, at least: the most that is read of at once.
+pub(super) const LONGEST: usize = 16 << 10;
+
+/// A file, and the piece of it that is at hand.
+pub(super) struct Pieces<R> {
+    file: R,
+    bytes: Vec<u8>,
+    /// The first of `bytes` that has not been read.
+    at: usize,
+    /// Whether `bytes` are the last ones.
+    ended: bool,
+}
+
+impl<R: Read> Pieces<R> {
+    /// Of a file of this length.
+    pub(super) fn new(file: R, length: usize) -> Self {
+        Pieces { file, bytes: Vec::with_capacity(1 + length.min(PIECE + LONGEST)), at: 0, ended: false }
+    }
+
+    /// Has [`LONGEST`] bytes at hand, or all there are, and then `end`.
+    pub(super) fn fill(&mut self, end: &[u8]) -> Option<()> {
+        if !self.ended && self.bytes.len() - self.at < LONGEST {
+            self.bytes.drain(..self.at);
+            self.at = 0;
+            let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut self.bytes).ok()?;
+            if more < PIECE {
+                self.ended = true;
+                self.bytes.extend(end);
+            }
+        }
+        Some(())
+    }
+
+    /// Whether these are the last bytes.
+    pub(super) fn ended(&self) -> bool {
+        self.ended
+    }
+
+    /// What is at hand.
+    pub(super) fn rest(&self) -> &[u8] {
+        &self.bytes[self.at..]
+    }
+
+    /// Has read all that is at hand but for so many bytes.
+    pub(super) fn leave(&mut self, bytes: usize) {
+        self.at = self.bytes.len() - bytes;
+    }
+}
