@@ -437,15 +437,16 @@ impl<E: Element> TileBuffers<E> {
 
     /// How many pixels of a window have somebody, for kernels of so many lanes.
     pub fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
-        let somebody = |who: &E| usize::from(*who != E::ZERO);
+        // As wide as what is compared, so that registers hold as many.
+        let somebody = |who: &E| u32::from(*who != E::ZERO);
         if (window.rows.len(), window.columns as usize) == (TILE_HEIGHT, TILE_WIDTH) {
-            return self.tile.who.iter().map(somebody).sum::<usize>() as u64;
+            return self.tile.who.iter().map(somebody).sum::<u32>().into();
         }
         let row = |row: u32| {
             let at = move |column: u32| Self::index(lanes, column as usize, row as usize);
-            (0..window.columns).map(|column| somebody(&self.tile.who[at(column)])).sum::<usize>()
+            (0..window.columns).map(|column| somebody(&self.tile.who[at(column)])).sum::<u32>()
         };
-        window.rows.clone().map(row).sum::<usize>() as u64
+        window.rows.clone().map(row).sum::<u32>().into()
     }
 
     /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
