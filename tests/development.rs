@@ -1,4 +1,4 @@
-//! `rayo render --samples --background --exposure --srgb`: what is made of linear light after tracing.
+//! `rayo render --samples --edges --background --exposure --srgb`: what is made of linear light after tracing.
 #![cfg(feature = "cli")]
 
 mod program;
@@ -35,9 +35,10 @@ fn linear(path: &Path) -> Vec<[f32; 3]> {
 fn every_engine_develops_the_same_on_any_number_of_threads_whole_and_in_parts() {
     let directory = TempDir::new().unwrap();
     let look = ["--samples", "3", "--background", "0.1,0.2,0.4", "--exposure", "0.5", "--srgb"];
-    for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
+    let engines = Engine::ALL.iter().filter(|engine| engine.usable());
+    for (engine, edges) in engines.flat_map(|engine| [(engine, &[][..]), (engine, &["--edges"])]) {
         let with = |name: &str, more: &[&str]| {
-            render(directory.path(), name, &[&look[..], &["--engine", engine.name()], more].concat())
+            render(directory.path(), name, &[&look[..], edges, &["--engine", engine.name()], more].concat())
         };
         let one = with("one.ppm", &["--threads", "1"]);
         assert!(one == with("three.ppm", &["--threads", "3"]), "{engine}: threads show");
@@ -80,11 +81,37 @@ fn edges_are_smooth_and_a_stop_doubles_what_is_there() {
 }
 
 #[test]
+fn samples_along_edges_alone_make_nearly_the_same_picture_of_fewer_rays() {
+    let directory = TempDir::new().unwrap();
+    let rendered = |scene: &str, more: &[&str]| {
+        let path = directory.path().join("a.png");
+        let arguments = ["render", scene, "--json", "--size", "800x600", "-o", path.to_str().unwrap()];
+        let output = rayo(arguments.iter().chain(more), ROOT.as_ref());
+        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let Pixels::Rgb8(pixels) = read(&path).unwrap().pixels else { panic!("it has bytes") };
+        (report["rays"].as_u64().unwrap(), report["hits"].as_u64().unwrap(), pixels)
+    };
+    // By spans and by tiles.
+    for scene in ["scenes/sphere.in", "scenes/many.in"] {
+        let [(rays, hits, all), edges, (.., one)] =
+            [&["--samples", "4"][..], &["--samples", "4", "--edges"], &[]].map(|more| rendered(scene, more));
+        assert!(edges.0 < rays / 2 && edges.1 < hits / 2, "{scene}: {} of {rays} rays", edges.0);
+        let error = |picture: &[[u8; 3]]| -> u64 {
+            let levels = picture.as_flattened().iter().zip(all.as_flattened());
+            levels.map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum()
+        };
+        assert!(20 * error(&edges.2) < error(&one), "{scene}: {} against {}", error(&edges.2), error(&one));
+    }
+}
+
+#[test]
 fn what_cannot_be_developed_is_refused_with_a_reason() {
     let directory = TempDir::new().unwrap();
     for (name, args, expected) in [
         ("a.png", &["--samples", "0"][..], "expected a whole number from 1 to 16"),
         ("a.png", &["--samples", "17"], "expected a whole number from 1 to 16"),
+        ("a.png", &["--edges"], "--samples <N>"),
         ("a.png", &["--background", "1,2"], "expected three numbers from 0 on"),
         ("a.png", &["--background", "1,2,-3"], "expected three numbers from 0 on"),
         ("a.png", &["--exposure", "nan"], "expected a number of stops"),

@@ -11,7 +11,7 @@ use std::process::Output;
 use contenders::{Contender, Truth, contenders, film};
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
-use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
+use rayo::render::{Counted, Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
 use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
@@ -496,10 +496,11 @@ fn hits_are_counted_by_what_traces_and_agree_with_the_reference() {
                 let frame = Frame::new(tracer.as_ref(), scene.camera, Settings { threads }).unwrap();
                 let mut film = frame.film(PixelFormat::F32x4, height).unwrap();
                 let known = frame.trace_counted(0..height, film.as_mut(), &|_| ());
-                known.unwrap_or_else(|| frame.count_hits(0..height))
+                known.unwrap_or_else(|| frame.count(0..height))
             });
             let listed = tracer.hits(0..height).into_iter().flatten().count() as u64;
-            assert_eq!(counts, [listed; 2], "{contender}");
+            let counted = Counted { rays: scene.camera.pixels(), hits: listed };
+            assert_eq!(counts, [counted; 2], "{contender}");
             if contender.engine.rays_in_f64() {
                 assert_eq!(listed, expected, "{contender}: {scene:?}");
             }

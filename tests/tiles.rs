@@ -7,7 +7,7 @@ mod contenders;
 use contenders::{Contender, Truth, contenders, film, levels};
 use glam::{DAffine3, DVec3, Vec3};
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle, View, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
@@ -391,7 +391,8 @@ fn a_sun_over_a_house_spoils_neither_and_is_asked_in_its_tiles_alone() {
             let of_rows = &hits[203 * rows.start as usize..203 * rows.end as usize];
             let mut film = Film::new(PixelFormat::F32x4, of_rows.len()).unwrap();
             let counted = tracer.counted_rows(rows, film.as_mut());
-            assert_eq!(counted, Some(of_rows.iter().flatten().count() as u64), "{contender}");
+            let hits = of_rows.iter().flatten().count() as u64;
+            assert_eq!(counted, Some(Counted { rays: of_rows.len() as u64, hits }), "{contender}");
         }
     }
 }

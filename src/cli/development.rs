@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use crate::render::{Development, Format};
+use crate::scene::Scene;
 
 /// Samples of a pixel in each direction.
 const MOST_SAMPLES: u32 = 16;
@@ -18,6 +19,10 @@ pub struct DevelopmentArgs {
     /// Trace N times N rays through each pixel, on a regular grid, and average their linear light: smooth edges
     #[arg(long, value_name = "N", value_parser = samples, allow_negative_numbers = true)]
     samples: Option<u32>,
+    /// Trace them only through pixels at edges of the plain picture, and one ray through every other pixel: sooner done, and
+    /// within a level where light is smooth, but blind to what is smaller than a pixel. A preview has all samples
+    #[arg(long, requires = "samples")]
+    edges: bool,
     /// What is seen where there is nothing: linear red, green and blue, from 0 on
     #[arg(long, value_name = "R,G,B", value_parser = colour, allow_hyphen_values = true)]
     background: Option<[f32; 3]>,
@@ -58,6 +63,11 @@ impl DevelopmentArgs {
         let plain = Development::default();
         let development = self.with_samples(plain.samples);
         Ok((development != plain).then_some(development))
+    }
+
+    /// The scene of the plain picture, if its edges alone have samples.
+    pub(super) fn plain(&self, scene: &Scene) -> Option<Scene> {
+        (self.edges && self.samples > Some(1)).then(|| scene.clone())
     }
 
     /// What is asked for, with so many samples unless others are.

@@ -21,8 +21,8 @@ use super::view::{ViewArgs, tell};
 use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
-    Developed, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan, Precision, Purpose,
-    RenderError, Settings, Stats, Tracer, is_standard_output,
+    Counted, Developed, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan, Precision,
+    Purpose, RenderError, Settings, Stats, Tracer, is_standard_output,
 };
 use crate::scene::Scene;
 
@@ -231,6 +231,7 @@ fn render_one(
     if let Some(preview) = &preview {
         preview.show(&mut scene)?;
     }
+    let plain_scene = args.development.plain(&scene);
     if let Some(development) = &development {
         let too_many = |error| Failure::input(format!("--samples {}: {error}", development.samples));
         scene.camera = development.camera(&camera).map_err(too_many)?;
@@ -246,6 +247,9 @@ fn render_one(
     let purpose = Purpose { precision, format: Some(own), keep, threads, in_bands: true };
     let clock = Instant::now();
     let plan = party.agree(Plan::new(engine, &scene, purpose).map_err(Failure::input))?;
+    let in_any_format = Purpose { format: None, ..purpose };
+    let plain = plain_scene.as_ref().map(|scene| Plan::new(engine, scene, in_any_format)).transpose();
+    let plain = party.agree(plain.map_err(Failure::input))?;
     let planning = clock.elapsed();
     if args.explain {
         plan.report().lines().iter().for_each(|line| say(line));
@@ -255,7 +259,10 @@ fn render_one(
     }
 
     let clock = Instant::now();
-    let developed = development.map(|development| Developed::new(plan.tracer(), &camera, development));
+    let developed = development.map(|development| {
+        let developed = Developed::new(plan.tracer(), &camera, development);
+        plain.iter().fold(developed, |developed, plain| developed.along_edges(plain.tracer()))
+    });
     let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
     let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
     let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
@@ -275,13 +282,7 @@ fn render_one(
 
     if args.stats || args.json {
         let precision = precision.unwrap_or(engine.precision());
-        let report = report(
-            (engine, precision),
-            (camera.width(), &rows, development.map_or(1, |development| development.samples)),
-            threads,
-            (parse, setup),
-            &stats,
-        );
+        let report = report((engine, precision), (camera.width(), &rows), threads, (parse, setup), &stats);
         print_result(args.json, &report, || report.text())?;
     } else if !args.quiet {
         let (width, height) = (camera.width(), rows.len());
@@ -325,20 +326,21 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
 
 fn report(
     (engine, precision): (Engine, Precision),
-    (width, rows, samples): (u32, &Range<u32>, u32),
+    (width, rows): (u32, &Range<u32>),
     threads: usize,
     (parse, setup): (Duration, Duration),
     stats: &Stats,
 ) -> Report {
     let ns = |time: Duration| time.as_nanos() as u64;
+    let Counted { rays, hits } = stats.counted.unwrap_or_default();
     Report {
         engine: engine.name(),
         precision: precision.name(),
         width,
         height: rows.len() as u32,
         threads,
-        rays: u64::from(width) * rows.len() as u64 * u64::from(samples * samples),
-        hits: stats.hits.unwrap_or(0),
+        rays,
+        hits,
         parse_ns: ns(parse),
         setup_ns: ns(setup),
         trace_ns: ns(stats.trace),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::image_file::{Extent, PartEncoder};
 use super::to_file::Bands;
-use super::{Format, Frame, ImageWriter, RenderError, Stats};
+use super::{Counted, Format, Frame, ImageWriter, RenderError, Stats};
 use crate::ranks::{Pace, Ranks};
 
 /// Renders `rows` into an image file of a format, as [`render`](super::render()) does; rank 0 has the file, and hears in `done`
@@ -70,19 +70,16 @@ pub fn render_by_ranks(
     let count = rows.len().div_ceil(height as usize) as u64;
     let result = ranks.share((count, Pace::BANDS), work, take);
     // Whoever failed has told rank 0 so; all that is left is to know how long the others took.
-    let numbers = [
-        stats.trace.as_nanos() as u64,
-        stats.encode.as_nanos() as u64,
-        stats.trace_cycles.unwrap_or(0),
-        stats.hits.unwrap_or(0),
-    ];
-    stats.hits = stats.hits.map(|_| 0);
+    let Counted { rays, hits } = stats.counted.unwrap_or_default();
+    let numbers =
+        [stats.trace.as_nanos() as u64, stats.encode.as_nanos() as u64, stats.trace_cycles.unwrap_or(0), rays, hits];
+    stats.counted = stats.counted.map(|_| Counted::default());
     for of_rank in ranks.gather(numbers.map(u64::to_le_bytes).concat()) {
         let number = |at: usize| of_rank[at..].first_chunk().map_or(0, |number| u64::from_le_bytes(*number));
         stats.trace = stats.trace.max(Duration::from_nanos(number(0)));
         stats.encode = stats.encode.max(Duration::from_nanos(number(8)));
         stats.trace_cycles = stats.trace_cycles.map(|cycles| cycles.max(number(16)));
-        stats.hits = stats.hits.map(|hits| hits + number(24));
+        stats.counted = stats.counted.map(|sum| sum + Counted { rays: number(24), hits: number(32) });
     }
     stats.write = write;
     result.map(|()| stats)

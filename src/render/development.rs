@@ -1,14 +1,19 @@
 //! From linear light to what a picture shows: samples averaged, a background, exposure, and the sRGB curve.
 
-use std::ops::Range;
+use std::ops::{Add, Range};
+use std::sync::Mutex;
 
+use super::edges::Edges;
 use super::film::with_pixels;
-use super::{FilmMut, Found, Pixel, PixelFormat, Tracer};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
 /// Samples that are traced at once take no more memory than so many pixels do, unless those of one row do.
 const MOST_TOGETHER: usize = 1 << 20;
+
+/// As many tiles, one below the other, are looked for edges at a time.
+const TILES_TOGETHER: u32 = 2;
 
 /// What is made of linear light after it was traced. By default nothing is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,15 +48,37 @@ impl Development {
 /// A tracer of the samples' picture, developed.
 pub struct Developed<'a> {
     tracer: &'a dyn Tracer,
-    /// Pixels in a row.
+    /// The picture of one sample in each pixel, where only its edges have more.
+    plain: Option<Box<Developed<'a>>>,
     width: usize,
+    height: u32,
     development: Development,
+    /// Room for samples that no thread uses now.
+    spare: Mutex<Vec<Vec<Vec4>>>,
 }
+
+const UNPOISONED: &str = "nothing panics while it is locked";
 
 impl<'a> Developed<'a> {
     /// The picture of `camera`, of what `tracer` traces with [`Development::camera`] in [`PixelFormat::F32x4`].
     pub fn new(tracer: &'a dyn Tracer, camera: &Camera, development: Development) -> Self {
-        Developed { tracer, width: camera.width() as usize, development }
+        let (width, height) = (camera.width() as usize, camera.height());
+        Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }
+    }
+
+    /// Leaves out the samples of pixels that are not at an edge: these are what `plain`, which traces with the picture's own
+    /// camera, has there. At an edge is a pixel that differs by more than 8 levels from the line through two neighbours that
+    /// are opposite; what no ray of `plain` hits has no edge.
+    pub fn along_edges(self, plain: &'a dyn Tracer) -> Self {
+        let development = Development { samples: 1, ..self.development };
+        let (width, height) = (self.width, self.height);
+        let plain = Developed { tracer: plain, plain: None, width, height, development, spare: Mutex::default() };
+        Developed { plain: Some(plain.into()), ..self }
+    }
+
+    /// Whether a pixel is what the tracer makes of it.
+    fn changes_nothing(&self) -> bool {
+        self.plain.is_none() && self.development == Development::default()
     }
 
     /// The samples' rows.
@@ -59,40 +86,50 @@ impl<'a> Developed<'a> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    /// With how the tracer does so; what that says of hits, in sum.
+    /// Develops the pixels of all rows, or those of them at `edges`, with how the tracer traces; what that says of hits, in
+    /// sum.
     fn develop<P: Pixel>(
         &self,
         rows: Range<u32>,
+        edges: Option<&Edges>,
         out: &mut [P],
-        trace: impl Fn(Range<u32>, FilmMut<'_>) -> Option<u64>,
-    ) -> Option<u64> {
+        trace: impl Fn(Range<u32>, FilmMut<'_>) -> Option<Counted>,
+    ) -> Option<Counted> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let Development { samples, background, exposure, .. } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
-        let together = (self.rows_together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
-        let mut light = vec![Vec4::from([0.0; 4]); of_row * together];
-        let mut sums = vec![[0.0; 4]; self.width];
-        let mut hits = Some(0);
+        let together = (self.together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
+        let mut light = self.spare.lock().expect(UNPOISONED).pop().unwrap_or_default();
+        light.resize(light.len().max(of_row * together), Vec4::from([0.0; 4]));
+        let mut counted = Some(Counted::default());
         for (first, out) in rows.clone().step_by(together).zip(out.chunks_mut(together * self.width)) {
             let some = first..rows.end.min(first + together as u32);
+            if edges.is_some_and(|edges| edges.within(some.clone(), 0..u32::MAX).is_empty()) {
+                continue;
+            }
             let light = &mut light[..of_row * some.len()];
             let of_some = trace(self.samples(some.clone()), FilmMut::F32x4(light));
-            hits = hits.zip(of_some).map(|(hits, of_some)| hits + of_some);
+            counted = counted.zip(of_some).map(|(sum, of_some)| sum + of_some);
             if background != [0.0; 3] {
                 let [x, y, z] = background;
-                let missed = self.tracer.hits(self.samples(some)).into_iter().zip(&mut *light);
+                let missed = self.tracer.hits(self.samples(some.clone())).into_iter().zip(&mut *light);
                 let missed = missed.filter(|(hit, _)| hit.is_none());
                 missed.for_each(|(_, light)| *light = Vec4::from([x, y, z, 0.0]));
             }
-            for (out, light) in out.chunks_mut(self.width).zip(light.chunks(of_row)) {
-                sums.fill([0.0; 4]);
-                light.chunks_exact(across).for_each(|row| add_samples(row, samples as usize, &mut sums));
-                out.iter_mut().zip(&sums).for_each(|(out, [r, g, b, _])| *out = self.pixel(scale, [*r, *g, *b]));
+            for ((row, out), light) in some.zip(out.chunks_mut(self.width)).zip(light.chunks(of_row)) {
+                let pixel = |column| self.pixel(scale, sum(light, across, column, samples as usize));
+                match edges {
+                    Some(edges) => {
+                        edges.row(row).iter().for_each(|column| out[*column as usize] = pixel(*column as usize))
+                    }
+                    None => out.iter_mut().enumerate().for_each(|(column, out)| *out = pixel(column)),
+                }
             }
         }
-        hits
+        self.spare.lock().expect(UNPOISONED).push(light);
+        counted
     }
 
     /// Of the sum of a pixel's samples.
@@ -100,17 +137,59 @@ impl<'a> Developed<'a> {
         let light = sum.map(|sum| sum * scale);
         P::of_colour(if self.development.srgb { light.map(nearest_level) } else { light }.into())
     }
+
+    /// The levels of the plain picture from the row above these to the one below, if there are any, and where they have edges.
+    fn edges(&self, plain: &Developed<'_>, rows: Range<u32>) -> (Edges, Vec<[u8; 4]>) {
+        let known = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
+        let mut levels = vec![[0; 4]; known.len() * self.width];
+        plain.rows(known.clone(), FilmMut::Rgba8(&mut levels));
+        let edges = Edges::of(&levels, known.clone(), rows.clone(), self.width);
+        levels.drain(..(rows.start - known.start) as usize * self.width);
+        levels.truncate(rows.len() * self.width);
+        (edges, levels)
+    }
+
+    /// The plain picture, and of pixels at its edges what they are by all samples.
+    fn rows_along_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
+        let (edges, levels) = self.edges(plain, rows.clone());
+        match &mut out {
+            FilmMut::Rgba8(out) => out.copy_from_slice(&levels),
+            FilmMut::Rgb8(out) => out.iter_mut().zip(levels).for_each(|(out, [r, g, b, _])| *out = [r, g, b]),
+            FilmMut::F32x3(out) => plain.rows(rows.clone(), Pixel::film(out)),
+            FilmMut::F32x4(out) => plain.rows(rows.clone(), Pixel::film(out)),
+        }
+        let samples = self.development.samples;
+        let wanted = |rows: Range<u32>, columns: Range<u32>| {
+            let of = |range: Range<u32>| range.start / samples..range.end.div_ceil(samples);
+            let at_edges = edges.within(of(rows.clone()), of(columns));
+            rows.start.max(at_edges.start * samples)..rows.end.min(at_edges.end * samples)
+        };
+        let trace = |rows, out: FilmMut<'_>| {
+            self.tracer.rows_where(rows, &wanted, out);
+            None
+        };
+        with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out, trace));
+    }
+
+    /// How many rows of pixels, from a multiple of it on, have whole tiles of samples.
+    fn together(&self) -> u32 {
+        let (of_tracer, samples) = (self.tracer.rows_together(), self.development.samples);
+        (1..of_tracer).find(|rows| (rows * samples).is_multiple_of(of_tracer)).unwrap_or(of_tracer)
+    }
 }
 
-/// Adds a row of samples, so many for each pixel, to the sums of theirs.
-fn add_samples(row: &[Vec4], samples: usize, sums: &mut [[f64; 4]]) {
-    for (sum, samples) in sums.iter_mut().zip(row.chunks_exact(samples)) {
-        for light in samples {
+/// The light of a pixel's samples, row by row of so many; their rows are so far `across`.
+fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3] {
+    let mut sum = [0.0; 4];
+    for row in light.chunks_exact(across) {
+        for light in &row[column * samples..][..samples] {
             for (sum, light) in sum.iter_mut().zip(light.lanes()) {
                 *sum += f64::from(light);
             }
         }
     }
+    let [r, g, b, _] = sum;
+    [r, g, b]
 }
 
 /// What has as its level the one nearest to that of linear light on the sRGB curve.
@@ -126,8 +205,11 @@ impl Tracer for Developed<'_> {
     }
 
     fn rows_together(&self) -> u32 {
-        let (of_tracer, samples) = (self.tracer.rows_together(), self.development.samples);
-        (1..of_tracer).find(|rows| (rows * samples).is_multiple_of(of_tracer)).unwrap_or(of_tracer)
+        match &self.plain {
+            // Each time the plain picture's tiles above and below are traced for a row of theirs.
+            Some(plain) => (TILES_TOGETHER * plain.tracer.rows_together()).next_multiple_of(self.together()),
+            None => self.together(),
+        }
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
@@ -135,7 +217,11 @@ impl Tracer for Developed<'_> {
             self.tracer.rows(rows, out);
             None
         };
-        with_pixels!(FilmMut(out) = out => self.develop(rows, out, trace));
+        match &self.plain {
+            Some(plain) => self.rows_along_edges(plain, rows, out),
+            None if self.changes_nothing() && self.tracer.writes(out.format()) => self.tracer.rows(rows, out),
+            None => with_pixels!(FilmMut(out) = out => _ = self.develop(rows, None, out, trace)),
+        }
     }
 
     /// Of each pixel the sample in the middle, or next to it.
@@ -148,15 +234,31 @@ impl Tracer for Developed<'_> {
         rows.flat_map(middle).collect()
     }
 
-    /// Of all samples.
-    fn count_hits(&self, rows: Range<u32>) -> u64 {
-        self.tracer.count_hits(self.samples(rows))
+    /// Of all samples that there are.
+    fn count(&self, rows: Range<u32>) -> Counted {
+        let Some(plain) = &self.plain else { return self.tracer.count(self.samples(rows)) };
+        let ((edges, _), samples) = (self.edges(plain, rows.clone()), self.development.samples);
+        let at_edges = rows.clone().filter(|row| !edges.row(*row).is_empty()).map(|row| {
+            let hits = self.tracer.hits(self.samples(row..row + 1));
+            let lines = hits.chunks(self.width * samples as usize);
+            let of_pixel = |line: &[Option<Found>], column: u32| {
+                line[(column * samples) as usize..][..samples as usize].iter().flatten().count() as u64
+            };
+            let of_line = |line| edges.row(row).iter().map(move |column| of_pixel(line, *column)).sum::<u64>();
+            Counted { rays: 0, hits: lines.map(of_line).sum() }
+        });
+        let rays = edges.count() * u64::from(samples * samples);
+        at_edges.fold(plain.tracer.count(rows.clone()) + Counted { rays, hits: 0 }, Counted::add)
     }
 
-    /// Of all samples.
-    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<u64> {
+    /// Of all samples. Along edges there are some that are traced for nothing, and others not at all.
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
+        if self.plain.is_some() {
+            self.rows(rows, out);
+            return None;
+        }
         let trace = |rows, out: FilmMut<'_>| self.tracer.counted_rows(rows, out);
-        with_pixels!(FilmMut(out) = out => self.develop(rows, out, trace))
+        with_pixels!(FilmMut(out) = out => self.develop(rows, None, out, trace))
     }
 }
 
@@ -195,6 +297,41 @@ mod tests {
                 let own = (0..9).map(|s| f64::from(samples[(y + s / 3) * 144 + x + s % 3][channel]));
                 assert_eq!(pixel[channel], (own.sum::<f64>() / 9.0) as f32, "pixel {i}");
             }
+        }
+    }
+
+    #[test]
+    fn along_edges_a_pixel_has_all_its_samples_and_elsewhere_one() {
+        let scene = scene();
+        let development =
+            Development { samples: 3, background: [0.1, 0.0, 0.3], exposure: 0.5, ..Development::default() };
+        let one = Development { samples: 1, ..development };
+        let traced = Scene { camera: development.camera(&scene.camera).unwrap(), ..scene.clone() };
+        for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
+            let [samples, plain] = [&traced, &scene].map(|scene| engine.prepare(None, scene).unwrap());
+            let all = Developed::new(samples.as_ref(), &scene.camera, development);
+            let one = Developed::new(plain.as_ref(), &scene.camera, one);
+            let along = Developed::new(samples.as_ref(), &scene.camera, development).along_edges(plain.as_ref());
+            for format in PixelFormat::ALL {
+                let picture = |tracer: &dyn Tracer, rows: Range<u32>| {
+                    let mut film = Film::new(format, 48 * rows.len()).unwrap();
+                    tracer.rows(rows, film.as_mut());
+                    (0..film.len()).map(|pixel| film.colour(pixel)).collect::<Vec<_>>()
+                };
+                let [all, one, whole] = [&all, &one, &along].map(|tracer| picture(tracer, 0..36));
+                let (edges, _) = along.edges(along.plain.as_ref().unwrap(), 0..36);
+                assert!((1..36 * 48).contains(&edges.count()), "{engine}: {} pixels", edges.count());
+                for (i, pixel) in whole.iter().enumerate() {
+                    let at_edge = edges.row(i as u32 / 48).contains(&(i as u32 % 48));
+                    assert_eq!(*pixel, if at_edge { all[i] } else { one[i] }, "{engine}, {}: {i}", format.name());
+                }
+                assert_eq!(picture(&along, 7..20), whole[7 * 48..20 * 48]);
+            }
+            let counted = along.count(0..36);
+            let (edges, _) = along.edges(along.plain.as_ref().unwrap(), 0..36);
+            assert_eq!(counted.rays, 48 * 36 + 9 * edges.count());
+            assert!(counted.hits > one.count(0..36).hits && counted.hits < all.count(0..36).hits);
+            assert_eq!(along.count(0..17) + along.count(17..36), counted);
         }
     }
 

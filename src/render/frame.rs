@@ -2,13 +2,12 @@
 
 use std::collections::TryReserveError;
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Film, FilmMut, Pixel, PixelFormat, Tracer};
+use super::{Counted, Film, FilmMut, Pixel, PixelFormat, Tracer};
 use crate::plan::Team;
 use crate::scene::Camera;
 
@@ -56,7 +55,7 @@ pub struct Frame<'a> {
     pub(super) tracer: &'a dyn Tracer,
     pub(super) camera: Camera,
     team: Arc<Team>,
-    /// Whether [`Stats`](super::Stats) are to say at how many pixels there is something.
+    /// Whether [`Stats`](super::Stats) are to count rays and their hits.
     #[cfg(feature = "files")]
     pub(super) counts_hits: bool,
 }
@@ -76,7 +75,7 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Has [`Stats`](super::Stats) say at how many pixels there is something.
+    /// Has [`Stats`](super::Stats) count rays and their hits.
     #[cfg(feature = "files")]
     pub fn counting_hits(mut self) -> Self {
         self.counts_hits = true;
@@ -112,26 +111,22 @@ impl<'a> Frame<'a> {
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
     }
 
-    /// The same; and at how many pixels the engine finds something, where [it knows](Tracer::counted_rows).
-    pub fn trace_counted(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Option<u64> {
-        let (hits, unknown) = (AtomicU64::new(0), AtomicBool::new(false));
-        let trace = |rows, film: FilmMut<'_>| match self.tracer.counted_rows(rows, film) {
-            Some(in_task) => _ = hits.fetch_add(in_task, Ordering::Relaxed),
-            None => unknown.store(true, Ordering::Relaxed),
-        };
+    /// The same; and the rays and their hits, where the engine [knows](Tracer::counted_rows).
+    pub fn trace_counted(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Option<Counted> {
+        let sum = Mutex::new(Some(Counted::default()));
+        let trace = |rows, film: FilmMut<'_>| add(&sum, self.tracer.counted_rows(rows, film));
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
-        (!unknown.into_inner()).then_some(hits.into_inner())
+        sum.into_inner().expect(UNPOISONED)
     }
 
-    /// At how many pixels of `rows` the engine finds something.
-    pub fn count_hits(&self, rows: Range<u32>) -> u64 {
+    /// The rays of `rows`, and their hits.
+    pub fn count(&self, rows: Range<u32>) -> Counted {
         let task_rows = self.task_rows();
-        let hits = AtomicU64::new(0);
+        let sum = Mutex::new(Some(Counted::default()));
         self.team.share(rows.clone().step_by(task_rows), |start| {
-            let hits_in_task = self.tracer.count_hits(start..rows.end.min(start + task_rows as u32));
-            hits.fetch_add(hits_in_task, Ordering::Relaxed);
+            add(&sum, Some(self.tracer.count(start..rows.end.min(start + task_rows as u32))));
         });
-        hits.into_inner()
+        sum.into_inner().expect(UNPOISONED).unwrap_or_default()
     }
 
     /// See [`Team::share`].
@@ -163,4 +158,12 @@ impl<'a> Frame<'a> {
             done(count);
         });
     }
+}
+
+const UNPOISONED: &str = "nothing panics while it is locked";
+
+/// Adds what is known of some rows; where that is nothing, nothing is known of all.
+fn add(sum: &Mutex<Option<Counted>>, some: Option<Counted>) {
+    let mut sum = sum.lock().expect(UNPOISONED);
+    *sum = sum.zip(some).map(|(sum, some)| sum + some);
 }

@@ -1,5 +1,7 @@
 //! What an engine finds at a pixel before it becomes a colour, for measuring errors.
 
+use std::ops::Add;
+
 use glam::DVec3;
 
 use crate::scene::Object;
@@ -22,4 +24,21 @@ pub enum Distance {
     T(f64),
     /// 1/t.
     Inverse(f64),
+}
+
+/// Rays, and how many of them hit something.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counted {
+    /// Rays whose light is in the picture.
+    pub rays: u64,
+    /// Those that hit something.
+    pub hits: u64,
+}
+
+impl Add for Counted {
+    type Output = Counted;
+
+    fn add(self, other: Counted) -> Counted {
+        Counted { rays: self.rays + other.rays, hits: self.hits + other.hits }
+    }
 }

@@ -5,6 +5,7 @@ mod aos;
 #[cfg(feature = "mpi")]
 mod by_ranks;
 mod development;
+mod edges;
 mod engine;
 mod film;
 mod frame;
@@ -31,7 +32,7 @@ pub use development::{Developed, Development};
 pub use engine::{Engine, EngineError, Precision, Purpose};
 pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, level};
 pub use frame::{Frame, RenderError, Settings};
-pub use hits::{Distance, Found};
+pub use hits::{Counted, Distance, Found};
 #[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
 #[cfg(feature = "mpi")]
@@ -65,17 +66,27 @@ pub trait Tracer: Sync {
     /// Where `out` is not as long as the rows, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
 
+    /// The same, but pixels that are not `wanted` may be left as they are.
+    fn rows_where(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>) {
+        let _ = wanted;
+        self.rows(rows, out);
+    }
+
     /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
 
-    /// At how many pixels of `rows` it finds something, which takes as long as to trace them unless the plan knows.
-    fn count_hits(&self, rows: Range<u32>) -> u64 {
-        self.hits(rows).into_iter().flatten().count() as u64
+    /// The rays of `rows` and their hits, which takes as long as to trace them unless the plan knows.
+    fn count(&self, rows: Range<u32>) -> Counted {
+        let hits = self.hits(rows);
+        Counted { rays: hits.len() as u64, hits: hits.into_iter().flatten().count() as u64 }
     }
 
-    /// As [`rows`](Self::rows), and as [`count_hits`](Self::count_hits) where that costs next to nothing then; else None.
-    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<u64> {
+    /// As [`rows`](Self::rows), and as [`count`](Self::count) where that costs next to nothing then; else None.
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         self.rows(rows, out);
         None
     }
 }
+
+/// Which of these rows, from the first one to the last, have pixels in these columns that are wanted.
+pub type Wanted<'a> = dyn Fn(Range<u32>, Range<u32>) -> Range<u32> + 'a;

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::plan::PacketPlan;
-use super::{FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer};
 use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, LitBodies, LitPlanes, LitRow, LitRows, Narrow, NearSpan,
@@ -533,7 +533,7 @@ impl<E: Element> Tracer for PacketTracer<E> {
         .collect()
     }
 
-    fn count_hits(&self, rows: Range<u32>) -> u64 {
-        self.count(rows)
+    fn count(&self, rows: Range<u32>) -> Counted {
+        Counted { rays: (rows.len() * self.width) as u64, hits: self.count_hits(rows) }
     }
 }

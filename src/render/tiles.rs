@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use self::farthest::Farthest;
 use super::plan::PacketPlan;
-use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
+use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
     CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
     SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
@@ -158,24 +158,30 @@ struct SphereLooks<E> {
 type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Traces rows; at how many pixels there is something, where that is to be `counted`.
-    fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
+    /// Traces the tiles of rows that are `wanted`; at how many pixels there is something, where that is to be `counted`.
+    fn trace_film(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
         let pixels = rows.len() * self.plan.camera().width() as usize;
         assert_eq!(out.len(), pixels, "the film must have the size of the rows");
         let mut hits = counted.then_some(0);
         match out {
-            FilmMut::F32x4(out) => self.trace(rows, out, &mut hits),
-            FilmMut::F32x3(out) => self.trace_three(rows, out, &self.packets.narrow_f32x3, &mut hits),
-            FilmMut::Rgba8(out) => self.trace(rows, out, &mut hits),
-            FilmMut::Rgb8(out) => self.trace_three(rows, out, &self.packets.narrow_rgb8, &mut hits),
+            FilmMut::F32x4(out) => self.trace(rows, wanted, out, &mut hits),
+            FilmMut::F32x3(out) => self.trace_three(rows, wanted, out, &self.packets.narrow_f32x3, &mut hits),
+            FilmMut::Rgba8(out) => self.trace(rows, wanted, out, &mut hits),
+            FilmMut::Rgb8(out) => self.trace_three(rows, wanted, out, &self.packets.narrow_rgb8, &mut hits),
         }
         hits
     }
 
-    fn trace<P: Output<E> + Output<f64>>(&self, rows: Range<u32>, out: &mut [P], hits: &mut Option<u64>) {
+    fn trace<P: Output<E> + Output<f64>>(
+        &self,
+        rows: Range<u32>,
+        wanted: &Wanted<'_>,
+        out: &mut [P],
+        hits: &mut Option<u64>,
+    ) {
         let width = self.plan.camera().width() as usize;
         let mut scratches = Scratches::default();
-        self.each_tile(rows.clone(), |tile, window| {
+        self.each_wanted(rows.clone(), wanted, |tile, window| {
             let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
             self.trace_tile(tile, window, out, &mut scratches, hits);
         });
@@ -185,6 +191,7 @@ impl<E: Element> TileTracer<'_, E> {
     fn trace_three<P, Four: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
+        wanted: &Wanted<'_>,
         out: &mut [P],
         narrow: &Narrow<Four, P>,
         hits: &mut Option<u64>,
@@ -192,7 +199,7 @@ impl<E: Element> TileTracer<'_, E> {
         let width = self.plan.camera().width() as usize;
         let mut scratches = Scratches::default();
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
-        self.each_tile(rows.clone(), |tile, window| {
+        self.each_wanted(rows.clone(), wanted, |tile, window| {
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
             self.trace_tile(tile, window, own, &mut scratches, hits);
             let columns = window.columns as usize;
@@ -298,6 +305,17 @@ impl<E: Element> TileTracer<'_, E> {
                 say(TilePlace { across, down }, &window);
             }
         }
+    }
+
+    /// The same of those in which pixels are `wanted`, and of no other rows of theirs than these need.
+    fn each_wanted(&self, rows: Range<u32>, wanted: &Wanted<'_>, mut say: impl FnMut(TilePlace, &TileWindow)) {
+        self.each_tile(rows, |tile, window| {
+            let TileWindow { column, row, columns, .. } = *window;
+            let rows = wanted(row + window.rows.start..row + window.rows.end, column..column + columns);
+            if !rows.is_empty() {
+                say(tile, &TileWindow { rows: rows.start - row..rows.end - row, ..*window });
+            }
+        });
     }
 
     fn trace_own<P: Output<E>>(
@@ -674,10 +692,15 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        self.trace_film(rows, out, false);
+        self.rows_where(rows, &|rows, _| rows, out);
     }
 
-    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<u64> {
-        self.trace_film(rows, out, true)
+    fn rows_where(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>) {
+        self.trace_film(rows, wanted, out, false);
+    }
+
+    fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
+        let rays = out.len() as u64;
+        self.trace_film(rows, &|rows, _| rows, out, true).map(|hits| Counted { rays, hits })
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::image_file::{PartEncoder, Split};
-use super::{Film, Frame, ImageWriter, PixelFormat, RenderError};
+use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
 /// A band is as many whole rows as fit in this for each thread, and at least one: little enough that its pixels are still in a
@@ -29,8 +29,8 @@ pub struct Stats {
     pub encode: Duration,
     /// Handing bytes to the operating system.
     pub write: Duration,
-    /// At how many pixels there is something, where the frame [counts](Frame::counting_hits) them.
-    pub hits: Option<u64>,
+    /// Rays and their hits, where the frame [counts](Frame::counting_hits) them.
+    pub counted: Option<Counted>,
 }
 
 impl Stats {
@@ -38,7 +38,7 @@ impl Stats {
     pub(super) fn of(frame: &Frame<'_>) -> Self {
         Stats {
             trace_cycles: Cycles::available().then_some(0),
-            hits: frame.counts_hits.then_some(0),
+            counted: frame.counts_hits.then(Counted::default),
             ..Stats::default()
         }
     }
@@ -54,7 +54,7 @@ impl Stats {
         let known = bands.trace(rows.clone(), done)?;
         self.trace_cycles = self.trace_cycles.map(|sum| sum + clock.1.stop());
         self.trace += clock.0.elapsed();
-        self.hits = self.hits.map(|hits| hits + known.unwrap_or_else(|| bands.frame.count_hits(rows)));
+        self.counted = self.counted.map(|sum| sum + known.unwrap_or_else(|| bands.frame.count(rows)));
         Ok(())
     }
 }
@@ -116,8 +116,8 @@ impl<'a> Bands<'a> {
         height.next_multiple_of(together as usize).min(rows as usize) as u32
     }
 
-    /// Traces rows; `done` hears of every few that are. At how many pixels there is something, if that is asked and known.
-    fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<u64>, RenderError> {
+    /// Traces rows; `done` hears of every few that are. Their rays and hits, if that is asked and known.
+    fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<Counted>, RenderError> {
         let pixels = self.frame.camera.width() as usize * rows.len();
         if self.film.len() < pixels {
             self.film = self.frame.film(self.format, rows.len() as u32)?;

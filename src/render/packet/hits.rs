@@ -63,12 +63,12 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
 }
 
 impl<E: Element> PacketTracer<E> {
-    /// As [`super::super::Tracer::count_hits`], without a trace: every pixel of a span is a hit.
-    pub(super) fn count(&self, rows: Range<u32>) -> u64 {
+    /// At how many pixels of `rows` it finds something, without a trace: every pixel of a span is a hit.
+    pub(super) fn count_hits(&self, rows: Range<u32>) -> u64 {
         let seen = self.plan.seen_in(&rows);
         let mut in_row = RowSpans::default();
         let count = |row| match &self.wide {
-            Some(wide) if self.plan.is_wide(row) => wide.count(row..row + 1),
+            Some(wide) if self.plan.is_wide(row) => wide.count_hits(row..row + 1),
             _ => {
                 self.plan.spans_in(row, &seen, &mut in_row);
                 in_row.spans.sort_unstable_by_key(|span| span.start);
