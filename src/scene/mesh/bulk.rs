@@ -36,25 +36,24 @@ fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
     file.read_exact(&mut header).ok()?;
     let claimed = u32::from_le_bytes(*header.last_chunk()?);
     let (count, most) = (claimed as usize, length.checked_sub(header.len())? / stl::FACET);
-    let corners = claimed.checked_mul(3).filter(|corners| *corners < u32::MAX - 3)?;
-    if count > most || !stl::is_binary(&header, length) {
+    if count > most || claimed > stl::MOST || !stl::is_binary(&header, length) {
         return None;
     }
-    let mut vertices = room(corners as usize + 1);
+    // A closed mesh has half as many vertices.
+    let mut vertices = stl::Corners::new(room(count + 1));
+    let mut triangles = room(count);
     let mut piece = vec![[0; stl::FACET]; count.min(TOGETHER)];
     for first in (0..count).step_by(TOGETHER) {
         let facets = &mut piece[..TOGETHER.min(count - first)];
         file.read_exact(facets.as_flattened_mut()).ok()?;
         for facet in facets {
             // After the normal.
-            for [x, y, z] in facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 {
-                vertices.push(point(x, y, z)?);
-            }
+            let [a, b, c] = *facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 else { return None };
+            let mut vertex = |[x, y, z]: [[u8; 4]; 3]| Some(vertices.vertex(point(&x, &y, &z)?));
+            triangles.push([vertex(a)?, vertex(b)?, vertex(c)?]);
         }
     }
-    let mut triangles = room(count);
-    triangles.extend((0..corners).step_by(3).map(|first| [first, first + 1, first + 2]));
-    Some(Mesh { vertices, triangles, polygons: 0 })
+    Some(Mesh { vertices: vertices.vertices, triangles, polygons: 0 })
 }
 
 /// Binary little-endian PLY of vertices, whose properties are numbers, and then faces, which have corners alone.
