@@ -67,18 +67,13 @@ impl<'a> Developed<'a> {
     }
 
     /// Leaves out the samples of pixels that are not at an edge: these are what `plain`, which traces with the picture's own
-    /// camera, has there. At an edge is a pixel that differs by more than 8 levels from the line through two neighbours that
-    /// are opposite; what no ray of `plain` hits has no edge.
+    /// camera, has there. At an edge are pixels that differ by more than four levels from the mean of two neighbours that are
+    /// opposite; what no ray of `plain` hits has no edge.
     pub fn along_edges(self, plain: &'a dyn Tracer) -> Self {
         let development = Development { samples: 1, ..self.development };
         let (width, height) = (self.width, self.height);
         let plain = Developed { tracer: plain, plain: None, width, height, development, spare: Mutex::default() };
         Developed { plain: Some(plain.into()), ..self }
-    }
-
-    /// Whether a pixel is what the tracer makes of it.
-    fn changes_nothing(&self) -> bool {
-        self.plain.is_none() && self.development == Development::default()
     }
 
     /// The samples' rows.
@@ -219,7 +214,9 @@ impl Tracer for Developed<'_> {
         };
         match &self.plain {
             Some(plain) => self.rows_along_edges(plain, rows, out),
-            None if self.changes_nothing() && self.tracer.writes(out.format()) => self.tracer.rows(rows, out),
+            None if self.development == Development::default() && self.tracer.writes(out.format()) => {
+                self.tracer.rows(rows, out);
+            }
             None => with_pixels!(FilmMut(out) = out => _ = self.develop(rows, None, out, trace)),
         }
     }
