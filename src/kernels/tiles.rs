@@ -93,7 +93,7 @@ kinds! {
         view: &TileView<f64>, triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |enter| {
         let Triangles { facets, lights, seen, first_id } = triangles;
-        let (seen, ahead) = chunk_of(seen, facets.len());
+        let (seen, [ahead, later]) = chunk_of(seen, facets.len());
         let turned = &mut *buffers.triangles.turned;
         if let Facets::Joined(faces) = facets {
             faces.paint(seen, [&mut turned.red, &mut turned.green, &mut turned.blue]);
@@ -113,6 +113,7 @@ kinds! {
             seen: reads(seen),
             count: seen.len() as u64,
             ahead,
+            later,
             turned: writes(turned),
             planes: writes(&mut *buffers.triangles.planes),
             shades: writes(&mut shades[before..]),
@@ -515,25 +516,28 @@ impl Spheres<'_> {
     /// What both kinds of set-up share: those of the chunk, turned round, and nothing to write.
     fn task(self, turned: &mut Balls) -> SetupTask {
         let Spheres { balls, seen } = self;
-        let (seen, ahead) = chunk_of(seen, balls.len());
+        let (seen, [ahead, later]) = chunk_of(seen, balls.len());
         SetupTask {
             objects: reads(balls),
             seen: reads(seen),
             count: seen.len() as u64,
             ahead,
+            later,
             turned: writes(turned),
             ..SetupTask::default()
         }
     }
 }
 
-/// The first of what is seen, which is a chunk of so many objects, and how many of the next ones are fetched ahead. (What
-/// is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
-fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], u64) {
-    let (seen, ahead) = seen.split_at(seen.len().min(CHUNK));
-    assert!(!seen.is_empty());
-    assert!(seen.iter().all(|seen| (seen.id as usize) < objects), "ids of objects");
-    (seen, ahead.len().min(CHUNK) as u64)
+/// The first of what is seen, which is a chunk of so many objects, and how many are in the next two chunks, which are fetched
+/// ahead.
+fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], [u64; 2]) {
+    let (seen, others) = seen.split_at(seen.len().min(CHUNK));
+    let (ahead, others) = others.split_at(others.len().min(CHUNK));
+    // Of those ahead, too, faces are read, to fetch their vertices.
+    let most = seen.iter().chain(ahead).map(|seen| seen.id).max();
+    assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
+    (seen, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
 }
 
 /// What shading needs to know of the spheres that have a pixel.
