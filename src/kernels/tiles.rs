@@ -7,7 +7,8 @@ use super::objects::{Facets, ObjectList};
 use super::records::{
     Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
     NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes, VisibleTask,
+    VisibleView,
 };
 use super::types::Plain;
 
@@ -19,6 +20,22 @@ pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
+
+/// What is farthest in each part of a tile: 1/t, 0 where a pixel is nobody's; in f32, which keeps the order of what is there. Of
+/// each part alone; with the next one across; with the next one down; and with both and the one between these.
+pub struct Parts([[f32; TILE_PARTS]; 4]);
+
+impl Parts {
+    /// Of what is farthest in each, row by row.
+    pub fn new(alone: [f32; TILE_PARTS]) -> Self {
+        // Nobody asks for what would be past the last.
+        let with_next = |of: [f32; TILE_PARTS], step: usize| -> [f32; TILE_PARTS] {
+            std::array::from_fn(|i| of[i].min(of[(i + step) % TILE_PARTS]))
+        };
+        let (with_right, down) = (with_next(alone, 1), TILE_WIDTH / PART_SIDE);
+        Parts([alone, with_right, with_next(alone, down), with_next(with_right, down)])
+    }
+}
 
 // The references prove the addresses of views and of what is in slices, of which kernels read and write what the tasks say;
 // of what they write any bits are values.
@@ -82,6 +99,34 @@ kinds! {
         let mut parts = [E::ZERO; TILE_PARTS];
         enter([reads(&*buffers.tile), writes(&mut parts), 0, 0, 0, 0]);
         parts
+    }
+
+    /// Looks which objects of a tile are hidden.
+    Visible
+
+    /// Brings those of the first `count` objects to the front, in order, that the window may show; and gives how many they
+    /// are. The others are all behind what is farthest in those parts of the tile, within the window, where they may be. What
+    /// is behind them is spoiled. There must be room for as many as fill the last register.
+    fn call(seen: &mut [Seen], count: usize, parts: &Parts, window: &TileWindow) -> usize; |enter| {
+        window.check();
+        let TileWindow { column, row, columns, rows } = window;
+        let view = VisibleView {
+            column: *column,
+            next_column: column + 1,
+            first_column: 0,
+            last_column: columns - 1,
+            row: *row,
+            next_row: row + 1,
+            first_row: rows.start,
+            last_row: rows.end - 1,
+        };
+        if count == 0 {
+            return 0;
+        }
+        // Behind everything, even behind nobody.
+        seen[count..count.next_multiple_of(MOST_LANES)].fill(Seen { most: -1.0, ..Seen::ZERO });
+        let task = VisibleTask { seen: writes(seen), count: count as u64, parts: reads(&parts.0) };
+        enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
     }
 
     /// Turns triangles into planes over a tile's pixels.
