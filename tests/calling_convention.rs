@@ -15,12 +15,12 @@ use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, s
 use rayo::kernels::{
     Bodies, BoundsView, CHUNK, ColourRun, Depth, Element, Emit, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
     Frame, Hits, InRow, InsideSpan, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight,
-    Objects, Op, OpRef, PART_SIDE, PacketKernels, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade, ShadeRows,
-    ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres, Surface, TileBuffers, TileOut, TileShade,
-    TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
+    Objects, Op, OpRef, PART_SIDE, PacketKernels, Parts, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade,
+    ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres, Surface, TILE_PARTS, TILE_WIDTH,
+    TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, TilePlace, Tiles};
-use rayo::reference::tile::middle;
+use rayo::reference::tile::{hides, middle, parts};
 use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
@@ -882,6 +882,7 @@ fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alon
         check_bounds(kernels, seed);
         check_sphere_bounds(kernels, seed);
         check_nearer_half(kernels, seed);
+        check_visible(kernels, seed);
     }
 }
 
@@ -909,6 +910,46 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
             assert_eq!(kernel.call_checked(&seen, &mut first, &mut second), Ok(()), "{what}");
             assert_eq!(kernel.call(&seen, &mut first, &mut second), nearer.len(), "{what}");
             assert_eq!((&first[..nearer.len()], &second[..farther.len()]), (&*nearer, &*farther), "{what}");
+        }
+    }
+}
+
+/// Looks for the visible among what lies between guard pages, checked and not, and holds them against their twin.
+fn check_visible(kernels: &PacketKernels, seed: u64) {
+    let kernel = &kernels.visible;
+    let mut rng = Rng::new(seed);
+    let (across, side) = ((TILE_WIDTH / PART_SIDE) as u32, PART_SIDE as u32);
+    for (count, rows) in [1_usize, 2, 3, 16, 17, 200].into_iter().flat_map(|count| [(count, 0..32), (count, 9..11)]) {
+        let window = TileWindow { column: 128, row: 64, columns: if count == 17 { 5 } else { 64 }, rows };
+        let mut from = |numbers: Range<u32>| numbers.start + rng.next_u64() as u32 % numbers.len() as u32;
+        let farthest: [f32; TILE_PARTS] = std::array::from_fn(|_| from(0..4) as f32);
+        // Most are small; one may be beside the tile, and so nowhere in it.
+        let mut bounds = |first: u32| {
+            let start = from(first - 20..first + 80);
+            start | (start + from(1..20) * [1, 1, 1, 4][from(0..4) as usize]) << 16
+        };
+        let mut seen: Vec<_> =
+            (0..count as u32).map(|id| Seen { id, columns: bounds(128), rows: bounds(64), most: 0.0 }).collect();
+        seen.iter_mut().for_each(|seen| seen.most = [0.0, 0.5, 1.0, 1.5, f32::MAX][from(0..5) as usize]);
+        let range = |bounds: u32| (bounds & 0xffff)..(bounds >> 16);
+        let hidden = |seen: &Seen| {
+            let columns = parts(range(seen.columns), window.column, 0..window.columns, side);
+            let rows = parts(range(seen.rows), window.row, window.rows.clone(), side);
+            hides(&farthest, across, [columns, rows], seen.most)
+        };
+        let visible: Vec<_> = seen.iter().copied().filter(|seen| !hidden(seen)).collect();
+        let what = format!("{} of {count}, {window:?}", kernel.symbol());
+        for guarded in SIDES {
+            let parts = Parts::new(farthest);
+            let mut room = seen.clone();
+            room.resize(count.next_multiple_of(16), Seen::default());
+            let room = || Guarded::new(&room, guarded).unwrap();
+            let (mut in_child, mut checked, mut unchecked) = (room(), room(), room());
+            let alive = survives(|| _ = kernel.call(&mut in_child, count, &parts, &window)).unwrap();
+            assert!(alive, "{what}: the guard page {guarded:?} is touched");
+            assert_eq!(kernel.call_checked(&mut checked, count, &parts, &window), Ok(()), "{what}");
+            let left = kernel.call(&mut unchecked, count, &parts, &window);
+            assert_eq!(unchecked[..left], visible, "{what}");
         }
     }
 }

@@ -9,29 +9,81 @@
 ;   goes on.
 ;
 ;   registers   rdi task; r8 the next, rcx those to go; r9 the nearer half, r10 the other; edx the middle, as bits
-;               x2, x3 the least and the greatest of each number of the records
+;               v2, v3 the least and the greatest of each number of the records; with masks v2 then the middle
 ;   writes      each half, with room for all
 ;   requires    the CPUID features of the ISA; count >= 1
 ;   equals      Iterator::partition, at reference::tile::middle
+
+%assign SEEN_LANES VBYTES / Seen_size   ; records in a register
+
+; EXTREMES_HERE - widens the least and the greatest, x2 and x3 or all of v2 and v3, to those at r8. Clobbers v0 and,
+;                 without masks, v1.
+;
+;   instructions   sse41 6   avx2 5   avx512 4
+;   critical path  load -> compare -> and -> max
+%macro EXTREMES_HERE 1
+%define %%r %1          ; [in]       x or v
+%ifidn %%r, v
+    VLOAD   v0, [r8]
+%else
+    INSERT128 0, [r8], 0
+%endif
+    IOP     pminud, %[%%r %+ 2], %[%%r %+ 2], %[%%r %+ 0]
+%if HAS_MASKS
+    vpcmpneqd MASK, %[%%r %+ 0], [PACKET(largest)]
+    vpmaxud %[%%r %+ 3] {MASK}, %[%%r %+ 3], %[%%r %+ 0]
+%else
+    IOP     pcmpeqd, %[%%r %+ 1], %[%%r %+ 0], [PACKET(largest)]
+    IOP     pandn, %[%%r %+ 1], %[%%r %+ 1], %[%%r %+ 0]
+    IOP     pmaxud, %[%%r %+ 3], %[%%r %+ 3], %[%%r %+ 1]
+%endif
+%endmacro
 
 ; NEARER_HALF - the function.
 %macro NEARER_HALF 0
 FUNC ISA %+ _nearer_half
     mov     r8, [rdi + HalfTask.seen]
     mov     rcx, [rdi + HalfTask.count]
+    VZERO   v3
+%if SEEN_LANES == 1
     INSERT128 2, [r8], 0
-    IOP     pxor, x3, x3, x3
+%else
+%if HAS_MASKS
+    vbroadcasti32x4 v2, [r8]
+%else
+    vbroadcasti128 v2, [r8]
+%endif
+    mov     rax, rcx
+    shr     rax, ilog2e(SEEN_LANES)
+    jz      .few
+align 16
+.many:
+    EXTREMES_HERE v
+    add     r8, VBYTES
+    dec     rax
+    jnz     .many
+.few:
+%if HAS_MASKS
+    vextracti64x4 h0, v2, 1
+    vpminud h2, h2, h0
+    vextracti64x4 h0, v3, 1
+    vpmaxud h3, h3, h0
+%endif
+    vextracti128 x0, ymm2, 1
+    vpminud x2, x2, x0
+    vextracti128 x0, ymm3, 1
+    vpmaxud x3, x3, x0
+    and     ecx, SEEN_LANES - 1
+    jz      .middle
+%endif
 align 16
 .extremes:
-    INSERT128 0, [r8], 0
-    IOP     pminud, x2, x2, x0
-    IOP     pcmpeqd, x1, x0, [PACKET(largest)]
-    IOP     pandn, x1, x1, x0
-    IOP     pmaxud, x3, x3, x1
+    EXTREMES_HERE x
     add     r8, Seen_size
     dec     rcx
     jnz     .extremes
 
+.middle:
     VEX(pextrd) edx, x2, Seen.most / 4
     VEX(pextrd) eax, x3, Seen.most / 4
     add     edx, eax
@@ -40,6 +92,33 @@ align 16
     mov     rcx, [rdi + HalfTask.count]
     mov     r9, [rdi + HalfTask.nearer]
     mov     r10, [rdi + HalfTask.farther]
+%if HAS_MASKS
+    vpbroadcastd v2, edx
+    sub     rcx, SEEN_LANES
+    jb      .last
+align 16
+.four:
+    VLOAD   v0, [r8]
+    vpshufd v1, v0, 0x55 * (Seen.most / 4)
+    vpcmpnltud k1, v1, v2
+    knotw   k2, k1
+    vpcompressd v1 {k1} {z}, v0
+    vpcompressd v0 {k2} {z}, v0
+    kmovw   eax, k1
+    popcnt  eax, eax
+    VSTORE  [r9], v1
+    VSTORE  [r10], v0
+    shl     eax, 2                      ; bytes of the nearer ones
+    add     r9, rax
+    sub     r10, rax
+    add     r10, VBYTES
+    add     r8, VBYTES
+    sub     rcx, SEEN_LANES
+    jae     .four
+.last:
+    add     rcx, SEEN_LANES
+    jz      .done
+%endif
 align 16
 .next:
     INSERT128 0, [r8], 0
@@ -54,6 +133,7 @@ align 16
     add     r8, Seen_size
     dec     rcx
     jnz     .next
+.done:
     mov     rax, r9
     sub     rax, [rdi + HalfTask.nearer]
     shr     rax, ilog2e(Seen_size)

@@ -39,27 +39,39 @@
     lea     %%r, [rdx + r14]
 %endmacro
 
-; TURN_SEEN - turns the objects of the task round, and asks for those of the chunk that comes next.
-;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
-%macro TURN_SEEN 4
-%define %%bytes %1      ; [in]       of an object
-%define %%turned %2     ; [in]       Corners or Balls
-%define %%turn %3       ; [in]       what turns four of them round
-%define %%fetch %4      ; [in]       what asks for the object number rax of those at rdx
-    mov     rdx, [rsi + SetupTask.objects]
-    mov     r8, [rsi + SetupTask.seen]
-    imul    r9, [rsi + SetupTask.count], Seen_size
-    add     r9, r8
-    mov     rcx, [rsi + SetupTask.ahead]
+; ASK_FOR - asks for so many objects of those seen from r9 on, and goes past them. Clobbers rax and rcx.
+%macro ASK_FOR 3
+%define %%count %1      ; [in]       field of SetupTask
+%define %%bytes %2      ; [in]       of an object
+%define %%fetch %3      ; [in]       what asks for the object number rax of those at rdx
+    mov     rcx, [rsi + SetupTask. %+ %%count]
     jmp     %%ahead
-%%next_ahead:
+%%next:
     mov     eax, [r9 + Seen.id]
     imul    rax, rax, %%bytes
     %%fetch %%bytes
     add     r9, Seen_size
 %%ahead:
     dec     rcx
-    jns     %%next_ahead
+    jns     %%next
+%endmacro
+
+; TURN_SEEN - turns the objects of the task round, and asks for those that come next.
+;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
+%macro TURN_SEEN 5
+%define %%bytes %1      ; [in]       of an object
+%define %%turned %2     ; [in]       Corners or Balls
+%define %%turn %3       ; [in]       what turns four of them round
+%define %%fetch %4      ; [in]       what asks for one of the next chunk, number rax of those at rdx
+%define %%later %5      ; [in]       the same of the chunk after that, or NOTHING
+    mov     rdx, [rsi + SetupTask.objects]
+    mov     r8, [rsi + SetupTask.seen]
+    imul    r9, [rsi + SetupTask.count], Seen_size
+    add     r9, r8
+    ASK_FOR ahead, %%bytes, %%fetch
+%ifnidn %%later, NOTHING
+    ASK_FOR later, %%bytes, %%later
+%endif
     mov     r9, [rsi + SetupTask.turned]
     mov     rcx, [rsi + SetupTask.count]
 %%four:
@@ -79,6 +91,12 @@
 %define %%bytes %1      ; [in]       of an object
     prefetcht0 [rdx + rax]
     prefetcht0 [rdx + rax + %%bytes - 1]
+%endmacro
+
+; FETCH_FACE - asks for the face at rdx + rax, or its first part.
+%macro FETCH_FACE 1
+%define %%bytes %1      ; [in]       of a face
+    prefetcht0 [rdx + rax]
 %endmacro
 
 ; FETCH_VERTICES - asks for the vertices of the face at rdx + rax. Clobbers r10 and r11.
@@ -193,10 +211,10 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     PUSH_OWNED
     cmp     qword [rsi + SetupTask.vertices], 0
     jne     .faces
-    TURN_SEEN Facet_size, Corners, TURN_FACETS, FETCH_ALL
+    TURN_SEEN Facet_size, Corners, TURN_FACETS, FETCH_ALL, NOTHING
     jmp     .turned
 .faces:
-    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES, FETCH_VERTICES
+    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES, FETCH_VERTICES, FETCH_FACE
 .turned:
     mov     r8, [rsi + SetupTask.turned]
     mov     r9, [rsi + SetupTask.planes]

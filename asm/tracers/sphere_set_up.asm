@@ -201,7 +201,7 @@
 ; BEGIN_SPHERES - begins a function: turns the spheres of the task round and makes room for W.
 %macro BEGIN_SPHERES 0
     PUSH_OWNED
-    TURN_SEEN Ball_size, Balls, TURN_BALLS, FETCH_ALL
+    TURN_SEEN Ball_size, Balls, TURN_BALLS, FETCH_ALL, NOTHING
     sub     rsp, VBYTES * (W_places + 1)
     lea     r15, [rsp + VBYTES - 1]
     and     r15, -VBYTES

@@ -10,7 +10,7 @@ use super::records::{
     Ball, Element, Facet, InsideSpan, NearSpan, ObjectLight, OutsideSpan, SphereHit, SpherePlanes, TriangleHit,
     TrianglePlanes, TriangleSpan,
 };
-use super::tiles::{Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp};
+use super::tiles::{Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp, Visible};
 use super::types::{Light, Sphere, Surface, Triangle, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
@@ -183,6 +183,8 @@ tables! { $
         sphere_bounds: Bounds<Ball> = "sphere_bounds";
         /// Which objects of a tile go first.
         nearer_half: NearerHalf = "nearer_half";
+        /// Which objects of a tile are not hidden.
+        visible: Visible = "visible";
     }
 }
 

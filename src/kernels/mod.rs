@@ -68,9 +68,9 @@ pub use records::{
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 #[cfg(rayo_asm)]
 pub use tiles::{
-    Bounded, Bounds, Extremes, Farthest, InTile, Looks, NearerHalf, Nearest, PixelBounds, SetUp, ShadeTile,
+    Bounded, Bounds, Extremes, Farthest, InTile, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
     SphereLooks, SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow,
-    Triangles,
+    Triangles, Visible,
 };
 pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 #[cfg(rayo_asm)]

@@ -38,7 +38,7 @@ impl<'a> FacePart<'a> {
         let Some(first) = seen.first() else { return };
         let (run, colour) = run_of_colour(self.colours, number(first));
         // Nearly always they have one.
-        if seen.iter().all(|seen| run.contains(&number(seen))) {
+        if self.colours.len() == 1 || seen.iter().all(|seen| run.contains(&number(seen))) {
             let colour = colour.to_array().map(f32::to_bits);
             return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..seen.len()].fill(of));
         }

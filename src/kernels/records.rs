@@ -186,6 +186,20 @@ unsafe impl Plain for Seen {
     const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
 
+/// As visible takes it.
+#[cfg(rayo_asm)]
+#[repr(C)]
+pub(super) struct VisibleView {
+    pub column: u32,
+    pub next_column: u32,
+    pub first_column: u32,
+    pub last_column: u32,
+    pub row: u32,
+    pub next_row: u32,
+    pub first_row: u32,
+    pub last_row: u32,
+}
+
 /// The rows that [`LitRows`] has room for.
 #[cfg(rayo_asm)]
 pub const LIT_ROWS: usize = 64;

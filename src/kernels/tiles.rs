@@ -7,7 +7,8 @@ use super::objects::{Facets, ObjectList};
 use super::records::{
     Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
     NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes, VisibleTask,
+    VisibleView,
 };
 use super::types::Plain;
 
@@ -19,6 +20,22 @@ pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
+
+/// What is farthest in each part of a tile: 1/t, 0 where a pixel is nobody's; in f32, which keeps the order of what is there. Of
+/// each part alone; with the next one across; with the next one down; and with both and the one between these.
+pub struct Parts([[f32; TILE_PARTS]; 4]);
+
+impl Parts {
+    /// Of what is farthest in each, row by row.
+    pub fn new(alone: [f32; TILE_PARTS]) -> Self {
+        // Nobody asks for what would be past the last.
+        let with_next = |of: [f32; TILE_PARTS], step: usize| -> [f32; TILE_PARTS] {
+            std::array::from_fn(|i| of[i].min(of[(i + step) % TILE_PARTS]))
+        };
+        let (with_right, down) = (with_next(alone, 1), TILE_WIDTH / PART_SIDE);
+        Parts([alone, with_right, with_next(alone, down), with_next(with_right, down)])
+    }
+}
 
 // The references prove the addresses of views and of what is in slices, of which kernels read and write what the tasks say;
 // of what they write any bits are values.
@@ -84,6 +101,34 @@ kinds! {
         parts
     }
 
+    /// Looks which objects of a tile are hidden.
+    Visible
+
+    /// Brings those of the first `count` objects to the front, in order, that the window may show; and gives how many they
+    /// are. The others are all behind what is farthest in those parts of the tile, within the window, where they may be. What
+    /// is behind them is spoiled. There must be room for as many as fill the last register.
+    fn call(seen: &mut [Seen], count: usize, parts: &Parts, window: &TileWindow) -> usize; |enter| {
+        window.check();
+        let TileWindow { column, row, columns, rows } = window;
+        let view = VisibleView {
+            column: *column,
+            next_column: column + 1,
+            first_column: 0,
+            last_column: columns - 1,
+            row: *row,
+            next_row: row + 1,
+            first_row: rows.start,
+            last_row: rows.end - 1,
+        };
+        if count == 0 {
+            return 0;
+        }
+        // Behind everything, even behind nobody.
+        seen[count..count.next_multiple_of(MOST_LANES)].fill(Seen { most: -1.0, ..Seen::ZERO });
+        let task = VisibleTask { seen: writes(seen), count: count as u64, parts: reads(&parts.0) };
+        enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
+    }
+
     /// Turns triangles into planes over a tile's pixels.
     SetUp<E: Element>
 
@@ -93,7 +138,7 @@ kinds! {
         view: &TileView<f64>, triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |enter| {
         let Triangles { facets, lights, seen, first_id } = triangles;
-        let (seen, ahead) = chunk_of(seen, facets.len());
+        let (seen, [ahead, later]) = chunk_of(seen, facets.len());
         let turned = &mut *buffers.triangles.turned;
         if let Facets::Joined(faces) = facets {
             faces.paint(seen, [&mut turned.red, &mut turned.green, &mut turned.blue]);
@@ -113,6 +158,7 @@ kinds! {
             seen: reads(seen),
             count: seen.len() as u64,
             ahead,
+            later,
             turned: writes(turned),
             planes: writes(&mut *buffers.triangles.planes),
             shades: writes(&mut shades[before..]),
@@ -515,25 +561,28 @@ impl Spheres<'_> {
     /// What both kinds of set-up share: those of the chunk, turned round, and nothing to write.
     fn task(self, turned: &mut Balls) -> SetupTask {
         let Spheres { balls, seen } = self;
-        let (seen, ahead) = chunk_of(seen, balls.len());
+        let (seen, [ahead, later]) = chunk_of(seen, balls.len());
         SetupTask {
             objects: reads(balls),
             seen: reads(seen),
             count: seen.len() as u64,
             ahead,
+            later,
             turned: writes(turned),
             ..SetupTask::default()
         }
     }
 }
 
-/// The first of what is seen, which is a chunk of so many objects, and how many of the next ones are fetched ahead. (What
-/// is fetched ahead may be anywhere: a prefetch does not fault. Its ids are read, and lie after the chunk's.)
-fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], u64) {
-    let (seen, ahead) = seen.split_at(seen.len().min(CHUNK));
-    assert!(!seen.is_empty());
-    assert!(seen.iter().all(|seen| (seen.id as usize) < objects), "ids of objects");
-    (seen, ahead.len().min(CHUNK) as u64)
+/// The first of what is seen, which is a chunk of so many objects, and how many are in the next two chunks, which are fetched
+/// ahead.
+fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], [u64; 2]) {
+    let (seen, others) = seen.split_at(seen.len().min(CHUNK));
+    let (ahead, others) = others.split_at(others.len().min(CHUNK));
+    // Of those ahead, too, faces are read, to fetch their vertices.
+    let most = seen.iter().chain(ahead).map(|seen| seen.id).max();
+    assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
+    (seen, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
 }
 
 /// What shading needs to know of the spheres that have a pixel.

@@ -3,6 +3,8 @@
 //! These are the operations of `asm/include/{tile,tile_hit,tile_light}.inc`, and of the set-up in `asm/tracers`, in the same
 //! order. `asm/include/tile_layout.inc` says what each number is. Set-up is in f64, and its results are rounded once.
 
+use std::ops::{Range, RangeInclusive};
+
 use glam::DVec3;
 
 use super::Real;
@@ -344,6 +346,20 @@ pub fn lit(sphere: (DVec3, f64), (light, weights): (DVec3, DVec3), far: f64) -> 
         l *= far / l.length();
     }
     [l.x, l.y, l.z, 0.0, weights.x, weights.y, weights.z, 0.0]
+}
+
+/// PARTS: the parts of a tile, so many pixels long, where an object with these bounds may be, across or down, within the
+/// window of the tile that begins at `tile`.
+pub fn parts(bounds: Range<u32>, tile: u32, window: Range<u32>, side: u32) -> RangeInclusive<u32> {
+    let first = bounds.start.max(tile + window.start) - tile;
+    let last = bounds.end.min(tile + window.end).saturating_sub(tile + 1);
+    first / side..=last / side
+}
+
+/// What VISIBLE leaves out: whether what is farthest in all of these columns and rows of parts, of which a row has so many, is
+/// nearer than `most`.
+pub fn hides(farthest: &[f32], across: u32, [columns, mut rows]: [RangeInclusive<u32>; 2], most: f32) -> bool {
+    rows.all(|row| columns.clone().all(|column| farthest[(row * across + column) as usize] > most))
 }
 
 /// What NEARER_HALF cuts at: as many f32 are between it and the least of some numbers not below 0 as between it and the

@@ -1,6 +1,5 @@
 //! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
 
-mod farthest;
 mod normals;
 
 use std::ops::Range;
@@ -9,11 +8,10 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use self::farthest::Farthest;
 use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
-    CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
+    CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
     SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
 use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
@@ -438,18 +436,16 @@ impl<E: Element> TileTracer<'_, E> {
             return 0;
         }
         if behind.len() < seen.len() {
-            before.resize(seen.len(), Seen::default());
-            behind.resize(seen.len(), Seen::default());
+            // Kernels fill registers.
+            let room = seen.len().next_multiple_of(CHUNK);
+            before.resize(room, Seen::default());
+            behind.resize(room, Seen::default());
         }
         let near = self.packets.nearer_half.call(seen, before, behind);
         let far = seen.len() - near;
         nearest(&before[..near], buffers);
-        let farthest = Farthest::of(buffers, &self.kernels.tiles.farthest);
-        let mut left = 0;
-        for i in 0..far {
-            behind[left] = behind[i];
-            left += usize::from(!farthest.hides(&behind[i], window));
-        }
+        let parts = Parts::new(self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32));
+        let left = self.packets.visible.call(behind, far, &parts, window);
         nearest(&behind[..left], buffers);
         far - left
     }

@@ -52,8 +52,8 @@ impl Bins {
         (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize
     }
 
-    /// Adds what is seen of the piece of the scene that has this number, after which `pieces_left` may come that are like it.
-    pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: usize) {
+    /// Adds what is seen of the piece of the scene that has this number, after which so many `pieces_left` like it may come.
+    pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: f64) {
         let mut large = Vec::new();
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
@@ -73,8 +73,9 @@ impl Bins {
         if self.blocks.last().is_none_or(|last| last.len() - self.used < count) {
             // The next ones may have a few more.
             let likely = count + count / 64;
-            let pieces = (MOST_IN_BLOCK / likely.max(1)).min(pieces_left + 1);
-            self.blocks.push(roomy(if pieces > 1 { likely * pieces } else { count }));
+            let more = (MOST_IN_BLOCK / likely.max(1)).saturating_sub(1);
+            let room_for_more = likely as f64 * pieces_left.min(more as f64);
+            self.blocks.push(roomy(count + room_for_more as usize));
             self.used = 0;
         }
         let mut sum = self.used as u32;

@@ -14,9 +14,13 @@ use crate::scene::{Camera, Grid};
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
 
-/// Objects that are looked at together: few enough that what is found of them stays in the caches, and so many that a tile
+/// Objects that are looked at together: few enough that what is found of them stays in a core's cache, and so many that a tile
 /// finds some side by side. They are more where there are more tiles, of each of which every piece has a list.
-const PIECE: usize = 1 << 17;
+const PIECE: usize = 1 << 15;
+
+/// A tile has to look into each piece. There are no more of them than this, unless these would have more objects than that.
+const MOST_PIECES: usize = 32;
+const LARGE_PIECE: usize = 1 << 17;
 
 /// With several threads there are so many pieces for each, unless they had too few objects.
 const PIECES_PER_THREAD: usize = 4;
@@ -124,9 +128,9 @@ where
     pub(super) fn plan(&self, objects: T::Many<'_>, team: &Team) -> Planned {
         let bins = || Bins::new(self.picture, self.most_tiles);
         let threads = team.threads().min(objects.len().div_ceil(FEWEST_PER_THREAD)).max(1);
-        let share = if threads > 1 { objects.len().div_ceil(PIECES_PER_THREAD * threads) } else { PIECE };
-        let least = FEWEST_IN_PIECE.max(bins().tiles());
-        let piece = share.clamp(least, PIECE.max(least)).next_multiple_of(CHUNK);
+        let share = if threads > 1 { objects.len().div_ceil(PIECES_PER_THREAD * threads) } else { usize::MAX };
+        let most = objects.len().div_ceil(MOST_PIECES).clamp(PIECE, LARGE_PIECE);
+        let piece = share.clamp(FEWEST_IN_PIECE, most).max(bins().tiles()).next_multiple_of(CHUNK);
         let long = if objects.len() <= MOST_LOOKED_AT { 0 } else { LONG };
         let pieces = objects.len().div_ceil(piece);
         let begin = || {
@@ -138,7 +142,8 @@ where
             let of_piece = objects.part(start..objects.len().min(start + piece));
             let (seen, extremes) = self.find(start as u32, of_piece, long, room, &mut planned.wide);
             // As many as the others take.
-            let left = (pieces / threads).saturating_sub(1 + planned.bins.pieces());
+            let taken = (1 + planned.bins.pieces()) * piece;
+            let left = (objects.len() / threads).saturating_sub(taken) as f64 / of_piece.len() as f64;
             planned.bins.add(number, seen, left);
             planned.extremes = planned.extremes.into_iter().chain(extremes).reduce(Extremes::and);
         };
