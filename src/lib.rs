@@ -1,8 +1,5 @@
 //! `rayo`: the paper *Trazado de rayos vectorizado* in NASM, C and Rust, from a scene file to a picture.
 //!
-//! `ARCHITECTURE.md` has the layers and the reasons; imports go only downwards:
-//! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
-//!
 //! Without its default features this is scenes, plan, engines and films; `asm`, `files`, `lab` and `cli` are what else there is.
 //!
 //! A scene that is built in code, traced by the fastest engine that runs here:
@@ -39,8 +36,11 @@
 //! # }
 //! ```
 //!
-//! [`Frame`] traces the same by many threads, [`Scene::seen_from`] moves the camera, and with the feature `files` there are
-//! `scene::read` and `render::render`, from a scene file to an image file.
+//! [`Frame`] traces the same by many threads, [`Scene::seen_from`] moves the camera, [`render::Developed`] takes more samples of
+//! each pixel, and with the feature `files` there are `scene::read` and `render::render`, from a scene file to an image file.
+//!
+//! `ARCHITECTURE.md` has the layers and the reasons; imports go only downwards:
+//! `cli -> experiments -> render -> plan -> { measure, scene } -> { kernels, reference }`.
 
 // The example of the README is a test.
 #[cfg(all(doctest, feature = "cli"))]
@@ -51,7 +51,9 @@ struct Readme;
 pub use glam;
 
 // What a program needs to render a scene that it builds.
+#[doc(inline)]
 pub use render::{Engine, Film, Frame, PixelFormat, Precision, Settings};
+#[doc(inline)]
 pub use scene::{Camera, Faces, Light, Scene, Sphere, Triangle, View};
 
 #[cfg(feature = "cli")]

@@ -156,8 +156,12 @@ fn shells_complete_and_manuals_have_every_command() {
     let page = place.run("man").stdout;
     assert!(page.starts_with(".ie") && page.contains("render"), "{page}");
     assert_eq!(place.run("man --out pages").status, 0);
-    for name in ["rayo.1", "rayo-render.1", "rayo-step.1"] {
-        assert!(place.path("pages").join(name).is_file(), "{name}");
+    let named = page.lines().filter_map(|line| line.strip_suffix("(1)")).map(|name| name.replace('\\', ""));
+    let named: Vec<_> = named.collect();
+    assert!(named.len() > 10 && named.contains(&"rayo-step".into()), "{named:?}");
+    for name in named {
+        let page = fs::read_to_string(place.path("pages").join(format!("{name}.1"))).expect(&name);
+        assert!(page.contains(".SH EXAMPLES\n  rayo "), "{page}");
     }
 }
 
@@ -493,24 +497,20 @@ fn run_into(stdout: impl Into<std::process::Stdio>, place: &Place, arguments: &s
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_result_that_cannot_be_printed_is_told() {
+fn a_result_that_cannot_be_printed_is_told_unless_its_reader_has_left() {
     let place = Place::new();
     assert_eq!(place.run("render scene.in --quiet").status, 0);
     let render = ["render scene.in --force --stats", "render scene.in --force --json"];
-    for arguments in ["--help", "render --help", "--version", "info", "info --json"].into_iter().chain(render) {
+    let diff = ["diff picture.png picture.png", "diff picture.png picture.png --json"];
+    let others = ["--help", "render --help", "--version", "info", "info --json"];
+    for arguments in others.into_iter().chain(render).chain(diff) {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let message = "error: cannot write to standard output: No space left on device (os error 28)\n";
         assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
         // The reader has gone before the first word.
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
-        let message = "error: cannot write to standard output: Broken pipe (os error 32)\n";
-        assert_eq!(run_into(writer, &place, arguments), (Some(1), message.into()), "{arguments}");
-    }
-    for arguments in ["diff picture.png picture.png", "diff picture.png picture.png --json"] {
-        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let message = "error: cannot write the result: No space left on device (os error 28)\n";
-        assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
+        assert_eq!(run_into(writer, &place, arguments), (Some(1), String::new()), "{arguments}");
     }
 }
 

@@ -13,24 +13,6 @@ use tempfile::TempDir;
 /// Those whose commands are shown after a prompt, each in English and in Spanish.
 const GUIDES: [[&str; 2]; 2] = [["README.md", "LEEME.md"], ["docs/tutorial.md", "docs/tutorial.es.md"]];
 
-const DOCUMENTS: [&str; 15] = [
-    "README.md",
-    "LEEME.md",
-    "CHANGELOG.md",
-    "docs/tutorial.md",
-    "docs/tutorial.es.md",
-    "ARCHITECTURE.md",
-    "CONTRIBUTING.md",
-    "docs/accuracy.md",
-    "docs/counts.md",
-    "docs/performance.md",
-    "docs/stability.md",
-    "docs/results/accuracy.md",
-    "docs/image-files.md",
-    "docs/leaving-out.md",
-    "docs/scene-format.md",
-];
-
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -38,6 +20,17 @@ fn root() -> &'static Path {
 fn text(path: impl AsRef<Path>) -> String {
     let path = root().join(path);
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Every page, from the root.
+fn documents() -> Vec<String> {
+    let of = |folder: &'static str| {
+        let names = fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().file_name());
+        names.map(move |name| format!("{folder}{}", name.to_str().unwrap())).filter(|name| name.ends_with(".md"))
+    };
+    let documents: Vec<_> = ["", "docs/", "docs/results/"].into_iter().flat_map(of).collect();
+    assert!(documents.len() > 15, "{documents:?}");
+    documents
 }
 
 /// The blocks of a document fenced as `language`.
@@ -148,7 +141,7 @@ fn every_subcommand_and_flag_of_a_document_is_known_to_the_program() {
     let known = help(&[]);
     let is_subcommand = |word: &str| known.lines().any(|line| line.trim_start().starts_with(&format!("{word} ")));
     let has_flag = |help: &str, flag: &str| help.split([' ', ',', '\n']).any(|word| word == flag);
-    let inline = DOCUMENTS.iter().flat_map(|document| spans(document));
+    let inline = documents().into_iter().flat_map(|document| spans(&document));
     let inline = inline.filter_map(|span| Some(span.strip_prefix("rayo ")?.split(' ').map(str::to_owned).collect()));
     let mut checked = 0;
     for command in commands().into_iter().chain(inline) {
@@ -220,7 +213,7 @@ fn every_path_that_a_document_names_exists() {
     let top: BTreeSet<String> =
         fs::read_dir(root()).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     let mut checked = 0;
-    for document in DOCUMENTS {
+    for document in &documents() {
         for span in spans(document) {
             let path = span.trim_end_matches('/');
             // What is built is not there yet, and <...> stands for a name to be chosen.
@@ -229,7 +222,8 @@ fn every_path_that_a_document_names_exists() {
                 continue;
             }
             let in_a_folder = path.contains('/') && top.contains(path.split('/').next().unwrap());
-            let at_the_top = !path.contains('/') && path.ends_with(".md");
+            // What a page in docs calls by its name alone is what a command writes.
+            let at_the_top = !document.contains('/') && !path.contains('/') && path.ends_with(".md");
             if in_a_folder || at_the_top {
                 assert!(exists(path), "{document} names {path}, which is not there");
                 checked += 1;
@@ -245,6 +239,22 @@ fn every_path_that_a_document_names_exists() {
         }
     }
     assert!(checked > 50, "only {checked} paths were found");
+}
+
+#[test]
+fn every_page_is_reached_from_the_readme() {
+    let readme = text("README.md");
+    for document in documents().iter().filter(|document| *document != "README.md") {
+        assert!(readme.contains(&format!("]({document})")), "README.md has no link to {document}");
+    }
+}
+
+#[test]
+fn the_pages_say_how_many_families_of_stiff_scenes_there_are() {
+    let count = rayo::scene::families::FAMILIES.len();
+    for (document, word) in [("README.md", "families"), ("docs/stability.md", "families"), ("LEEME.md", "familias")] {
+        assert!(text(document).contains(&format!(" {count} {word}")), "{document} does not speak of {count} {word}");
+    }
 }
 
 #[test]
@@ -282,7 +292,7 @@ fn every_folder_of_sources_is_in_the_map() {
 fn every_make_target_that_a_document_names_exists() {
     let makefile = text("Makefile");
     let mut named = BTreeSet::new();
-    for document in DOCUMENTS {
+    for document in &documents() {
         let lines = text(document);
         let shown = lines.lines().filter_map(|line| line.strip_prefix("make ")).map(str::to_owned);
         let inline = spans(document).into_iter().filter_map(|span| Some(span.strip_prefix("make ")?.to_owned()));

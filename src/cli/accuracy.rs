@@ -24,7 +24,7 @@ const FEW: usize = 8;
 /// The truth is computed in 256 bits. Where it is within its margin of another answer, either is right; everywhere else
 /// hits, objects, t, normals, colours and 8-bit levels are compared. Rows that nothing beats in both error and time are
 /// marked: they are the front. Writes accuracy.md, accuracy.svg, table.csv and results.json to the directory that --out
-/// names; docs/results/accuracy.md and its figure are made by this command. Ctrl-C keeps what is finished.
+/// names. Ctrl-C keeps what is finished.
 #[cfg_attr(feature = "mpi", doc = " Ranks of mpirun share the scenes, and there Ctrl-C keeps nothing.")]
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

@@ -63,7 +63,7 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// What ends a command early: what to say, and the exit status that says whose fault it is.
+/// What ends a command early: what to say, if anything, and the exit status that says whose fault it is.
 struct Failure {
     message: String,
     status: u8,
@@ -81,7 +81,9 @@ impl Failure {
     }
 
     fn tell(&self) -> ExitCode {
-        say(&with_prefix(&self.message));
+        if !self.message.is_empty() {
+            say(&with_prefix(&self.message));
+        }
         ExitCode::from(self.status)
     }
 }
@@ -91,8 +93,11 @@ fn for_one_process() -> Failure {
     Failure::input("this command is for one process: start it without MPI")
 }
 
-/// Standard output is closed or full.
+/// Standard output is full, or its reader has left, as `head` does: that is nobody's mistake, and there is nothing to say.
 fn unprinted(error: &io::Error) -> Failure {
+    if error.kind() == io::ErrorKind::BrokenPipe {
+        return Failure::output("");
+    }
     Failure::output(format!("cannot write to standard output: {error}"))
 }
 

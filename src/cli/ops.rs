@@ -17,7 +17,7 @@ use super::Failure;
 /// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
 ///
 /// Counts come from the code of this build: of C and NASM from the objects it was linked from, of Rust from the running
-/// program. The document docs/results/instruction-counts.md is what `rayo ops --executed --markdown` prints.
+/// program.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo ops --op dot,cross
@@ -48,7 +48,7 @@ pub struct OpsArgs {
     /// Print one JSON document: everything that is known
     #[arg(long, conflicts_with_all = ["asm", "markdown"])]
     json: bool,
-    /// Print docs/results/instruction-counts.md
+    /// Print a page of all of it, in Markdown
     #[arg(long, conflicts_with_all = ["asm", "op", "engine"])]
     markdown: bool,
     /// Draw cycles against instructions: an SVG

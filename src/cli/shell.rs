@@ -43,12 +43,12 @@ pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
 
 /// Prints the page, or writes all.
 pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
-    let mut command = Cli::command();
+    let mut command = Cli::command().disable_help_subcommand(true);
     // Names each command as it is called.
     command.build();
     let Some(directory) = &args.out else { return print(&page(&Man::new(command))?) };
     create_directory(directory)?;
-    let commands: Vec<_> = command.get_subcommands().filter(|command| command.get_name() != "help").cloned().collect();
+    let commands: Vec<_> = command.get_subcommands().cloned().collect();
     for command in [command].into_iter().chain(commands) {
         let man = Man::new(command);
         write_file(directory, &man.get_filename(), &page(&man)?)?;
@@ -59,7 +59,8 @@ pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
 fn page(man: &Man) -> Result<Vec<u8>, Failure> {
     let mut text = Vec::new();
     man.render(&mut text).map_err(Failure::output)?;
-    Ok(text)
+    // What stands below the help of a command has no name there.
+    Ok(String::from_utf8_lossy(&text).replace(".SH EXTRA\nExamples:\n", ".SH EXAMPLES\n").into_bytes())
 }
 
 fn print(text: &[u8]) -> Result<ExitCode, Failure> {

@@ -42,10 +42,8 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use crate::reference::geometry;
 
-/// A sphere.
 pub use crate::kernels::Ball as Sphere;
 pub use crate::kernels::Faces;
-/// A flat triangle, seen from both sides.
 pub use crate::kernels::Facet as Triangle;
 
 /// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.

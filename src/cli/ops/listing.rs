@@ -108,12 +108,15 @@ fn title(row: &Counts) -> String {
     format!("  {} ({})", row.implementation, row.listing.len())
 }
 
-/// A function, an instruction in each line, and its source behind it.
+/// A function, an instruction in each line, and its source behind it; what pads up to a loop is one line.
 fn beside_source(text: &mut String, listing: &[Line], width: usize, colour: bool) {
     let lines = shown(listing);
     let longest = lines.iter().map(|line| cell(line).chars().count()).max().unwrap_or(0).min(LABEL + TEXT);
-    for line in lines {
-        let cell = cell(&line);
+    let pads = |a: &Shown, b: &Shown| a.text == "nop" && b.text == "nop" && b.label.is_empty();
+    for lines in lines.chunk_by(pads) {
+        let line = &lines[0];
+        let times = if lines.len() > 1 { format!(", {} times", lines.len()) } else { String::new() };
+        let cell = cell(line) + &times;
         let style = if line.line.target.is_some() { CYAN } else { "" };
         let shown = if style.is_empty() { cell.clone() } else { styled(colour, style, &cell) };
         let taken = cell.chars().count().max(longest) + 2;
@@ -212,8 +215,12 @@ fn common(a: &[String], b: &[String]) -> Vec<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::{common, shown};
+    use super::{beside_source, common, shown};
     use crate::experiments::ops::Line;
+
+    fn line(offset: usize, text: &str, target: Option<usize>) -> Line {
+        Line { offset, text: text.into(), body: false, executed: None, target, source: None }
+    }
 
     #[test]
     fn lines_are_common_where_they_come_in_the_same_order() {
@@ -225,14 +232,6 @@ mod tests {
 
     #[test]
     fn what_jumps_names_a_label_where_its_target_is_listed_and_a_number_elsewhere() {
-        let line = |offset, text: &str, target| Line {
-            offset,
-            text: text.into(),
-            body: false,
-            executed: None,
-            target,
-            source: None,
-        };
         let listing = [
             line(0, "jne 5", Some(5)),
             line(2, "jmp 40h", Some(64)),
@@ -242,5 +241,13 @@ mod tests {
         let shown: Vec<_> = shown(&listing).into_iter().map(|line| (line.label, line.text)).collect();
         let expected = [("", "jne .1"), ("", "jmp 40h"), (".1:", "dec eax"), ("", "jg .1")];
         assert_eq!(shown, expected.map(|(label, text)| (label.to_owned(), text.to_owned())));
+    }
+
+    #[test]
+    fn what_pads_up_to_a_loop_is_one_line() {
+        let listing = [line(0, "nop", None), line(1, "nop", None), line(2, "dec eax", None), line(4, "jg 2", Some(2))];
+        let mut text = String::new();
+        beside_source(&mut text, &listing, 80, false);
+        assert_eq!(text, "       nop, 2 times\n.1:    dec eax\n       jg .1\n\n");
     }
 }
