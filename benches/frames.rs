@@ -1,14 +1,17 @@
 //! Whole frames, one group per scene, with a row for each engine and pixel format that this machine has.
 //!
-//! One thread, into memory that was touched before, 320 x 240 pixels. criterion runs the rows one after the other;
+//! `frame`: one thread, into memory that was touched before, 320 x 240 pixels. `many`: from the parsed scene to the last of
+//! 1632 x 1224 pixels in RGBA8, set-up included, by the packets; by the fastest in `double` and on two threads too. criterion runs the rows one after the other;
 //! ratios to rely on come from `rayo experiment`, which interleaves its contestants.
 
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
-use rayo::render::{Engine, Film, PixelFormat};
-use rayo::scene::{Camera, Faces, Light, Scene, Sphere, Triangle, many};
+use rayo::plan::Keep;
+use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
+use rayo::scene::mesh::shapes::icosphere;
+use rayo::scene::{Camera, Faces, Light, MeshFormat, Scene, Setting, Sphere, Triangle, many};
 
 const SEED: u64 = 1;
 
@@ -80,12 +83,53 @@ fn frames(c: &mut Criterion) {
     }
 }
 
+fn many_objects(c: &mut Criterion) {
+    let fastest = Engine::fastest();
+    if !fastest.is_packet() {
+        return;
+    }
+    let camera = empty().camera.sized(1632, 1224).expect("a camera within the limits");
+    let scattered = |scene: Scene| Scene { camera, lights: empty().lights, ..scene };
+    let mesh = |count| {
+        let mesh = icosphere(count, 0.3, SEED);
+        let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
+        let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh".to_owned(), camera));
+        scene.expect("a mesh of ordinary size")
+    };
+    for (name, scene) in [
+        ("thousand_spheres", scattered(many(1000, 0, SEED))),
+        ("thousand_triangles", scattered(many(0, 1000, SEED))),
+        ("mesh_70k", mesh(70_000)),
+        ("mesh_1M", mesh(1_000_000)),
+    ] {
+        let mut group = c.benchmark_group(format!("many/{name}"));
+        group.throughput(Throughput::Elements(camera.pixels()));
+        let mut film = Film::new(PixelFormat::Rgba8, camera.pixels() as usize).expect("memory");
+        let packets = Engine::ALL.iter().copied().filter(|engine| engine.usable() && engine.is_packet());
+        let mut rows: Vec<_> = packets.map(|engine| (engine, None, 1)).collect();
+        rows.extend([(fastest, Some(Precision::Double), 1), (fastest, None, 2)]);
+        for (engine, precision, threads) in rows {
+            let named = precision.map(|precision| format!("/{precision}")).unwrap_or_default();
+            group.bench_function(format!("{engine}{named}/{threads}"), |bencher| {
+                bencher.iter(|| {
+                    let format = Some(PixelFormat::Rgba8);
+                    let purpose = Purpose { precision, format, keep: Keep::NOTHING, threads, in_bands: false };
+                    let plan = Plan::new(engine, &scene, purpose).expect("a scene that engines take");
+                    let frame = Frame::new(plan.tracer(), camera, Settings { threads }).expect("threads");
+                    frame.trace(0..camera.height(), film.as_mut(), &|_| ());
+                });
+            });
+        }
+        group.finish();
+    }
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default()
         .sample_size(10)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_secs(1));
-    targets = frames
+    targets = frames, many_objects
 }
 criterion_main!(benches);
