@@ -39,11 +39,32 @@
     IOP     psrld, v%[%%last], v%[%%last], ilog2e(PART_SIDE)
 %endmacro
 
+; LOOK_UP_FOUR - d = the numbers at r10 whose places are in a. Clobbers rdx.
+;
+;   instructions   sse41, avx2 8
+;   critical path  extract -> load -> insert
+%macro LOOK_UP_FOUR 2
+%define %%a %1          ; [in]       128 bits of places
+%define %%d %2          ; [out]      128 bits
+    VEX(movd) edx, %%a
+    VEX(movss) %%d, [r10 + 4 * rdx]
+%assign %%l 1
+%rep 3
+    VEX(pextrd) edx, %%a, %%l
+%if HAS_VEX
+    vinsertps %%d, %%d, [r10 + 4 * rdx], 16 * %%l
+%else
+    insertps %%d, [r10 + 4 * rdx], 16 * %%l
+%endif
+%assign %%l %%l + 1
+%endrep
+%endmacro
+
 ; LOOK_UP - v13 = the numbers at r10 whose places are in v12, of which the lower 7 bits count.
 ;           Clobbers v9 to v15 and, without masks, rdx.
 ;
-;   instructions   sse41 10   avx2 4   avx512 15
-;   critical path  move -> permute -> select -> select, or shift -> shift -> load
+;   instructions   sse41 10   avx2 20   avx512 15
+;   critical path  move -> permute -> select -> select, or shift -> shift -> extract -> load -> insert
 %macro LOOK_UP 0
 %if HAS_MASKS
     VMOV    v13, v12
@@ -64,18 +85,11 @@
 %else
     IOP     pslld, v12, v12, 25
     IOP     psrld, v12, v12, 25
-%if HAS_VEX
-    vpcmpeqd v14, v14, v14
-    vgatherdps v13, [r10 + 4 * v12], v14
-%else
-    movd    edx, x12
-    movss   x13, [r10 + 4 * rdx]
-%assign %%l 1
-%rep 3
-    pextrd  edx, x12, %%l
-    insertps x13, [r10 + 4 * rdx], 16 * %%l
-%assign %%l %%l + 1
-%endrep
+    LOOK_UP_FOUR x12, x13
+%if LANES > 4
+    vextracti128 x14, v12, 1
+    LOOK_UP_FOUR x14, x15
+    vinsertf128 v13, v13, x15, 1
 %endif
 %endif
 %endmacro

@@ -104,21 +104,10 @@ fn horizontal_add(i: &mut Instruction, format: Number) -> Option<()> {
 fn compare(i: &mut Instruction, format: Number) -> Option<()> {
     let (a, b, bytes, predicate) = (i.first()?, i.last()?, format.bytes(), i.immediate()? as u8);
     let value = |lane| Value::of(What::Compare(format, predicate), [a, b].map(|operand| operand.element(lane, bytes)));
-    let to = i.operand(0)?;
-    let Place::Mask(_) = to.place else {
-        return i.each(bytes, |_, lane| value(lane));
-    };
-    let lanes = a.bytes / bytes;
-    for lane in 0..lanes {
-        let value = match i.selected(lane) {
-            None => value(lane),
-            Some((true, bit)) => value(lane).by(bit),
-            Some((false, bit)) => Value::zero().by(bit),
-        };
-        i.write(Element::bit(to.place, lane), value);
+    match i.operand(0)?.place {
+        Place::Mask(_) => i.each_bit(a.bytes / bytes, |_, lane| value(lane)),
+        _ => i.each(bytes, |_, lane| value(lane)),
     }
-    i.write(Element { place: to.place, at: lanes.into(), bits: 64 - lanes }, Value::zero());
-    Some(())
 }
 
 fn compare_to_flags(i: &mut Instruction, format: Number) -> Option<()> {

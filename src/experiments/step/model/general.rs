@@ -52,7 +52,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "shlx" | "shrx" | "bzhi" => by_register(i),
         "bsf" => lowest_bit(i),
         "popcnt" => count_bits(i),
-        "bt" | "btr" => test_bit(i),
+        "bt" | "btr" | "bts" => test_bit(i),
         "xchg" => {
             let (a, b) = (i.operand(0)?, i.operand(1)?);
             i.write_general(a, Value::copy(b.whole()));
@@ -65,6 +65,11 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
             (i.raw.near_branch_target() != 0).then_some(())
         }
         "kmovq" | "kmovw" => move_mask(i),
+        "knotw" => {
+            let (to, from) = (i.operand(0)?, i.last()?.element(0, 2));
+            i.write(to.element(0, 8), Value::computed(!i.read(from) & 0xffff, [from]));
+            Some(())
+        }
         "kortestw" => {
             let masks = [i.operand(0)?, i.operand(1)?].map(|operand| operand.element(0, 2));
             let or = i.read(masks[0]) | i.read(masks[1]);
@@ -249,7 +254,7 @@ fn count_bits(i: &mut Instruction) -> Option<()> {
     Some(())
 }
 
-/// The carry becomes a bit of a register, which `btr` clears there.
+/// The carry becomes a bit of a register, which `btr` clears there and `bts` sets.
 fn test_bit(i: &mut Instruction) -> Option<()> {
     let (from, a, b) = operands(i)?;
     let to = i.operand(0)?;
@@ -257,8 +262,10 @@ fn test_bit(i: &mut Instruction) -> Option<()> {
         return None;
     }
     let bit = 1 << (b & u64::from(8 * to.bytes - 1));
-    if i.name == "btr" {
-        i.write_general(to, Value::computed(a & !bit, from.as_slice()));
+    match i.name.as_str() {
+        "btr" => i.write_general(to, Value::computed(a & !bit, from.as_slice())),
+        "bts" => i.write_general(to, Value::computed(a | bit, from.as_slice())),
+        _ => {}
     }
     flags(i, &from, &[(CARRY, Some(a & bit != 0))]);
     flags(i, &[], &[(SIGN, None), (PARITY, None), (OVERFLOW, None)]);

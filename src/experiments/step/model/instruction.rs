@@ -180,6 +180,22 @@ impl<'a> Instruction<'a> {
         Some(())
     }
 
+    /// Writes a bit of the first operand, a mask, for each of so many lanes: 0 where the instruction's own mask does not select
+    /// it, and beyond them.
+    pub fn each_bit(&mut self, lanes: u32, value: impl Fn(&Self, u32) -> Value) -> Option<()> {
+        let to = self.operand(0)?.place;
+        for lane in 0..lanes {
+            let value = match self.selected(lane) {
+                None => value(self, lane),
+                Some((true, bit)) => value(self, lane).by(bit),
+                Some((false, bit)) => Value::zero().by(bit),
+            };
+            self.write(Element::bit(to, lane), value);
+        }
+        self.write(Element { place: to, at: lanes.into(), bits: 64 - lanes }, Value::zero());
+        Some(())
+    }
+
     /// Writes the first `lanes` elements of `to`, where the instruction's mask selects them. Others become 0 or, as their
     /// bit decides too, stay.
     pub fn lanes(&mut self, to: Operand, bytes: u32, lanes: u32, value: impl Fn(&Self, u32) -> Value) {

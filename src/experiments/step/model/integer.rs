@@ -9,6 +9,17 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "psubd" => binary(i, u32::wrapping_sub),
         "pmulld" => binary(i, u32::wrapping_mul),
         "pcmpeqd" => binary(i, |a, b| if a == b { u32::MAX } else { 0 }),
+        "pcmpd" => compare(i, |bits| i64::from(bits as i32)),
+        "pcmpud" => compare(i, |bits| bits as i64),
+        "ptestmd" => {
+            let (a, b) = (i.first()?, i.last()?);
+            i.each_bit(a.bytes / 4, |i, lane| {
+                let operands = [a.element(lane, 4), b.element(lane, 4)];
+                Value::computed((i.read(operands[0]) & i.read(operands[1]) != 0).into(), operands)
+            })
+        }
+        "pmaxsd" => choose(i, |a, b| a as i32 >= b as i32),
+        "pminsd" => choose(i, |a, b| a as i32 <= b as i32),
         "pmaxud" => choose(i, |a, b| a >= b),
         "pminud" => choose(i, |a, b| a <= b),
         "pslld" => shift(i, 4, u64::checked_shl),
@@ -26,6 +37,23 @@ fn binary(i: &mut Instruction, compute: impl Fn(u32, u32) -> u32) -> Option<()> 
         let operands = [a.element(lane, 4), b.element(lane, 4)];
         let [a, b] = operands.map(|element| i.read(element) as u32);
         Value::computed(compute(a, b).into(), operands)
+    })
+}
+
+/// Bits of a mask: whether the immediate operand's predicate holds of two numbers.
+fn compare(i: &mut Instruction, number: impl Fn(u64) -> i64) -> Option<()> {
+    let (a, b, predicate) = (i.first()?, i.last()?, i.immediate()?);
+    i.each_bit(a.bytes / 4, |i, lane| {
+        let operands = [a.element(lane, 4), b.element(lane, 4)];
+        let [a, b] = operands.map(|element| number(i.read(element)));
+        let holds = match predicate & 3 {
+            0 => a == b,
+            1 => a < b,
+            2 => a <= b,
+            _ => false,
+        };
+        // From 4 on they are the contraries.
+        Value::computed((holds != (predicate & 4 != 0)).into(), operands)
     })
 }
 

@@ -19,8 +19,9 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "movlhps" => halves(i, |a, b| [a.element(0, 8), b.element(0, 8)]),
         "movshdup" => of_last(i, 4, |lane| lane | 1),
         "movddup" => of_last(i, 8, |lane| lane & !1),
-        "broadcastss" => of_last(i, 4, |_| 0),
+        "broadcastss" | "pbroadcastd" => of_last(i, 4, |_| 0),
         "broadcastsd" => of_last(i, 8, |_| 0),
+        "broadcasti128" | "broadcasti32x4" => of_last(i, 4, |lane| lane & 3),
         "pshufd" | "permilps" => {
             let immediate = i.immediate()? as u32;
             of_last(i, 4, |lane| lane & !3 | immediate >> (2 * (lane & 3)) & 3)
@@ -42,7 +43,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "insertps" => insert_element(i),
         "insertf128" | "insertf32x4" => insert_part(i),
         "extractf128" | "extracti128" | "extractf32x4" | "extracti32x4" => extract_part(i, PART),
-        "extractf64x4" => extract_part(i, 2 * PART),
+        "extractf64x4" | "extracti64x4" => extract_part(i, 2 * PART),
         "extractps" | "pextrd" => extract_element(i, 4),
         "pextrw" => extract_element(i, 2),
         "pextrb" => extract_element(i, 1),
