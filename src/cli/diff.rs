@@ -1,6 +1,6 @@
 //! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
 
-use super::{Document, Failure, unprinted};
+use super::{Document, Failure};
 use crate::measure::compare::{self, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Format, ImageError, ImageFile, ImageWriter, is_standard_output};
@@ -18,7 +18,7 @@ use thiserror::Error;
   rayo diff f64.png simd.png --tolerance 1 -o difference.png
   rayo diff f64.exr simd.exr --tolerance 1e-4 --json")]
 pub struct DiffArgs {
-    /// One image (PNG, PPM, PGM, PFM, EXR, HDR, TIFF or QOI, told by its content)
+    /// One image (PNG, PPM, PFM, EXR, HDR, TIFF or QOI, told by its content)
     pub a: PathBuf,
     /// The other, of the same size and kind
     pub b: PathBuf,
@@ -63,7 +63,7 @@ enum DiffError {
     #[error(transparent)]
     Write(ImageError),
     /// The result could not be printed.
-    #[error(transparent)]
+    #[error("cannot write the result: {0}")]
     Print(io::Error),
 }
 
@@ -73,8 +73,7 @@ enum DiffError {
 /// If there is no verdict.
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     let agree = diff(args, &mut io::stdout().lock()).map_err(|error| match error {
-        DiffError::Write(_) => Failure::output(error),
-        DiffError::Print(error) => unprinted(&error),
+        DiffError::Write(_) | DiffError::Print(_) => Failure::output(error),
         _ => Failure::input(error),
     })?;
     Ok(if agree { ExitCode::SUCCESS } else { ExitCode::FAILURE })

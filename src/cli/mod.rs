@@ -63,7 +63,7 @@ enum Command {
     Man(shell::ManArgs),
 }
 
-/// What ends a command early: what to say, if anything, and the exit status that says whose fault it is.
+/// What ends a command early: what to say, and the exit status that says whose fault it is.
 struct Failure {
     message: String,
     status: u8,
@@ -81,9 +81,7 @@ impl Failure {
     }
 
     fn tell(&self) -> ExitCode {
-        if !self.message.is_empty() {
-            say(&with_prefix(&self.message));
-        }
+        say(&with_prefix(&self.message));
         ExitCode::from(self.status)
     }
 }
@@ -93,11 +91,8 @@ fn for_one_process() -> Failure {
     Failure::input("this command is for one process: start it without MPI")
 }
 
-/// Standard output is full, or its reader has left, as `head` does: that is nobody's mistake, and there is nothing to say.
+/// Standard output is closed or full.
 fn unprinted(error: &io::Error) -> Failure {
-    if error.kind() == io::ErrorKind::BrokenPipe {
-        return Failure::output("");
-    }
     Failure::output(format!("cannot write to standard output: {error}"))
 }
 

@@ -5,14 +5,14 @@ use std::sync::Mutex;
 
 use super::edges::Edges;
 use super::film::with_pixels;
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
 /// Samples that are traced at once take no more memory than so many pixels do, unless those of one row do.
 const MOST_TOGETHER: usize = 1 << 20;
 
-/// As many tiles, one below the other, are looked for edges at a time.
+/// Edges are looked for in so many rows of tiles at a time.
 const TILES_TOGETHER: u32 = 2;
 
 /// What is made of linear light after it was traced. By default nothing is.
@@ -56,8 +56,6 @@ pub struct Developed<'a> {
     /// Room for samples that no thread uses now.
     spare: Mutex<Vec<Vec<Vec4>>>,
 }
-
-const UNPOISONED: &str = "nothing panics while it is locked";
 
 impl<'a> Developed<'a> {
     /// The picture of `camera`, of what `tracer` traces with [`Development::camera`] in [`PixelFormat::F32x4`].

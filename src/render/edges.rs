@@ -42,7 +42,7 @@ impl Edges {
         Edges { first: rows.start, columns, starts }
     }
 
-    /// The columns of a row's.
+    /// The columns of a row's pixels at edges.
     pub(super) fn row(&self, row: u32) -> &[u32] {
         let row = (row - self.first) as usize;
         &self.columns[self.starts[row]..self.starts[row + 1]]

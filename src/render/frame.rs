@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Counted, Film, FilmMut, Pixel, PixelFormat, Tracer};
+use super::{Counted, Film, FilmMut, Pixel, PixelFormat, Tracer, UNPOISONED};
 use crate::plan::Team;
 use crate::scene::Camera;
 
@@ -159,8 +159,6 @@ impl<'a> Frame<'a> {
         });
     }
 }
-
-const UNPOISONED: &str = "nothing panics while it is locked";
 
 /// Adds what is known of some rows; where that is nothing, nothing is known of all.
 fn add(sum: &Mutex<Option<Counted>>, some: Option<Counted>) {

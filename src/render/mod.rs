@@ -47,6 +47,9 @@ pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;
 
+/// Why no lock of this layer is poisoned.
+const UNPOISONED: &str = "nothing panics while it is locked";
+
 /// An engine that is ready for one scene: writes any rows of the picture, in any order, from any thread.
 pub trait Tracer: Sync {
     /// Whether it computes in a format; it does in [`PixelFormat::F32x4`] in any case, unless it was got ready for another

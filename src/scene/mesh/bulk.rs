@@ -36,7 +36,7 @@ fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
     file.read_exact(&mut header).ok()?;
     let claimed = u32::from_le_bytes(*header.last_chunk()?);
     let (count, most) = (claimed as usize, length.checked_sub(header.len())? / stl::FACET);
-    if count > most || claimed > stl::MOST || !stl::is_binary(&header, length) {
+    if count > most || claimed > stl::MOST_FACETS || !stl::is_binary(&header, length) {
         return None;
     }
     // A closed mesh has half as many vertices.

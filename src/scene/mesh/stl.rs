@@ -12,7 +12,7 @@ pub(super) const TITLE: usize = 80;
 pub(super) const FACET: usize = 50;
 
 /// So many facets have as many vertices as there are numbers for, and one more.
-pub(super) const MOST: u32 = u32::MAX / 3 - 1;
+pub(super) const MOST_FACETS: u32 = u32::MAX / 3 - 1;
 
 /// Whether a file of so many bytes that begins like this is binary: its title may begin like a text does.
 pub(super) fn is_binary(source: &[u8], length: usize) -> bool {
@@ -85,8 +85,8 @@ pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
             let expected = if binary { "50 bytes" } else { "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid" };
             Fault::new(message).expected(expected)
         })?;
-        if number > MOST {
-            return Err(Fault::new("the file has too many facets").expected(format!("at most {MOST}")));
+        if number > MOST_FACETS {
+            return Err(Fault::new("the file has too many facets").expected(format!("at most {MOST_FACETS}")));
         }
         let corners = facet.vertices.map(|vertex| Vec3::from_array(vertex.0));
         if let Some(corner) = corners.iter().position(|corner| !corner.is_finite()) {
