@@ -12,23 +12,56 @@
 ;   equals      reference::tile, to the last bit where there is no estimate
 
 ; The stack of the shading functions, from rsp on.
-%assign PIXELS_AT 0                     ; a block of pixels
-%define IDS_AT (16 * LANES)             ; who, as integers
-%define OFFSETS_AT (IDS_AT + 64)        ; of their shades
+%assign PIXELS_AT 0                     ; a block of floats, or a row of blocks of bytes
+%define OFFSETS_AT (4 * TILE_WIDTH * BLOCK_HEIGHT)      ; of the shades of a block's objects
 %define STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
 %define ROWS_AT (STRIDES_AT + 64)       ; of the pixels of a block in the picture
 %define MIDDLE_AT (ROWS_AT + 64)        ; the tile's middle column
-%define WHOLE_AT (MIDDLE_AT + 64)       ; up to which column of the tile the row's blocks are written whole
-%define COLUMNS_AT (WHOLE_AT + 64)      ; COLUMNS, where that is not a register
-%define FRAME (COLUMNS_AT + 64)
+%define COLUMNS_AT (MIDDLE_AT + 64)     ; COLUMNS and OWNER, where they are not registers
+%define OWNER_AT (COLUMNS_AT + 64)
+%define WHOLE_AT (OWNER_AT + 64)        ; up to which column of the tile the row's blocks are written whole
+%define RECORD_AT (WHOLE_AT + 8)        ; where the owner's record is, ...
+%define LIGHTS_AT (RECORD_AT + 8)       ; ... and what each light does to it
+%define FRAME (WHOLE_AT + 64)
 
-; COLUMNS - the columns in the picture of a block's pixels: a register where there are 32, since each block waits for
-;           the one before.
+; COLUMNS - the columns in the picture of a block's pixels; OWNER - in every lane the object that had all pixels of a
+;           block last: registers where there are 32, since each block waits for the one before.
 %if HAS_MASKS
 %xdefine COLUMNS VREG %+ 16
+%xdefine OWNER VREG %+ 17
 %else
 %define COLUMNS [rsp + COLUMNS_AT]
+%define OWNER [rsp + OWNER_AT]
 %endif
+
+; IF_ALL - jumps if all lanes are in the mask. Clobbers eax.
+%macro IF_ALL 1
+%define %%to %1         ; [in]       label
+    MASK_BITS eax
+    cmp     eax, (1 << LANES) - 1
+    je      %%to
+%endmacro
+
+; RAY_X - v4 = the first component of the rays of a block. Clobbers v8, v9, v10.
+%macro RAY_X 0
+    VMOV    v9, COLUMNS
+    VSUB    v9, v9, [rsp + MIDDLE_AT]
+    VSPREAD v8, [rdi + ELEM * TileRays.step]
+    VSPREAD v4, [rdi + ELEM * TileRays.dx]
+    VFMA    v4, v9, v8, v10
+%endmacro
+
+; SPHERE_RECORD - r10 = where the record of the sphere number eax of the tile is, r13 = how far what the first light does
+;                 to it is from what it does to the first record. Clobbers rax.
+%macro SPHERE_RECORD 0
+    mov     r10, [rsi + ShadeTask.sphere_ids]
+    mov     eax, [r10 + 4 * rax - 4]
+    imul    r10, rax, ELEM * TileSphere_size
+    add     r10, [rsi + ShadeTask.spheres]
+    imul    rax, [rsi + ShadeTask.light_count]
+    shl     rax, ilog2e(ELEM * ObjectLight_size)        ; a ShortLight is as long
+    mov     r13, rax
+%endmacro
 
 ; ADD_TRIANGLE_LIGHT - adds what the light at r13 does to the colours v1, v2, v3 of triangles with 1/t in v0 and rays
 ;                      in v4, v5, v14. Cosines and weights are in v7 to v10. Clobbers v7, v11, v12, v13, v15.
@@ -48,8 +81,8 @@
     jnz     %%loop
 %endmacro
 
-; PIXELS_OUT_F32X4 - a block's pixels from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
-%macro PIXELS_OUT_F32X4 0
+; PIXELS_OUT - a block's pixels of floats from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
+%macro PIXELS_OUT 0
     TURN_F32X4 1, 2, 3, 7, 11, 12
 %assign %%c 0
 %rep BLOCK_HEIGHT
@@ -64,25 +97,66 @@
 %endrep
 %endmacro
 
-; PIXELS_OUT_RGBA8 - the same in four bytes a pixel.
-%macro PIXELS_OUT_RGBA8 0
+; PIXELS_KEPT - a block's pixels in bytes, from v1, v2, v3 to their place in the row of blocks on the stack.
+%macro PIXELS_KEPT 0
     PACK_RGBA8 1, 2, 3, 1
-%assign %%c 0
+    imul    eax, ebx, 4 * BLOCK_HEIGHT
+%if LANES == 2
+    movq    [rsp + PIXELS_AT + rax], x1
+%else
+    VEX(movups) [rsp + PIXELS_AT + rax], w1
+%endif
+%endmacro
+
+; FETCH_ROWS - has the rows of pixels of a row of blocks fetched, from r14 on, r10 bytes apart. Clobbers rax.
+%macro FETCH_ROWS 0
+    mov     rax, r14
+%rep BLOCK_HEIGHT
+%assign %%at 0
+%rep 4 * TILE_WIDTH / 64
+    prefetcht0 [rax + %%at]
+%assign %%at %%at + 64
+%endrep
+    add     rax, r10
+%endrep
+%endmacro
+
+; ROWS_OUT - the rows of pixels of ecx columns of a row of blocks from the stack to r14 and the rows after it, r10 bytes
+;            apart: of as many blocks as have rows, a register for each row. Clobbers rax, r9, r14, ecx, v1.
+%macro ROWS_OUT 0
+    xor     r9d, r9d
+%%blocks:
+    lea     rax, [r14]
+%assign %%row 0
 %rep BLOCK_HEIGHT
 %if LANES == 2
-    movq    [r9], x1
+    movq    x1, [rsp + PIXELS_AT + r9]
+    movq    [rax], x1
 %else
-    STORE128 [r9], w, 1, %%c
-%endif
-    add     r9, r10
-%assign %%c %%c + 1
+%assign %%block 0
+%rep BLOCK_HEIGHT
+    INSERT128 1, [rsp + PIXELS_AT + r9 + 4 * LANES * %%block + 16 * %%row], %%block
+%assign %%block %%block + 1
 %endrep
+    VEX(movups) [rax], w1
+%endif
+    add     rax, r10
+%assign %%row %%row + 1
+%endrep
+    add     r14, 4 * LANES
+    add     r9d, 4 * LANES * BLOCK_HEIGHT
+    sub     ecx, LANES
+    jnz     %%blocks
 %endmacro
 
 ; SHADE_TILE - a function that shades a tile.
 ;
+;   Most blocks belong to one object, and mostly to that of the block before. So who that is, and where its record is, is
+;   kept: a block need not wait for its record's address, unless it has another owner, or several.
+;
 ;   registers   rdi rays, rsi task; r8 block; ebx, r12d column and row of its first pixel in the tile
 ;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 who
+;               edx what the owner is: 0 nobody, above a triangle, below a sphere
 ;               r14 where the block's first pixel goes
 ;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
 %macro SHADE_TILE 2
@@ -96,6 +170,9 @@ FUNC NAME(tile, %%output)
     mov     [rsp + STRIDES_AT + 4 * i], eax
 %assign i i + 1
 %endrep
+    xor     edx, edx
+    VZERO   v7
+    VMOV_TO OWNER, v7
     mov     eax, [rsi + ShadeTask.column]
     add     eax, TILE_WIDTH / 2
     VSPREAD_INTEGER 7, eax
@@ -115,7 +192,11 @@ FUNC NAME(tile, %%output)
     VMOV_TO [rsp + ROWS_AT], v7
     xor     ecx, ecx
     mov     r9d, [rsi + ShadeTask.end_column]
+%if %[%%format]_FLOATS
     and     r9d, -BLOCK_WIDTH
+%else
+    and     r9d, -LANES
+%endif
     lea     eax, [r12 + BLOCK_HEIGHT]
     cmp     eax, [rsi + ShadeTask.end_row]
     cmovg   r9d, ecx
@@ -124,8 +205,15 @@ FUNC NAME(tile, %%output)
     cmovl   r9d, ecx
     mov     [rsp + WHOLE_AT], r9d
     movsxd  r14, eax
-    imul    r14, [rsi + ShadeTask.pitch]
+    mov     r10, [rsi + ShadeTask.pitch]
+    imul    r14, r10
     add     r14, [rsi + ShadeTask.out]
+%if %[%%format]_FLOATS == 0
+    cmp     r9d, TILE_WIDTH
+    jl      .fetched
+    FETCH_ROWS
+.fetched:
+%endif
     lea     eax, [r12 - TILE_HEIGHT / 2]
     VSPREAD_INTEGER 7, eax
     VADD    v7, v7, [PACKET(block_y)]
@@ -146,49 +234,23 @@ align 16
     VZERO   v1
     VZERO   v2
     VZERO   v3
-    MASK_GREATER v6, [PACKET(zeros)]
-    MASK_BITS r15d
-    test    r15d, r15d
+    MASK_EQUAL v6, OWNER
+    IF_ALL  .owned
+    VSPREAD v7, [r8 + WHO]
+    MASK_EQUAL v6, v7
+    IF_ALL  .new_owner
+    mov     rcx, [rsi + ShadeTask.light_count]
+    test    rcx, rcx
     jz      .shaded
     cmp     qword [rsi + ShadeTask.triangle_count], 0
-    je      .sphere
+    je      .spheres
+    RAY_X
     VMOV    v7, v6
     LEVELS  7
-    STORE_NUMBERS rsp + IDS_AT, 7
-    VMOV    v9, COLUMNS
-    VSUB    v9, v9, [rsp + MIDDLE_AT]
-    VSPREAD v8, [rdi + ELEM * TileRays.step]
-    VSPREAD v4, [rdi + ELEM * TileRays.dx]
-    VFMA    v4, v9, v8, v10
-    VSPREAD v8, [r8 + WHO]
-    MASK_EQUAL v6, v8
-    MASK_BITS eax
-    mov     rcx, [rsi + ShadeTask.light_count]
-    mov     r13, [rsi + ShadeTask.lights]
-    mov     r10, [rsi + ShadeTask.shades]
-    cmp     eax, (1 << LANES) - 1
-    jne     .mixed
-    mov     eax, [rsp + IDS_AT]
-    cmp     rax, [rsi + ShadeTask.sphere_count]
-    jbe     .spheres
-    mov     r9d, [rsp + STRIDES_AT]
-    imul    rax, r9
-    add     r10, rax
-    test    rcx, rcx
-    jz      .shaded
-.same:
-    VSPREAD v7, [r10 + ELEM * TileShade.cosine]
-    VSPREAD v8, [r10 + ELEM * TileShade.red]
-    VSPREAD v9, [r10 + ELEM * TileShade.green]
-    VSPREAD v10, [r10 + ELEM * TileShade.blue]
-    ADD_TRIANGLE_LIGHT
-    NEXT_SHADE .same
-    jmp     .shaded
-.mixed:
     IOP     pmulld, w7, w7, [rsp + STRIDES_AT]
     STORE_NUMBERS rsp + OFFSETS_AT, 7
-    test    rcx, rcx
-    jz      .shaded
+    mov     r13, [rsi + ShadeTask.lights]
+    mov     r10, [rsi + ShadeTask.shades]
 .each:
     GATHER4 7, 8, 9, 10, 11, 12, 13, r10, rsp + OFFSETS_AT, ax
     ADD_TRIANGLE_LIGHT
@@ -197,6 +259,8 @@ align 16
     mov     eax, [rsi + ShadeTask.sphere_count]
     test    eax, eax
     jz      .shaded
+    MASK_GREATER v6, [PACKET(zeros)]
+    MASK_BITS r15d
     VSPREAD_INTEGER 7, eax
     MASK_NOT_LESS v7, v6                ; up to here they are spheres
     MASK_BITS eax
@@ -211,16 +275,9 @@ align 16
     MASK_BITS ecx
     not     ecx
     and     r15d, ecx                   ; the others
-    mov     r10, [rsi + ShadeTask.sphere_ids]
-    mov     eax, [r10 + 4 * rax - 4]
-    imul    r10, rax, ELEM * TileSphere_size
-    add     r10, [rsi + ShadeTask.spheres]
+    SPHERE_RECORD
+.sphere_lights:
     mov     rcx, [rsi + ShadeTask.light_count]
-    imul    rax, rcx
-    shl     rax, ilog2e(ELEM * ObjectLight_size)        ; a ShortLight is as long
-    mov     r13, rax
-    test    rcx, rcx
-    jz      .next_sphere
     VMOV    v7, COLUMNS
     ELEMENT_OPERAND [r10 + ELEM * TileSphere.column], v9
     VSUB    v7, v7, ONE                 ; x
@@ -245,25 +302,82 @@ align 16
     jnz     .sphere
 
 .shaded:
+%if %[%%format]_FLOATS
     cmp     ebx, [rsp + WHOLE_AT]
     jge     .part
     mov     r9, r14
     mov     r10, [rsi + ShadeTask.pitch]
-    PIXELS_OUT_ %+ %%format
+    PIXELS_OUT
 .next_block:
+    add     r14, BLOCK_WIDTH * %%format %+ _BYTES
+%else
+    PIXELS_KEPT
+%endif
     VMOV    v7, COLUMNS
     VADD    v7, v7, [PACKET(block_step)]
     VMOV_TO COLUMNS, v7
     add     r8, VBYTES
-    add     r14, BLOCK_WIDTH * %%format %+ _BYTES
     add     ebx, BLOCK_WIDTH
     cmp     ebx, [rsi + ShadeTask.end_column]
     jl      .block
+%if %[%%format]_FLOATS == 0
+    mov     ecx, [rsp + WHOLE_AT]
+    mov     ebx, ecx
+    test    ecx, ecx
+    jz      .part
+    mov     r10, [rsi + ShadeTask.pitch]
+    ROWS_OUT
+.next_block:
+    cmp     ebx, [rsi + ShadeTask.end_column]
+    jl      .part
+%endif
     add     r12d, BLOCK_HEIGHT
     cmp     r12d, [rsi + ShadeTask.end_row]
     jl      .row
     LEAVE_OWNED
     ret
+
+    ; All pixels of the block are the owner's.
+.new_owner:
+    VMOV_TO OWNER, v7
+    VTRUNCATE   eax, [r8 + WHO]
+    xor     edx, edx
+    cmp     qword [rsi + ShadeTask.light_count], 0
+    je      .shaded
+    test    eax, eax
+    jz      .shaded
+    inc     edx
+    mov     r10d, [rsp + STRIDES_AT]
+    imul    r10, rax
+    add     r10, [rsi + ShadeTask.shades]
+    cmp     rax, [rsi + ShadeTask.sphere_count]
+    ja      .found
+    neg     edx
+    SPHERE_RECORD
+    mov     [rsp + LIGHTS_AT], r13
+.found:
+    mov     [rsp + RECORD_AT], r10
+.owned:
+    test    edx, edx
+    jz      .shaded
+    mov     r10, [rsp + RECORD_AT]
+    js      .owned_by_sphere
+    RAY_X
+    mov     rcx, [rsi + ShadeTask.light_count]
+    mov     r13, [rsi + ShadeTask.lights]
+.same:
+    VSPREAD v7, [r10 + ELEM * TileShade.cosine]
+    VSPREAD v8, [r10 + ELEM * TileShade.red]
+    VSPREAD v9, [r10 + ELEM * TileShade.green]
+    VSPREAD v10, [r10 + ELEM * TileShade.blue]
+    ADD_TRIANGLE_LIGHT
+    NEXT_SHADE .same
+    jmp     .shaded
+.owned_by_sphere:
+    mov     r13, [rsp + LIGHTS_AT]
+    lea     r11, [r8 + WHO]
+    xor     r15d, r15d
+    jmp     .sphere_lights
 
 %if %[%%format]_FLOATS == 0
 .long:
@@ -271,11 +385,13 @@ align 16
     jmp     .next_sphere
 %endif
 
-    ; A block that is only partly to be written: its pixels by way of the stack.
+    ; A block that is only partly to be written, or by itself: its pixels by way of the stack.
 .part:
+%if %[%%format]_FLOATS
     mov     r9, rsp
     mov     r10d, BLOCK_WIDTH * %%format %+ _BYTES
-    PIXELS_OUT_ %+ %%format
+    PIXELS_OUT
+%endif
     mov     ecx, [rsi + ShadeTask.end_column]
     sub     ecx, ebx
     mov     eax, BLOCK_WIDTH
@@ -286,7 +402,7 @@ align 16
 .part_row:
     lea     eax, [r12 + r11]
     cmp     eax, [rsi + ShadeTask.end_row]
-    jge     .next_block
+    jge     .part_done
     sub     eax, [rsi + ShadeTask.start_row]
     jl      .next_part_row
     imul    rax, [rsi + ShadeTask.pitch]
@@ -294,6 +410,10 @@ align 16
     add     r9, rax
     add     r9, [rsi + ShadeTask.out]
     imul    r10d, r11d, BLOCK_WIDTH * %%format %+ _BYTES
+%if %[%%format]_FLOATS == 0
+    imul    eax, ebx, 4 * BLOCK_HEIGHT
+    add     r10, rax
+%endif
     add     r10, rsp
     xor     r13d, r13d
 .number:
@@ -306,6 +426,10 @@ align 16
     inc     r11d
     cmp     r11d, BLOCK_HEIGHT
     jb      .part_row
+.part_done:
+%if %[%%format]_FLOATS == 0
+    add     ebx, BLOCK_WIDTH
+%endif
     jmp     .next_block
     END
 %endmacro
