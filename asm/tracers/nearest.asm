@@ -148,14 +148,14 @@
     and     ebx, -BLOCK_HEIGHT
 %endmacro
 
-; BLOCK_ROW - r13 = the address of the block number r11 of the row ebx of the tile at r8.
+; BLOCK_ROW - r13 = the address of the block number r9 of the row ebx of the tile at r8.
 %macro BLOCK_ROW 0
     mov     r13d, ebx
 %if BLOCK_HEIGHT > 1
     shr     r13d, ilog2e(BLOCK_HEIGHT)
 %endif
     imul    r13d, r13d, BLOCKS_X
-    add     r13d, r11d
+    add     r13d, r9d
     shl     r13, ilog2e(VBYTES)
     add     r13, r8
 %endmacro
@@ -183,10 +183,13 @@ struc NearestStack
     .row_place:     resb VBYTES         ; where that row is in the tile
     .offset_x:      resb VBYTES         ; spheres: from the tile's middle to their own origins
     .offset_y:      resb VBYTES
+    .reach1:        resb VBYTES         ; REACH(1) to REACH(3), where they are not registers
+    .reach2:        resb VBYTES
+    .reach3:        resb VBYTES
     .inverses:      resb VBYTES * MOST_STEPS    ; what was found of a pixel of each lane: 1/t, ...
     .places:        resb VBYTES * MOST_STEPS    ; ... and where it is in the tile
     .found:         resb 256 + 64       ; the numbers of those that are hit, a byte each
-    .numbers:       resq 8              ; those below, from rbp on
+    .numbers:       resq 9              ; those below, from rbp on
 endstruc
 %define SAVED_R14 rbp - 48
 %define SAVED_R10 rbp - 56
@@ -196,11 +199,21 @@ endstruc
 %define PLANES_AT rbp - 88              ; those of the packet
 %define TURNED_AT rbp - 96
 %define ONE_BY_ONE rbp - 104            ; lanes whose objects are to be asked by themselves
+%define ACROSS rbp - 112                ; a bit for each block of a row within the bounds
 
-; OWN_ID - the number of the object that is asked: a register where there are 32.
+; OWN_ID - the number of the object that is asked; REACH(i) - its edge i where that is greatest in a block: registers
+;          where there are 32.
 %if HAS_MASKS
 %xdefine OWN_ID VREG %+ 17
+%xdefine REACH1 VREG %+ 18
+%xdefine REACH2 VREG %+ 19
+%xdefine REACH3 VREG %+ 20
+%else
+%define REACH1 [rsp + NearestStack.reach1]
+%define REACH2 [rsp + NearestStack.reach2]
+%define REACH3 [rsp + NearestStack.reach3]
 %endif
+%define REACH(i) REACH %+ i
 
 ; The tile's middle.
 %define MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
@@ -241,6 +254,68 @@ endstruc
     %%load  v2, [rdi + ELEM * TrianglePlanes.e3x]
     %%load  v3, [rdi + ELEM * TrianglePlanes.tx]
     %%load  v14, [rdi + ELEM * TrianglePlanes.most]
+%endmacro
+
+; A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen, so
+; that leaving some out costs as much as it saves.
+%define FEWEST_ACROSS (BLOCKS_X / 2)
+
+; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: edge i at that pixel of a block where it is
+;           greatest, if the block begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
+%macro REACHES 0
+%assign %%i 0
+%rep 3
+%assign %%e %%i + 1
+    VSPREAD v4, [rdi + ELEM * TrianglePlanes.e%[%%e]0]
+    VABS    v5, v%[%%i]
+    VFMA    v4, v5, [PACKET(to_last_column)], v6
+%if BLOCK_HEIGHT > 1
+    VSPREAD v5, [rdi + ELEM * TrianglePlanes.e%[%%e]y]
+    VABS    v5, v5
+    VFMA    v4, v5, [PACKET(to_last_row)], v6
+%endif
+    VMOV_TO REACH(%[%%e]), v4
+%assign %%i %%i + 1
+%endrep
+%endmacro
+
+; REACHED - of the blocks of a row that are within the bounds the first, r9d, and how many there are, r10d, up to the last
+;           that no edge has all outside: REACH(i) + ey y + ex x is not below -4, while what is rounded on the way, and what
+;           is in doubt, is within 3. y is in v8. Jumps to `none` where there is none. Clobbers v4, v5, v6, v9, v10, v11, v13,
+;           eax.
+%macro REACHED 1
+%define %%none %1       ; [in]       label
+%assign %%e 1
+%rep 3
+%assign %%i 3 + %%e
+    VSPREAD v9, [rdi + ELEM * TrianglePlanes.e%[%%e]y]
+    VMOV    v%[%%i], REACH(%[%%e])
+    VFMA    v%[%%i], v9, v8, v13
+%assign %%e %%e + 1
+%endrep
+    xor     eax, eax
+%assign %%g 0
+%rep BLOCKS_X / LANES                   ; blocks in lanes
+    VMOV    v10, [PACKET(block_columns) + VBYTES * %%g]
+    PLANE_AT v9, v4, v0, v10, v13
+    PLANE_AT v11, v5, v1, v10, v13
+    VMIN    v9, v9, v11
+    PLANE_AT v11, v6, v2, v10, v13
+    VMIN    v9, v9, v11
+    MASK_NOT_LESS v9, [PACKET(never)]
+    MASK_BITS r9d
+%if %%g > 0
+    shl     r9d, LANES * %%g
+%endif
+    or      eax, r9d
+%assign %%g %%g + 1
+%endrep
+    and     eax, [ACROSS]
+    jz      %%none
+    bsf     r9d, eax
+    bsr     r10d, eax
+    sub     r10d, r9d
+    inc     r10d
 %endmacro
 
 ; ROW_TRIANGLE - v4, v5, v6, v7 = the edges and 1/t along the row y in v8. Clobbers v9.
@@ -303,7 +378,7 @@ endstruc
 ;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
 ;               them, v8 x
 ;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
-;               rows; r13 block; v0 to v8 and v14 the same, v12 first x,
+;               rows; r13 block; rcx the first x of all blocks of a row; v0 to v8 and v14 the same, v12 x within a block,
 ;               OWN_ID its number
 %macro NEAREST 4
 %define %%name %1       ; [in]       triangles or spheres
@@ -553,27 +628,43 @@ align 16
     mov     ebx, [rdx + %%turned %+ .rows]
     CLIP    .large
     mov     r11d, r9d
+    xor     r10d, r10d
+    bts     r10, rax
+    xor     ecx, ecx
+    bts     rcx, r9
+    sub     r10, rcx
+    mov     [ACROSS], r10d
     sub     eax, r9d
     mov     r14d, eax                   ; blocks in a row
     FACTORS_%[%%kind] VSPREAD
 %if HAS_MASKS
     VSPREAD OWN_ID, [rdi + ELEM * %%planes %+ .id]
 %endif
-    shl     r9d, ilog2e(BLOCK_WIDTH)
-    sub     r9d, TILE_WIDTH / 2
-    VSPREAD_INTEGER 12, r9d
-    VADD    v12, v12, [PACKET(block_x)]
+    lea     rcx, [PACKET(block_columns)]
+    VMOV    v12, [PACKET(block_x)]
 %ifidn %%kind, SPHERE
     VADD    v12, v12, [rsp + NearestStack.offset_x]
+%else
+    cmp     r14d, FEWEST_ACROSS
+    jb      .row
+    REACHES
 %endif
 .row:
     lea     r9d, [rbx - TILE_HEIGHT / 2]
     VSPREAD_INTEGER 8, r9d
-    VADD    v8, v8, [PACKET(block_y)]
-    ROW_%[%%kind] VSPREAD
-    VMOV    v8, v12
-    BLOCK_ROW
+    mov     r9d, r11d
     mov     r10d, r14d
+%ifidn %%kind, TRIANGLE
+    cmp     r14d, FEWEST_ACROSS
+    jb      .all_across
+    REACHED .next_row
+.all_across:
+%endif
+    VADD    v8, v8, [PACKET(block_y)]
+    BLOCK_ROW
+    ROW_%[%%kind] VSPREAD
+    ELEMENT_OPERAND [rcx + ELEM * r9], v8
+    VADD    v8, v12, ONE
 align 16
 .block:
 %ifidn %%kind, SPHERE
@@ -627,6 +718,7 @@ align 16
     add     r13, VBYTES
     dec     r10d
     jnz     .block
+.next_row:
     add     ebx, BLOCK_HEIGHT
     cmp     ebx, r15d
     jl      .row

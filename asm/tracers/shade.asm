@@ -126,7 +126,7 @@
 %macro ROWS_OUT 0
     xor     r9d, r9d
 %%blocks:
-    lea     rax, [r14]
+    mov     rax, r14
 %assign %%row 0
 %rep BLOCK_HEIGHT
 %if LANES == 2
@@ -346,13 +346,13 @@ align 16
     je      .shaded
     test    eax, eax
     jz      .shaded
-    inc     edx
+    mov     edx, 1
     mov     r10d, [rsp + STRIDES_AT]
     imul    r10, rax
     add     r10, [rsi + ShadeTask.shades]
     cmp     rax, [rsi + ShadeTask.sphere_count]
     ja      .found
-    neg     edx
+    mov     edx, -1
     SPHERE_RECORD
     mov     [rsp + LIGHTS_AT], r13
 .found:

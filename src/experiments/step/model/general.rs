@@ -50,7 +50,7 @@ pub(super) fn model(i: &mut Instruction) -> Option<()> {
         "imul" => multiply(i),
         "shl" | "shr" => shift(i),
         "shlx" | "shrx" | "bzhi" => by_register(i),
-        "bsf" => lowest_bit(i),
+        "bsf" | "bsr" => outermost_bit(i),
         "popcnt" => count_bits(i),
         "bt" | "btr" | "bts" => test_bit(i),
         "xchg" => {
@@ -232,12 +232,15 @@ fn by_register(i: &mut Instruction) -> Option<()> {
     Some(())
 }
 
-/// `bsf`. Of 0 there is no lowest bit: the zero flag says so, and the register stays, as AMD promises and Intel's do.
-fn lowest_bit(i: &mut Instruction) -> Option<()> {
+/// `bsf`, and `bsr`, which looks for the highest bit. Of 0 there is none: the zero flag says so, and the register stays, as
+/// AMD promises and Intel's do.
+fn outermost_bit(i: &mut Instruction) -> Option<()> {
+    let lowest = i.name == "bsf";
     let (to, from) = (i.operand(0)?, i.operand(1)?.whole());
     let a = i.read(from);
     if a != 0 {
-        i.write_general(to, Value::computed(a.trailing_zeros().into(), [from]));
+        let number = if lowest { a.trailing_zeros() } else { a.ilog2() };
+        i.write_general(to, Value::computed(number.into(), [from]));
     }
     flags(i, &[from], &[(ZERO, Some(a == 0))]);
     flags(i, &[], &[(CARRY, None), (SIGN, None), (PARITY, None), (OVERFLOW, None)]);
