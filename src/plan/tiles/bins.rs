@@ -95,7 +95,11 @@ impl Bins {
             }
             tiles.each(across, |tile| {
                 let next = &mut next[tile];
-                lists[*next as usize..][..run.len()].copy_from_slice(run);
+                match run {
+                    // A copy of any length is a call.
+                    [one] => lists[*next as usize] = *one,
+                    _ => lists[*next as usize..][..run.len()].copy_from_slice(run),
+                }
                 *next += run.len() as u32;
             });
         }
