@@ -5,6 +5,9 @@
 ; block is a packet of pixels, rows of up to four, and `near` and `who` of a tile keep the nearest of each (lines 12 to
 ; 17) in cache.
 ;
+; Of a large triangle only those blocks of a row are asked that no edge has all outside, from the first to the last:
+; each edge is taken where it is greatest in a block, of all blocks of a row at once.
+;
 ; A block leaves an object as soon as all its pixels miss it or have something that is nearer than any point of it, so
 ; that it pays to ask what is near first.
 ;
@@ -256,12 +259,12 @@ endstruc
     %%load  v14, [rdi + ELEM * TrianglePlanes.most]
 %endmacro
 
-; A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen, so
-; that leaving some out costs as much as it saves.
+; A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not
+; foreseen, so that leaving some out costs as much as it saves.
 %define FEWEST_ACROSS (BLOCKS_X / 2)
 
-; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: edge i at that pixel of a block where it is
-;           greatest, if the block begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
+; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: edge i at that pixel of a block where
+;           it is greatest, if the block begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
 %macro REACHES 0
 %assign %%i 0
 %rep 3
@@ -279,10 +282,10 @@ endstruc
 %endrep
 %endmacro
 
-; REACHED - of the blocks of a row that are within the bounds the first, r9d, and how many there are, r10d, up to the last
-;           that no edge has all outside: REACH(i) + ey y + ex x is not below -4, while what is rounded on the way, and what
-;           is in doubt, is within 3. y is in v8. Jumps to `none` where there is none. Clobbers v4, v5, v6, v9, v10, v11, v13,
-;           eax.
+; REACHED - of the blocks of a row that are within the bounds the first, r9d, and how many there are, r10d, up to the
+;           last that no edge has all outside: REACH(i) + ey y + ex x is not below -4, while what is rounded on the way,
+;           and what is in doubt, is within 3. y is in v8. Jumps to `none` where there is none. Clobbers v4, v5, v6, v9,
+;           v10, v13, eax.
 %macro REACHED 1
 %define %%none %1       ; [in]       label
 %assign %%e 1
@@ -298,11 +301,11 @@ endstruc
 %rep BLOCKS_X / LANES                   ; blocks in lanes
     VMOV    v10, [PACKET(block_columns) + VBYTES * %%g]
     PLANE_AT v9, v4, v0, v10, v13
-    PLANE_AT v11, v5, v1, v10, v13
-    VMIN    v9, v9, v11
-    PLANE_AT v11, v6, v2, v10, v13
-    VMIN    v9, v9, v11
     MASK_NOT_LESS v9, [PACKET(never)]
+    PLANE_AT v9, v5, v1, v10, v13
+    MASK_AND_NOT_LESS v9, [PACKET(never)], v13
+    PLANE_AT v9, v6, v2, v10, v13
+    MASK_AND_NOT_LESS v9, [PACKET(never)], v13
     MASK_BITS r9d
 %if %%g > 0
     shl     r9d, LANES * %%g
@@ -378,8 +381,8 @@ endstruc
 ;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
 ;               them, v8 x
 ;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
-;               rows; r13 block; rcx the first x of all blocks of a row; v0 to v8 and v14 the same, v12 x within a block,
-;               OWN_ID its number
+;               rows; r13 block; rcx the first x of all blocks of a row; v0 to v8 and v14 the same, v12 x within a
+;               block, OWN_ID its number
 %macro NEAREST 4
 %define %%name %1       ; [in]       triangles or spheres
 %define %%kind %2       ; [in]       TRIANGLE or SPHERE

@@ -1,7 +1,8 @@
 ; shade.asm - the packet tracers in object order, second half: the pixels of a tile of many objects, shaded once.
 ;
 ; When nearest.asm is through with all objects of a tile, each pixel is shaded once, by lines 18 to 21 of Algorithm 1,
-; and written, block by block.
+; block by block. Floats are written at once, bytes when a row of blocks is whole: by lines of the picture, which are
+; fetched before.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
@@ -42,17 +43,17 @@
     je      %%to
 %endmacro
 
-; RAY_X - v4 = the first component of the rays of a block. Clobbers v8, v9, v10.
+; RAY_X - v4 = the first component of the rays of a block, dx + step x. Clobbers v8, v9, v10, v11.
 %macro RAY_X 0
     VMOV    v9, COLUMNS
     VSUB    v9, v9, [rsp + MIDDLE_AT]
     VSPREAD v8, [rdi + ELEM * TileRays.step]
-    VSPREAD v4, [rdi + ELEM * TileRays.dx]
-    VFMA    v4, v9, v8, v10
+    VSPREAD v10, [rdi + ELEM * TileRays.dx]
+    PLANE_AT v4, v10, v8, v9, v11
 %endmacro
 
-; SPHERE_RECORD - r10 = where the record of the sphere number eax of the tile is, r13 = how far what the first light does
-;                 to it is from what it does to the first record. Clobbers rax.
+; SPHERE_RECORD - r10 = where the record of the sphere number eax of the tile is, r13 = how far what the first light
+;                 does to it is from what it does to the first record. Clobbers rax.
 %macro SPHERE_RECORD 0
     mov     r10, [rsi + ShadeTask.sphere_ids]
     mov     eax, [r10 + 4 * rax - 4]
@@ -101,11 +102,7 @@
 %macro PIXELS_KEPT 0
     PACK_RGBA8 1, 2, 3, 1
     imul    eax, ebx, 4 * BLOCK_HEIGHT
-%if LANES == 2
-    movq    [rsp + PIXELS_AT + rax], x1
-%else
-    VEX(movups) [rsp + PIXELS_AT + rax], w1
-%endif
+    STORE_NUMBERS rsp + PIXELS_AT + rax, 1
 %endmacro
 
 ; FETCH_ROWS - has the rows of pixels of a row of blocks fetched, from r14 on, r10 bytes apart. Clobbers rax.
@@ -151,8 +148,8 @@
 
 ; SHADE_TILE - a function that shades a tile.
 ;
-;   Most blocks belong to one object, and mostly to that of the block before. So who that is, and where its record is, is
-;   kept: a block need not wait for its record's address, unless it has another owner, or several.
+;   Most blocks belong to one object, and mostly to that of the block before. So who that is, and where its record is,
+;   is kept: a block need not wait for its record's address, unless it has another owner, or several.
 ;
 ;   registers   rdi rays, rsi task; r8 block; ebx, r12d column and row of its first pixel in the tile
 ;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 who
