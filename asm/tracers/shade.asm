@@ -102,7 +102,11 @@
 %macro PIXELS_KEPT 0
     PACK_RGBA8 1, 2, 3, 1
     imul    eax, ebx, 4 * BLOCK_HEIGHT
-    STORE_NUMBERS rsp + PIXELS_AT + rax, 1
+%if LANES == 2
+    movq    [rsp + PIXELS_AT + rax], x1
+%else
+    VEX(movups) [rsp + PIXELS_AT + rax], w1
+%endif
 %endmacro
 
 ; FETCH_ROWS - has the rows of pixels of a row of blocks fetched, from r14 on, r10 bytes apart. Clobbers rax.
