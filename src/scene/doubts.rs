@@ -9,7 +9,7 @@ use crate::reference::geometry;
 const LONG: f32 = 10.0;
 
 impl Scene {
-    /// What is hardly meant in a picture of the scene, a line each: costs as much as a few rays at most.
+    /// What is hardly meant in a picture of the scene, a line each: costs as much as four rays by brute force at most.
     pub fn doubts(&self) -> Vec<String> {
         let (mut doubts, camera) = (Vec::new(), &self.camera);
         if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
