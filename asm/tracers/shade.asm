@@ -22,7 +22,7 @@
 %define OWNER_AT (COLUMNS_AT + 64)
 %define WHOLE_AT (OWNER_AT + 64)        ; up to which column of the tile the row's blocks are written whole
 %define RECORD_AT (WHOLE_AT + 8)        ; where the owner's record is, ...
-%define LIGHTS_AT (RECORD_AT + 8)       ; ... and what each light does to it
+%define LIGHTS_AT (RECORD_AT + 8)       ; ... and of a sphere r13 of SPHERE_RECORD
 %define FRAME (WHOLE_AT + 64)
 
 ; COLUMNS - the columns in the picture of a block's pixels; OWNER - in every lane the object that had all pixels of a
@@ -158,7 +158,7 @@
 ;   registers   rdi rays, rsi task; r8 block; ebx, r12d column and row of its first pixel in the tile
 ;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 who
 ;               edx what the owner is: 0 nobody, above a triangle, below a sphere
-;               r14 where the block's first pixel goes
+;               r14 where the block's first pixel goes, or that of a row of blocks in bytes
 ;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
 %macro SHADE_TILE 2
 %define %%output %1     ; [in]       part of the function's name
@@ -386,7 +386,7 @@ align 16
     jmp     .next_sphere
 %endif
 
-    ; A block that is only partly to be written, or by itself: its pixels by way of the stack.
+    ; A block that is only partly to be written, or one of fewer than ROWS_OUT takes: its pixels by way of the stack.
 .part:
 %if %[%%format]_FLOATS
     mov     r9, rsp
