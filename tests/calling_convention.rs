@@ -822,24 +822,24 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernel
                 let alive = survives(|| {
                     let (mut buffers, mut shades) = (TileBuffers::default(), shades());
                     kernels.sphere_set_up.call(view_of_spheres, spheres, 1, &mut buffers);
-                    kernels.nearest_spheres.call(&mut buffers, &order, &window, &grid);
+                    kernels.nearest_spheres.call(&mut buffers, &order, &window, &grid, 1);
                     kernels.set_up.call(&view, triangles, &mut buffers, &mut shades);
-                    kernels.nearest_triangles.call(&mut buffers, &order, &window, &grid);
+                    kernels.nearest_triangles.call(&mut buffers, &order, &window, &grid, 1);
                 });
                 let what = format!("{}, {count} of a kind, {window:?}", kernels.set_up.symbol());
                 assert!(alive.unwrap(), "{what}: the guard page {side:?} is touched");
                 let kept = kernels.sphere_set_up.call_checked(view_of_spheres, spheres, 1, &mut checked);
                 assert_eq!(kept, Ok(()), "{what}");
-                let kept = kernels.nearest_spheres.call_checked(&mut checked, &order, &window, &grid);
+                let kept = kernels.nearest_spheres.call_checked(&mut checked, &order, &window, &grid, 1);
                 assert_eq!(kept, Ok(()), "{what}");
                 let kept = kernels.set_up.call_checked(&view, triangles, &mut checked, &mut of_checked);
                 assert_eq!(kept, Ok(()), "{what}");
-                let kept = kernels.nearest_triangles.call_checked(&mut checked, &order, &window, &grid);
+                let kept = kernels.nearest_triangles.call_checked(&mut checked, &order, &window, &grid, 1);
                 assert_eq!(kept, Ok(()), "{what}");
                 kernels.sphere_set_up.call(view_of_spheres, spheres, 1, &mut unchecked);
-                kernels.nearest_spheres.call(&mut unchecked, &order, &window, &grid);
+                kernels.nearest_spheres.call(&mut unchecked, &order, &window, &grid, 1);
                 kernels.set_up.call(&view, triangles, &mut unchecked, &mut of_unchecked);
-                kernels.nearest_triangles.call(&mut unchecked, &order, &window, &grid);
+                kernels.nearest_triangles.call(&mut unchecked, &order, &window, &grid, 1);
                 assert!(of_checked == of_unchecked, "{what}");
                 // Corners that are shared are the same corners.
                 let (mut buffers, mut of_apart) = (TileBuffers::default(), shades());

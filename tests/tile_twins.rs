@@ -49,7 +49,7 @@ impl<E: Element + Real> Check<'_, E> {
         let order: Vec<_> = (0..=2 * COUNT as u32).collect();
         self.buffers.clear();
         kernels.sphere_set_up.call(view, spheres, 1, &mut self.buffers);
-        kernels.nearest_spheres.call(&mut self.buffers, &order, &self.window, &plan.grid());
+        kernels.nearest_spheres.call(&mut self.buffers, &order, &self.window, &plan.grid(), 1);
         kernels.sphere_looks.call(view, spheres, plan.sphere_lights(), weighted.bytes, 0, &mut self.records);
         let bounds = [(WIDTH as u32) << 16, (HEIGHT as u32) << 16];
         let all = |id| Seen { id, columns: bounds[0], rows: bounds[1], most: 0.75 + id as f32 };
@@ -58,7 +58,7 @@ impl<E: Element + Real> Check<'_, E> {
             Triangles { facets: plan.facets()[0], lights: &weighted.lights, seen: &seen, first_id: 1 + COUNT };
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         kernels.set_up.call(&view, triangles, &mut self.buffers, &mut self.shades);
-        kernels.nearest_triangles.call(&mut self.buffers, &order, &self.window, &plan.grid());
+        kernels.nearest_triangles.call(&mut self.buffers, &order, &self.window, &plan.grid(), 1);
 
         let twin = TileView {
             ray: DVec3::new(view.dx, view.dy, view.dz),

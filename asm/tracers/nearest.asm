@@ -259,10 +259,6 @@ endstruc
     %%load  v14, [rdi + ELEM * TrianglePlanes.most]
 %endmacro
 
-; A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not
-; foreseen, so that leaving some out costs as much as it saves.
-%define FEWEST_ACROSS (BLOCKS_X / 2)
-
 ; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: edge i at that pixel of a block where
 ;           it is greatest, if the block begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
 %macro REACHES 0
@@ -648,7 +644,7 @@ align 16
 %ifidn %%kind, SPHERE
     VADD    v12, v12, [rsp + NearestStack.offset_x]
 %else
-    cmp     r14d, FEWEST_ACROSS
+    cmp     r14d, [rsi + NearestTask.fewest_across]
     jb      .row
     REACHES
 %endif
@@ -658,7 +654,7 @@ align 16
     mov     r9d, r11d
     mov     r10d, r14d
 %ifidn %%kind, TRIANGLE
-    cmp     r14d, FEWEST_ACROSS
+    cmp     r14d, [rsi + NearestTask.fewest_across]
     jb      .all_across
     REACHED .next_row
 .all_across:

@@ -215,8 +215,11 @@ kinds! {
 
     /// Makes the pixels of the window those of the objects that were set up last, where nothing is nearer, and
     /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, from 1
-    /// on, and 0 for nobody.
-    fn call(buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid); |enter| {
+    /// on, and 0 for nobody. Of a triangle whose bounds have so many blocks in a row or more, those outside an edge are left
+    /// out.
+    fn call(
+        buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid, fewest_across: u32,
+    ); |enter| {
         window.check();
         assert!(buffers.most < order.len(), "everyone has a place in the scene");
         let (tile, Chunk { turned, planes, count }) = P::in_tile(buffers);
@@ -240,6 +243,7 @@ kinds! {
             half_width: grid.half_width.to_bits(),
             half_height: grid.half_height.to_bits(),
             focal: grid.focal.to_bits(),
+            fewest_across: fewest_across.into(),
         };
         enter([reads(&**planes), reads(&task), 0, 0, 0, 0]);
     }

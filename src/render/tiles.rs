@@ -409,7 +409,7 @@ impl<E: Element> TileTracer<'_, E> {
                         let triangles = Triangles { facets, lights: &weighted.lights, seen, first_id };
                         order.extend(seen.iter().take(CHUNK).map(|seen| before + seen.id));
                         kernels.set_up.call(&view, triangles, buffers, shades);
-                        kernels.nearest_triangles.call(buffers, order, window, &grid);
+                        kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());
                         if let Some(so_far) = &mut so_far {
                             so_far(buffers, shades, looks);
                         }
@@ -482,9 +482,16 @@ impl<E: Element> TileTracer<'_, E> {
                 looks.seen.extend_from_slice(chunk);
                 let spheres = Spheres { balls: self.plan.balls(), seen };
                 kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
-                kernels.nearest_spheres.call(buffers, order, window, &grid);
+                kernels.nearest_spheres.call(buffers, order, window, &grid, self.fewest_across());
             }
         })
+    }
+
+    /// A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen,
+    /// so that leaving some out costs as much as it saves.
+    fn fewest_across(&self) -> u32 {
+        let all = self.plan.keep().has(Omission::Misses);
+        if all { u32::MAX } else { (TILE_WIDTH / self.kernels.lanes.min(4) / 2) as u32 }
     }
 
     /// The records of all spheres, if they are few.
