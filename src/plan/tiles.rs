@@ -455,14 +455,17 @@ impl<'a, E: Element> Tiles<'a, E> {
 /// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust
 /// makes no other object's numbers large or small.
 fn extent(scene: &Scene) -> f64 {
-    let count = scene.triangle_count();
-    let corners = (0..count).step_by(count / 1024 + 1).flat_map(|i| scene.triangle(i).vertices);
-    let stride = scene.spheres.len() / 1024 + 1;
-    let centres = scene.spheres.iter().step_by(stride).map(|sphere| sphere.centre);
-    let sizes = corners.chain(centres).map(|v| v.abs().max_element());
-    let mut sizes: Vec<f32> = sizes.filter(|size| *size > 0.0 && size.is_finite()).collect();
+    let (count, spheres) = (scene.triangle_count(), scene.spheres.len());
+    // As bits, which are ordered as numbers from 0 on are.
+    let mut sizes = Vec::new();
+    let mut add = |v: Vec3| {
+        let size = v.to_array().map(|x| x.abs().to_bits()).into_iter().fold(0, u32::max);
+        sizes.extend((size > 0 && size < f32::INFINITY.to_bits()).then_some(size));
+    };
+    (0..count).step_by(count / 1024 + 1).for_each(|i| scene.triangle(i).vertices.into_iter().for_each(&mut add));
+    scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(sphere.centre));
     let middle = sizes.len() / 2;
-    if sizes.is_empty() { 1.0 } else { (*sizes.select_nth_unstable_by(middle, f32::total_cmp).1).into() }
+    if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
 /// Triangles with the near corner first of those that have one; see [`geometry::near_corner_first`].

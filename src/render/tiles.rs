@@ -3,7 +3,7 @@
 mod normals;
 
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ const MOST_RECORDS: usize = 4096;
 const FEWEST_OWNERS: usize = 128;
 
 /// A scene planned for tiles, and the kernels that trace it.
-pub struct TileTracer<'a, E: 'static> {
+pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'static SpanKernels<E>,
     /// Whether the shade may come from estimates in floats too.
@@ -39,6 +39,8 @@ pub struct TileTracer<'a, E: 'static> {
     records: [OnceLock<SphereRecords<E>>; 2],
     /// For the tiles that have an object whose numbers are beyond f32.
     wide: Option<Box<TileTracer<'a, f64>>>,
+    /// What threads needed for the rows that they have done, for those to come.
+    free: Mutex<Vec<Scratches<E>>>,
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
@@ -55,7 +57,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
     }
 
     fn of(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>, plan: Tiles<'a, E>) -> Self {
-        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None }
+        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None, free: Mutex::default() }
     }
 
     /// See [`Tiles::is_valid`].
@@ -79,7 +81,7 @@ impl<'a> TileTracer<'a, f64> {
 }
 
 /// What differs between the outputs of four channels; of three there are none but by way of these.
-trait Output<E: 'static>: Pixel + Plain {
+trait Output<E: Element>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
     fn shade(tracer: &TileTracer<'_, E>) -> &'static ShadeTile<E, Self>;
@@ -178,11 +180,12 @@ impl<E: Element> TileTracer<'_, E> {
         hits: &mut Option<u64>,
     ) {
         let width = self.plan.camera().width() as usize;
-        let mut scratches = Scratches::default();
+        let mut scratches = self.scratches();
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
             self.trace_tile(tile, window, out, &mut scratches, hits);
         });
+        self.put_back(scratches);
     }
 
     /// Three channels, a tile of four channels after another.
@@ -195,7 +198,7 @@ impl<E: Element> TileTracer<'_, E> {
         hits: &mut Option<u64>,
     ) {
         let width = self.plan.camera().width() as usize;
-        let mut scratches = Scratches::default();
+        let mut scratches = self.scratches();
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
@@ -206,6 +209,15 @@ impl<E: Element> TileTracer<'_, E> {
                 narrow.call(&four[..columns], &mut out[..columns]);
             }
         });
+        self.put_back(scratches);
+    }
+
+    fn scratches(&self) -> Scratches<E> {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn put_back(&self, scratches: Scratches<E>) {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).push(scratches);
     }
 
     /// A tile in the elements that hold its objects.
@@ -249,7 +261,7 @@ impl<E: Element> TileTracer<'_, E> {
     ) {
         let mut scratch = Scratch::default();
         self.each_tile(rows, |tile, window| {
-            if own(tile) && self.find_nearest(tile, window, self.plan.linear(), &mut scratch, None) {
+            if own(tile) && self.find_nearest(tile, window, None, self.plan.linear(), &mut scratch) {
                 say(window, &scratch);
             }
         });
@@ -341,7 +353,7 @@ impl<E: Element> TileTracer<'_, E> {
             P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
         };
         let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
-        if !self.find_nearest(tile, window, weighted, scratch, by_force) {
+        if !self.find_nearest(tile, window, by_force, weighted, scratch) {
             for row in 0..window.rows.len() {
                 P::fill(self, &mut pixels[first + row * width..][..window.columns as usize]);
             }
@@ -363,9 +375,11 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         tile: TilePlace,
         window: &TileWindow,
+        // A pair of pointers, not the last: on the stack it would be stored as two and loaded as one, which waits for all
+        // stores before.
+        mut so_far: Option<SoFar<'_, E>>,
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
-        mut so_far: Option<SoFar<'_, E>>,
     ) -> bool {
         let Scratch { buffers, spheres, room, halves, order, shades, looks, occluded, forgotten } = scratch;
         (*occluded, *forgotten) = (0, 0);
@@ -388,7 +402,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
         let mut before = 1 + self.plan.balls().len() as u32;
         let first_triangle = order.len();
-        for (kind, facets) in self.plan.facets().into_iter().enumerate() {
+        let all = self.plan.facets();
+        for (kind, facets) in all.iter().enumerate() {
             self.plan.triangles_in(kind, tile, room, |triangles| {
                 if !any {
                     buffers.clear();
@@ -406,7 +421,7 @@ impl<E: Element> TileTracer<'_, E> {
                     for start in (0..seen.len()).step_by(CHUNK) {
                         let first_id = order.len();
                         let seen = &seen[start..];
-                        let triangles = Triangles { facets, lights: &weighted.lights, seen, first_id };
+                        let triangles = Triangles { facets: *facets, lights: &weighted.lights, seen, first_id };
                         order.extend(seen.iter().take(CHUNK).map(|seen| before + seen.id));
                         kernels.set_up.call(&view, triangles, buffers, shades);
                         kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());

@@ -164,7 +164,7 @@ impl Forms {
     pub(super) fn steep_tiles(&self, triangle: &Triangle, seen: &Seen, tiles: &mut Vec<Seen>) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         // At its farthest corner, in the unit in which w is n . d / (v . n).
-        let farthest = self.grid.focal / corners.map(|v| v.z).into_iter().fold(0.0, f64::max);
+        let farthest = self.grid.focal / greatest(corners.map(|v| v.z)).max(0.0);
         if self.surely_nowhere_steep(corners, farthest) {
             return;
         }
@@ -199,12 +199,23 @@ impl Forms {
     fn surely_nowhere_steep(&self, [v, v2, v3]: [DVec3; 3], farthest: f64) -> bool {
         let (a, b) = (v2 - v, v3 - v);
         let n = a.cross(b);
-        let rounding = 8.0 * f64::EPSILON * a.abs().max_element() * b.abs().max_element();
+        let rounding = 8.0 * f64::EPSILON * size(a) * size(b);
         let most = self.grid.step * (n.abs() + rounding);
-        let volume = v.dot(n).abs() - 4.0 * rounding * v.abs().max_element();
+        let volume = v.dot(n).abs() - 4.0 * rounding * size(v);
         let (x, y) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
         steepness(most.x, most.y, x, y) <= (STEEPEST - 3.0) * farthest * volume
     }
+}
+
+/// The greatest of a vector's numbers without their signs.
+fn size(v: DVec3) -> f64 {
+    greatest(v.abs().to_array())
+}
+
+/// Of numbers none of which is NaN: a `max` that knows it is one instruction.
+fn greatest([a, b, c]: [f64; 3]) -> f64 {
+    let of_two = if a > b { a } else { b };
+    if of_two > c { of_two } else { c }
 }
 
 /// What the error of w = t0 + tx x + ty y has beside 3 w, in units of u.
