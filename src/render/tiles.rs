@@ -57,7 +57,15 @@ impl<'a, E: Element> TileTracer<'a, E> {
     }
 
     fn of(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>, plan: Tiles<'a, E>) -> Self {
-        TileTracer { packets, kernels, fast: false, plan, records: Default::default(), wide: None, free: Mutex::default() }
+        TileTracer {
+            packets,
+            kernels,
+            fast: false,
+            plan,
+            records: Default::default(),
+            wide: None,
+            free: Mutex::default(),
+        }
     }
 
     /// See [`Tiles::is_valid`].

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::bounds::Picture;
-use super::{TilePlace, range};
+use super::{MOST_SORTED, TilePlace, range};
 use crate::kernels::{Seen, TILE_HEIGHT, TILE_WIDTH, sys};
 
 /// A block that is made for what is yet to come has room for so many objects at most, 16 MiB.
@@ -20,8 +20,27 @@ pub(super) struct Bins {
     blocks: Vec<Vec<Seen>>,
     /// Objects in the last block.
     used: usize,
-    /// Where the runs of the last piece end.
-    ends: Vec<u32>,
+    /// Room for the runs of a piece.
+    runs: Vec<Run>,
+}
+
+/// Objects of a piece that follow one another and are in the same tiles, as neighbours in a mesh mostly are, and the first of
+/// these tiles.
+#[derive(Clone, Copy, Default)]
+struct Run {
+    start: u32,
+    end: u32,
+    tile: u32,
+}
+
+impl Run {
+    fn len(self) -> u32 {
+        self.end - self.start
+    }
+
+    fn of(self, seen: &[Seen]) -> &[Seen] {
+        &seen[self.start as usize..self.end as usize]
+    }
 }
 
 /// Where the objects of a piece of the scene are.
@@ -53,20 +72,24 @@ impl Bins {
     }
 
     /// Adds what is seen of the piece of the scene that has this number, after which so many `pieces_left` like it may come.
+    /// Few stay in their order, as spheres that were sorted must; of many the lists begin with those that are in no other tile.
     pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: f64) {
         let mut large = Vec::new();
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
         // How many objects each tile has, and then where they begin.
         let mut starts = vec![0_u32; self.tiles() + 1];
-        self.ends.clear();
-        for run in runs_of(seen) {
-            self.ends.push(run.len() as u32 + self.ends.last().copied().unwrap_or(0));
-            let tiles = TileRanges::of(&run[0]);
+        let in_order = seen.len() <= MOST_SORTED || self.most_tiles.is_none();
+        let (in_one, in_more) = runs_of(seen, across, in_order, &mut self.runs);
+        for run in in_one {
+            starts[run.tile as usize] += run.len();
+        }
+        for run in in_more.clone() {
+            let tiles = TileRanges::of(&seen[run.start as usize]);
             if tiles.count() > most_tiles {
-                large.extend_from_slice(run);
+                large.extend_from_slice(run.of(seen));
             } else {
-                tiles.each(across, |tile| starts[tile] += run.len() as u32);
+                tiles.each(across, |tile| starts[tile] += run.len());
             }
         }
         let count: usize = starts.iter().map(|count| *count as usize).sum();
@@ -83,25 +106,17 @@ impl Bins {
             sum += std::mem::replace(start, sum);
         }
         self.used += count;
-        let (block, lists) = (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed"));
+        let (block, lists) =
+            (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed").as_mut_slice());
         let mut next = starts.clone();
-        let mut start = 0;
-        for end in &self.ends {
-            let run = &seen[start..*end as usize];
-            start = *end as usize;
-            let tiles = TileRanges::of(&run[0]);
-            if tiles.count() > most_tiles {
-                continue;
+        for run in in_one {
+            append(lists, &mut next[run.tile as usize], run.of(seen));
+        }
+        for run in in_more {
+            let tiles = TileRanges::of(&seen[run.start as usize]);
+            if tiles.count() <= most_tiles {
+                tiles.each(across, |tile| append(lists, &mut next[tile], run.of(seen)));
             }
-            tiles.each(across, |tile| {
-                let next = &mut next[tile];
-                match run {
-                    // A copy of any length is a call.
-                    [one] => lists[*next as usize] = *one,
-                    _ => lists[*next as usize..][..run.len()].copy_from_slice(run),
-                }
-                *next += run.len() as u32;
-            });
         }
         self.pieces.push(Piece { number, block, starts, large });
     }
@@ -185,21 +200,57 @@ impl TileRanges {
 
     /// Says the place of each, where a row has as many tiles as are `across`.
     fn each(&self, across: u32, mut say: impl FnMut(usize)) {
+        let place = |row: u32, column: u32| (row * across + column) as usize;
+        // Most of those that are in more than one, and known without a loop.
+        if self.count() == 2 {
+            say(place(self.rows.start, self.columns.start));
+            return say(place(self.rows.end - 1, self.columns.end - 1));
+        }
         for row in self.rows.clone() {
-            self.columns.clone().for_each(|column| say((row * across + column) as usize));
+            self.columns.clone().for_each(|column| say(place(row, column)));
         }
     }
 }
 
-/// All objects, none of which has empty bounds, as many at a time as follow one another and are in the same tiles.
-/// Neighbours in a mesh mostly are.
-fn runs_of(seen: &[Seen]) -> impl Iterator<Item = &[Seen]> {
+/// One by one, since a copy of any length is a call.
+fn append(lists: &mut [Seen], next: &mut u32, run: &[Seen]) {
+    for seen in run {
+        lists[*next as usize] = *seen;
+        *next += 1;
+    }
+}
+
+/// All objects, none of which has empty bounds: the runs of those that are in one tile, and the others, by way of `room`. If
+/// they are to stay `in_order`, all are among the others. Which of the two it is would be a toss for a branch.
+fn runs_of<'a>(
+    seen: &[Seen],
+    across: u32,
+    in_order: bool,
+    room: &'a mut Vec<Run>,
+) -> (&'a [Run], impl Iterator<Item = &'a Run> + Clone) {
     // The first pixels and the last ones, of which the upper bits say where a tile is.
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
+    const FIRST: u64 = 0x0000_ffff_0000_ffff;
     let places =
         |seen: &Seen| (u64::from(seen.rows) << 32 | u64::from(seen.columns)).wrapping_sub(PAST_TO_LAST) & TILES;
-    seen.chunk_by(move |a, b| places(a) == places(b))
+    room.resize(room.len().max(seen.len()), Run::default());
+    let runs = &mut room[..seen.len()];
+    // From the front, and from the back.
+    let (mut in_one, mut in_more) = (0, runs.len());
+    let mut start = 0;
+    for run in seen.chunk_by(|a, b| places(a) == places(b)) {
+        let (place, end) = (places(&run[0]), start + run.len() as u32);
+        let (row, column) = ((place >> 32) as u16 / TILE_HEIGHT as u16, place as u16 / TILE_WIDTH as u16);
+        let run = Run { start, end, tile: u32::from(row) * across + u32::from(column) };
+        let is_in_one = !in_order & (place >> 16 & FIRST == place & FIRST);
+        runs[in_one] = run;
+        runs[in_more - 1] = run;
+        in_one += usize::from(is_in_one);
+        in_more -= usize::from(!is_in_one);
+        start = end;
+    }
+    (&runs[..in_one], runs[in_more..].iter().rev())
 }
 
 /// Of the first and the last pixel's numbers the bits that differ from tile to tile.
