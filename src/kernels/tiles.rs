@@ -196,8 +196,7 @@ kinds! {
     ); |enter| {
         let mut turned = Balls::ZERO;
         let task = spheres.task(&mut turned);
-        // The last packet writes as many as it has lanes.
-        records.hold(first + task.count as usize + MOST_SET_UP, lights.len());
+        records.hold(first + task.count as usize, lights.len());
         let before = first * lights.len();
         let task = SetupTask {
             planes: writes(&mut records.spheres[first..]),
@@ -601,12 +600,13 @@ pub struct SphereRecords<E> {
 }
 
 impl<E: Element> SphereRecords<E> {
-    /// Room for so many spheres and so many lights for each.
-    fn hold(&mut self, spheres: usize, lights: usize) {
+    /// Room for so many spheres and so many lights for each. It grows by itself, but copies what is there.
+    pub fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);
         }
-        grow(&mut self.spheres, spheres);
+        // The last packet writes as many as it has lanes.
+        grow(&mut self.spheres, spheres + MOST_SET_UP);
         // As many as there are records, whatever they were made for.
         let lits = self.spheres.len() * lights;
         grow(&mut self.lits, lits);

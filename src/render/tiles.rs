@@ -532,9 +532,10 @@ impl<E: Element> TileTracer<'_, E> {
     /// Makes the records of the spheres that are `seen`, in this order.
     fn make_records(&self, weighted: &Weighted, seen: &[Seen], records: &mut SphereRecords<E>) {
         let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
+        let lights = self.plan.sphere_lights();
+        records.hold(seen.len(), lights.len());
         for first in (0..seen.len()).step_by(CHUNK) {
             let spheres = Spheres { balls: self.plan.balls(), seen: &seen[first..] };
-            let lights = self.plan.sphere_lights();
             self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, short, first, records);
         }
     }
