@@ -1,11 +1,11 @@
 //! The threads that plan and trace pictures: who is free takes what is next.
 
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use crossbeam_deque::{Steal, Stealer, Worker};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 /// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
@@ -52,14 +52,17 @@ impl Team {
 
     /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
     /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
-    pub fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
-        self.share_with(tasks, || (), |(), task| work(task));
+    pub fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
+        self.share_with(tasks, |task| (task, None), || (), |(), task| work(task));
     }
 
-    /// The same with something that each thread which takes a task keeps until its last one; what these are at last.
+    /// The same; who takes the last task `halve`s it, if that can be done, and leaves the rest, so that all threads are done
+    /// at about the same time. What each thread that takes a task begins with, it keeps until its last one; what these are
+    /// at last.
     pub fn share_with<T: Send, S: Send>(
         &self,
-        tasks: impl DoubleEndedIterator<Item = T>,
+        tasks: impl Iterator<Item = T>,
+        halve: impl Fn(T) -> (T, Option<T>) + Sync,
         begin: impl Fn() -> S + Sync,
         work: impl Fn(&mut S, T) + Sync,
     ) -> Vec<S> {
@@ -69,9 +72,7 @@ impl Team {
             tasks.for_each(work_here);
             return own.into_iter().collect();
         };
-        let queue = Worker::new_lifo();
-        tasks.rev().for_each(|task| queue.push(task));
-        let stealer = queue.stealer();
+        let queue = Queue { tasks: Mutex::new(tasks.collect()), halve };
         let done = AtomicUsize::new(0);
         let of_others = Mutex::new(Vec::new());
         others.in_place_scope(|scope| {
@@ -79,12 +80,14 @@ impl Team {
             for _ in 0..count {
                 scope.spawn(|_| {
                     let mut theirs = None;
-                    steal_all(&stealer, |task| work(theirs.get_or_insert_with(&begin), task));
+                    while let Some(task) = queue.take(VecDeque::pop_back) {
+                        work(theirs.get_or_insert_with(&begin), task);
+                    }
                     of_others.lock().unwrap_or_else(PoisonError::into_inner).extend(theirs);
                     done.fetch_add(1, Ordering::Release);
                 });
             }
-            while let Some(task) = queue.pop() {
+            while let Some(task) = queue.take(VecDeque::pop_front) {
                 work_here(task);
             }
             wait_a_while(|| done.load(Ordering::Acquire) == count);
@@ -100,14 +103,23 @@ impl Team {
     }
 }
 
-/// Works on tasks from the back of a queue until it is empty.
-fn steal_all<T>(queue: &Stealer<T>, mut work: impl FnMut(T)) {
-    loop {
-        match queue.steal() {
-            Steal::Success(task) => work(task),
-            Steal::Retry => {}
-            Steal::Empty => return,
+/// Tasks that nobody has taken.
+struct Queue<T, H> {
+    tasks: Mutex<VecDeque<T>>,
+    halve: H,
+}
+
+impl<T, H: Fn(T) -> (T, Option<T>)> Queue<T, H> {
+    /// The task at one end; half of the last one.
+    fn take(&self, pop: fn(&mut VecDeque<T>) -> Option<T>) -> Option<T> {
+        let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
+        let task = pop(&mut tasks)?;
+        if !tasks.is_empty() {
+            return Some(task);
         }
+        let (half, rest) = (self.halve)(task);
+        tasks.extend(rest);
+        Some(half)
     }
 }
 
@@ -138,6 +150,8 @@ fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use super::*;
 
     #[test]
@@ -146,11 +160,17 @@ mod tests {
             let team = Team::of(threads).unwrap();
             assert_eq!(team.threads(), threads);
             for count in [0, 1, 2, 1000] {
-                let kept = team.share_with(0..count, Vec::new, |kept: &mut Vec<usize>, task| kept.push(task));
+                let tasks = (0..count).step_by(10).map(|start| start..count.min(start + 10));
+                let halve = |task: Range<usize>| match task.start + task.len() / 2 {
+                    middle if middle > task.start => (task.start..middle, Some(middle..task.end)),
+                    _ => (task, None),
+                };
+                let work = |kept: &mut Vec<_>, task: Range<usize>| kept.extend(task);
+                let kept = team.share_with(tasks, halve, Vec::new, work);
                 assert!(kept.len() <= threads && kept.iter().all(|kept| !kept.is_empty()), "{kept:?}");
                 let mut all = kept.concat();
                 all.sort_unstable();
-                assert!(all.into_iter().eq(0..count), "{threads} threads, {count} tasks");
+                assert!(all.into_iter().eq(0..count), "{threads} threads, {count} pieces of work");
             }
         }
     }

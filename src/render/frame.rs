@@ -131,7 +131,7 @@ impl<'a> Frame<'a> {
 
     /// See [`Team::share`].
     #[cfg(feature = "files")]
-    pub(super) fn share<T: Send>(&self, tasks: impl DoubleEndedIterator<Item = T>, work: impl Fn(T) + Sync) {
+    pub(super) fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
         self.team.share(tasks, work);
     }
 
@@ -141,22 +141,32 @@ impl<'a> Frame<'a> {
         rows.next_multiple_of(self.tracer.rows_together() as usize)
     }
 
-    fn trace_tasks<P: Pixel>(
+    fn trace_tasks<'f, P: Pixel>(
         &self,
         rows: Range<u32>,
-        film: &mut [P],
+        film: &'f mut [P],
         trace: impl Fn(Range<u32>, FilmMut<'_>) + Sync,
         done: &(dyn Fn(u32) + Sync),
     ) {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
-        self.team.share(film.chunks_mut(task_rows * width).enumerate(), |(index, part): (usize, &mut [P])| {
-            let start = rows.start + (index * task_rows) as u32;
+        // Rows that cost least together are cut once: both halves set up what is in all of them.
+        let fewest = (self.tracer.rows_together() / 2).max(1);
+        let halve = |(start, part): (u32, &'f mut [P])| {
+            let count = (part.len() / width) as u32 / 2;
+            if count < fewest {
+                return ((start, part), None);
+            }
+            let (half, rest) = part.split_at_mut(count as usize * width);
+            ((start, half), Some((start + count, rest)))
+        };
+        let work = |(): &mut (), (start, part): (u32, &'f mut [P])| {
             let count = (part.len() / width) as u32;
             trace(start..start + count, P::film(part));
             done(count);
-        });
+        };
+        self.team.share_with(rows.step_by(task_rows).zip(film.chunks_mut(task_rows * width)), halve, || (), work);
     }
 }
 
