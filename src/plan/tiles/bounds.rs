@@ -148,7 +148,8 @@ where
             planned.extremes = planned.extremes.into_iter().chain(extremes).reduce(Extremes::and);
         };
         let team = if threads > 1 { team } else { &Team::alone() };
-        let planned = team.share_with(0..pieces, |piece| (piece, None), begin, add).into_iter().map(|(planned, _)| planned);
+        let planned =
+            team.share_with(0..pieces, |piece| (piece, None), begin, add).into_iter().map(|(planned, _)| planned);
         planned.reduce(Planned::and).unwrap_or_else(|| Planned { bins: bins(), wide: Vec::new(), extremes: None })
     }
 
