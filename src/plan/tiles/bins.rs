@@ -84,14 +84,16 @@ impl Bins {
         for run in in_one {
             starts[run.tile as usize] += run.len();
         }
+        let mut corners = Corners::new(across, starts.len() - 1);
         for run in in_more.clone() {
             let tiles = TileRanges::of(&seen[run.start as usize]);
             if tiles.count() > most_tiles {
                 large.extend_from_slice(run.of(seen));
             } else {
-                tiles.each(across, |tile| starts[tile] += run.len());
+                corners.add(&tiles, run.len());
             }
         }
+        corners.add_sums_to(&mut starts);
         let count: usize = starts.iter().map(|count| *count as usize).sum();
         if self.blocks.last().is_none_or(|last| last.len() - self.used < count) {
             // The next ones may have a few more.
@@ -208,6 +210,45 @@ impl TileRanges {
         }
         for row in self.rows.clone() {
             self.columns.clone().for_each(|column| say(place(row, column)));
+        }
+    }
+}
+
+/// How many objects each tile has, by the changes from tile to tile, of which an object has four, in however many tiles it is.
+struct Corners {
+    across: usize,
+    /// With a column and a row beyond the last.
+    changes: Vec<u32>,
+}
+
+impl Corners {
+    fn new(across: u32, tiles: usize) -> Self {
+        let across = across as usize;
+        Corners { across, changes: vec![0; (across + 1) * (tiles / across + 1)] }
+    }
+
+    fn add(&mut self, TileRanges { columns, rows }: &TileRanges, count: u32) {
+        let pitch = self.across + 1;
+        let at = |row: u32, column: u32| row as usize * pitch + column as usize;
+        for (place, change) in [
+            (at(rows.start, columns.start), count),
+            (at(rows.start, columns.end), count.wrapping_neg()),
+            (at(rows.end, columns.start), count.wrapping_neg()),
+            (at(rows.end, columns.end), count),
+        ] {
+            self.changes[place] = self.changes[place].wrapping_add(change);
+        }
+    }
+
+    fn add_sums_to(self, counts: &mut [u32]) {
+        let mut above = vec![0_u32; self.across + 1];
+        for (changes, counts) in self.changes.chunks(self.across + 1).zip(counts.chunks_mut(self.across)) {
+            let mut sum = 0_u32;
+            for ((above, change), count) in above.iter_mut().zip(changes).zip(counts) {
+                *above = above.wrapping_add(*change);
+                sum = sum.wrapping_add(*above);
+                *count += sum;
+            }
         }
     }
 }
