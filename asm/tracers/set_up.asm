@@ -39,39 +39,44 @@
     lea     %%r, [rdx + r14]
 %endmacro
 
-; ASK_FOR - asks for so many objects of those seen from r9 on, and goes past them. Clobbers rax and rcx.
-%macro ASK_FOR 3
-%define %%count %1      ; [in]       field of SetupTask
-%define %%bytes %2      ; [in]       of an object
-%define %%fetch %3      ; [in]       what asks for the object number rax of those at rdx
-    mov     rcx, [rsi + SetupTask. %+ %%count]
-    jmp     %%ahead
-%%next:
-    mov     eax, [r9 + Seen.id]
+; ASK_FOR - asks for those objects of a later chunk that have the places of this packet's, and for its last one in place
+;           of those that it does not have. All at once they would be more than a core can wait for beside its work.
+;           Clobbers rax, r11, r12 and r13.
+%macro ASK_FOR 4
+%define %%count %1      ; [in]       field of SetupTask: how many objects that chunk has
+%define %%chunks %2     ; [in]       how many chunks after this one it is
+%define %%bytes %3      ; [in]       of an object
+%define %%fetch %4      ; [in]       what asks for the object at r11 + rax
+    mov     r12, [rsi + SetupTask. %+ %%count]
+    dec     r12
+    js      %%none
+    add     r12, CHUNK * %%chunks
+    mov     r13d, CHUNK * (%%chunks + 1)
+    sub     r13, rcx                    ; a chunk that is followed by one is full
+    shl     r12, ilog2e(Seen_size)
+    shl     r13, ilog2e(Seen_size)
+    add     r12, [rsi + SetupTask.seen]
+    add     r13, [rsi + SetupTask.seen]
+    mov     r11, [rsi + SetupTask.objects]
+%rep LANES
+    cmp     r13, r12
+    cmova   r13, r12
+    mov     eax, [r13 + Seen.id]
     imul    rax, rax, %%bytes
     %%fetch %%bytes
-    add     r9, Seen_size
-%%ahead:
-    dec     rcx
-    jns     %%next
+    add     r13, Seen_size
+%endrep
+%%none:
 %endmacro
 
-; TURN_SEEN - turns the objects of the task round, and asks for those that come next.
+; TURN_SEEN - turns the objects of the task round.
 ;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
-%macro TURN_SEEN 5
+%macro TURN_SEEN 3
 %define %%bytes %1      ; [in]       of an object
 %define %%turned %2     ; [in]       Corners or Balls
 %define %%turn %3       ; [in]       what turns four of them round
-%define %%fetch %4      ; [in]       what asks for one of the next chunk, number rax of those at rdx
-%define %%later %5      ; [in]       the same of the chunk after that, or NOTHING
     mov     rdx, [rsi + SetupTask.objects]
     mov     r8, [rsi + SetupTask.seen]
-    imul    r9, [rsi + SetupTask.count], Seen_size
-    add     r9, r8
-    ASK_FOR ahead, %%bytes, %%fetch
-%ifnidn %%later, NOTHING
-    ASK_FOR later, %%bytes, %%later
-%endif
     mov     r9, [rsi + SetupTask.turned]
     mov     rcx, [rsi + SetupTask.count]
 %%four:
@@ -86,28 +91,28 @@
     ja      %%four
 %endmacro
 
-; FETCH_ALL - asks for all lines of the object at rdx + rax.
+; FETCH_ALL - asks for all lines of the object at r11 + rax.
 %macro FETCH_ALL 1
 %define %%bytes %1      ; [in]       of an object
-    prefetcht0 [rdx + rax]
-    prefetcht0 [rdx + rax + %%bytes - 1]
+    prefetcht0 [r11 + rax]
+    prefetcht0 [r11 + rax + %%bytes - 1]
 %endmacro
 
-; FETCH_FACE - asks for the face at rdx + rax, or its first part.
+; FETCH_FACE - asks for the face at r11 + rax, or its first part.
 %macro FETCH_FACE 1
 %define %%bytes %1      ; [in]       of a face
-    prefetcht0 [rdx + rax]
+    prefetcht0 [r11 + rax]
 %endmacro
 
-; FETCH_VERTICES - asks for the vertices of the face at rdx + rax. Clobbers r10 and r11.
+; FETCH_VERTICES - asks for the vertices of the face at r11 + rax. Clobbers r14 and r15.
 %macro FETCH_VERTICES 1
 %define %%bytes %1      ; [in]       of a face
-    mov     r10, [rsi + SetupTask.vertices]
+    mov     r14, [rsi + SetupTask.vertices]
 %assign %%at 0
 %rep 3
-    movsxd  r11, dword [rdx + rax + %%bytes / 3 * %%at]
-    lea     r11, [r11 + 2 * r11]
-    prefetcht0 [r10 + 4 * r11]
+    movsxd  r15, dword [r11 + rax + %%bytes / 3 * %%at]
+    lea     r15, [r15 + 2 * r15]
+    prefetcht0 [r14 + 4 * r15]
 %assign %%at %%at + 1
 %endrep
 %endmacro
@@ -211,10 +216,10 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     PUSH_OWNED
     cmp     qword [rsi + SetupTask.vertices], 0
     jne     .faces
-    TURN_SEEN Facet_size, Corners, TURN_FACETS, FETCH_ALL, NOTHING
+    TURN_SEEN Facet_size, Corners, TURN_FACETS
     jmp     .turned
 .faces:
-    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES, FETCH_VERTICES, FETCH_FACE
+    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES
 .turned:
     mov     r8, [rsi + SetupTask.turned]
     mov     r9, [rsi + SetupTask.planes]
@@ -224,6 +229,14 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     imul    rbx, [rsi + SetupTask.light_count], %%out * TileShade_size   ; from one triangle's shades to the next one's
     CONSTANTS 10
 .packet:
+    cmp     qword [rsi + SetupTask.vertices], 0
+    jne     .ask_for_faces
+    ASK_FOR ahead, 1, Facet_size, FETCH_ALL
+    jmp     .asked
+.ask_for_faces:
+    ASK_FOR ahead, 1, FACE_BYTES, FETCH_VERTICES
+    ASK_FOR later, 2, FACE_BYTES, FETCH_FACE
+.asked:
     LOAD_CORNER v0, v1, v2, a
     LOAD_CORNER v3, v4, v5, b
     LOAD_CORNER v6, v7, v8, c

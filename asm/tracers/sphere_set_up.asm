@@ -201,7 +201,7 @@
 ; BEGIN_SPHERES - begins a function: turns the spheres of the task round and makes room for W.
 %macro BEGIN_SPHERES 0
     PUSH_OWNED
-    TURN_SEEN Ball_size, Balls, TURN_BALLS, FETCH_ALL, NOTHING
+    TURN_SEEN Ball_size, Balls, TURN_BALLS
     sub     rsp, VBYTES * (W_places + 1)
     lea     r15, [rsp + VBYTES - 1]
     and     r15, -VBYTES
@@ -244,6 +244,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     mov     rdx, [rsi + SetupTask.first_id]
     CONSTANTS 10
 .packet:
+    ASK_FOR ahead, 1, Ball_size, FETCH_ALL
     SPHERE_D
 
     ; D is rounded by no more than a few units of its terms at the outline.
@@ -387,6 +388,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     mov     r14, [rsi + SetupTask.shorts]
     CONSTANTS 10
 .packet:
+    ASK_FOR ahead, 1, Ball_size, FETCH_ALL
     SPHERE_D
     VMOV_TO W(d0), v2
     VMOV_TO W(dx), v6
