@@ -15,7 +15,7 @@ pub trait Element: Plain + Default + PartialOrd + Send + Sync {
     /// Exact.
     fn to_f64(self) -> f64;
     /// Of an integer from 0 to 2^24.
-    fn to_index(self) -> usize;
+    fn to_index(self) -> u32;
 }
 
 impl Element for f32 {
@@ -26,8 +26,8 @@ impl Element for f32 {
     fn to_f64(self) -> f64 {
         self.into()
     }
-    fn to_index(self) -> usize {
-        self as i32 as usize
+    fn to_index(self) -> u32 {
+        self as i32 as u32
     }
 }
 
@@ -39,8 +39,8 @@ impl Element for f64 {
     fn to_f64(self) -> f64 {
         self
     }
-    fn to_index(self) -> usize {
-        self as i32 as usize
+    fn to_index(self) -> u32 {
+        self as i32 as u32
     }
 }
 

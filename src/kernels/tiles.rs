@@ -501,14 +501,17 @@ impl<E: Element> TileBuffers<E> {
     /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
     pub fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());
-        self.tile.who.iter().for_each(|who| owners[who.to_index()] = true);
+        // To integers many at a time: one by one that takes longer than all else here.
+        for who in self.tile.who.as_chunks::<16>().0 {
+            who.map(E::to_index).into_iter().for_each(|who| owners[who as usize] = true);
+        }
     }
 
     /// Gives everyone who has a pixel another number, below `end`: the one at the place of the present one.
     pub fn renumber(&mut self, numbers: &[u32], end: usize) {
         assert!(self.most < numbers.len());
         for who in &mut self.tile.who {
-            let number = numbers[who.to_index()];
+            let number = numbers[who.to_index() as usize];
             assert!((number as usize) < end);
             *who = E::from_f64(number.into());
         }

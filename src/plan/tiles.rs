@@ -393,6 +393,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         let bins = &self.binned.of_spheres;
+        bins.ask_for(tile);
         spheres.extend(bins.large_in(tile));
         bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
     }
@@ -401,6 +402,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// by way of `room` if they are not in one list.
     pub fn triangles_in(&self, kind: usize, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
         let bins = &self.binned.of_triangles[kind];
+        bins.ask_for(tile);
         let mut lists = bins.of_tile(tile).filter(|seen| !seen.is_empty());
         if let (Some(only), None) = (lists.next(), lists.next())
             && bins.large_in(tile).next().is_none()

@@ -560,10 +560,11 @@ impl<E: Element> TileTracer<'_, E> {
             buffers.mark_owners(owners);
             // Without branches, which could not be foreseen.
             owning.resize(seen.len(), Seen::default());
+            places.resize(seen.len(), 0);
             let mut count = 0;
-            for (seen, owns) in seen.iter().zip(&owners[1..]) {
+            for ((seen, owns), place) in seen.iter().zip(&owners[1..]).zip(places) {
                 owning[count] = *seen;
-                places.push(count as u32);
+                *place = count as u32;
                 count += usize::from(*owns);
             }
             // Where nobody has a pixel, all of them have the records of the first.

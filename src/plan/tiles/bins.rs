@@ -144,6 +144,11 @@ impl Bins {
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
+    /// Asks for all of this at once: one after another, each list would be waited for.
+    pub(super) fn ask_for(&self, tile: TilePlace) {
+        self.of_tile(tile).for_each(sys::ask_for);
+    }
+
     /// Those that are in many tiles and may be in this one.
     pub(super) fn large_in(&self, tile: TilePlace) -> impl Iterator<Item = Seen> {
         let (column, row) = tile.first();
