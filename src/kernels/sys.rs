@@ -1,9 +1,6 @@
 //! What measuring asks of the CPU and the operating system: the time-stamp counter, pinning, fresh pages.
 
-use std::alloc::{self, Layout};
 use std::io;
-
-use super::types::Plain;
 
 /// The time-stamp counter before what is to be timed: everything earlier is done, nothing later has begun.
 #[cfg(target_arch = "x86_64")]
@@ -83,22 +80,6 @@ pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
-/// As many zeros, in memory that is not touched before they are used: a large piece of it is untouched when it comes.
-pub fn zeros<T: Plain>(len: usize) -> Vec<T> {
-    let layout = Layout::array::<T>(len).expect("a length that memory can have");
-    if layout.size() == 0 {
-        return Vec::new();
-    }
-    // SAFETY: the layout has a size.
-    let first = unsafe { alloc::alloc_zeroed(layout) };
-    if first.is_null() {
-        alloc::handle_alloc_error(layout);
-    }
-    // SAFETY: the allocator gave room for `len` values by the layout of such a vector, and their bits are 0: any bits are a
-    // value of a plain type.
-    unsafe { Vec::from_raw_parts(first.cast(), len, len) }
-}
-
 /// Room for so many values, on large pages as far as these lie within it.
 pub fn room<T>(count: usize) -> Vec<T> {
     let mut room = Vec::with_capacity(count);
@@ -108,7 +89,7 @@ pub fn room<T>(count: usize) -> Vec<T> {
 
 /// Asks for large pages for the room of a vector, as far as they lie within it. Only a wish: nothing else depends on it.
 #[cfg(target_os = "linux")]
-pub fn large_pages<T>(room: &mut Vec<T>) {
+fn large_pages<T>(room: &mut Vec<T>) {
     const LARGE: usize = 2 << 20;
     let first = room.as_mut_ptr() as usize;
     let end = first + room.capacity() * size_of::<T>();
@@ -121,7 +102,7 @@ pub fn large_pages<T>(room: &mut Vec<T>) {
 
 /// Large pages are not known here.
 #[cfg(not(target_os = "linux"))]
-pub fn large_pages<T>(_: &mut Vec<T>) {}
+fn large_pages<T>(_: &mut Vec<T>) {}
 
 /// Asks for what is soon to be read, so that it is in the second level of the core's caches by then. Only a wish, too.
 pub fn ask_for<T>(soon: &[T]) {

@@ -16,10 +16,8 @@ pub(super) struct Bins {
     /// An object in more tiles is large; if None, all of them are, and in all tiles.
     most_tiles: Option<usize>,
     pieces: Vec<Piece>,
-    /// What is in their lists. Each block has room that may not be used yet.
+    /// What is in their lists. Each block may have room for more.
     blocks: Vec<Vec<Seen>>,
-    /// Objects in the last block.
-    used: usize,
     /// Room for the runs of a piece.
     runs: Vec<Run>,
 }
@@ -95,21 +93,20 @@ impl Bins {
         }
         corners.add_sums_to(&mut starts);
         let count: usize = starts.iter().map(|count| *count as usize).sum();
-        if self.blocks.last().is_none_or(|last| last.len() - self.used < count) {
+        if self.blocks.last().is_none_or(|last| last.capacity() - last.len() < count) {
             // The next ones may have a few more.
             let likely = count + count / 64;
             let more = (MOST_IN_BLOCK / likely.max(1)).saturating_sub(1);
             let room_for_more = likely as f64 * pieces_left.min(more as f64);
-            self.blocks.push(roomy(count + room_for_more as usize));
-            self.used = 0;
+            self.blocks.push(sys::room(count + room_for_more as usize));
         }
-        let mut sum = self.used as u32;
+        let (block, lists) = (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed"));
+        let mut sum = lists.len() as u32;
         for start in &mut starts {
             sum += std::mem::replace(start, sum);
         }
-        self.used += count;
-        let (block, lists) =
-            (self.blocks.len() - 1, self.blocks.last_mut().expect("one was just pushed").as_mut_slice());
+        // Brings the memory into a core's own caches, where the lists can then be written to in any order.
+        lists.resize(lists.len() + count, Seen::default());
         let mut next = starts.clone();
         for run in in_one {
             append(lists, &mut next[run.tile as usize], run.of(seen));
@@ -303,12 +300,4 @@ fn runs_of<'a>(
 const fn tile_bits(side: usize) -> u64 {
     let of_one = 0x1_0000 - side as u64;
     of_one << 16 | of_one
-}
-
-/// Zeros, on large pages where they are many: a page that is touched for the first time costs as much as a thousand
-/// triangles' numbers on it.
-pub(super) fn roomy(len: usize) -> Vec<Seen> {
-    let mut zeros = sys::zeros(len);
-    sys::large_pages(&mut zeros);
-    zeros
 }
