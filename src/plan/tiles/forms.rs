@@ -37,6 +37,10 @@ const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
 const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
 
+/// In the unit of a scene, spheres are no smaller than this where they are narrow for sure: scale / (k radius) is at most
+/// [`MOST`] then, for any focal distance that is usual.
+const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
+
 /// A sphere with its centre nearer to the camera's plane than so many radii is seen from inside or reaches behind it, or
 /// nearly so: PACKET(front).
 const FRONT: f64 = 1.001;
@@ -96,9 +100,9 @@ impl Forms {
     /// where one has to look at each.
     pub(super) fn surely_narrow_spheres(&self, extremes: &Extremes) -> f32 {
         let (most, least) = (f64::from(extremes.most) / self.extent(), f64::from(extremes.least) / self.extent());
-        // k radii are at most 3 most^2 / least.
-        let fine = self.are_usual(extremes) && least >= LEAST_INVERSE && most * most < least * (1u64 << 26) as f64;
-        if fine { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
+        // k is at least 2^-9, so that k radii are no less than this over 2^9, and at most 3 most^2 / least.
+        let fine = least >= LEAST_RADIUS && most * most < least * (1u64 << 26) as f64;
+        if fine && self.are_usual(extremes) { (MOST / FAR_IN_RADII) as f32 } else { -1.0 }
     }
 
     /// The same for triangles.
@@ -226,4 +230,71 @@ fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
 /// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`].
 fn bounded(near: f64) -> f32 {
     (near as f32).clamp(f32::MIN_POSITIVE, Seen::ANY.next_down())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::plan::{power_of_two, unit_rays};
+    use crate::scene::{Camera, Rng};
+
+    /// 2 to a power from `low` to `high`, and up to twice that.
+    fn power(rng: &mut Rng, low: i32, high: i32) -> f64 {
+        let [exponent, fraction] = [0, 1].map(|_| (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64);
+        ((f64::from(low) + exponent * f64::from(high - low)).floor()).exp2() * (1.0 + fraction)
+    }
+
+    #[test]
+    fn a_sphere_that_is_narrow_for_sure_is_narrow() {
+        let mut rng = Rng::new(1);
+        let [mut sure, mut doubtful] = [0, 0];
+        for round in 0..400_000 {
+            let sign = |rng: &mut Rng| if rng.next_u64() % 2 == 0 { 1.0 } else { -1.0 };
+            let (focal, film) = (power(&mut rng, -12, 8) as f32, power(&mut rng, -6, 6) as f32);
+            let width = 1 + (rng.next_u64() % 65_535) as u32;
+            let camera = Camera::new(width, 1 + width / 2, focal, film).unwrap();
+            let (grid, _) = unit_rays(&camera);
+            let extent = power(&mut rng, -20, 20);
+            let light = Light {
+                intensity: 1.0,
+                colour: Vec3::ONE,
+                position: Vec3::from_array([0; 3].map(|_| (sign(&mut rng) * extent * power(&mut rng, -8, 60)) as f32)),
+            };
+            let forms = Forms::new(grid, power_of_two(extent / grid.focal), &[&light], extent * FAR);
+            let [x, y] = [0; 2].map(|_| (sign(&mut rng) * extent * power(&mut rng, -20, 10)) as f32);
+            let sphere = Sphere {
+                radius: (extent * power(&mut rng, -42, 4)) as f32,
+                colour: Vec3::splat(power(&mut rng, -4, 4) as f32),
+                centre: Vec3::new(x, y, (extent * power(&mut rng, -20, 10)) as f32),
+            };
+            let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+            let c = centre / radius;
+            // What the kernel of bounds has the plan look at.
+            if c.z < FRONT || c.dot(c) > 2.0 * c.z * c.z - 1.0 {
+                continue;
+            }
+            let extremes = Extremes {
+                most: greatest(sphere.centre.abs().as_dvec3().to_array()).max(radius) as f32,
+                least: sphere.radius,
+                brightest: sphere.colour.x,
+                nearest: 0.0,
+                longest: 0.0,
+            };
+            let mut seen =
+                Seen { most: bounded(near_of_sphere(forms.extent()) / (centre.z - radius)), ..Seen::default() };
+            if seen.most <= forms.surely_narrow_spheres(&extremes) {
+                assert_eq!(
+                    forms.of_sphere(&sphere, &mut seen),
+                    Form::Narrow,
+                    "round {round}: {sphere:?}, {camera:?}, {extent}"
+                );
+                sure += 1;
+            } else {
+                doubtful += 1;
+            }
+        }
+        assert!(sure > 10_000 && doubtful > 10_000, "{sure}, {doubtful}");
+    }
 }
