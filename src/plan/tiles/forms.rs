@@ -251,7 +251,7 @@ mod tests {
         let mut rng = Rng::new(1);
         let [mut sure, mut doubtful] = [0, 0];
         for round in 0..400_000 {
-            let sign = |rng: &mut Rng| if rng.next_u64() % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = |rng: &mut Rng| [1.0, -1.0][(rng.next_u64() % 2) as usize];
             let (focal, film) = (power(&mut rng, -12, 8) as f32, power(&mut rng, -6, 6) as f32);
             let width = 1 + (rng.next_u64() % 65_535) as u32;
             let camera = Camera::new(width, 1 + width / 2, focal, film).unwrap();
