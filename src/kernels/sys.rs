@@ -1,4 +1,4 @@
-//! What measuring asks of the CPU and the operating system: the time-stamp counter, pinning, fresh pages.
+//! What measuring and planning ask of the CPU and the operating system: the time-stamp counter, pinning, pages, what comes next.
 
 use std::io;
 
