@@ -77,7 +77,7 @@ impl Faces {
     /// Moved by `map` in f64 and rounded once; those of no area keep none. Where a corner leaves the range of f32, the number
     /// of the first face that has one.
     fn moved(mut self, map: DAffine3) -> Result<Self, usize> {
-        let without_area: Vec<_> = self.without_area().collect();
+        let without_area = self.without_area();
         if map != DAffine3::IDENTITY {
             let place = |vertex: &mut Vec3| *vertex = map.transform_point3(vertex.as_dvec3()).as_vec3();
             self.vertices_mut().iter_mut().for_each(place);
@@ -97,10 +97,30 @@ impl Faces {
         Ok(self)
     }
 
-    /// The numbers of those of no area.
-    fn without_area(&self) -> impl Iterator<Item = usize> {
-        let has_none = |face: &usize| has_no_area(self.corners_of(*face));
-        (0..self.len()).filter(has_none)
+    /// The numbers of those of no area. Several are looked at together, turned round: a register has one number of each.
+    fn without_area(&self) -> Vec<usize> {
+        const TOGETHER: usize = 16;
+        let mut found = Vec::new();
+        for first in (0..self.len()).step_by(TOGETHER) {
+            let mut numbers = [[0.0; TOGETHER]; 9];
+            for i in 0..TOGETHER {
+                // The last one in place of those that are not there.
+                let [a, b, c] = self.corners_of((first + i).min(self.len() - 1));
+                let of_face = [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z];
+                numbers.iter_mut().zip(of_face).for_each(|(numbers, number)| numbers[i] = number);
+            }
+            let [ax, ay, az, bx, by, bz, cx, cy, cz] = numbers;
+            let mut plain = true;
+            for i in 0..TOGETHER {
+                let corners = [[ax[i], ay[i], az[i]], [bx[i], by[i], bz[i]], [cx[i], cy[i], cz[i]]];
+                plain &= has_plain_area(corners.map(Vec3::from_array));
+            }
+            if !plain {
+                let last = self.len().min(first + TOGETHER);
+                found.extend((first..last).filter(|face| has_no_area(self.corners_of(*face))));
+            }
+        }
+        found
     }
 }
 
@@ -124,13 +144,16 @@ impl Triangle {
 /// [`geometry::has_no_area`] of corners in f32.
 #[inline]
 fn has_no_area(corners: [Vec3; 3]) -> bool {
-    // Nearly all are so far from it that f32 tells, whatever it loses: their normal is longer than 1e-5 of the longest side
-    // times the furthest corner, and what has no area is below 1e-15 of that.
-    let [v1, v2, v3] = corners;
+    !has_plain_area(corners) && geometry::has_no_area(corners.map(|corner| corner.as_dvec3()))
+}
+
+/// Nearly all triangles are so far from having no area that f32 tells, whatever it loses: their normal is longer than 1e-5 of
+/// the longest side times the furthest corner, and what has no area is below 1e-15 of that.
+#[inline]
+fn has_plain_area([v1, v2, v3]: [Vec3; 3]) -> bool {
     let (a, b) = (v2 - v1, v3 - v1);
     let sides = a.length_squared() + b.length_squared();
-    let plain = a.cross(b).length_squared() > 1e-10 * sides * (sides + v1.length_squared());
-    !plain && geometry::has_no_area(corners.map(|corner| corner.as_dvec3()))
+    a.cross(b).length_squared() > 1e-10 * sides * (sides + v1.length_squared())
 }
 
 /// An object of a scene by its place in its list.
