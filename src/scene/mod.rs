@@ -147,8 +147,8 @@ fn has_no_area(corners: [Vec3; 3]) -> bool {
     !has_plain_area(corners) && geometry::has_no_area(corners.map(|corner| corner.as_dvec3()))
 }
 
-/// Nearly all triangles are so far from having no area that f32 tells, whatever it loses: their normal is longer than 1e-5 of
-/// the longest side times the furthest corner, and what has no area is below 1e-15 of that.
+/// Whether corners have an area for sure. Nearly all are so far from having none that f32 tells, whatever it loses: their normal
+/// is longer than 1e-5 of the longest side times the furthest corner, and what has no area is below 1e-15 of that.
 #[inline]
 fn has_plain_area([v1, v2, v3]: [Vec3; 3]) -> bool {
     let (a, b) = (v2 - v1, v3 - v1);

@@ -158,9 +158,9 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
 /// numbers in the file, from 1 on, where each face of more corners counts as the triangles it is cut into.
 pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     const MOST: usize = 5;
-    let mut numbers = mesh.without_area().into_iter().map(|number| number + 1);
-    let first: Vec<_> = numbers.by_ref().take(MOST).map(|number| number.to_string()).collect();
-    let (count, listed) = (first.len() + numbers.count(), first.join(", "));
+    let numbers = mesh.without_area();
+    let listed: Vec<_> = numbers.iter().take(MOST).map(|number| (number + 1).to_string()).collect();
+    let (count, listed) = (numbers.len(), listed.join(", "));
     let path = path.to_string_lossy();
     let path = printable(&path);
     match count {
