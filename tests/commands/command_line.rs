@@ -1,0 +1,1228 @@
+//! The program as its user meets it: what it prints, what it writes, and its exit status, in words and numbers.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use rayo::measure::picture::{Picture, Pixels};
+use rayo::render::{Engine, read};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// A sphere and a triangle that each engine sees, in 16 x 12 pixels.
+const SCENE: &str = "picture.png 16 12 1  1 1 1 1 1 5 5 0  1 1 1 0.5 0 0 0 5  1 0 0 1 -9 -9 9 9 -9 9 0 9 9\n";
+
+/// A directory to work in, and what it takes to run the program there.
+struct Place {
+    directory: TempDir,
+    variables: Vec<(&'static str, &'static str)>,
+}
+
+/// What a run leaves to see.
+struct Run {
+    status: i32,
+    stdout: String,
+    stderr: String,
+}
+
+impl Place {
+    /// With a scene in the file scene.in.
+    fn new() -> Self {
+        let place = Place { directory: tempfile::tempdir().unwrap(), variables: Vec::new() };
+        place.write("scene.in", SCENE);
+        place
+    }
+
+    fn path(&self, name: &str) -> std::path::PathBuf {
+        self.directory.path().join(name)
+    }
+
+    fn write(&self, name: &str, content: &str) {
+        fs::write(self.path(name), content).unwrap();
+    }
+
+    fn command(&self) -> assert_cmd::Command {
+        let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("rayo"));
+        for variable in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "RAYO_ENGINE"] {
+            command.env_remove(variable);
+        }
+        command.envs(self.variables.iter().copied()).env("COLUMNS", "120").current_dir(&self.directory);
+        command
+    }
+
+    /// Runs the program with arguments that are separated by single spaces.
+    fn run(&self, arguments: &str) -> Run {
+        let output = self.command().args(arguments.split(' ').filter(|it| !it.is_empty())).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        let status = output.status.code().unwrap_or_else(|| panic!("`rayo {arguments}` was killed"));
+        Run { status, stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+
+    /// Runs it, and checks that it refuses with `status` and says `message` and nothing else.
+    #[track_caller]
+    fn refuses(&self, arguments: &str, status: i32, message: &str) {
+        let run = self.run(arguments);
+        let shown = format!("rayo {arguments}\n{}", run.stderr);
+        assert_eq!((run.status, run.stdout.as_str()), (status, ""), "{shown}");
+        assert_eq!(run.stderr.trim_end(), message, "rayo {arguments}");
+    }
+
+    /// The names in the directory, sorted.
+    fn files(&self) -> Vec<String> {
+        let entries = fs::read_dir(&self.directory).unwrap();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn picture(&self, name: &str) -> Picture {
+        read(&self.path(name)).unwrap()
+    }
+}
+
+impl Run {
+    /// Its only line on standard error, and nothing on standard output.
+    #[track_caller]
+    fn summary(&self) -> &str {
+        assert_eq!((self.status, self.stdout.as_str()), (0, ""), "{}", self.stderr);
+        let mut lines = self.stderr.lines();
+        let line = lines.next().unwrap_or_default();
+        assert_eq!(lines.next(), None, "{}", self.stderr);
+        line
+    }
+
+    /// The one JSON document on standard output, and nothing on standard error.
+    #[track_caller]
+    fn json(&self) -> BTreeMap<String, Value> {
+        assert_eq!(self.stderr, "");
+        let document = serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout));
+        assert!(self.stdout.ends_with('\n'));
+        document
+    }
+}
+
+fn is_png(path: &Path) -> bool {
+    fs::read(path).unwrap().starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
+fn size(picture: &Picture) -> (u32, u32) {
+    (picture.width, picture.height)
+}
+
+/// The engines that run here, as errors list them.
+fn engines() -> String {
+    let names = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name());
+    names.chain(["auto"]).collect::<Vec<_>>().join(", ")
+}
+
+// Help and usage
+
+#[test]
+fn help_lists_the_commands_and_each_has_its_own() {
+    let place = Place::new();
+    let help = place.run("--help");
+    assert_eq!((help.status, help.stderr.as_str()), (0, ""));
+    assert!(help.stdout.contains("Usage: rayo <COMMAND>"), "{}", help.stdout);
+    assert!(help.stdout.contains("Exit status: 0 done, 1"), "{}", help.stdout);
+    let commands =
+        help.stdout.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<_> = commands
+        .filter_map(|line| line.strip_prefix("  ").filter(|rest| !rest.starts_with(' ')))
+        .map(|line| line.split(' ').next().unwrap())
+        .collect();
+    for name in ["render", "convert", "make", "diff", "info"] {
+        assert!(commands.contains(&name), "{commands:?}");
+    }
+    for name in commands.iter().filter(|name| **name != "help") {
+        let own = place.run(&format!("{name} --help"));
+        assert_eq!((own.status, own.stderr.as_str()), (0, ""), "{name}");
+        assert!(own.stdout.contains(&format!("Usage: rayo {name}")), "{}", own.stdout);
+        let short = place.run(&format!("{name} -h"));
+        assert_eq!((short.status, short.stderr.as_str()), (0, ""), "{name}");
+        assert_eq!(place.run(&format!("help {name}")).stdout, own.stdout);
+    }
+}
+
+#[test]
+fn shells_complete_and_manuals_have_every_command() {
+    let place = Place::new();
+    let bash = place.run("completions bash");
+    assert_eq!((bash.status, bash.stderr.as_str()), (0, ""));
+    for word in ["render", "--engine", "stability"] {
+        assert!(bash.stdout.contains(word), "{word}");
+    }
+    assert_eq!(place.run("completions tcsh").status, 2);
+    let page = place.run("man").stdout;
+    assert!(page.starts_with(".ie") && page.contains("render"), "{page}");
+    assert_eq!(place.run("man --out pages").status, 0);
+    let named = page.lines().filter_map(|line| line.strip_suffix("(1)")).map(|name| name.replace('\\', ""));
+    let named: Vec<_> = named.collect();
+    assert!(named.len() > 10 && named.contains(&"rayo-step".into()), "{named:?}");
+    for name in named {
+        let page = fs::read_to_string(place.path("pages").join(format!("{name}.1"))).expect(&name);
+        assert!(page.contains(".SH EXAMPLES\n  rayo "), "{page}");
+    }
+}
+
+#[test]
+fn the_version_is_that_of_the_package() {
+    let version = concat!("rayo ", env!("CARGO_PKG_VERSION"), "\n");
+    for flag in ["--version", "-V"] {
+        let run = Place::new().run(flag);
+        assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, version, ""));
+    }
+}
+
+#[test]
+fn without_arguments_the_help_is_shown_and_that_is_bad_usage() {
+    let run = Place::new().run("");
+    assert_eq!((run.status, run.stdout.as_str()), (2, ""));
+    assert!(run.stderr.contains("Usage: rayo <COMMAND>") && run.stderr.contains("render"), "{}", run.stderr);
+}
+
+#[test]
+fn what_is_mistyped_is_met_with_a_suggestion() {
+    let place = Place::new();
+    for (arguments, suggestion) in [
+        ("rendr scene.in", "subcommands exist: 'report', 'render'"),
+        ("render scene.in --engin c", "tip: a similar argument exists: '--engine'"),
+        ("render scene.in --ouput x.png", "tip: a similar argument exists: '--output'"),
+        ("render", "<SCENE>"),
+        ("diff a.png", "<B>"),
+    ] {
+        let run = place.run(arguments);
+        assert_eq!((run.status, run.stdout.as_str()), (2, ""), "{arguments}");
+        assert!(run.stderr.starts_with("error: ") && run.stderr.contains(suggestion), "{arguments}: {}", run.stderr);
+    }
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[test]
+fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
+    let place = Place::new();
+    let size = "expected width and height in pixels, as in 1632x1224, or one of them, as in 800x or x600";
+    let threads = "expected a whole number from 1 to 4096";
+    let film = "error: the film diagonal must be a finite number greater than 0, not";
+    let focal = "error: the focal distance must be a finite number greater than 0, not";
+    let table = [
+        ("--size 0x5", "error: each side of an image must be from 1 to 1000000 pixels, not 0x5".into()),
+        ("--size 1000001x1", "error: each side of an image must be from 1 to 1000000 pixels, not 1000001x1".into()),
+        ("--size 1000000x1000000", "error: an image of 1000000x1000000 has more than 2147483648 pixels".into()),
+        ("--size axb", invalid("axb", "--size <WxH>", size)),
+        ("--size 5", invalid("5", "--size <WxH>", size)),
+        ("--size x", invalid("x", "--size <WxH>", size)),
+        ("--size 5xx", invalid("5xx", "--size <WxH>", size)),
+        (
+            "--size x1000001",
+            "error: each side of an image must be from 1 to 1000000 pixels, not 1333335x1000001".into(),
+        ),
+        ("--size -1x5", invalid("-1x5", "--size <WxH>", size)),
+        ("--size 4294967296x1", invalid("4294967296x1", "--size <WxH>", size)),
+        ("--film -1", format!("{film} -1")),
+        ("--film 0", format!("{film} 0")),
+        ("--film nan", format!("{film} NaN")),
+        ("--film=-inf", format!("{film} -inf")),
+        ("--film one", invalid("one", "--film <DIAGONAL>", "invalid float literal")),
+        ("--focal inf", format!("{focal} inf")),
+        ("--focal -2.5", format!("{focal} -2.5")),
+        ("--threads 0", invalid("0", "--threads <N>", threads)),
+        ("--threads -2", invalid("-2", "--threads <N>", threads)),
+        ("--threads 99999999", invalid("99999999", "--threads <N>", threads)),
+        ("--threads two", invalid("two", "--threads <N>", threads)),
+    ];
+    for (arguments, message) in table {
+        place.refuses(&format!("render scene.in -o x.png {arguments}"), 2, &message);
+    }
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+/// How clap refuses a value.
+fn invalid(value: &str, option: &str, expected: &str) -> String {
+    format!("error: invalid value '{value}' for '{option}': {expected}\n\nFor more information, try '--help'.")
+}
+
+// Engines
+
+#[test]
+fn an_unknown_engine_or_precision_is_refused_with_a_list() {
+    let place = Place::new();
+    let all = engines();
+    for (arguments, message) in [
+        ("--engine nope", format!("error: there is no engine `nope`; this build has: {all}")),
+        ("--engine Rust", format!("error: there is no engine `Rust`; this build has: {all}")),
+        (
+            "--engine reference --precision single",
+            "error: the engine `reference` does not compute in single; it has: double".into(),
+        ),
+        (
+            "--engine rust --precision double",
+            "error: the engine `rust` does not compute in double; it has: single".into(),
+        ),
+    ] {
+        place.refuses(&format!("render scene.in {arguments}"), 2, &message);
+    }
+    let half = place.run("render scene.in --precision half");
+    assert_eq!((half.status, half.stdout.as_str()), (2, ""));
+    let list = "error: there is no precision `half`; there are: single, ";
+    assert!(half.stderr.starts_with(list) && half.stderr.contains("double"), "{}", half.stderr);
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[test]
+fn the_environment_names_an_engine_and_an_option_overrides_it() {
+    let mut place = Place::new();
+    place.variables.push(("RAYO_ENGINE", "reference"));
+    assert!(place.run("render scene.in").stderr.contains(" by reference, "));
+    assert!(place.run("render scene.in --force --engine rust").stderr.contains(" by rust, "));
+    assert!(place.run("plan scene.in").stdout.contains(" by reference in double, "));
+    // Where a name comes from is told, since it is not in sight.
+    place.variables = vec![("RAYO_ENGINE", "nope")];
+    let message = format!("there is no engine `nope`; this build has: {}", engines());
+    for command in ["render", "plan"] {
+        place.refuses(&format!("{command} scene.in"), 2, &format!("error: RAYO_ENGINE: {message}"));
+    }
+    assert_eq!(place.run("plan scene.in --engine rust").status, 0);
+    place.refuses("plan scene.in --engine nix", 2, &format!("error: {}", message.replace("nope", "nix")));
+}
+
+#[cfg(rayo_asm)]
+#[test]
+fn the_paper_has_no_doubles() {
+    for engine in ["c", "paper"] {
+        let message = format!("error: the engine `{engine}` does not compute in double; it has: single");
+        Place::new().refuses(&format!("render scene.in --engine {engine} --precision double"), 2, &message);
+    }
+}
+
+#[cfg(not(rayo_asm))]
+#[test]
+fn an_engine_of_another_build_is_refused_as_such() {
+    let place = Place::new();
+    for engine in ["c", "paper"] {
+        let list = engines();
+        assert_eq!(list, "reference, rust, auto");
+        let message = format!("error: there is no engine `{engine}` in this build; this build has: {list}");
+        place.refuses(&format!("render scene.in --engine {engine}"), 2, &message);
+    }
+    let info = place.run("info");
+    assert!(info.stdout.contains("NASM         none (built without assembly)"), "{}", info.stdout);
+}
+
+#[test]
+fn every_engine_renders_from_the_command_line() {
+    let place = Place::new();
+    let usable: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).collect();
+    for engine in &usable {
+        let run = place.run(&format!("render scene.in --engine {engine} -o {engine}.png"));
+        let start = format!("{engine}.png: 16x12 by {engine}, traced in ");
+        assert!(run.summary().starts_with(&start), "{}", run.summary());
+        let diff = place.run(&format!("diff reference.png {engine}.png --tolerance 1"));
+        assert_eq!(diff.status, 0, "{engine}: {}", diff.stdout);
+    }
+    let auto = place.run("render scene.in -o auto.png");
+    assert!(auto.summary().contains(&format!(" by {}, ", Engine::fastest())), "{}", auto.summary());
+    assert_eq!(place.files().len(), usable.len() + 2);
+}
+
+// Scenes
+
+#[test]
+fn a_bad_scene_is_refused_at_its_place_and_nothing_is_written() {
+    let place = Place::new();
+    place.write("bad.in", "out.png 16 12\n 1\n 1\n 1 1 1 blue 0 0 0\n 0 0\n");
+    place.refuses(
+        "render bad.in",
+        2,
+        "error: light 1's blue is not a number
+ --> bad.in:4:8
+  |
+4 |  1 1 1 blue 0 0 0
+  |        ^^^^ expected a number of at least 0",
+    );
+    place.refuses("render bad.in -o out.png --json", 2, place.run("render bad.in").stderr.trim_end());
+    assert_eq!(place.files(), ["bad.in", "scene.in"]);
+}
+
+#[test]
+fn what_is_no_scene_file_is_named() {
+    let place = Place::new();
+    place.refuses("render none.in", 2, "error: there is no scene file `none.in`");
+    place.refuses("render .", 2, "error: `.` is a directory, and a scene is a file");
+    place.write("empty.in", "");
+    // By its content: a name alone says little.
+    assert_eq!(place.run("render scene.in --quiet").status, 0);
+    let message = "error: `picture.png` is a picture, and a scene is expected: `-o picture.png` is how the picture to be \
+                   written is named";
+    place.refuses("render picture.png", 2, message);
+    place.refuses("plan picture.png", 2, message);
+    for format in ["ppm", "pgm", "pfm", "exr", "hdr", "tiff", "qoi"] {
+        assert_eq!(place.run(&format!("render scene.in --quiet -o a.{format}")).status, 0);
+        assert!(place.run(&format!("render a.{format}")).stderr.contains("is a picture"), "{format}");
+        fs::remove_file(place.path(&format!("a.{format}"))).unwrap();
+    }
+    fs::remove_file(place.path("picture.png")).unwrap();
+    let empty = place.run("render empty.in");
+    assert_eq!(empty.status, 2);
+    assert!(empty.stderr.starts_with("error: the file is empty\n --> empty.in:1:1\n"), "{}", empty.stderr);
+    assert_eq!(place.files(), ["empty.in", "scene.in"]);
+}
+
+// Where the picture goes
+
+#[test]
+fn the_name_in_the_scene_is_used_in_the_working_directory() {
+    let place = Place::new();
+    let run = place.run("render scene.in");
+    assert!(run.summary().starts_with("picture.png: 16x12 by "), "{}", run.summary());
+    assert_eq!(place.files(), ["picture.png", "scene.in"]);
+    assert!(is_png(&place.path("picture.png")));
+}
+
+#[test]
+fn directories_in_the_scenes_name_are_dropped_with_a_warning() {
+    for name in ["../up.png", "/up.png", "a/b/up.png", "..\\up.png", "C:\\x\\up.png", "./up.png"] {
+        let place = Place::new();
+        place.write("scene.in", &SCENE.replace("picture.png", name));
+        let run = place.run("render scene.in");
+        let warning = format!("warning: of the scene's image name `{name}` only `up.png` is used, in this directory");
+        assert_eq!((run.status, run.stdout.as_str(), run.stderr.lines().next()), (0, "", Some(warning.as_str())));
+        assert_eq!(place.files(), ["scene.in", "up.png"], "{name}");
+        // --quiet leaves warnings.
+        assert_eq!(place.run("render scene.in --quiet --force").stderr.trim_end(), warning);
+    }
+}
+
+#[test]
+fn a_name_in_the_scene_that_is_no_file_is_refused() {
+    for name in ["..", ".", "a/", "/"] {
+        let place = Place::new();
+        place.write("scene.in", &SCENE.replace("picture.png", name));
+        let message = format!("error: the scene's image name `{name}` names no file: name one with -o");
+        place.refuses("render scene.in", 2, &message);
+        assert_eq!(place.run("render scene.in -o x.png").status, 0);
+    }
+}
+
+#[test]
+fn a_name_without_extension_is_png() {
+    let place = Place::new();
+    place.write("scene.in", &SCENE.replace("picture.png", "picture"));
+    assert_eq!(place.run("render scene.in").status, 0);
+    assert_eq!(place.files(), ["picture", "scene.in"]);
+    assert!(is_png(&place.path("picture")));
+}
+
+#[test]
+fn the_name_in_the_scene_replaces_nothing_without_force() {
+    let place = Place::new();
+    place.write("picture.png", "precious");
+    let message = "error: picture.png already exists: add --force to replace it, or name another file";
+    place.refuses("render scene.in", 1, message);
+    assert_eq!(fs::read_to_string(place.path("picture.png")).unwrap(), "precious");
+    assert_eq!(place.run("render scene.in --force").status, 0);
+    assert!(is_png(&place.path("picture.png")));
+    assert_eq!(place.files(), ["picture.png", "scene.in"]);
+}
+
+#[test]
+fn the_option_replaces_what_is_there() {
+    let place = Place::new();
+    place.write("out.png", "old");
+    assert_eq!(place.run("render scene.in -o out.png").status, 0);
+    assert!(is_png(&place.path("out.png")));
+    assert_eq!(place.files(), ["out.png", "scene.in"]);
+}
+
+#[test]
+fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
+    let place = Place::new();
+    for (name, start) in [
+        ("a.png", &b"\x89PNG"[..]),
+        ("a.PPM", b"P6"),
+        ("a.pgm", b"P3"),
+        ("a.pfm", b"PF"),
+        ("a.exr", b"v/1\x01"),
+        ("a.hdr", b"#?RADIANCE"),
+        ("a.tif", b"II*\0"),
+        ("a.qoi", b"qoif"),
+    ] {
+        assert_eq!(place.run(&format!("render scene.in -o {name}")).status, 0);
+        assert!(fs::read(place.path(name)).unwrap().starts_with(start), "{name}");
+    }
+    let before = place.files();
+    let refused = place.run("render scene.in -o a.jpg");
+    assert_eq!((refused.status, refused.stdout.as_str()), (2, ""));
+    assert!(
+        refused.stderr.starts_with("error: a.jpg: the name of an image must end in .png, .ppm, "),
+        "{}",
+        refused.stderr
+    );
+    place.write("scene.in", &SCENE.replace(".png", ".gif"));
+    assert_eq!(place.run("render scene.in").status, 2);
+    assert_eq!(place.files(), before);
+}
+
+#[test]
+fn where_nothing_can_be_written_the_status_is_1() {
+    let place = Place::new();
+    let message = "error: cannot write none/a.png: there is no directory none; create it first";
+    place.refuses("render scene.in -o none/a.png", 1, message);
+    fs::create_dir(place.path("directory.png")).unwrap();
+    let run = place.run("render scene.in -o directory.png");
+    assert_eq!(run.status, 1);
+    assert!(run.stderr.starts_with("error: cannot write directory.png: "), "{}", run.stderr);
+    assert!(run.stderr.trim_end().ends_with("; name a file in it"), "{}", run.stderr);
+    assert_eq!(place.files(), ["directory.png", "scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_leaves_nothing() {
+    let place = Place::new();
+    let message = "error: cannot write /dev/full: No space left on device (os error 28); \
+                   free some space, or write to another disk";
+    place.refuses("render scene.in -o /dev/full", 1, message);
+    place.refuses("render scene.in -o /dev/full --stats", 1, message);
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+/// Runs the program with standard output going to `stdout`: its status and what it says.
+fn run_into(stdout: impl Into<std::process::Stdio>, place: &Place, arguments: &str) -> (Option<i32>, String) {
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("rayo"));
+    command.args(arguments.split(' ')).current_dir(&place.directory).stdout(stdout);
+    let output = command.stderr(std::process::Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_result_that_cannot_be_printed_is_told() {
+    let place = Place::new();
+    assert_eq!(place.run("render scene.in --quiet").status, 0);
+    let render = ["render scene.in --force --stats", "render scene.in --force --json"];
+    for arguments in ["--help", "render --help", "--version", "info", "info --json"].into_iter().chain(render) {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let message = "error: cannot write to standard output: No space left on device (os error 28)\n";
+        assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
+        // The reader has gone before the first word.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let message = "error: cannot write to standard output: Broken pipe (os error 32)\n";
+        assert_eq!(run_into(writer, &place, arguments), (Some(1), message.into()), "{arguments}");
+    }
+    for arguments in ["diff picture.png picture.png", "diff picture.png picture.png --json"] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let message = "error: cannot write the result: No space left on device (os error 28)\n";
+        assert_eq!(run_into(full, &place, arguments), (Some(1), message.into()), "{arguments}");
+    }
+}
+
+/// Runs the program with something on its standard input.
+fn run_with(place: &Place, arguments: &str, input: &[u8]) -> (Option<i32>, Vec<u8>, String) {
+    let output = place.command().args(arguments.split(' ')).write_stdin(input).output().unwrap();
+    (output.status.code(), output.stdout, String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_dash_is_standard_output_in_any_format() {
+    let place = Place::new();
+    for (name, file) in [("-", "a.png"), ("ppm:-", "a.ppm"), ("EXR:-", "a.exr"), ("pgm:-", "a.pgm")] {
+        assert_eq!(place.run(&format!("render scene.in --quiet -o {file}")).status, 0);
+        let (status, stdout, stderr) = run_with(&place, &format!("render scene.in -o {name}"), b"");
+        assert_eq!(status, Some(0), "{stderr}");
+        assert!(stdout == fs::read(place.path(file)).unwrap(), "{name}");
+        assert!(stderr.starts_with("/dev/stdout: 16x12 by "), "{stderr}");
+        fs::remove_file(place.path(file)).unwrap();
+    }
+    let message = "error: the picture goes to standard output, where --stats and --json would print into it: leave \
+                   them out, or name a file with -o";
+    place.refuses("render scene.in -o - --json", 2, message);
+    assert_eq!(place.run("render scene.in -o gif:-").status, 2);
+    // What is only called so is a file.
+    assert_eq!(place.run("render scene.in --quiet -o ./-").status, 0);
+    assert_eq!(place.files(), ["-", "scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn no_picture_is_written_to_a_terminal() {
+    let place = Place::new();
+    let rayo = assert_cmd::cargo::cargo_bin!("rayo").display().to_string();
+    // `script` gives the program a terminal, and prints what it says there.
+    for (name, refused) in [("-", true), ("/dev/stdout", true), ("pgm:-", false)] {
+        let mut command = std::process::Command::new("script");
+        command.args(["-qec", &format!("'{rayo}' render scene.in --size 2x1 -o {name}"), "/dev/null"]);
+        let output = command.current_dir(&place.directory).stdin(std::process::Stdio::null()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        let message = "the picture goes to standard output, and that is a terminal: name a file with -o";
+        assert_eq!(output.status.code(), Some(if refused { 2 } else { 0 }), "{said}");
+        assert_eq!(said.contains(message), refused, "{said}");
+        assert_eq!(said.contains("P3"), !refused, "{said}");
+    }
+}
+
+#[test]
+fn a_dash_is_a_scene_from_standard_input_in_either_format() {
+    let place = Place::new();
+    assert_eq!(place.run("render scene.in --quiet -o file.png").status, 0);
+    let toml = "# in TOML\n\n[image]\nwidth = 16\nheight = 12\n[camera]\nfocal = 1\n[[light]]\nposition = [5, 5, 0]\n\
+                [[sphere]]\nradius = 0.5\ncentre = [0, 0, 5]\n[[triangle]]\ncolour = [1, 0, 0]\n\
+                vertices = [[1, -9, -9], [9, 9, -9], [9, 0, 9]]\n";
+    place.write("scene.toml", toml);
+    assert_eq!(
+        place.run("render scene.toml --quiet -o toml.png").status,
+        0,
+        "{}",
+        place.run("render scene.toml").stderr
+    );
+    for (source, file) in [(SCENE, "file.png"), (toml, "toml.png")] {
+        let (status, _, stderr) = run_with(&place, "render - --quiet -o piped.png", source.as_bytes());
+        assert_eq!((status, stderr.as_str()), (Some(0), ""));
+        assert!(fs::read(place.path("piped.png")).unwrap() == fs::read(place.path(file)).unwrap(), "{file}");
+    }
+    let (status, _, stderr) = run_with(&place, "render -", b"x.png 1 one");
+    assert_eq!(status, Some(2));
+    assert!(stderr.starts_with("error: the height is not a whole number\n --> standard input:1:9\n"), "{stderr}");
+    let (status, _, stderr) = run_with(&place, "render -", b"[image]\nwidth = true");
+    assert!(status == Some(2) && stderr.contains("--> standard input:2:9"), "{stderr}");
+    assert!(run_with(&place, "plan -", SCENE.as_bytes()).0 == Some(0));
+    assert_eq!(place.files(), ["file.png", "piped.png", "scene.in", "scene.toml", "toml.png"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_can_go_to_standard_output() {
+    let place = Place::new();
+    let output = place.command().args(["render", "scene.in", "-o", "/dev/stdout"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stdout.starts_with(b"\x89PNG\r\n\x1a\n"));
+    fs::write(place.path("piped.png"), output.stdout).unwrap();
+    assert_eq!(place.run("render scene.in --quiet").status, 0);
+    assert_eq!(place.picture("piped.png"), place.picture("picture.png"));
+    // And nothing else beside it.
+    let message = "error: the picture goes to standard output, where --stats and --json would print into it: leave \
+                   them out, or name a file with -o";
+    for report in ["--stats", "--json"] {
+        place.refuses(&format!("render scene.in -o /dev/stdout {report}"), 2, message);
+    }
+    let message = "error: the verdict goes to standard output: name a file for the picture of the differences";
+    place.refuses("diff picture.png picture.png -o /dev/stdout", 2, message);
+}
+
+// What is rendered
+
+#[test]
+fn size_film_and_focal_distance_take_the_place_of_the_scenes() {
+    let place = Place::new();
+    for arguments in
+        ["-o plain.pfm", "-o scaled.pfm --film 32 --focal 32", "-o wide.pfm --focal 0.5", "-o small.pfm --size 7x3"]
+    {
+        assert_eq!(place.run(&format!("render scene.in --quiet {arguments}")).status, 0, "{arguments}");
+    }
+    let plain = place.picture("plain.pfm");
+    assert_eq!(size(&plain), (16, 12));
+    assert_eq!(place.picture("scaled.pfm"), plain);
+    assert_ne!(place.picture("wide.pfm"), plain);
+    assert_eq!(size(&place.picture("small.pfm")), (7, 3));
+}
+
+#[test]
+fn one_side_of_the_size_keeps_the_shape() {
+    let place = Place::new();
+    for (given, expected) in [("800x", "800x600"), ("x600", "800x600"), ("7x", "7x5"), ("x1", "1x1"), ("1x", "1x1")] {
+        let run = place.run(&format!("render scene.in --size {given} -o out.ppm"));
+        assert!(run.summary().starts_with(&format!("out.ppm: {expected} by ")), "{given}: {}", run.summary());
+    }
+}
+
+#[test]
+fn a_picture_that_can_hardly_be_meant_is_warned_of() {
+    let place = Place::new();
+    let black = "warning: the scene has no light: whatever is seen is black\n";
+    let behind = "warning: nothing is in front of the camera, which looks along +z from the origin\n";
+    let filled = "warning: every ray hits, as through a long lens: is the focal distance of 50 meant for the film of an old \
+                  scene? try `--film 35`\n";
+    let light = "1 1 1 1 1 5 5 0";
+    for (scene, arguments, warning) in [
+        ("1  0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 0 1 1 1 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        ("1  1 1 0 0 0 5 5 0  1 1 1 1 1 0 0 5  0".to_owned(), "", black.to_owned()),
+        (format!("1  {light}  1 1 1 1 1 0 0 -5  0"), "", behind.to_owned()),
+        (format!("1  {light}  1 6 1 1 1 0 0 -5  0"), "", String::new()),
+        ("1  0  0  1 1 1 1 0 0 -1 1 0 -1 0 1 0".to_owned(), "", format!("{black}{behind}")),
+        (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "", filled.to_owned()),
+        (format!("50  {light}  1 1 1 1 1 0 0 5  0"), "--film 35", String::new()),
+        (format!("50  {light}  1 1 1 1 1 0 0 500  0"), "", String::new()),
+        (format!("50  {light}  0  1 1 1 1 -9 -9 9 9 -9 9 0 9 9"), "", filled.to_owned()),
+        (format!("5  {light}  1 1 1 1 1 0 0 5  0"), "", String::new()),
+    ] {
+        place.write("scene.in", &format!("x.png 16 12 {scene}\n"));
+        let run = place.run(&format!("render scene.in --quiet --force {arguments}"));
+        assert_eq!((run.status, run.stderr), (0, warning), "{scene} {arguments}");
+    }
+}
+
+#[test]
+fn the_narrowest_and_widest_pictures_are_rendered() {
+    let place = Place::new();
+    for (width, height) in [(1, 1), (1_000_000, 1), (1, 100_000), (67, 1)] {
+        let run = place.run(&format!("render scene.in --size {width}x{height} -o out.ppm"));
+        assert!(run.summary().starts_with(&format!("out.ppm: {width}x{height} by ")), "{}", run.summary());
+        assert_eq!(size(&place.picture("out.ppm")), (width, height));
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_file() {
+    let place = Place::new();
+    let bytes = |threads| {
+        let run = place.run(&format!("render scene.in --size 613x457 --threads {threads} -o out.png --quiet"));
+        assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+        fs::read(place.path("out.png")).unwrap()
+    };
+    let one = bytes(1);
+    for threads in [2, 3, 7] {
+        assert!(bytes(threads) == one, "{threads} threads");
+    }
+}
+
+#[test]
+fn several_scenes_are_rendered_in_one_call() {
+    let place = Place::new();
+    place.write("other.in", &SCENE.replace("picture.png", "other.pfm"));
+    place.write("same.in", SCENE);
+    let expected = "several scenes have several pictures, and there is no directory out: create it first";
+    place.refuses("render scene.in other.in -o out", 2, &format!("error: {expected}"));
+    place.refuses(
+        "render scene.in other.in -o -",
+        2,
+        "error: several pictures cannot go to standard output: name a directory with -o",
+    );
+
+    let run = place.run("render scene.in other.in --quiet --json");
+    assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+    assert_eq!(serde_json::Deserializer::from_str(&run.stdout).into_iter::<Value>().count(), 2);
+    fs::create_dir(place.path("out")).unwrap();
+    assert_eq!(place.run("render scene.in other.in -o out").stderr.lines().count(), 2);
+    for name in ["picture.png", "other.pfm"] {
+        assert_eq!(fs::read(place.path(name)).unwrap(), fs::read(place.path("out").join(name)).unwrap());
+    }
+
+    // What cannot be rendered is told, and keeps no other scene from it.
+    place.write("bad.in", "bad.png 8 0 1 0 0 0");
+    fs::remove_file(place.path("out/other.pfm")).unwrap();
+    let run = place.run("render bad.in scene.in same.in nothing.in other.in -o out --quiet");
+    assert_eq!(run.status, 2);
+    assert!(run.stderr.contains("bad.in:1:"), "{}", run.stderr);
+    let same = "error: same.in: its picture is out/picture.png, as is that of a scene before it: render it in a call of \
+                its own";
+    assert!(run.stderr.contains(same) && run.stderr.contains("`nothing.in`"), "{}", run.stderr);
+    assert!(place.path("out/other.pfm").exists());
+}
+
+#[test]
+fn some_rows_are_those_of_the_whole_picture() {
+    let place = Place::new();
+    for name in ["a.png", "a.pfm", "a.hdr"] {
+        place.run(&format!("render scene.in --quiet -o {name}"));
+        place.run(&format!("render scene.in --rows 3..8 --quiet -o rows-{name}"));
+        let (whole, part) = (place.picture(name), place.picture(&format!("rows-{name}")));
+        assert_eq!(size(&part), (16, 5), "{name}");
+        match (whole.pixels, part.pixels) {
+            (Pixels::Rgb8(whole), Pixels::Rgb8(part)) => assert_eq!(whole[16 * 3..16 * 8], part, "{name}"),
+            (Pixels::Rgb32F(whole), Pixels::Rgb32F(part)) => assert_eq!(whole[16 * 3..16 * 8], part, "{name}"),
+            _ => panic!("{name}"),
+        }
+    }
+    // An EXR is in its place, and black elsewhere.
+    place.run("render scene.in --quiet -o a.exr");
+    place.run("render scene.in --rows 3..8 --quiet -o rows.exr");
+    let (Pixels::Rgb32F(mut whole), part) = (place.picture("a.exr").pixels, place.picture("rows.exr")) else {
+        panic!()
+    };
+    assert_eq!(size(&part), (16, 12));
+    (0..16 * 12).filter(|pixel| !(16 * 3..16 * 8).contains(pixel)).for_each(|pixel| whole[pixel] = [0.0; 3]);
+    assert!(matches!(part.pixels, Pixels::Rgb32F(part) if part == whole));
+
+    let stats = place.run("render scene.in --rows 3..8 --stats --json -o b.png").json();
+    assert_eq!((&stats["height"], &stats["rays"]), (&json!(5), &json!(16 * 5)));
+    place.refuses("render scene.in --rows 3..13 -o b.png", 2, "error: --rows 3..13: the picture has the rows 0..12");
+    let run = place.run("render scene.in --rows 8..8 -o b.png");
+    assert!(run.stderr.contains("expected the first row and the one after the last, as in 0..100"), "{}", run.stderr);
+}
+
+#[test]
+fn quiet_is_silent() {
+    let place = Place::new();
+    let run = place.run("render scene.in --quiet");
+    assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, "", ""));
+    assert_eq!(place.files(), ["picture.png", "scene.in"]);
+}
+
+#[test]
+fn a_long_picture_shows_no_progress_where_nobody_watches() {
+    let place = Place::new();
+    // Some three seconds' work for the slowest engine: a bar would have come after one.
+    place.write("many.in", &rayo::scene::many(300, 300, 1).to_text());
+    let run = place.run("render many.in --engine reference --threads 1");
+    assert!(run.summary().starts_with("many.png: 640x480 by reference, traced in "), "{}", run.summary());
+    assert!(!run.stderr.contains(['\r', '\u{1b}']), "{}", run.stderr.escape_debug());
+}
+
+// Figures
+
+#[test]
+fn stats_tell_where_the_time_went() {
+    let place = Place::new();
+    let run = place.run("render scene.in --stats --engine rust --threads 1");
+    assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+    let names: Vec<_> = run.stdout.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert_eq!(names, ["engine", "rays", "parse", "set-up", "trace", "encode", "write"], "{}", run.stdout);
+    assert!(run.stdout.starts_with("engine   rust, single, 1 thread\nrays     192 (16x12), "), "{}", run.stdout);
+}
+
+#[test]
+fn stats_in_json_have_these_fields() {
+    let place = Place::new();
+    for arguments in ["--stats --json", "--json", "--json --quiet"] {
+        let run = place.run(&format!("render scene.in --engine rust --size 40x30 --force {arguments}"));
+        assert_eq!(run.status, 0);
+        let json = run.json();
+        for (name, expected) in [
+            ("schema", json!(1)),
+            ("engine", json!("rust")),
+            ("precision", json!("single")),
+            ("width", json!(40)),
+            ("height", json!(30)),
+            ("rays", json!(1200)),
+        ] {
+            assert_eq!(json[name], expected, "{name}");
+        }
+        for name in ["hits", "parse_ns", "setup_ns", "trace_ns", "encode_ns", "write_ns"] {
+            assert!(json[name].is_u64(), "{name}: {}", json[name]);
+        }
+        assert!((1..1200).contains(&json["hits"].as_u64().unwrap()), "{}", json["hits"]);
+        let cycles = &json["trace_cycles"];
+        assert!(if cfg!(target_arch = "x86_64") { cycles.is_u64() } else { cycles.is_null() }, "{cycles}");
+    }
+}
+
+#[test]
+fn stats_count_the_rays_that_hit() {
+    let place = Place::new();
+    // Over everything, over nothing.
+    for (triangle, hits) in [("-99 -99 9  99 -99 9  0 99 9", 192), ("-99 -99 -9  99 -99 -9  0 99 -9", 0)] {
+        place.write("scene.in", &format!("x.png 16 12 1  1 1 1 1 1 0 5 0  0  1  1 1 1 {triangle}"));
+        let run = place.run("render scene.in --json --force");
+        let warning = "warning: nothing is in front of the camera, which looks along +z from the origin\n";
+        assert_eq!(run.stderr, if hits == 0 { warning } else { "" });
+        let run = Run { stderr: String::new(), ..run };
+        assert_eq!(run.json()["hits"], hits, "{triangle}");
+    }
+}
+
+#[test]
+fn info_tells_what_this_build_and_cpu_have() {
+    let place = Place::new();
+    let json = place.run("info --json").json();
+    assert_eq!(json["schema"], 1);
+    assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
+    for name in ["cpu", "tsc_hz", "isa", "engines", "nasm", "cc", "rustc"] {
+        assert!(json.contains_key(name), "{name}");
+    }
+    assert!(json["rustc"].as_str().unwrap().starts_with("rustc "));
+    for name in ["nasm", "cc"] {
+        assert!(if cfg!(rayo_asm) { json[name].is_string() } else { json[name].is_null() }, "{name}");
+    }
+    if cfg!(target_arch = "x86_64") {
+        assert!(json["tsc_hz"].as_f64().unwrap() > 1e8);
+    }
+    for isa in json["isa"].as_array().unwrap() {
+        assert!(isa["name"].is_string() && isa["usable"].is_boolean(), "{isa}");
+        assert_eq!(isa["built"], cfg!(rayo_asm), "{isa}");
+    }
+    let names = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name());
+    assert_eq!(json["engines"], json!(names.collect::<Vec<_>>()));
+
+    let text = place.run("info");
+    assert_eq!((text.status, text.stderr.as_str()), (0, ""));
+    assert!(text.stdout.starts_with(&format!("version      {}\n", env!("CARGO_PKG_VERSION"))), "{}", text.stdout);
+    assert!(text.stdout.contains("\nengines      reference, rust"), "{}", text.stdout);
+}
+
+#[test]
+fn nothing_is_coloured_but_at_a_terminal() {
+    let mut place = Place::new();
+    place.write("bad.in", "x.png 0 5");
+    for variables in [vec![], vec![("NO_COLOR", "1")], vec![("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")]] {
+        place.variables = variables;
+        for arguments in ["", "--help", "rendr", "render --threads 0", "render bad.in", "render none.in", "info"] {
+            let run = place.run(arguments);
+            assert!(!run.stdout.contains('\u{1b}') && !run.stderr.contains('\u{1b}'), "{arguments}: {:?}", run.stderr);
+        }
+    }
+}
+
+// Other scenes, and meshes
+
+/// The square from (0, 0) to (1, 1) as one quad.
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+
+#[test]
+fn a_mesh_alone_is_rendered_whole_and_what_was_assumed_is_said() {
+    let place = Place::new();
+    place.write("square.obj", SQUARE);
+    let run = place.run("render square.obj --size 60x40");
+    let lines: Vec<_> = run.stderr.lines().collect();
+    assert_eq!((run.status, lines.len()), (0, 3), "{}", run.stderr);
+    assert!(
+        lines[0].starts_with("square.obj: 1 face of more than three corners was cut into triangles"),
+        "{}",
+        lines[0]
+    );
+    assert!(lines[1].starts_with("square.obj: a mesh alone: y is up, the camera sees all of it"), "{}", lines[1]);
+    assert!(lines[2].starts_with("square.png: 60x40 by "), "{}", lines[2]);
+    let Pixels::Rgb8(pixels) = place.picture("square.png").pixels else { panic!("levels") };
+    let lit = pixels.iter().filter(|pixel| pixel[0] > 20).count();
+    assert!((300..1800).contains(&lit), "{lit} of 2400 pixels");
+    // It fills the picture as well in another shape of it, and --quiet is silent.
+    let run = place.run("render square.obj --size 40x400 --focal 2 --quiet --force");
+    assert_eq!((run.status, run.stderr.as_str()), (0, ""));
+    assert!(place.run("render square.obj --json --force").stdout.contains("\"hits\""));
+}
+
+#[test]
+fn a_bad_mesh_is_refused_at_its_element_and_nothing_is_written() {
+    let place = Place::new();
+    place.write("bad.obj", &SQUARE.replace("3 4", "3 5"));
+    let message = "error: face 1's corner 4 is vertex 5, which the file has not\n--> bad.obj:5\n \
+        = note: expected 1 to 4, the number of its vertices, or -1 and down for the last ones";
+    place.refuses("render bad.obj", 2, message);
+    place.refuses("convert bad.obj out.toml", 2, message);
+    place.refuses("convert bad.obj out.ply", 2, message);
+    place.write(
+        "bad.ply",
+        "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\nproperty float x\nend_header\n",
+    );
+    let run = place.run("render bad.ply");
+    assert!(run.status == 2 && run.stderr.contains("the header claims 1000000000 vertex elements"), "{}", run.stderr);
+    place.write("scene.toml", "[image]\nwidth = 9\nheight = 9\n[[mesh]]\nfile = \"bad.obj\"\n");
+    place.refuses(
+        "render scene.toml",
+        2,
+        "error: bad.obj:5: face 1's corner 4 is vertex 5, which the file has not
+ --> scene.toml:5:8
+  |
+5 | file = \"bad.obj\"
+  |        ^^^^^^^^^ expected 1 to 4, the number of its vertices, or -1 and down for the last ones",
+    );
+    assert_eq!(place.files(), ["bad.obj", "bad.ply", "scene.in", "scene.toml"]);
+}
+
+#[test]
+fn scenes_are_converted_without_a_change_in_the_picture() {
+    let place = Place::new();
+    place.write("square.obj", SQUARE);
+    fs::create_dir(place.path("sub")).unwrap();
+    // From one form to the next; each is rendered from where it is.
+    for (from, to) in [
+        ("scene.in", "a.toml"),
+        ("a.toml", "b.in"),
+        ("square.obj", "sub/square.toml"),
+        ("sub/square.toml", "square.in"),
+        ("square.in", "flat.toml"),
+    ] {
+        let run = place.run(&format!("convert {from} {to} --quiet"));
+        assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, "", ""), "{to}");
+        for (file, picture) in [(from, "from.png"), (to, "to.png")] {
+            assert_eq!(place.run(&format!("render {file} --quiet -o {picture}")).status, 0, "{file}");
+        }
+        let diff = place.run("diff from.png to.png");
+        assert_eq!(diff.status, 0, "{from} {to}: {}", diff.stdout);
+    }
+    assert!(fs::read_to_string(place.path("sub/square.toml")).unwrap().contains("file = \"../square.obj\""));
+}
+
+#[test]
+fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
+    let place = Place::new();
+    let run = place.run("convert scene.in out.obj");
+    let warning = "warning: out.obj: OBJ has no place for 1 sphere, 1 light, the triangles' colours, the camera";
+    assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
+    assert!(fs::read_to_string(place.path("out.obj")).unwrap().ends_with("f 1 2 3\n"));
+    // --quiet leaves warnings.
+    assert_eq!(
+        place.run("convert scene.in out.ply --quiet").stderr.trim_end(),
+        warning.replace("out.obj: OBJ", "out.ply: PLY")
+    );
+    place.write("film.toml", "[image]\nwidth = 9\nheight = 9\n[camera]\nfilm = 35\n");
+    let run = place.run("convert film.toml film.in");
+    let warning = "warning: film.in: the format has no place for a film of 35: render it with --film 35";
+    assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
+    // Whatever a file is called, an error begins like one.
+    let message = "error.stl: the scene has no triangles, and STL holds nothing else: write it as .in or .toml";
+    place.refuses("convert film.toml error.stl", 2, &format!("error: {message}"));
+    let names = "error: scene.out: the name of a scene or a mesh must end in .in, .toml, .obj, .ply or .stl";
+    place.refuses("convert scene.in scene.out", 2, names);
+    place.refuses("make torus --triangles 9 -o scene.out", 2, names);
+    let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
+    place.refuses("convert scene.in none/out.toml", 1, directory);
+    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "scene.in"]);
+}
+
+#[test]
+fn triangles_of_no_area_are_told_wherever_a_scene_is_read() {
+    let place = Place::new();
+    place.write("flat.in", "picture.png 16 12 1  1  1 1 1 1 0 5 0  0 1\n1 1 1  0 0 5  1 0 5  3 0 5\n");
+    let warning = "warning: flat.in:2: triangle 1 has no area, and no ray hits it: its corners are on one line\n";
+    for command in ["render flat.in --quiet", "plan flat.in", "convert flat.in flat.toml"] {
+        assert_eq!(place.run(command).stderr, warning, "{command}");
+    }
+}
+
+#[test]
+fn more_triangles_than_toml_is_read_again_with_are_not_written_to_it() {
+    let place = Place::new();
+    let message = "error: hills.toml: 299538 triangles and 0 spheres are more than the 32 MiB of TOML that can be read \
+                   again: write them as .in, or triangles as a mesh that a scene names";
+    place.refuses("make terrain --triangles 300000 -o hills.toml", 2, message);
+    assert_eq!(place.run("make terrain --triangles 300000 -o hills.ply --quiet").status, 0);
+    assert_eq!(place.run("convert hills.ply hills.in --quiet").status, 0);
+    place.refuses("convert hills.in hills.toml", 2, message);
+    // As a mesh that the scene names it takes a few lines.
+    assert_eq!(place.run("convert hills.ply hills.toml").status, 0);
+    assert!(fs::metadata(place.path("hills.toml")).unwrap().len() < 1000);
+}
+
+#[test]
+fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
+    let place = Place::new();
+    for (shape, made) in [("icosphere --bumps 0.2", 980), ("torus", 1024), ("terrain --seed 4", 968)] {
+        let mut pictures = Vec::new();
+        for file in ["shape.obj", "shape.ply", "shape.stl", "shape.toml", "shape.in"] {
+            let run = place.run(&format!("make {shape} --triangles 1000 -o {file}"));
+            let name = shape.split(' ').next().unwrap();
+            let start = format!("{file}: {name} of {made} triangles and ");
+            assert!(run.summary().starts_with(&start), "{}", run.summary());
+            assert_eq!(
+                place.run(&format!("render {file} --quiet --engine reference --size 80x60 -o a.png")).status,
+                0,
+                "{file}"
+            );
+            let Pixels::Rgb8(pixels) = place.picture("a.png").pixels else { panic!("levels") };
+            pictures.push(pixels);
+        }
+        // STL stands on another axis, and is turned; so rounding may differ in it.
+        for (at, picture) in pictures.iter().enumerate() {
+            let far = picture.iter().zip(&pictures[0]).filter(|(a, b)| (0..3).any(|i| a[i].abs_diff(b[i]) > 1)).count();
+            assert!(far <= if at == 2 { 10 } else { 0 }, "{shape}, file {at}: {far} pixels");
+        }
+    }
+    let json = place.run("make torus --triangles 1000 -o shape.obj --json").json();
+    assert_eq!((&json["schema"], &json["triangles"], &json["shape"]), (&json!(1), &json!(1024), &json!("torus")));
+    place.refuses("make torus --triangles 9 -o x.obj --bumps 0.1", 2, "error: --bumps is for the icosphere alone");
+    for arguments in ["make cube --triangles 9 -o x.obj", "make torus --triangles 0 -o x.obj", "make torus -o x.obj"] {
+        assert_eq!(place.run(arguments).status, 2, "{arguments}");
+    }
+}
+
+// Large pictures, and ends before the end
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_by_row() {
+    let place = Place::new();
+    let limited = |name: &str, size: &str| {
+        let render =
+            format!("ulimit -v 163840; exec \"$0\" render scene.in --threads 1 --quiet --size {size} -o {name}");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("MALLOC_ARENA_MAX", "1");
+        command.current_dir(&place.directory).output().unwrap()
+    };
+    // As floats these are 205 MB, and the address space is held to 160 MiB.
+    for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr"] {
+        let output = limited(name, "4000x3200");
+        assert!(output.status.success(), "{name}: {output:?}");
+        fs::remove_file(place.path(name)).unwrap();
+    }
+    // What is held whole, here 192 MB, shows that the limit is one; and more than a limit of its own is not begun.
+    let output = limited("a.qoi", "8000x8000");
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let whole = place.run("render scene.in --size 20000x20000 -o a.qoi");
+    assert!(whole.status == 2 && whole.stderr.contains("takes 1144 MiB of memory in this format"), "{}", whole.stderr);
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
+    let place = Place::new();
+    place.write("scene.in", &rayo::scene::many(300, 300, 1).to_text());
+    for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr", "a.qoi"] {
+        // No file may be longer than 64 blocks of 512 bytes: with the signal for that ignored, writing fails.
+        let render =
+            format!("trap '' XFSZ; ulimit -f 64; exec \"$0\" render scene.in --size 800x600 --quiet -o {name}");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
+        let output = command.current_dir(&place.directory).output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{name}: {told}");
+        let expected = format!("error: cannot write {name}: File too large");
+        assert!(told.starts_with(&expected) && told.lines().count() == 1, "{name}: {told}");
+        assert_eq!(place.files(), ["scene.in"], "{name}");
+    }
+    for command in ["make torus --triangles 100000 -o a.obj", "convert scene.in a.toml"] {
+        let run = format!("trap '' XFSZ; ulimit -f 64; exec \"$0\" {command} --quiet");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &run]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
+        let output = command.current_dir(&place.directory).output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(1) && told.contains("File too large"), "{told}");
+        assert_eq!(place.files(), ["scene.in"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_has_gone_ends_the_render_with_status_1() {
+    let place = Place::new();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let message = "error: cannot write /dev/stdout: Broken pipe (os error 32); whatever was reading it has stopped\n";
+    assert_eq!(run_into(writer, &place, "render scene.in -o /dev/stdout --size 2000x2000"), (Some(1), message.into()));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
+    let place = Place::new();
+    place.write("many.in", &rayo::scene::many(300, 300, 1).to_text());
+    for signal in ["INT", "TERM", "HUP"] {
+        for name in ["a.png", "a.exr"] {
+            // Minutes of work. Whoever runs the tests may have had signals ignored.
+            let mut command = std::process::Command::new("env");
+            command.arg("--default-signal").arg(assert_cmd::cargo::cargo_bin!("rayo"));
+            command.args(["render", "many.in", "--engine", "reference", "--size", "4000x4000", "--quiet", "-o", name]);
+            let mut child = command.current_dir(&place.directory).spawn().unwrap();
+            while place.files().len() < 3 {
+                assert!(child.try_wait().unwrap().is_none(), "it has ended by itself");
+                std::thread::sleep(std::time::Duration::from_millis(5));
+            }
+            // The signal may come at any time after that.
+            std::thread::sleep(std::time::Duration::from_millis(60));
+            let kill = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+            assert!(kill.unwrap().success());
+            assert_eq!(child.wait().unwrap().code(), Some(130), "{signal}");
+            assert_eq!(place.files(), ["many.in", "scene.in"], "{signal}");
+        }
+    }
+}
+
+// Two images
+
+/// Two P3 files that differ by 3 levels in one pixel, and one of another size.
+fn images() -> Place {
+    let place = Place::new();
+    place.write("a.ppm", "P3 2 1 255  10 20 30  1 2 3");
+    place.write("b.ppm", "P3 2 1 255  10 20 30  1 5 3");
+    place.write("c.ppm", "P3 1 1 255  10 20 30");
+    place
+}
+
+#[test]
+fn diff_tells_in_words_what_differs() {
+    let place = images();
+    let same = place.run("diff a.ppm a.ppm");
+    assert_eq!((same.status, same.stdout.as_str(), same.stderr.as_str()), (0, "identical: 2x1 pixels\n", ""));
+    let other = place.run("diff a.ppm b.ppm");
+    assert_eq!((other.status, other.stderr.as_str()), (1, ""));
+    assert_eq!(
+        other.stdout,
+        "1 of 2 pixels differ (50.000 %), 1 by 2 levels or more\n\
+         largest difference 3 levels at (1, 0): 1 2 3 against 1 5 3\n\
+         mean 0.500 levels, RMS 1.225 levels, PSNR 46.37 dB\n"
+    );
+}
+
+#[test]
+fn diff_passes_up_to_the_tolerance() {
+    let place = images();
+    for (tolerance, status) in [("0", 1), ("2.9", 1), ("3", 0), ("inf", 0)] {
+        assert_eq!(place.run(&format!("diff a.ppm b.ppm --tolerance {tolerance}")).status, status, "{tolerance}");
+    }
+    for tolerance in ["-1", "nan", "two"] {
+        let message = invalid(tolerance, "--tolerance <T>", "expected a number that is not negative");
+        place.refuses(&format!("diff a.ppm b.ppm --tolerance {tolerance}"), 2, &message);
+    }
+}
+
+#[test]
+fn diff_prints_one_json_document() {
+    let run = images().run("diff a.ppm b.ppm --json");
+    assert_eq!(run.status, 1);
+    let json = run.json();
+    for (name, expected) in [
+        ("schema", json!(1)),
+        ("within_tolerance", json!(false)),
+        ("differing", json!(1)),
+        ("largest", json!(3.0)),
+        ("largest_at", json!([1, 0])),
+    ] {
+        assert_eq!(json[name], expected, "{name}");
+    }
+}
+
+#[test]
+fn diff_writes_the_picture_of_the_differences() {
+    let place = images();
+    let run = place.run("diff a.ppm b.ppm -o out.png");
+    assert_eq!((run.status, run.stderr.as_str()), (1, ""));
+    assert!(run.stdout.ends_with("\nout.png: the differences, white where they are largest\n"), "{}", run.stdout);
+    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0; 3], [0, 255, 0]]));
+}
+
+#[test]
+fn the_least_difference_is_seen_beside_the_largest() {
+    let place = Place::new();
+    place.write("a.ppm", "P3 3 1 255  10 20 30  1 2 3  0 0 0");
+    place.write("b.ppm", "P3 3 1 255  10 20 31  1 2 3  255 0 0");
+    assert_eq!(place.run("diff a.ppm b.ppm -o out.png").status, 1);
+    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0, 0, 65], [0; 3], [255, 0, 0]]));
+}
+
+#[test]
+fn diff_refuses_what_claims_another_size_before_it_is_decoded() {
+    let place = images();
+    // A picture that says that it is large, and is damaged: that is not found out.
+    place.write("large.ppm", &format!("P6 300 30 255\n{}", "x".repeat(27_000)));
+    let damaged = fs::read(place.path("large.ppm")).unwrap();
+    fs::write(place.path("large.ppm"), &damaged[..26_000]).unwrap();
+    let sizes = "error: cannot compare a.ppm with large.ppm: the first picture has 2x1 pixels and the second 300x30: \
+                 only pictures of one size can be compared";
+    place.refuses("diff a.ppm large.ppm", 2, sizes);
+    let run = place.run("diff large.ppm large.ppm");
+    assert_eq!(
+        (run.status, run.stderr.as_str()),
+        (2, "error: large.ppm is damaged or incomplete: it ends too early\n")
+    );
+}
+
+#[test]
+fn diff_says_what_keeps_images_from_being_compared() {
+    let place = images();
+    let sizes = "error: cannot compare a.ppm with c.ppm: the first picture has 2x1 pixels and the second 1x1: \
+                 only pictures of one size can be compared";
+    place.refuses("diff a.ppm c.ppm", 2, sizes);
+    let kind = "error: scene.in is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and \
+                QOI are";
+    place.refuses("diff a.ppm scene.in", 2, kind);
+    let missing = "error: cannot read none.png: No such file or directory (os error 2)";
+    place.refuses("diff a.ppm none.png", 2, missing);
+    let floats = "error: out.pfm: the picture of differences has 8 bits; name it .png or .ppm";
+    place.refuses("diff a.ppm a.ppm -o out.pfm", 2, floats);
+    assert_eq!(place.run("diff a.ppm a.ppm -o out.jpg").status, 2);
+    let directory = "error: cannot write none/out.png: there is no directory none; create it first";
+    place.refuses("diff a.ppm b.ppm -o none/out.png", 1, directory);
+    assert_eq!(place.files(), ["a.ppm", "b.ppm", "c.ppm", "scene.in"]);
+}

@@ -1,0 +1,125 @@
+//! `rayo render --samples --edges --background --exposure --srgb`: what is made of linear light after tracing.
+
+use std::path::Path;
+
+use crate::program::rayo;
+use rayo::measure::picture::Pixels;
+use rayo::render::{Engine, read};
+use tempfile::TempDir;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const SCENE: &str = "scenes/tetrahedron.in";
+
+/// Renders the scene, at 120x90, with these arguments.
+fn render(directory: &Path, name: &str, args: &[&str]) -> Vec<u8> {
+    let path = directory.join(name);
+    let output = rayo(
+        ["render", SCENE, "--quiet", "--size", "120x90", "-o", path.to_str().unwrap()].iter().chain(args),
+        ROOT.as_ref(),
+    );
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    std::fs::read(path).unwrap()
+}
+
+fn linear(path: &Path) -> Vec<[f32; 3]> {
+    match read(path).unwrap().pixels {
+        Pixels::Rgb32F(pixels) => pixels,
+        Pixels::Rgb8(_) => panic!("it has floats"),
+    }
+}
+
+#[test]
+fn every_engine_develops_the_same_on_any_number_of_threads_whole_and_in_parts() {
+    let directory = TempDir::new().unwrap();
+    let look = ["--samples", "3", "--background", "0.1,0.2,0.4", "--exposure", "0.5", "--srgb"];
+    let engines = Engine::ALL.iter().filter(|engine| engine.usable());
+    for (engine, edges) in engines.flat_map(|engine| [(engine, &[][..]), (engine, &["--edges"])]) {
+        let with = |name: &str, more: &[&str]| {
+            render(directory.path(), name, &[&look[..], edges, &["--engine", engine.name()], more].concat())
+        };
+        let one = with("one.ppm", &["--threads", "1"]);
+        assert!(one == with("three.ppm", &["--threads", "3"]), "{engine}: threads show");
+        let part = with("part.ppm", &["--rows", "40..70"]);
+        let pixels = &one[one.len() - 120 * 90 * 3..];
+        assert!(part.ends_with(&pixels[40 * 360..70 * 360]), "{engine}: rows differ alone");
+    }
+}
+
+#[test]
+fn what_is_not_asked_for_changes_no_byte() {
+    let directory = TempDir::new().unwrap();
+    let plain = render(directory.path(), "plain.png", &[]);
+    let asked = render(directory.path(), "asked.png", &["--samples", "1", "--exposure", "0", "--background", "0,0,0"]);
+    assert!(plain == asked);
+    assert!(plain != render(directory.path(), "srgb.png", &["--srgb"]));
+}
+
+#[test]
+fn edges_are_smooth_and_a_stop_doubles_what_is_there() {
+    let directory = TempDir::new().unwrap();
+    let picture = |name: &str, args: &[&str]| {
+        render(directory.path(), name, args);
+        linear(&directory.path().join(name))
+    };
+    let backed = ["--background", "1,0,0"];
+    let shades = |picture: &[[f32; 3]]| {
+        let mut reds: Vec<u32> = picture.iter().map(|[red, ..]| red.to_bits()).collect();
+        reds.sort_unstable();
+        reds.dedup();
+        reds.len()
+    };
+    let (one, four) = (picture("1.pfm", &backed), picture("4.pfm", &[&backed[..], &["--samples", "4"]].concat()));
+    assert!(one.contains(&[1.0, 0.0, 0.0]) && four.contains(&[1.0, 0.0, 0.0]));
+    assert!(shades(&four) > shades(&one), "edges have no shades between");
+    let brighter = picture("brighter.pfm", &["--samples", "4", "--background", "1,0,0", "--exposure", "1"]);
+    for (exposed, light) in brighter.iter().zip(four) {
+        assert_eq!(*exposed, light.map(|v| 2.0 * v));
+    }
+}
+
+#[test]
+fn samples_along_edges_alone_make_nearly_the_same_picture_of_fewer_rays() {
+    let directory = TempDir::new().unwrap();
+    let rendered = |scene: &str, more: &[&str]| {
+        let path = directory.path().join("a.png");
+        let arguments = ["render", scene, "--json", "--size", "800x600", "-o", path.to_str().unwrap()];
+        let output = rayo(arguments.iter().chain(more), ROOT.as_ref());
+        assert!(output.status.success(), "{more:?}: {}", String::from_utf8_lossy(&output.stderr));
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let Pixels::Rgb8(pixels) = read(&path).unwrap().pixels else { panic!("it has bytes") };
+        (report["rays"].as_u64().unwrap(), report["hits"].as_u64().unwrap(), pixels)
+    };
+    // By spans and by tiles.
+    for scene in ["scenes/sphere.in", "scenes/many.in"] {
+        let [(rays, hits, all), edges, (.., one)] =
+            [&["--samples", "4"][..], &["--samples", "4", "--edges"], &[]].map(|more| rendered(scene, more));
+        assert!(edges.0 < rays / 2 && edges.1 < hits / 2, "{scene}: {} of {rays} rays", edges.0);
+        let error = |picture: &[[u8; 3]]| -> u64 {
+            let levels = picture.as_flattened().iter().zip(all.as_flattened());
+            levels.map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum()
+        };
+        assert!(20 * error(&edges.2) < error(&one), "{scene}: {} against {}", error(&edges.2), error(&one));
+    }
+}
+
+#[test]
+fn what_cannot_be_developed_is_refused_with_a_reason() {
+    let directory = TempDir::new().unwrap();
+    for (name, args, expected) in [
+        ("a.png", &["--samples", "0"][..], "expected a whole number from 1 to 16"),
+        ("a.png", &["--samples", "17"], "expected a whole number from 1 to 16"),
+        ("a.png", &["--edges"], "--samples <N>"),
+        ("a.png", &["--background", "1,2"], "expected three numbers from 0 on"),
+        ("a.png", &["--background", "1,2,-3"], "expected three numbers from 0 on"),
+        ("a.png", &["--exposure", "nan"], "expected a number of stops"),
+        ("a.exr", &["--srgb"], "--srgb is for formats with 8 bits"),
+        ("a.ppm", &["--samples", "16", "--size", "70000x100"], "--samples 16: each side of an image"),
+    ] {
+        let path = directory.path().join(name);
+        let output = rayo(["render", SCENE, "-o", path.to_str().unwrap()].iter().chain(args), ROOT.as_ref());
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+        assert!(error.contains(expected), "{args:?}: {error}");
+        assert!(!path.exists(), "{args:?} wrote a file");
+    }
+}

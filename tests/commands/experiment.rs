@@ -1,0 +1,231 @@
+//! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
+
+use crate::program;
+use std::path::Path;
+use std::process::Output;
+
+use crate::schema::errors;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn rayo(args: &[&str], out: &Path) -> Output {
+    program::rayo([&["experiment"], args, &["--out", out.to_str().unwrap()]].concat(), Path::new("."))
+}
+
+/// The document of one quick run, whose every part is there.
+fn quick(args: &[&str]) -> (TempDir, Value) {
+    let directory = TempDir::new().unwrap();
+    let args = [&["--quick", "--runs", "1", "--json"], args].concat();
+    let output = rayo(&args, directory.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document = serde_json::from_slice(&output.stdout).unwrap();
+    (directory, document)
+}
+
+fn experiment_schema() -> Value {
+    serde_json::from_str(include_str!("../../docs/experiment.schema.json")).unwrap()
+}
+
+#[test]
+fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
+    let (directory, document) = quick(&["--ladder"]);
+    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
+    let written: Value =
+        serde_json::from_slice(&std::fs::read(directory.path().join("results.json")).unwrap()).unwrap();
+    assert_eq!(written, document, "what is printed is what is written");
+
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    for name in ["figure2.svg", "ratio.svg"] {
+        assert!(text(name).starts_with("<svg"), "{name}");
+    }
+    let rows = document["rows"].as_array().unwrap();
+    assert_eq!(text("table.csv").lines().count(), 1 + rows.len());
+    assert!(text("table.md").contains("| 1632×1224 "));
+
+    // Five sizes, and at each of them the same contestants: floats of every engine, and bytes of some.
+    let sizes: Vec<_> = rows.iter().filter(|row| row["engine"] == "c").map(|row| row["pixels"].as_u64()).collect();
+    assert_eq!(sizes, [99_645, 499_392, 999_364, 1_498_840, 1_997_568].map(Some));
+    for engine in rayo::render::Engine::ALL.iter().filter(|engine| engine.usable()) {
+        let of_engine = rows.iter().filter(|row| row["engine"] == engine.name() && row["output"] == "f32x4");
+        assert_eq!(of_engine.count(), 5, "{engine}");
+    }
+    assert_eq!(document["verdicts"].as_array().unwrap().len(), 8);
+    assert_eq!(document["conditions"]["complete"], true);
+    let rungs: Vec<_> =
+        document["ladder"].as_array().unwrap().iter().map(|rung| rung["rung"].as_str().unwrap()).collect();
+    for rung in ["c, called", "c", "sqrtf", "inlined", "lean", "hoisted", "turned", "paper", "paper, called"] {
+        assert!(rungs.contains(&rung), "{rung} in {rungs:?}");
+    }
+}
+
+#[test]
+fn the_schema_refuses_a_document_that_breaks_it() {
+    let (_directory, document) = quick(&["--engines", "rust"]);
+    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
+    type Damage = (&'static str, fn(&mut Value));
+    let damages: [Damage; 5] = [
+        ("another schema", |document| document["schema"] = 2.into()),
+        ("no noise floor", |document| drop(document.as_object_mut().unwrap().remove("noise_floor"))),
+        ("a verdict that is none", |document| document["verdicts"][0]["verdict"] = "maybe".into()),
+        ("a mean in words", |document| document["rows"][0]["cycles_mean"] = "many".into()),
+        ("a row without samples", |document| document["rows"][0]["samples"] = Vec::<u64>::new().into()),
+    ];
+    for (what, damage) in damages {
+        let mut damaged = document.clone();
+        damage(&mut damaged);
+        assert!(!errors(&experiment_schema(), &damaged).is_empty(), "{what}");
+    }
+}
+
+#[test]
+fn the_ratios_are_those_of_the_samples_and_the_shares_make_one() {
+    let (_directory, document) = quick(&["--engines", "rust"]);
+    for row in document["rows"].as_array().unwrap() {
+        let samples = |row: &Value| row["samples"][0].as_f64().unwrap();
+        let same_size = |other: &&Value| other["engine"] == "c" && other["pixels"] == row["pixels"];
+        let c = document["rows"].as_array().unwrap().iter().find(same_size).unwrap();
+        // One run: mean, median and minimum are it.
+        for field in ["cycles_mean", "cycles_median", "cycles_min"] {
+            assert_eq!(row[field].as_f64().unwrap(), samples(row));
+        }
+        let ratio = row["ratio_to_c"].as_f64().unwrap();
+        assert!((ratio - samples(c) / samples(row)).abs() <= 1e-12 * ratio);
+    }
+    for explanation in document["explanations"].as_array().unwrap() {
+        let shares = explanation["shares"].as_array().unwrap();
+        let sum: f64 = shares.iter().map(|share| share["share"].as_f64().unwrap()).sum();
+        let product: f64 = shares.iter().map(|share| share["factor"].as_f64().unwrap()).product();
+        let factor = explanation["factor"].as_f64().unwrap();
+        assert!((sum - 1.0).abs() < 1e-9 && (product / factor - 1.0).abs() < 1e-9, "{explanation}");
+    }
+}
+
+/// A process that keeps a core busy until it is dropped.
+#[cfg(target_os = "linux")]
+struct Burner(std::process::Child);
+
+#[cfg(target_os = "linux")]
+impl Drop for Burner {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_or_there_are_none() {
+    // What a thread starts stays on its core.
+    rayo::kernels::sys::pin_to_this_core().unwrap();
+    let (_directory, quiet) = quick(&["--engines", "c"]);
+    let burner = std::process::Command::new("sh").args(["-c", "while :; do :; done"]).spawn().unwrap();
+    let burner = Burner(burner);
+    let (directory, busy) = quick(&["--engines", "c"]);
+    drop(burner);
+
+    let taken = busy["conditions"]["taken_share"].as_f64().unwrap();
+    let disturbed = busy["disturbed"].as_array().unwrap();
+    // The largest picture takes longer than any system leaves a core to one of two.
+    assert!(taken < 0.2 || !disturbed.is_empty(), "others had {taken} of the time");
+    let none = "not testable here";
+    for (quiet, busy) in quiet["verdicts"].as_array().unwrap().iter().zip(busy["verdicts"].as_array().unwrap()) {
+        let verdicts = [&quiet["verdict"], &busy["verdict"]];
+        assert!(verdicts[0] == verdicts[1] || verdicts.contains(&&Value::from(none)), "{quiet}\n{busy}");
+    }
+    let table = std::fs::read_to_string(directory.path().join("table.md")).unwrap();
+    for reason in disturbed {
+        assert_eq!(table.matches(&format!("- {}\n", reason.as_str().unwrap())).count(), 2, "{table}");
+    }
+}
+
+#[test]
+fn an_engine_that_does_not_exist_is_an_error_that_lists_what_there_is() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo(&["--quick", "--engines", "rust,fortran"], directory.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    for part in ["fortran", "reference", "rust", "c", "paper"] {
+        assert!(message.contains(part), "{part} in {message}");
+    }
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_failed() {
+    let directory = TempDir::new().unwrap();
+    for runs in ["0", "-1", "many"] {
+        let status = rayo(&["--runs", runs], directory.path()).status;
+        assert_eq!(status.code(), Some(2), "{runs}");
+    }
+    let file = directory.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let output = rayo(&["--quick"], &file.join("below"));
+    assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Stopped in its first second, a run keeps the sizes that are finished and says so, or has none to show.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_keeps_what_is_finished_and_says_so() {
+    use std::process::{Command, Stdio};
+    let directory = TempDir::new().unwrap();
+    // So many runs that no machine gets through them.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rayo"))
+        .args(["experiment", "--engines", "c", "--runs", "3", "--json", "--out"])
+        .arg(directory.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    let interrupted = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success();
+    let finished = child.try_wait().unwrap().is_some();
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    if finished || !interrupted {
+        return;
+    }
+    match output.status.code() {
+        Some(130) if !output.stdout.is_empty() => {
+            let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
+            assert_eq!(document["conditions"]["complete"], false);
+            let runs = format!("error: stopped early: {} of 3 runs, in ", document["conditions"]["runs"]);
+            assert!(message.contains(&runs) && message.contains("are finished and kept in "), "{message}");
+        }
+        Some(130) => assert!(message.contains("before the first size was finished"), "{message}"),
+        other => panic!("{other:?}: {message}"),
+    }
+}
+
+#[test]
+fn the_packets_in_growing_pictures_are_written_and_their_document_keeps_to_its_schema() {
+    if !rayo::render::Engine::ALL.iter().any(|engine| engine.is_packet() && engine.usable()) {
+        return;
+    }
+    let directory = TempDir::new().unwrap();
+    let output = rayo(&["--complexity", "--quick", "--runs", "1", "--json"], directory.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let schema = serde_json::from_str(include_str!("../../docs/complexity.schema.json")).unwrap();
+    assert_eq!(errors(&schema, &document), Vec::<String>::new());
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    assert!(text("complexity.svg").starts_with("<svg") && text("complexity.md").contains("## Lights"));
+    assert!(text("complexity.md").contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
+    let rows = document["rows"].as_array().unwrap();
+    assert_eq!(text("complexity.csv").lines().count(), 1 + rows.len());
+    for (axis, most) in [("pixels", 399_310), ("objects", 10_000), ("lights", 64)] {
+        let counts = rows.iter().filter(|row| row["axis"] == axis).map(|row| row["count"].as_u64().unwrap());
+        assert_eq!(counts.max(), Some(most), "{axis}");
+        assert!(document["slopes"].as_array().unwrap().iter().any(|slope| slope["axis"] == axis), "{axis}");
+    }
+}
+
+#[test]
+fn growing_pictures_are_for_packets_and_none_among_the_engines_is_an_error_that_names_them() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo(&["--complexity", "--engines", "rust"], directory.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("sse41, avx2 or avx512"), "{message}");
+}

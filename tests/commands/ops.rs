@@ -1,0 +1,728 @@
+//! Instruction counts: the counters on functions whose counts are known, against valgrind, and `rayo ops` itself.
+
+mod executed {
+    use rayo::kernels::harness::KNOWN;
+    use rayo::kernels::step::{count_function, count_instructions};
+
+    #[test]
+    fn single_stepping_counts_known_functions_exactly() {
+        for known in KNOWN {
+            let visits = count_function(known.address(), 1 << 14, || {
+                known.call();
+                known.call();
+            })
+            .unwrap();
+            let once = known.executed + 2; // endbr64, ret
+            assert_eq!(visits.calls, 2, "{}", known.symbol);
+            assert_eq!(visits.at.iter().sum::<u64>(), 2 * once, "{}", known.symbol);
+            assert_eq!(visits.instructions, 2 * (once + known.elsewhere), "{}", known.symbol);
+        }
+    }
+
+    #[test]
+    fn a_loop_is_counted_by_its_trips_at_each_of_its_instructions() {
+        let known = KNOWN.iter().find(|known| known.symbol == "rayo_known_loop").unwrap();
+        let visits = count_function(known.address(), 64, || known.call()).unwrap();
+        let executed: Vec<_> = visits.at.into_iter().filter(|&times| times > 0).collect();
+        assert_eq!(executed, [1, 1, 10, 10, 1]); // endbr64, mov, dec, jnz, ret
+    }
+
+    #[test]
+    fn a_closure_is_counted_with_what_it_calls() {
+        let [short, long] = ["rayo_known_7", "rayo_known_1000"]
+            .map(|symbol| KNOWN.iter().find(|known| known.symbol == symbol).unwrap())
+            .map(|known| count_instructions(|| std::hint::black_box(known).call()).unwrap());
+        assert_eq!(long - short, 993);
+    }
+
+    #[test]
+    fn a_function_that_is_not_called_has_no_visits() {
+        let visits = count_function(KNOWN[0].address(), 64, || KNOWN[1].call()).unwrap();
+        assert_eq!((visits.calls, visits.instructions), (0, 0));
+    }
+
+    #[test]
+    fn threads_that_count_at_the_same_time_do_not_disturb_each_other() {
+        let known = KNOWN.iter().find(|known| known.symbol == "rayo_known_1000").unwrap();
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..20 {
+                        assert_eq!(count_function(known.address(), 0, || known.call()).unwrap().instructions, 1002);
+                    }
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn a_panic_in_what_is_counted_comes_out_and_counting_goes_on() {
+        let panic = std::panic::catch_unwind(|| count_instructions(|| panic!("on purpose"))).unwrap_err();
+        assert_eq!(panic.downcast_ref::<&str>(), Some(&"on purpose"));
+        assert!(count_instructions(|| ()).unwrap() > 0);
+    }
+}
+
+mod disassembled {
+    use rayo::kernels::harness::KNOWN;
+    use rayo::measure::instructions::{Class, Code, Mix, Width, decode};
+
+    #[test]
+    fn disassembly_counts_known_functions_exactly() {
+        for known in KNOWN {
+            let code = Code::of_symbol(known.symbol).unwrap();
+            assert_eq!(code.body().unwrap().instructions as u64, known.body, "{}", known.symbol);
+            assert_eq!(code.function().instructions as u64, known.body + 2, "{}", known.symbol); // endbr64, ret
+        }
+    }
+
+    #[test]
+    fn code_read_from_the_process_is_that_of_its_object() {
+        for known in KNOWN {
+            let (object, process) =
+                (Code::of_symbol(known.symbol).unwrap(), Code::of_function(known.symbol, known.address()).unwrap());
+            assert_eq!(process.function(), object.function(), "{}", known.symbol);
+        }
+    }
+
+    #[test]
+    fn an_address_without_code_and_a_symbol_that_is_not_there_give_nothing() {
+        static DATA: [u8; 4] = [0xc3; 4];
+        assert!(Code::of_function("data", DATA.as_ptr() as usize).is_none());
+        assert!(Code::of_function("null", 0).is_none());
+        assert!(Code::of_symbol("rayo_no_such_symbol").is_none());
+        assert!(Code::in_object(b"not an object", "rayo_known_0").is_none());
+    }
+
+    /// Machine code of one instruction, and what it is.
+    const KINDS: [(&[u8], &str, Class, Width, bool); 24] = [
+        (&[0x0f, 0x58, 0xc1], "addps xmm0, xmm1", Class::Arithmetic, Width::Packed, false),
+        (&[0xf3, 0x0f, 0x58, 0xc1], "addss xmm0, xmm1", Class::Arithmetic, Width::Scalar, false),
+        (&[0x0f, 0x58, 0x06], "addps xmm0, [rsi]", Class::Arithmetic, Width::Packed, true),
+        (&[0xf2, 0x0f, 0x7c, 0xc0], "haddps xmm0, xmm0", Class::Arithmetic, Width::Packed, false),
+        (&[0x0f, 0x2f, 0xc1], "comiss xmm0, xmm1", Class::Arithmetic, Width::Scalar, false),
+        (&[0xf3, 0x0f, 0x51, 0xc0], "sqrtss xmm0, xmm0", Class::Arithmetic, Width::Scalar, false),
+        (&[0xf3, 0x48, 0x0f, 0x2a, 0xc2], "cvtsi2ss xmm0, rdx", Class::Arithmetic, Width::Scalar, false),
+        (&[0x0f, 0xc6, 0xc0, 0x00], "shufps xmm0, xmm0, 0", Class::Shuffle, Width::Packed, false),
+        (&[0x66, 0x0f, 0x70, 0xc0, 0xc9], "pshufd xmm0, xmm0, 0C9h", Class::Shuffle, Width::Packed, false),
+        (&[0xf3, 0x0f, 0x16, 0xc8], "movshdup xmm1, xmm0", Class::Shuffle, Width::Packed, false),
+        (&[0x0f, 0x12, 0xc1], "movhlps xmm0, xmm1", Class::Shuffle, Width::Packed, false),
+        (&[0x0f, 0x28, 0x06], "movaps xmm0, [rsi]", Class::Load, Width::Packed, true),
+        (&[0xf3, 0x0f, 0x10, 0x0a], "movss xmm1, [rdx]", Class::Load, Width::Scalar, true),
+        (&[0x0f, 0x29, 0x07], "movaps [rdi], xmm0", Class::Store, Width::Packed, false),
+        (&[0x0f, 0x28, 0xc1], "movaps xmm0, xmm1", Class::Move, Width::Packed, false),
+        (&[0x48, 0x8b, 0x06], "mov rax, [rsi]", Class::Load, Width::General, true),
+        (&[0x55], "push rbp", Class::Store, Width::General, false),
+        (&[0xc3], "ret", Class::Branch, Width::General, true),
+        (&[0xf3, 0x0f, 0x1e, 0xfa], "endbr64", Class::Other, Width::General, false),
+        (&[0x48, 0x8d, 0x04, 0x40], "lea rax, [rax+rax*2]", Class::Arithmetic, Width::General, false),
+        (&[0xc5, 0xfc, 0x58, 0xc1], "vaddps ymm0, ymm0, ymm1", Class::Arithmetic, Width::Packed, false),
+        (&[0xc4, 0xe2, 0x7d, 0x18, 0x06], "vbroadcastss ymm0, [rsi]", Class::Load, Width::Packed, true),
+        (&[0xc5, 0xf8, 0x77], "vzeroupper", Class::Other, Width::General, false),
+        (&[0x62, 0xf1, 0x7c, 0x48, 0x58, 0xc1], "vaddps zmm0, zmm0, zmm1", Class::Arithmetic, Width::Packed, false),
+    ];
+
+    #[test]
+    fn instructions_are_told_by_their_kind() {
+        for (bytes, text, class, width, reads) in KINDS {
+            let instructions: Vec<_> = decode(bytes, 0).collect();
+            let [i] = &instructions[..] else { panic!("{text}: {instructions:?}") };
+            assert_eq!(
+                (&*i.text, i.class, i.width, i.reads, i.bytes),
+                (text, class, width, reads, bytes.len()),
+                "{text}"
+            );
+        }
+        let wide: Vec<_> = decode(KINDS[23].0, 0).collect();
+        assert_eq!(wide[0].features, ["AVX512F"]);
+    }
+
+    #[test]
+    fn the_kinds_of_a_mix_add_up() {
+        for symbol in ["rayo_paper_triangle", "rayo_aos_lambert", "rayo_c_O0_cross", "rayo_c_native_sphere"] {
+            let code = Code::of_symbol(symbol).unwrap_or_else(|| panic!("{symbol} is in no object"));
+            let m: Mix = code.function();
+            let classes = m.arithmetic + m.shuffle + m.load + m.store + m.branch + m.r#move + m.other;
+            assert_eq!(classes, m.instructions, "{symbol}");
+            assert!(m.scalar + m.packed <= m.instructions, "{symbol}");
+            assert_eq!(m.bytes, code.bytes(), "{symbol}");
+        }
+    }
+}
+
+mod table {
+    use rayo::experiments::ops::{self, IMPLEMENTATIONS, OPS, Options, Report};
+    use rayo::kernels::step;
+
+    fn count(op: Option<&str>, executed: bool) -> Report {
+        ops::run(
+            &Options { wanted: op.map(str::to_owned).into_iter().collect(), executed, ..Options::default() },
+            &mut |_, _| (),
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn every_operation_has_a_row_for_every_implementation() {
+        let report = count(None, false);
+        let rows: Vec<_> = report.rows.iter().map(|row| (row.op, row.implementation)).collect();
+        let expected: Vec<_> = OPS.iter().flat_map(|op| IMPLEMENTATIONS.iter().map(move |i| (*op, *i))).collect();
+        assert_eq!(rows, expected);
+    }
+
+    #[test]
+    fn the_papers_macros_have_as_many_instructions_as_the_paper_prints() {
+        let report = count(None, false);
+        for op in &OPS[..6] {
+            let body = |name| report.rows.iter().find(|r| r.op == *op && r.implementation == name).unwrap().body;
+            assert!(body("paper").is_some());
+            assert_eq!(body("paper"), body("printed-simd"), "{op}");
+        }
+    }
+
+    #[test]
+    fn code_without_jumps_and_calls_executes_what_it_has() {
+        let report = count(None, true);
+        let mut straight = 0;
+        for row in &report.rows {
+            let Some(mix) = row.function_mix.as_ref().filter(|mix| mix.branch == 1 && !row.paths.is_empty()) else {
+                continue;
+            };
+            for path in &row.paths {
+                assert_eq!(path.executed, mix.instructions as u64, "{} {} {}", row.op, row.implementation, path.path);
+                assert_eq!(path.body, row.body.map(|body| body as u64), "{} {}", row.op, row.implementation);
+            }
+            straight += 1;
+        }
+        assert!(straight >= 30, "{straight}");
+    }
+
+    #[test]
+    fn a_path_that_leaves_early_executes_less() {
+        let report = count(Some("sphere"), true);
+        // Packets have masks in place of jumps.
+        let packets = ["sse41", "avx2", "avx512"];
+        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && packets.contains(&row.implementation)) {
+            assert!(row.paths.iter().all(|path| path.executed == row.paths[0].executed), "{}", row.implementation);
+            assert_eq!(row.paths.len(), 5, "{}", row.implementation);
+        }
+        for row in report.rows.iter().filter(|row| !row.paths.is_empty() && !packets.contains(&row.implementation)) {
+            let path = |name| row.paths.iter().find(|path| path.path == name).unwrap().executed;
+            assert!(path("miss") < path("two roots"), "{}", row.implementation);
+            assert!(path("two roots") < path("behind"), "{}", row.implementation);
+            assert!(path("tangent") <= path("two roots"), "{}", row.implementation);
+        }
+        let report = count(Some("triangle"), true);
+        let row = report.rows.iter().find(|row| row.implementation == "paper").unwrap();
+        let path = |name| row.paths.iter().find(|path| path.path == name).unwrap().body.unwrap();
+        assert!(path("behind") < path("outside the first edge"));
+        assert!(path("outside the first edge") < path("outside the last edge"));
+        assert_eq!(path("outside the last edge"), path("inside"));
+        assert_eq!(path("inside") as usize, row.body.unwrap(), "no instruction is left out on the way to a hit");
+        assert_eq!(path("edge"), path("inside"), "the edge belongs to the triangle");
+    }
+
+    #[test]
+    fn the_listing_has_every_instruction_and_how_often_it_was_executed() {
+        let report = count(Some("dot"), true);
+        for row in report.rows.iter().filter(|row| row.executed.is_some()) {
+            assert_eq!(row.listing.len(), row.function.unwrap(), "{}", row.implementation);
+            assert!(row.listing.iter().all(|line| line.executed == Some(1)), "{}", row.implementation);
+            assert_eq!(row.listing.iter().filter(|line| line.body).count(), row.body.unwrap_or(0));
+            assert!(row.listing.last().unwrap().text.ends_with("ret"), "{}", row.implementation);
+        }
+    }
+
+    #[test]
+    fn every_engine_has_a_picture_whose_instructions_are_the_same_each_time_where_it_asks_for_no_memory() {
+        let (one, two) = (count(None, true).frames, count(None, true).frames);
+        assert!(one.len() >= 2);
+        for (one, two) in one.iter().zip(&two) {
+            assert_eq!(one.engine, two.engine);
+            // What an allocator does depends on what was asked of it before.
+            if ["reference", "rust", "c", "paper"].contains(&one.engine) {
+                assert_eq!(one.instructions, two.instructions, "{}", one.engine);
+            }
+            assert!(one.per_pixel >= 1.0);
+        }
+    }
+
+    #[test]
+    fn costs_are_there_and_positive_where_something_runs() {
+        let options = Options { wanted: vec!["norm".into()], cost: true, ..Options::default() };
+        let report = ops::run(&options, &mut |_, _| ()).unwrap();
+        assert!(report.core_cycles_per_tick.is_some_and(|cycles| cycles > 0.0));
+        for row in report.rows {
+            let costs = [row.call_latency, row.call_throughput, row.throughput];
+            let runs =
+                !row.implementation.starts_with("printed") && row.function.is_some() && row.unavailable.is_none();
+            // Where others have the core, what is measured may be nothing that can be, and then it is said so.
+            let known =
+                |cost: &Option<f64>| if runs { cost.is_some_and(|cycles| cycles >= 0.5) } else { cost.is_none() };
+            assert!(costs.iter().all(known) || row.no_cycles.is_some(), "{}", row.implementation);
+            let body = ["paper", "aos", "sse41", "avx2", "avx512"].contains(&row.implementation);
+            assert_eq!(row.cost_of, runs.then_some(if body { "body" } else { "call" }), "{}", row.implementation);
+        }
+    }
+
+    #[test]
+    fn single_stepping_is_available_where_these_tests_run() {
+        step::count_instructions(|| ()).unwrap();
+    }
+}
+
+mod by_value {
+    use rayo::kernels::{self, Light, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value};
+    use rayo::scene::Rng;
+
+    /// The same functions by address, compiled for the engine.
+    fn same(level: &str, rng: &mut Rng) {
+        let Some(f) = by_value(level) else { return };
+        let vector = |rng: &mut Rng| Vec4::new(rng.between(-2.0, 2.0), rng.between(-2.0, 2.0), rng.between(0.5, 4.0));
+        let (a, b, c, d) = (vector(rng), vector(rng), vector(rng), vector(rng));
+        // A level that may fuse multiplications and additions rounds differently.
+        let close = |x: f32, y: f32| x == y || (x - y).abs() <= 1e-4 * (x.abs() + y.abs() + 1.0);
+        let close4 = |x: Vec4, y: Vec4| x.lanes().iter().zip(y.lanes()).all(|(x, y)| close(*x, y));
+        let sphere = Sphere { centre: b, colour: c, radius: 0.5, padding: [0.0; 3] };
+        let triangle = Triangle { v1: b, v2: c, v3: d, colour: c };
+        let (surface, light) = (Surface { point: a, normal: b, colour: c }, Light { position: d, radiance: c });
+        let ray = Ray { origin: Vec4::ZERO, direction: a };
+        let hit = |(hit, t): (bool, f32)| if hit { t } else { f32::INFINITY };
+        for (name, op) in kernels::c().ops() {
+            let agree = match (name, op) {
+                ("add", OpRef::Vector(op)) => close4(op.call(&a, &b), f.add(a, b)),
+                ("sub", OpRef::Vector(op)) => close4(op.call(&a, &b), f.sub(a, b)),
+                ("scale", OpRef::Scale(op)) => close4(op.call(&a, &b.x), f.scale(a, b.x)),
+                ("dot", OpRef::Scalar(op)) => close(op.call(&a, &b), f.dot(a, b)),
+                ("norm", OpRef::Scalar(op)) => close(op.call(&a, &b), f.norm(a)),
+                ("cross", OpRef::Vector(op)) => close4(op.call(&a, &b), f.cross(a, b)),
+                ("normalise", OpRef::Vector(op)) => close4(op.call(&a, &b), f.normalise(a)),
+                ("sphere", OpRef::Sphere(op)) => {
+                    let mut t = 0.0;
+                    let found = f.sphere(ray, &sphere, &mut t);
+                    close(op.call(&a, &sphere), hit((found, t)))
+                }
+                ("triangle", OpRef::Triangle(op)) => {
+                    let mut t = 0.0;
+                    let found = f.triangle(ray, &triangle, &mut t);
+                    close(op.call(&a, &triangle), hit((found, t)))
+                }
+                ("lambert", OpRef::Lambert(op)) => close4(op.call(&surface, &light), f.lambert(&light, a, b, c, false)),
+                ("lambert2", OpRef::Lambert(op)) => close4(op.call(&surface, &light), f.lambert(&light, a, b, c, true)),
+                _ => panic!("{name} is not compared"),
+            };
+            assert!(agree, "{level} {name}: {a:?} {b:?} {c:?} {d:?}");
+        }
+    }
+
+    #[test]
+    fn the_c_that_is_counted_computes_what_the_engines_c_computes() {
+        for level in ["O0", "O1", "O2", "O3", "native"] {
+            let mut rng = Rng::new(7);
+            for _ in 0..200 {
+                same(level, &mut rng);
+            }
+        }
+        assert!(by_value("O0").is_some());
+        assert!(by_value("O7").is_none());
+    }
+}
+
+mod callgrind {
+    use std::collections::BTreeMap;
+    use std::process::Command;
+
+    use rayo::kernels::harness::KNOWN;
+    use rayo::kernels::step::count_function;
+    use rayo::kernels::{self, Isa, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
+    use rayo::measure::instructions::Code;
+
+    /// Functions by their symbols: where each is, and a call of it.
+    type Functions = BTreeMap<String, (usize, Box<dyn Fn()>)>;
+
+    /// What callgrind can run, too.
+    fn functions() -> Functions {
+        let (a, b) = (Vec4::new(0.25, -0.5, 1.0), Vec4::new(0.0, 0.25, 4.0));
+        let sphere = Sphere { centre: b, colour: a, radius: 2.0, padding: [0.0; 3] };
+        let (v1, v2, v3) = (Vec4::new(-4.0, -4.0, 3.0), Vec4::new(4.0, -4.0, 3.0), Vec4::new(0.0, 4.0, 3.5));
+        let triangle = Triangle { v1, v2, v3, colour: a };
+        let (surface, light) = (Surface { point: a, normal: b, colour: a }, Light { position: b, radiance: a });
+        let mut functions = Functions::new();
+        for (form, table) in [("paper", kernels::paper()), ("aos", kernels::aos())] {
+            for (name, op) in table.into_iter().flat_map(|table| table.ops()) {
+                let (address, call): (usize, Box<dyn Fn()>) = match op {
+                    OpRef::Vector(op) => (op.address(), Box::new(move || _ = op.call(&a, &b))),
+                    OpRef::Scale(op) => (op.address(), Box::new(move || _ = op.call(&a, &0.5))),
+                    OpRef::Scalar(op) => (op.address(), Box::new(move || _ = op.call(&a, &b))),
+                    OpRef::Sphere(op) => (op.address(), Box::new(move || _ = op.call(&a, &sphere))),
+                    OpRef::Triangle(op) => (op.address(), Box::new(move || _ = op.call(&a, &triangle))),
+                    OpRef::Lambert(op) => (op.address(), Box::new(move || _ = op.call(&surface, &light))),
+                };
+                functions.insert(format!("rayo_{form}_{name}"), (address, call));
+            }
+        }
+        // Valgrind knows no AVX-512.
+        for isa in [Isa::Sse41, Isa::Avx2] {
+            for op in packet_ops::<f32>(isa).into_iter().flatten() {
+                let Shape { b_numbers, record, out_numbers } = op.shape;
+                let (a, b) = (vec![1.5; 6 * op.lanes], vec![0.5; 2 * b_numbers * op.lanes + record]);
+                let call = move || op.call(&mut vec![0.0; 2 * out_numbers * op.lanes], &a, &b);
+                functions.insert(op.symbol().into(), (op.address(), Box::new(call)));
+            }
+        }
+        for known in KNOWN {
+            functions.insert(known.symbol.into(), (known.address(), Box::new(|| known.call())));
+        }
+        functions
+    }
+
+    #[test]
+    #[ignore = "run under callgrind by the test below"]
+    fn calls_for_callgrind() {
+        for (_, call) in functions().values() {
+            call();
+        }
+    }
+
+    /// The instructions that each function of a callgrind.out executed itself.
+    fn own_instructions(profile: &str) -> BTreeMap<&str, u64> {
+        let mut own = BTreeMap::new();
+        let (mut function, mut call) = ("", false);
+        for line in profile.lines() {
+            if let Some(name) = line.strip_prefix("fn=") {
+                function = name;
+            } else if line.starts_with("calls=") {
+                call = true; // the line after it is of what was called
+            } else if line.starts_with(|c: char| c.is_ascii_digit() || c == '+' || c == '-' || c == '*') {
+                let cost = line.split(' ').next_back().and_then(|cost| cost.parse::<u64>().ok());
+                if !std::mem::take(&mut call) {
+                    *own.entry(function).or_default() += cost.unwrap_or(0);
+                }
+            }
+        }
+        own
+    }
+
+    #[test]
+    fn callgrind_counts_the_same_instructions() {
+        if Command::new("valgrind").arg("--version").output().is_err() {
+            eprintln!("valgrind is not installed: nothing was compared");
+            return;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let profile = folder.path().join("callgrind.out");
+        let output = Command::new("valgrind")
+            .args(["--tool=callgrind", "--compress-strings=no", "--compress-pos=no"])
+            .arg(format!("--callgrind-out-file={}", profile.display()))
+            .arg(std::env::current_exe().unwrap())
+            .args(["--exact", "ops::callgrind::calls_for_callgrind", "--ignored", "--test-threads=1"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let profile = std::fs::read_to_string(profile).unwrap();
+        let own = own_instructions(&profile);
+        let mut compared = 0;
+        for (name, (address, call)) in functions() {
+            // Its own instructions alone, as callgrind has them; rayo_known_7 is called by another too.
+            let bytes = Code::of_symbol(&name).unwrap().bytes();
+            let times = if name == "rayo_known_7" { 2 } else { 1 };
+            let stepped: u64 = count_function(address, bytes, call).unwrap().at.iter().sum();
+            assert_eq!(own.get(name.as_str()).copied(), Some(times * stepped), "{name}");
+            compared += 1;
+        }
+        assert!(compared >= KNOWN.len() + 22 + 10, "{compared}");
+    }
+}
+
+mod command {
+    use std::collections::BTreeSet;
+    use std::fs;
+    use std::path::Path;
+    use std::process::{Command, Output};
+
+    use serde_json::Value;
+
+    fn run_as(program: &Path, args: &[&str]) -> Output {
+        Command::new(program).arg("ops").args(args).output().unwrap()
+    }
+
+    fn run(args: &[&str]) -> Output {
+        run_as(Path::new(env!("CARGO_BIN_EXE_rayo")), args)
+    }
+
+    fn text(output: &Output) -> String {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout.clone()).unwrap()
+    }
+
+    #[test]
+    fn the_document_has_the_fields_that_the_design_names() {
+        let document: Value = serde_json::from_str(&text(&run(&["--op", "dot", "--executed", "--json"]))).unwrap();
+        assert_eq!(document["schema"], 1);
+        let rows = document["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), 14);
+        for row in rows {
+            let row = row.as_object().unwrap();
+            for field in ["op", "implementation", "body", "function", "per_vector", "executed", "latency", "throughput"]
+            {
+                assert!(row.contains_key(field), "{field}");
+            }
+        }
+        let paper = rows.iter().find(|row| row["implementation"] == "paper").unwrap();
+        assert_eq!((&paper["body"], &paper["function"], &paper["executed"]), (&3.into(), &8.into(), &8.into()));
+        assert_eq!(paper["critical_path"], "mul -> hadd -> hadd");
+        let printed = rows.iter().find(|row| row["implementation"] == "printed-c").unwrap();
+        assert_eq!((&printed["function"], &printed["latency"]), (&25.into(), &Value::Null));
+    }
+
+    #[test]
+    fn counts_survive_strip_and_another_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let copy = folder.path().join("elsewhere");
+        fs::copy(env!("CARGO_BIN_EXE_rayo"), &copy).unwrap();
+        if !Command::new("strip").arg(&copy).status().is_ok_and(|status| status.success()) {
+            eprintln!("strip is not installed: the copy keeps its symbols");
+        }
+        let counts = |output: &Output| {
+            let document: Value = serde_json::from_str(&text(output)).unwrap();
+            let rows = document["rows"].as_array().unwrap().iter();
+            rows.map(|row| ["implementation", "body", "function", "executed"].map(|name| row[name].clone()))
+                .collect::<Vec<_>>()
+        };
+        let args = ["--op", "cross", "--executed", "--json"];
+        assert_eq!(counts(&run_as(&copy, &args)), counts(&run(&args)));
+    }
+
+    #[test]
+    fn the_table_fits_120_columns() {
+        let table = text(&run(&["--op", "sphere", "--executed"])) + &text(&run(&["--op", "dot", "--asm"]));
+        for line in table.lines() {
+            assert!(line.chars().count() <= 120 || line.starts_with("n/a"), "{line}");
+        }
+    }
+
+    #[test]
+    fn the_listing_marks_the_body_and_what_differs() {
+        let listing = text(&run(&["--op", "dot", "--engine", "paper,aos", "--asm"]));
+        assert!(listing.contains(" |haddps xmm0, xmm0"), "{listing}");
+        assert!(listing.contains("*|movhlps xmm0, xmm0"), "{listing}");
+        assert!(listing.contains("  movaps xmm0, [rsi]"), "{listing}");
+        assert!(!listing.contains("c-O0"), "{listing}");
+    }
+
+    #[test]
+    fn every_kernel_of_the_engines_is_listed_and_can_be_asked_for() {
+        let listed = text(&run(&["--kernels"]));
+        let symbols: BTreeSet<_> = listed.lines().filter_map(|line| line.split(' ').next()).collect();
+        for symbol in rayo::kernels::packet_symbols().into_iter().chain(["rayo_paper_trace", "rayo_c_trace"]) {
+            assert!(symbols.contains(symbol), "{symbol}");
+        }
+        let document: Value = serde_json::from_str(&text(&run(&["--kernels", "--json"]))).unwrap();
+        assert_eq!(document["kernels"].as_array().unwrap().len(), listed.lines().count());
+        let refused = run(&["--kernel", "rayo_papr_trace"]);
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
+        let error = String::from_utf8_lossy(&refused.stderr);
+        assert!(error.contains("no kernel `rayo_papr_trace`; the nearest are rayo_paper_trace"), "{error}");
+    }
+
+    #[test]
+    fn the_listing_of_a_kernel_has_labels_in_place_of_offsets_and_the_source_of_each_instruction() {
+        if rayo::kernels::paper().is_none() {
+            return;
+        }
+        let symbol = "rayo_paper_trace";
+        let document: Value = serde_json::from_str(&text(&run(&["--kernel", symbol, "--json"]))).unwrap();
+        let kernel = &document["kernels"][0];
+        let lines = kernel["listing"].as_array().unwrap();
+        assert_eq!(
+            (kernel["symbol"].as_str(), kernel["instructions"].as_u64()),
+            (Some(symbol), Some(lines.len() as u64))
+        );
+        let source = |line: &Value| line["source"].clone();
+        let dot = lines.iter().find(|line| {
+            source(line)["macros"].as_array().is_some_and(|macros| macros.iter().any(|name| name == "VEC_DOT"))
+        });
+        let dot = source(dot.expect("it has a dot product"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(dot["file"].as_str().unwrap());
+        let file = fs::read_to_string(path).unwrap();
+        let line = file.lines().nth(dot["line"].as_u64().unwrap() as usize - 1).unwrap();
+        assert!(line.contains(dot["text"].as_str().unwrap().split(' ').next().unwrap()), "{line}: {dot}");
+
+        let listing = text(&run(&["--kernel", symbol]));
+        let jumps = lines.iter().filter(|line| line["target"].is_u64()).count();
+        assert!(jumps > 3);
+        let named: Vec<_> = listing.lines().filter_map(|line| line.split_once(" .")?.1.split(' ').next()).collect();
+        assert_eq!(named.len(), jumps, "{listing}");
+        for label in named {
+            assert!(listing.lines().any(|line| line.starts_with(&format!(".{label}:"))), "{label}: {listing}");
+        }
+        assert!(listing.contains("  VEC_DOT < SPHERE_HIT"), "{listing}");
+        assert!(!listing.contains('\u{1b}'), "no colours in a pipe");
+    }
+
+    #[test]
+    fn a_constant_is_named_where_a_kernel_reads_it() {
+        let listing = text(&run(&["--kernel", "rayo_paper_sphere"]));
+        assert!(listing.lines().any(|line| line.contains("movss xmm1, [") && !line.contains("h]")), "{listing}");
+    }
+
+    #[test]
+    fn critical_paths_that_are_one_operation_share_a_line() {
+        let table = text(&run(&["--op", "add,sub,dot", "--engine", "paper,aos,avx2"]));
+        let paths: Vec<_> = table.lines().skip_while(|line| *line != "Critical paths").skip(1).take(4).collect();
+        assert!(paths.iter().any(|line| line.trim() == "of one operation: add, sub"), "{table}");
+        assert!(paths[0].contains("mul -> "), "{table}");
+    }
+
+    #[test]
+    fn names_that_are_not_there_are_bad_usage_and_what_there_is_is_listed() {
+        for (args, expected) in [
+            (["--op", "divide"], "no operation `divide`; there are: add, sub, scale"),
+            (["--engine", "gpu"], "no implementation `gpu` of single operations; there are: printed-c"),
+        ] {
+            let output = run(&args);
+            let error = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{error}");
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn without_the_trap_flag_executed_counts_are_not_available_and_the_reason_is_given() {
+        if Command::new("valgrind").arg("--version").output().is_err() {
+            eprintln!("valgrind is not installed: nothing was tried");
+            return;
+        }
+        let rayo = env!("CARGO_BIN_EXE_rayo");
+        let args = ["-q", rayo, "ops", "--op", "add", "--engine", "paper", "--executed"];
+        let run = |json: &[&str]| Command::new("valgrind").args(args).args(json).output().unwrap();
+        let table = text(&run(&[]));
+        assert!(table.lines().any(|line| line.starts_with(" executed") && line.ends_with(" n/a")), "{table}");
+        assert!(table.contains("the trap flag has no effect here"), "{table}");
+        let document: Value = serde_json::from_str(&text(&run(&["--json"]))).unwrap();
+        assert_eq!(document["rows"][0]["executed"], Value::Null);
+        assert_eq!(document["rows"][0]["function"], 6);
+    }
+
+    #[test]
+    fn several_operations_are_asked_for_in_a_list() {
+        let table = text(&run(&["--op", "norm,dot", "--engine", "aos,glam"]));
+        let heads: Vec<_> = table.lines().filter(|line| line.ends_with("  needs")).map(|line| &line[..4]).collect();
+        assert_eq!(heads, ["dot ", "norm"], "{table}");
+        assert!(!table.contains("cross"), "{table}");
+        let refused = run(&["--op", "norm,dost"]);
+        assert_eq!((refused.status.code(), refused.stdout.len()), (Some(2), 0));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains("there is no operation `dost`; there are: add, "));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_tables_fit_a_terminal_of_80_columns() {
+        let ops = format!("stty rows 24 cols 80; '{}' ops --op dot,triangle", env!("CARGO_BIN_EXE_rayo"));
+        for arguments in ["", " --asm"] {
+            let mut script = Command::new("script");
+            script.args(["-qec", &format!("{ops}{arguments}"), "/dev/null"]).stdin(std::process::Stdio::null());
+            let shown = text(&script.output().unwrap());
+            // What a progress bar has drawn over itself is not there.
+            let lines: Vec<_> =
+                shown.lines().filter_map(|line| line.trim_end_matches('\r').rsplit('\r').next()).collect();
+            assert!(lines.iter().any(|line| line.contains("aos")), "{shown}");
+            for line in lines.iter().filter(|line| !line.contains('\u{1b}')) {
+                assert!(line.chars().count() <= 80, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn under_a_debugger_executed_counts_are_not_available_and_the_reason_is_given() {
+        if Command::new("strace").arg("--version").output().is_err() {
+            eprintln!("strace is not installed: nothing was tried");
+            return;
+        }
+        let args =
+            ["-o", "/dev/null", env!("CARGO_BIN_EXE_rayo"), "ops", "--op", "add", "--engine", "paper", "--executed"];
+        let table = text(&Command::new("strace").args(args).output().unwrap());
+        assert!(table.contains("traces this one"), "{table}");
+    }
+
+    /// The part of a document between a line that begins with `start` and the end of the part, that line included.
+    fn part<'a>(document: &'a str, start: &str) -> &'a str {
+        let from = document.find(start).unwrap_or_else(|| panic!("there is no `{start}`"));
+        let length = document[from..].find("<!-- end -->").expect("the part has an end");
+        &document[from..from + length]
+    }
+
+    #[test]
+    fn the_document_in_docs_is_what_the_command_prints() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
+        let kept = fs::read_to_string(path).unwrap();
+        let made = text(&run(&["--executed", "--markdown"]));
+        assert!(made.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
+        let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
+        assert_eq!(part(&kept, "<!-- assembled"), part(&made, "<!-- assembled"), "the assembled part {stale}");
+        // Other compilers make other code. c-native differs by CPU, and Rust's code by profile and test.
+        let (kept, made) = (part(&kept, "<!-- compiled"), part(&made, "<!-- compiled"));
+        if kept.lines().next() == made.lines().next() {
+            let fixed = |part: &str| {
+                let cells = |line: &str| line.split('|').take(7).collect::<Vec<_>>().join("|");
+                part.lines().map(cells).collect::<Vec<_>>()
+            };
+            assert_eq!(fixed(kept), fixed(made), "the compiled part {stale}");
+        }
+    }
+
+    /// The tables under a heading, up to the next: of each its rows, of each of these its cells by their columns' names.
+    fn tables<'a>(document: &'a str, heading: &str) -> Vec<Vec<Vec<(&'a str, &'a str)>>> {
+        let section = document.split(heading).nth(1).unwrap_or_else(|| panic!("there is no `{heading}`"));
+        let section = section.split("\n## ").next().unwrap();
+        let cells = |line: &'a str| line.trim_matches('|').split('|').map(str::trim).collect::<Vec<_>>();
+        let table = |table: &'a str| {
+            let mut lines = table.lines().filter(|line| line.starts_with('|'));
+            let names = cells(lines.next()?);
+            Some(lines.skip(1).map(|line| names.iter().copied().zip(cells(line)).collect()).collect())
+        };
+        section.split("\n\n").filter_map(table).collect()
+    }
+
+    #[test]
+    fn what_the_document_in_docs_says_is_executed_is_executed() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
+        let (kept, made) = (fs::read_to_string(path).unwrap(), text(&run(&["--executed", "--markdown"])));
+        let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
+        let [kept_tables, made_tables] = [&kept, &made].map(|document| tables(document, "## Executed"));
+        let ([kept_ops, kept_frames], [made_ops, made_frames]) = (&kept_tables[..], &made_tables[..]) else {
+            panic!("two tables, of operations and of pictures: {made_tables:?}");
+        };
+        // What this CPU runs, and neither another compiler nor a library of C makes: roots are the library's.
+        let compilers = [&kept, &made].map(|document| part(document, "<!-- compiled").lines().next());
+        let fixed = |op: &str, name: &str| match name {
+            "paper" | "aos" | "sse41" | "avx2" | "avx512" => true,
+            "c-O0" | "c-O1" | "c-O2" | "c-O3" => {
+                compilers[0] == compilers[1] && ["add", "sub", "scale", "dot", "cross"].contains(&op)
+            }
+            _ => false,
+        };
+        let mut compared = 0;
+        assert_eq!(kept_ops.len(), made_ops.len(), "the executed part {stale}");
+        for (kept, made) in kept_ops.iter().zip(made_ops) {
+            let op = made[0].1;
+            assert_eq!(kept[0].1, op, "the executed part {stale}");
+            for (name, count) in made.iter().filter(|(name, _)| fixed(op, name)) {
+                let kept = kept.iter().find(|(other, _)| other == name);
+                assert_eq!(kept, Some(&(*name, *count)), "{op} by {name} {stale}");
+                compared += 1;
+            }
+        }
+        assert!(compared >= 20 * 3, "{compared}");
+        // Beside the kernels there is Rust in these, and what an allocator does; that is next to nothing in a pixel, if it is
+        // optimised.
+        if cfg!(debug_assertions) {
+            return;
+        }
+        for made in made_frames.iter().filter(|made| ["paper", "sse41", "avx2", "avx512"].contains(&made[0].1)) {
+            let kept = kept_frames.iter().find(|kept| kept[0] == made[0]).unwrap_or_else(|| panic!("{made:?} {stale}"));
+            let [kept, now] = [kept, made].map(|row| row.last().unwrap().1.parse::<f64>().unwrap());
+            assert!((kept - now).abs() < 0.25, "{made:?}, {kept} instructions a pixel {stale}");
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! `rayo render --preview`: a picture in letters or half blocks, of the view that a file would have.
+
+use std::path::Path;
+
+use crate::program::rayo;
+use tempfile::TempDir;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+fn scene(name: &str) -> String {
+    format!("{ROOT}/scenes/{name}")
+}
+
+/// What `rayo render ... --preview` prints, and that it succeeds.
+fn shown(args: &[&str], directory: &Path) -> String {
+    let output = rayo([&["render", "--preview"], args].concat(), directory);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn files(directory: &Path) -> usize {
+    std::fs::read_dir(directory).unwrap().count()
+}
+
+#[test]
+fn without_a_terminal_a_picture_is_letters_and_no_file() {
+    let directory = TempDir::new().unwrap();
+    let sphere = shown(&[&scene("sphere.in"), "--engine", "reference"], directory.path());
+    let lines: Vec<_> = sphere.lines().collect();
+    assert!(lines.len() == 24 && lines.iter().all(|line| line.len() <= 64), "{sphere}");
+    assert!(sphere.chars().all(|c| " .:-=+*#%@\n".contains(c)), "{sphere}");
+    // The sphere is in the middle, and lit from the upper right.
+    assert!(lines[0].is_empty() && lines[23].is_empty() && lines[12].len() > 32, "{sphere}");
+    let brightest = lines.iter().position(|line| line.contains('@')).expect("it has a bright spot");
+    assert!(brightest < 12 && lines[brightest].rfind('@').unwrap() > 32, "{sphere}");
+    assert_eq!(files(directory.path()), 0);
+}
+
+#[test]
+fn every_option_of_the_picture_holds_for_the_preview() {
+    let directory = TempDir::new().unwrap();
+    let tetrahedron = scene("tetrahedron.in");
+    let of = |args: &[&str]| shown(&[&[tetrahedron.as_str(), "--quiet"], args].concat(), directory.path());
+    let plain = of(&[]);
+    for engine in rayo::Engine::ALL.iter().filter(|engine| engine.usable()) {
+        assert_eq!(of(&["--engine", engine.name(), "--threads", "2", "--keep-all"]), plain, "{engine}");
+    }
+    for change in [
+        &["--samples", "1"][..],
+        &["--background", "0.1,0.4,0.9"],
+        &["--exposure", "1"],
+        &["--srgb"],
+        &["--film", "2"],
+        &["--size", "40x"],
+        &["--rows", "300..500"],
+    ] {
+        assert_ne!(of(change), plain, "{change:?}");
+    }
+    // A picture that fits is no larger than it is, and rows are those of the whole.
+    let whole = of(&["--size", "40x30", "--samples", "2"]);
+    assert_eq!(whole.lines().count(), 15);
+    let part = of(&["--size", "40x30", "--samples", "2", "--rows", "10..20"]);
+    assert_eq!(part.lines().collect::<Vec<_>>(), whole.lines().skip(5).take(5).collect::<Vec<_>>());
+    // However large it is, and a row of it.
+    let huge = of(&["--size", "40000x30000"]);
+    assert_eq!((huge.as_str(), of(&["--size", "40000x30000", "--rows", "9..10"]).lines().count()), (plain.as_str(), 1));
+}
+
+#[test]
+fn a_file_is_written_too_if_it_is_named_and_scenes_follow_each_other() {
+    let directory = TempDir::new().unwrap();
+    let at = directory.path();
+    let both = shown(&[&scene("sphere.in"), &scene("tetrahedron.in"), "--size", "80x60"], at);
+    let each = ["sphere.in", "tetrahedron.in"].map(|name| shown(&[&scene(name), "--size", "80x60"], at)).concat();
+    assert_eq!((both, files(at)), (each, 0));
+    let size = ["--size", "80x60"];
+    let with_file = shown(&[&[scene("sphere.in").as_str(), "-o", "a.png", "--stats"], &size[..]].concat(), at);
+    assert!(with_file.contains('@') && with_file.contains("\nengine "), "{with_file}");
+    assert!(rayo([&["render", &scene("sphere.in"), "-o", "b.png"], &size[..]].concat(), at).status.success());
+    assert!(std::fs::read(at.join("a.png")).unwrap() == std::fs::read(at.join("b.png")).unwrap());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_gets_half_blocks_as_wide_as_it_is_and_letters_where_no_colour_is_wanted() {
+    let rayo = assert_cmd::cargo::cargo_bin!("rayo").display().to_string();
+    // `script` gives the program a terminal, and prints what it says there.
+    let on_terminal = |variables: [(&str, &str); 2]| {
+        let mut command = std::process::Command::new("script");
+        let render = format!("stty cols 50 rows 40; '{rayo}' render scenes/tetrahedron.in --preview --quiet");
+        command.args(["-qec", &render, "/dev/null"]).current_dir(ROOT).stdin(std::process::Stdio::null());
+        let output = command.envs(variables).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let true_colour = on_terminal([("COLORTERM", "truecolor"), ("NO_COLOR", "")]);
+    let lines: Vec<_> = true_colour.lines().filter(|line| line.contains('▀')).collect();
+    assert_eq!(lines.len(), 19, "{true_colour}");
+    assert!(lines.iter().all(|line| line.matches('▀').count() == 50 && line.trim_end().ends_with("\u{1b}[0m")));
+    assert!(true_colour.contains("\u{1b}[38;2;"));
+    let few_colours = on_terminal([("COLORTERM", ""), ("NO_COLOR", "")]);
+    assert!(few_colours.contains("\u{1b}[38;5;") && !few_colours.contains(";2;"), "{few_colours}");
+    let letters = on_terminal([("COLORTERM", "truecolor"), ("NO_COLOR", "1")]);
+    assert!(!letters.contains('\u{1b}') && letters.lines().count() == 19, "{letters}");
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused_with_a_reason() {
+    let directory = TempDir::new().unwrap();
+    for (args, expected) in [
+        (&["-o", "-"][..], "--preview prints where the picture is to go"),
+        (&["--json"], "--preview prints a picture where --json prints a document"),
+        (&["--stats"], "--stats is of a picture that is written"),
+        (&["--rows", "0..2000"], "--rows 0..2000: the picture has the rows 0..1224"),
+        (&["--size", "80x1000000", "--rows", "0..10"], "--samples 4: each side of an image"),
+    ] {
+        let output = rayo([&["render", "--preview", &scene("sphere.in")], args].concat(), directory.path());
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+        assert!(error.contains(expected) && output.stdout.is_empty(), "{args:?}: {error}");
+    }
+    assert_eq!(files(directory.path()), 0);
+}

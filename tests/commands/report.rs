@@ -1,0 +1,337 @@
+//! `rayo report`: the page of results that commands wrote, of one machine and of two; what cannot be read; and the page in a browser.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use crate::program::rayo;
+use rayo::experiments::{gallery, roofline, threads};
+use rayo::kernels::sys::Cores;
+use rayo::measure::{Machine, TscClock};
+use rayo::render::Engine;
+use scraper::{ElementRef, Html, Selector};
+use tempfile::TempDir;
+
+/// The page may not be larger.
+const MOST_BYTES: usize = 3 << 20;
+
+/// Results of real runs, few and small: in directories of one directory, as commands write them.
+fn results() -> &'static Path {
+    static RESULTS: OnceLock<TempDir> = OnceLock::new();
+    RESULTS
+        .get_or_init(|| {
+            let directory = TempDir::new().unwrap();
+            let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+            let out = |name: &str| directory.path().join(name).display().to_string();
+            for arguments in [
+                &["experiment", "--quick", "--ladder", "--runs", "1", "--out", &out("experiment")][..],
+                &["experiment", "--complexity", "--quick", "--runs", "1", "--out", &out("complexity")],
+                &["accuracy", "scenes/sphere.in", "S1", "--quick", "--out", &out("accuracy")],
+                &["stability", "--family", "S1", "--quick", "--out", &out("stability")],
+            ] {
+                let output = rayo(arguments, root);
+                assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+            }
+            directory
+        })
+        .path()
+}
+
+fn report(arguments: &[&str], directory: &Path) -> Output {
+    rayo([&["report"], arguments].concat(), directory)
+}
+
+/// The page of these directories.
+fn page_of(from: &[&Path]) -> (TempDir, String) {
+    let directory = TempDir::new().unwrap();
+    let mut arguments = vec!["--out", "page"];
+    let from: Vec<String> = from.iter().map(|path| path.display().to_string()).collect();
+    for path in &from {
+        arguments.extend(["--from", path]);
+    }
+    let output = report(&arguments, directory.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8(output.stdout).unwrap();
+    let path = Path::new("page").join("report.html");
+    assert_eq!(said.lines().last(), Some(path.to_str().unwrap()));
+    let page = fs::read_to_string(directory.path().join(path)).unwrap();
+    (directory, page)
+}
+
+fn all<'a>(page: &'a Html, selector: &str) -> Vec<ElementRef<'a>> {
+    page.select(&Selector::parse(selector).unwrap()).collect()
+}
+
+fn text(of: &ElementRef<'_>) -> String {
+    of.text().collect::<Vec<_>>().join(" ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What holds of every page.
+fn check(page: &str) -> Html {
+    assert!(page.len() < MOST_BYTES, "{} bytes", page.len());
+    let html = Html::parse_document(page);
+    assert!(html.errors.is_empty(), "{:?}", html.errors);
+    // Nothing is loaded from anywhere: what is not here is data in the page itself.
+    for (selector, attribute) in [("[src]", "src"), ("[href]", "href")] {
+        for element in all(&html, selector) {
+            let to = element.attr(attribute).unwrap();
+            let inside = to.strip_prefix('#').is_some_and(|id| !all(&html, &format!("[id=\"{id}\"]")).is_empty());
+            assert!(inside || to.starts_with("data:"), "{}", &to[..to.len().min(80)]);
+        }
+    }
+    assert!(all(&html, "script, link, iframe, object").is_empty());
+    assert!(!page.contains("url(") && !page.contains("@import"));
+    let mut ids: Vec<_> = all(&html, "[id]").iter().map(|element| element.attr("id").unwrap()).collect();
+    let count = ids.len();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), count, "an id is there twice");
+    // For those who do not see: figures and pictures have words, tables heads, and the page a language.
+    for figure in all(&html, "figure") {
+        let plot = figure.select(&Selector::parse("[role=img][aria-label] > svg[viewBox]").unwrap()).count();
+        assert_eq!(plot, 1, "{}", text(&figure));
+    }
+    assert!(all(&html, "img:not([alt])").is_empty() && all(&html, "html[lang]").len() == 1);
+    for table in all(&html, "table") {
+        assert!(table.select(&Selector::parse("th[scope=col]").unwrap()).count() > 1);
+        assert!(table.select(&Selector::parse("th[scope=row]").unwrap()).count() > 0);
+    }
+    html
+}
+
+/// Sections, what stands in them, and the heads of tables; no figure of which differs from machine to machine.
+fn structure(html: &Html) -> String {
+    let mut lines = Vec::new();
+    for section in all(html, "section") {
+        let title = section.select(&Selector::parse("h2").unwrap()).next().unwrap();
+        lines.push(format!("{}: {}", section.attr("id").unwrap(), text(&title)));
+        let parts =
+            Selector::parse("figcaption, summary, article h3, dt, p.absent, .scroll > table:not(.map) thead").unwrap();
+        for part in section.select(&parts) {
+            // What depends on the CPU.
+            let text = text(&part);
+            if !text.starts_with("This CPU") {
+                lines.push(format!("    {}: {}", part.value().name(), text.split(" avx512").next().unwrap()));
+            }
+        }
+    }
+    lines.join("\n")
+}
+
+#[test]
+fn the_page_has_what_was_measured_and_says_what_was_not() {
+    let (_directory, page) = page_of(&[results()]);
+    let html = check(&page);
+    insta::assert_snapshot!("report_structure", structure(&html));
+    // The same rows as the commands' own tables.
+    let table = fs::read_to_string(results().join("experiment/table.md")).unwrap();
+    let row = table.lines().find(|line| line.starts_with("| 365×273 ")).unwrap();
+    let cells: Vec<_> = row.trim_matches('|').split('|').map(str::trim).collect();
+    let rows = all(&html, "#experiment tbody tr");
+    let shown = rows.iter().map(|row| row.child_elements().map(|cell| text(&cell)).collect::<Vec<_>>());
+    assert!(shown.into_iter().any(|shown| shown == cells), "{cells:?}");
+    // Each cell of a family's map names a command.
+    let cells = all(&html, "#family-S1 td");
+    assert!(!cells.is_empty());
+    for cell in cells {
+        let replay = cell.attr("data-replay").unwrap();
+        assert!(replay.starts_with("rayo stability --family S1 --engine ") && replay.contains(" --case "), "{replay}");
+    }
+}
+
+#[test]
+fn machines_stand_side_by_side() {
+    let other = TempDir::new().unwrap();
+    let document = fs::read_to_string(results().join("experiment/results.json")).unwrap();
+    let mut document: serde_json::Value = serde_json::from_str(&document).unwrap();
+    document["machine"]["cpu"] = "Another CPU".into();
+    document["conditions"]["complete"] = false.into();
+    fs::write(other.path().join("results.json"), document.to_string()).unwrap();
+    let (_directory, page) = page_of(&[results(), other.path()]);
+    let html = check(&page);
+    let heads: Vec<_> = all(&html, "#factor thead th").iter().map(text).collect();
+    assert_eq!(heads.len(), 3, "{heads:?}");
+    assert_eq!(heads[2], "2: Another CPU");
+    assert_eq!(all(&html, "#factor tbody tr").len(), 8, "claims");
+    // What was cut short is shown as that.
+    let notes: Vec<_> = all(&html, "p.note").iter().map(text).collect();
+    assert!(notes.iter().any(|note| note == "Another CPU: ended before the end: experiment."), "{notes:?}");
+}
+
+#[test]
+fn what_cannot_be_read_is_refused_and_nothing_is_written() {
+    let directory = TempDir::new().unwrap();
+    let whole = fs::read_to_string(results().join("experiment/results.json")).unwrap();
+    let case = |name: &str, content: &str| {
+        let path = directory.path().join(name);
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("results.json"), content).unwrap();
+        path
+    };
+    let newer = whole.replacen("\"schema\": 1", "\"schema\": 7", 1);
+    assert_ne!(newer, whole);
+    fs::create_dir(directory.path().join("empty")).unwrap();
+    for (from, expected) in [
+        (case("newer", &newer), "has results of schema 7, and this program reads schema 1"),
+        (case("cut", &whole[..whole.len() / 2]), "results.json is cut short, or no results: EOF"),
+        (case("unlike", "{\"schema\": 1, \"rows\": []}"), "is cut short, or no results: missing field `machine`"),
+        (case("none", "[]"), "has results of schema no number"),
+        (directory.path().join("empty"), "no results are here: name a directory that `rayo report`"),
+        (directory.path().join("nowhere"), "no results are here"),
+    ] {
+        let output = report(&["--from", from.to_str().unwrap(), "--out", "page"], directory.path());
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.starts_with("error: ") && said.contains(expected), "{said}");
+        assert!(!directory.path().join("page").exists());
+    }
+    let output = report(&["--quick", "--from", "x"], directory.path());
+    assert_eq!(output.status.code(), Some(2));
+}
+
+/// Ended in its first stage, it still makes the page, which says so; and reads its own results again.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_a_page_of_what_is_done() {
+    let directory = TempDir::new().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rayo"))
+        .args(["report", "--quick", "--out", "page"])
+        .current_dir(directory.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let page = fs::read_to_string(directory.path().join("page/report.html")).unwrap();
+    let html = check(&page);
+    let absent: Vec<_> = all(&html, "p.absent").iter().map(text).collect();
+    assert!(absent.iter().filter(|text| *text == "Not measured: stopped before.").count() > 4, "{absent:?}");
+    let (_again, again) = page_of(&[&directory.path().join("page")]);
+    assert_eq!(all(&check(&again), "section").len(), all(&html, "section").len());
+}
+
+/// What no other command measures, without a look at times.
+#[test]
+fn kernels_threads_and_pictures_are_all_there() {
+    let (machine, mut clock) = (Machine::this(), TscClock::new().unwrap());
+    let assembly: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
+    let assembly = || assembly.iter().copied().filter(|name| !["reference", "rust", "c"].contains(name));
+    let roofline = roofline::run(&machine.caches, &mut clock, &mut |_| true).unwrap().unwrap();
+    assert_eq!(roofline.peaks.len() + 1, assembly().count(), "the paper has no peak of its own");
+    assert_eq!(roofline.roofs.len(), machine.caches.len() + 1, "and memory");
+    if roofline.uncounted.is_none() {
+        for scene in ["sphere", "tetrahedron"] {
+            let flops = |engine: &str| {
+                let points = &roofline.points;
+                points.iter().find(|point| (point.scene, point.engine) == (scene, engine)).unwrap().flops_per_pixel
+            };
+            for engine in assembly() {
+                assert!(flops(engine) > 1.0 && flops(engine) <= flops("paper"), "{scene}, {engine}: {}", flops(engine));
+            }
+        }
+    }
+    let cores = Cores::of_this_thread().unwrap();
+    let rows = threads::run(true, &cores, &mut clock, &mut |_| true).unwrap().unwrap();
+    for scene in rows.chunk_by(|a, b| a.scene == b.scene) {
+        assert_eq!((scene[0].threads, scene[0].speedup), (1, 1.0));
+        assert_eq!(scene.last().unwrap().threads, cores.count());
+    }
+    let gallery = gallery::run(&mut |_| true).unwrap().unwrap();
+    for shown in &gallery {
+        let reference = &shown.pictures[0];
+        assert_eq!((reference.engine, reference.differing, reference.like), ("reference", 0, None));
+        for shot in &shown.pictures {
+            assert_eq!(shot.png.is_none(), shot.like.is_some(), "{} by {}", shown.scene, shot.engine);
+            // Packets are right to a level in every scene; the paper's formulas are not, and that is to be seen.
+            assert!(
+                shot.largest <= 1.0 || ["rust", "c", "paper"].contains(&shot.engine),
+                "{} by {}",
+                shown.scene,
+                shot.engine
+            );
+        }
+    }
+    assert!(
+        gallery.iter().any(|shown| shown.pictures.iter().any(|shot| shot.engine == "paper" && shot.largest > 100.0))
+    );
+    assert!(threads::run(true, &cores, &mut clock, &mut |_| false).unwrap().is_none());
+}
+
+/// A browser on PATH.
+fn browser() -> Option<&'static str> {
+    let runs = |name: &&str| {
+        let found = Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        found.is_ok_and(|status| status.success())
+    };
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(runs)
+}
+
+/// What a script finds in the page where it is `width` pixels wide: for each figure and image its size, and how far the page
+/// itself is wider than the window.
+fn laid_out(browser: &str, page: &str, width: u32, dark: bool, directory: &Path) -> (Vec<(f64, f64)>, f64, String) {
+    const SCRIPT: &str = "<script>
+        onload = () => {
+            document.querySelectorAll('details').forEach(part => part.open = true);
+            const sizes = [...document.querySelectorAll('figure svg')].map(svg => {
+                const box = svg.getBoundingClientRect();
+                return [box.width, box.height];
+            });
+            const wider = document.documentElement.scrollWidth - innerWidth;
+            const paper = getComputedStyle(document.body).backgroundColor;
+            parent.postMessage(JSON.stringify([sizes, wider, paper]), '*');
+        };
+    </script></body>";
+    let inner = directory.join("inner.html");
+    fs::write(&inner, page.replace("</body>", SCRIPT)).unwrap();
+    let outer = directory.join("outer.html");
+    let frame = format!(
+        "<!DOCTYPE html><iframe width={width} height=900 src=inner.html></iframe><pre id=found></pre>
+        <script>onmessage = event => document.getElementById('found').textContent = event.data;</script>"
+    );
+    fs::write(&outer, frame).unwrap();
+    let profile = directory.join(format!("profile-{width}-{dark}"));
+    let mut command = Command::new(browser);
+    command.args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]);
+    command.args([
+        "--disable-component-update",
+        "--disable-sync",
+        "--virtual-time-budget=10000",
+        "--enable-logging=stderr",
+    ]);
+    // Nothing that the page might ask for can be had.
+    command.arg("--host-resolver-rules=MAP * ~NOTFOUND").arg(format!("--user-data-dir={}", profile.display()));
+    if dark {
+        command.arg("--blink-settings=preferredColorScheme=0");
+    }
+    let output = command.args(["--window-size=1400,1000", "--dump-dom"]).arg(format!("file://{}", outer.display()));
+    let output = output.output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(!errors.contains("CONSOLE"), "{errors}");
+    let dom = String::from_utf8_lossy(&output.stdout).into_owned();
+    let found = all(&Html::parse_document(&dom), "#found").first().map(text).unwrap_or_default();
+    serde_json::from_str(&found).unwrap_or_else(|error| panic!("{error}: {found}\n{errors}"))
+}
+
+#[test]
+fn a_browser_shows_every_figure_wide_and_narrow_light_and_dark() {
+    let Some(browser) = browser() else {
+        eprintln!("no Chromium is here: the page is not shown");
+        return;
+    };
+    let (directory, page) = page_of(&[results()]);
+    let mut papers = Vec::new();
+    for (width, dark) in [(1280, false), (390, false), (1280, true)] {
+        let (figures, wider, paper) = laid_out(browser, &page, width, dark, directory.path());
+        assert!(figures.len() > 5, "{figures:?}");
+        assert!(figures.iter().all(|(width, height)| *width > 300.0 && *height > 60.0), "{figures:?}");
+        assert!(wider <= 0.0, "at {width} the page is {wider} pixels wider than the window");
+        papers.push(paper);
+    }
+    assert_eq!(papers[0], papers[1]);
+    assert_ne!(papers[0], papers[2], "dark is another paper");
+}

@@ -1,0 +1,247 @@
+//! `rayo step`: what it tells of a ray is what the kernel did, where digits go, and what it says where it cannot be used.
+
+use crate::program;
+use std::fs;
+use std::path::Path;
+
+use glam::Vec3;
+use rayo::experiments::ops;
+use rayo::experiments::step::{Line, Ray, Watched, watch, watch_operation};
+use rayo::render::{Engine, Film, FilmMut, PixelFormat};
+use rayo::scene::{Camera, Faces, Light, Scene, Sphere};
+use serde_json::Value;
+
+/// A sphere in front of the camera, so far away that the paper's quadratic loses its digits, or near.
+fn sphere_at(distance: f32) -> Scene {
+    let focal = distance / 4.0;
+    Scene {
+        name: "sphere.png".into(),
+        camera: Camera::new(48, 48, focal, 1.0).unwrap(),
+        lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-6.0, 6.0, 0.0) }],
+        spheres: vec![Sphere {
+            radius: 1.0,
+            colour: Vec3::new(1.0, 0.5, 0.25),
+            centre: Vec3::new(0.25, 0.5, distance),
+        }],
+        triangles: Vec::new(),
+        faces: Faces::default(),
+    }
+}
+
+fn engines() -> impl Iterator<Item = Engine> {
+    let stepped = ["paper", "sse41", "avx2", "avx512"];
+    Engine::ALL.iter().copied().filter(move |engine| stepped.contains(&engine.name()) && engine.usable())
+}
+
+fn engine(name: &str) -> Engine {
+    name.parse().unwrap()
+}
+
+fn watched(scene: &Scene, engine: Engine, pixel: (u32, u32)) -> Watched {
+    watch(scene, &Ray { engine, precision: None, pixel, lane: None, most: 100_000 }).unwrap()
+}
+
+fn instructions_in<'a>(watched: &'a Watched, of: &'a str) -> impl Iterator<Item = &'a Line> {
+    watched.steps.iter().filter(move |line| line.macros.iter().any(|call| call.name == of))
+}
+
+#[test]
+fn the_model_knows_every_instruction_and_has_every_bit() {
+    for engine in engines() {
+        for &precision in engine.precisions() {
+            for scene in [sphere_at(4.0), rayo::scene::read("scenes/two-lights.in".as_ref()).unwrap()] {
+                let pixel = (scene.camera.width() / 2, scene.camera.height() / 2);
+                let ray = Ray { engine, precision: Some(precision), pixel, lane: None, most: 100_000 };
+                let watched = watch(&scene, &ray).unwrap();
+                assert_eq!(watched.unknown, 0, "{engine} in {precision}");
+                assert!(watched.bits_compared > 10_000, "{engine} in {precision}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_colour_that_is_told_is_the_pixel_and_what_was_stored() {
+    let scene = sphere_at(4.0);
+    for engine in engines() {
+        let pixel = (20, 24);
+        let watched = watched(&scene, engine, pixel);
+        let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).unwrap();
+        engine.prepare(None, &scene).unwrap().rows(0..48, film.as_mut());
+        let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
+        let found = pixels[(pixel.1 * 48 + pixel.0) as usize];
+        assert_eq!(watched.colour, Some([found.x, found.y, found.z]), "{engine}");
+        assert_eq!(watched.hit.unwrap().object, "sphere 0", "{engine}");
+        // The last that the pixel is made of is the store of it.
+        let last = watched.steps.iter().rfind(|line| line.made).unwrap();
+        assert!(last.changed.iter().any(|change| change.register.starts_with('[')), "{engine}: {}", last.text);
+    }
+}
+
+#[test]
+fn digits_are_lost_in_the_papers_discriminant_and_by_packets_nowhere() {
+    let scene = sphere_at(2000.0);
+    let paper = watched(&scene, engine("paper"), (22, 22));
+    let worst = &paper.steps[paper.dearest[0]];
+    assert_eq!((worst.file, &*worst.source), ("asm/include/sphere_aos.inc", "subss s, k"), "the discriminant");
+    assert!(worst.cost() > 1000.0, "{}", worst.cost());
+    assert!(worst.cancelled_bits[0].unwrap() >= 18, "{:?}", worst.cancelled_bits);
+    for engine in engines().filter(|engine| engine.is_packet()) {
+        let packets = watched(&scene, engine, (22, 22));
+        assert_eq!(packets.hit.as_ref().unwrap().object, "sphere 0");
+        let worst = packets.dearest.first().map_or(0.0, |&at| packets.steps[at].cost());
+        assert!(worst < 10.0, "{engine}: {worst} units of the last place");
+        assert!(packets.steps.iter().all(|line| !line.overturned), "{engine}");
+    }
+}
+
+#[test]
+fn a_ray_takes_as_many_instructions_as_ops_counts_on_its_path() {
+    let options = ops::Options {
+        wanted: vec!["sphere".into()],
+        implementations: Some(vec!["paper".into()]),
+        executed: true,
+        cost: false,
+    };
+    let report = ops::run(&options, &mut |_, _| ()).unwrap();
+    let body = |path: &str| report.rows[0].paths.iter().find(|p| p.path == path).unwrap().body.unwrap() as usize;
+    let scene = sphere_at(4.0);
+    let hit = watched(&scene, engine("paper"), (24, 24));
+    assert_eq!(instructions_in(&hit, "SPHERE_HIT").count(), body("two roots"));
+    let miss = watched(&scene, engine("paper"), (0, 47));
+    assert_eq!(instructions_in(&miss, "SPHERE_HIT").count(), body("miss"));
+    assert!(miss.hit.is_none());
+    let branch = instructions_in(&miss, "SPHERE_HIT").find_map(|line| line.branch.clone());
+    assert!(branch.unwrap().taken, "below 0: to the miss");
+}
+
+#[test]
+fn an_operation_takes_as_many_instructions_as_ops_counts() {
+    for (op, b) in [("add", 3), ("sub", 3), ("scale", 1), ("dot", 3), ("norm", 0), ("cross", 3), ("normalise", 0)] {
+        for engine in engines() {
+            let b = [4.0, 5.0, 6.0][..b].to_vec();
+            let b = (!b.is_empty()).then_some(b);
+            let watched = watch_operation(op, engine, vec![1.0, 2.0, 3.0], b).unwrap();
+            let options = ops::Options {
+                wanted: vec![op.into()],
+                implementations: Some(vec![engine.name().into()]),
+                executed: true,
+                cost: false,
+            };
+            let report = ops::run(&options, &mut |_, _| ()).unwrap();
+            assert_eq!(Some(watched.instructions as u64), report.rows[0].executed, "{op} by {engine}");
+            assert_eq!(watched.unknown, 0, "{op} by {engine}");
+        }
+    }
+    let cross = watch_operation("cross", engine("paper"), vec![1.0, 2.0, 3.0], Some(vec![4.0, 5.0, 6.0])).unwrap();
+    assert_eq!(cross.result.unwrap(), [-3.0, 6.0, -3.0]);
+}
+
+#[test]
+fn a_neighbour_in_the_packet_is_the_pixel_beside() {
+    let scene = sphere_at(4.0);
+    for engine in engines().filter(|engine| engine.is_packet()) {
+        let own = watched(&scene, engine, (20, 24));
+        let lane = own.lane.unwrap();
+        let other = if lane == 0 { 1 } else { lane - 1 };
+        let beside =
+            watch(&scene, &Ray { engine, precision: None, pixel: (20, 24), lane: Some(other), most: 100_000 }).unwrap();
+        assert_eq!(beside.pixel, Some([20 + other as u32 - lane as u32, 24]), "{engine}");
+        assert_eq!(beside.lane, Some(other), "{engine}");
+    }
+}
+
+#[test]
+fn the_text_of_one_ray_fits_a_screen_and_has_the_words_of_the_source() {
+    let at = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let size = ["--size", "160x120"];
+    let folded = program::rayo(["step", "scenes/sphere.in", "--depth", "1"].into_iter().chain(size), at);
+    let folded = String::from_utf8(folded.stdout).unwrap();
+    assert!(folded.lines().count() <= 50, "{folded}");
+    assert!(folded.starts_with("pixel 80,60 by paper"), "the middle of a picture of that size: {folded}");
+    assert!(folded.contains("SPHERE_HIT") && folded.contains("hits sphere 0 at t = "), "{folded}");
+    let whole = program::rayo(["step", "scenes/sphere.in"].into_iter().chain(size), at);
+    let whole = String::from_utf8(whole.stdout).unwrap();
+    for words in ["mulss s, s", "; disc", "not taken if below", "VEC_DOT", "; line 16"] {
+        assert!(whole.contains(words), "{words}: {whole}");
+    }
+    let only = program::rayo(["step", "scenes/sphere.in", "--only", "VEC_DOT"].into_iter().chain(size), at);
+    let only = String::from_utf8(only.stdout).unwrap();
+    assert!(only.contains("VEC_DOT") && !only.contains("comiss"), "{only}");
+}
+
+#[test]
+fn the_document_has_what_is_known_of_each_instruction() {
+    let at = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let output = program::rayo(["step", "scenes/sphere.in", "--size", "160x120", "--json"], at);
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["schema"], 1);
+    assert_eq!(document["engine"], "paper");
+    assert_eq!(document["unknown"], 0);
+    assert_eq!(document["instructions"], document["steps"].as_array().unwrap().len());
+    assert!(document["hit"]["t"].is_f64() && document["colour"][0].is_number(), "{}", document["hit"]);
+    let root = document["steps"].as_array().unwrap().iter().find(|step| step["source"] == "sqrtss s, s").unwrap();
+    assert_eq!(root["file"], "asm/include/sphere_aos.inc");
+    let call = root["macros"].as_array().unwrap().iter().find(|call| call["name"] == "SPHERE_HIT").unwrap();
+    assert_eq!(call["parameters"][0], "t = xmm3");
+    let changed = &root["changed"][0];
+    assert_eq!((&changed["register"], &changed["name"]), (&Value::from("xmm11"), &Value::from("s")));
+    for field in ["before", "after", "error_ulp"] {
+        assert!(changed[field][0].is_number(), "{field}: {changed}");
+    }
+}
+
+#[test]
+fn the_page_needs_nothing_else_and_has_every_instruction() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/sphere.in");
+    let arguments = ["step", scene.to_str().unwrap(), "--size", "160x120", "--html", "page.html"];
+    let output = program::rayo(arguments, directory.path());
+    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    let page = fs::read_to_string(directory.path().join("page.html")).unwrap();
+    for elsewhere in ["http:", "https:", "src=", "<link", "@import", "url("] {
+        assert!(!page.contains(elsewhere), "{elsewhere}");
+    }
+    let watched = watched(
+        &rayo::scene::read(&scene).map(|s| Scene { camera: Camera::new(160, 120, 1.0, 1.0).unwrap(), ..s }).unwrap(),
+        engine("paper"),
+        (80, 60),
+    );
+    let padding = watched.steps.iter().filter(|line| line.line == 0).count();
+    assert_eq!(page.matches("class=\"step").count(), watched.instructions - padding);
+    let failed = program::rayo(["step", scene.to_str().unwrap(), "--html", "nowhere/page.html"], directory.path());
+    assert_eq!(failed.status.code(), Some(1));
+    assert!(!directory.path().join("nowhere").exists());
+}
+
+#[test]
+fn bad_use_is_told_with_what_to_do() {
+    let at = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let scene = "scenes/sphere.in";
+    for (arguments, words) in [
+        (
+            &["step", scene, "--pixel", "1632,0"][..],
+            "there is no pixel 1632,0: the picture has 1632 columns and 1224 rows",
+        ),
+        (&["step", scene, "--pixel", "7"], "expected a column and a row, as in 816,612"),
+        (&["step", scene, "--engine", "reference"], "`reference` is Rust, which has no kernel to watch"),
+        (&["step", scene, "--engine", "rust"], "paper, the same computation in assembly"),
+        (&["step", scene, "--engine", "c"], "`rayo ops --engine c --asm` lists them"),
+        (&["step", scene, "--size", "40x30", "--lane", "1"], "there is no lane 1: this engine traces ray by ray"),
+        (&["step", scene, "--size", "40x30", "--steps", "10"], "more than the 10 that are recorded: raise --steps"),
+        (&["step", "scenes/many.in"], "choose fewer pixels by --size, or packets by --engine"),
+        (&["step", scene, "--size", "40x30", "--only", "NOTHING"], "no macro `NOTHING` was called here; there were: "),
+        (&["step", "--op", "sphere", "--a", "1,2,3"], "there is no operation `sphere` on vectors alone"),
+        (&["step", "--op", "dot", "--a", "1,2,3"], "`dot` takes a second vector of three numbers: --b 4,5,6"),
+        (&["step", "--op", "norm", "--a", "1,2,3", "--b", "1,2,3"], "`norm` takes one vector, and no --b"),
+        (&["step", "--op", "scale", "--a", "1,2,3", "--b", "1,2,3"], "`scale` takes a number to scale by"),
+        (&["step"], "SCENE"),
+        (&["step", "nothing.in"], "nothing.in"),
+    ] {
+        let output = program::rayo(arguments, at);
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
+        assert!(error.contains(words), "{arguments:?}: {error}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+}

@@ -1,0 +1,114 @@
+//! The fuzzing targets over their corpus and over seeded mutations of it: a bounded share of what cargo-fuzz does.
+
+#[path = "../../fuzz/targets.rs"]
+mod targets;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::counting::peak_of;
+use rayo::scene::Rng;
+use targets::{TARGETS, Target};
+
+/// Mutations of each target's files, all together.
+const ROUNDS: u64 = 7500;
+
+/// Bytes and words that parsers trip over.
+const PIECES: [&[u8]; 24] = [
+    b"0",
+    b"-1",
+    b"1e39",
+    b"nan",
+    b"inf",
+    b"4294967295",
+    b"18446744073709551615",
+    b"\n",
+    b" ",
+    b"#",
+    b"//",
+    b"[",
+    b"]]",
+    b"\"",
+    b"=",
+    b"\0",
+    b"\xff\xff\xff\xff",
+    b"\x7f\x80\x00\x00",
+    b"element vertex 999999999\n",
+    b"list uint int ",
+    b"f 1 2 3\n",
+    b"endsolid",
+    b"\xef\xbb\xbf",
+    b"\xc3",
+];
+
+fn files(target: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target);
+    let mut files: Vec<_> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files
+}
+
+/// Runs a target, and holds the memory that it takes to a multiple of its input.
+fn run(target: Target, source: &[u8]) {
+    let ((), peak) = peak_of(|| target(source));
+    assert!(peak <= 1000 * source.len() + (4 << 20), "{peak} bytes for an input of {}", source.len());
+}
+
+#[test]
+fn the_corpus_is_small() {
+    let size = |file: PathBuf| fs::metadata(file).unwrap().len();
+    let bytes: u64 = TARGETS.iter().flat_map(|(name, _)| files(name)).map(size).sum();
+    assert!(bytes < 300_000, "{bytes} bytes: minimise it, see CONTRIBUTING.md");
+}
+
+#[test]
+fn every_file_of_the_corpus_is_read_or_refused_in_order() {
+    for (name, target) in TARGETS {
+        let files = files(name);
+        assert!(files.len() >= 4, "{name} has {} files", files.len());
+        for file in files {
+            println!("{}", file.display());
+            run(target, &fs::read(file).unwrap());
+        }
+    }
+}
+
+#[test]
+fn mutations_of_the_corpus_are_read_or_refused_in_order() {
+    // RAYO_SEED makes the same mutations again, or others.
+    let seed = std::env::var("RAYO_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
+    println!("RAYO_SEED={seed}");
+    for (name, target) in TARGETS {
+        let files = files(name);
+        let rounds = ROUNDS.div_ceil(files.len() as u64);
+        for file in files {
+            let original = fs::read(&file).unwrap();
+            let mut rng = Rng::new(seed);
+            for round in 0..rounds {
+                let mut source = original.clone();
+                for _ in 0..=rng.next_u64() % 4 {
+                    mutate(&mut source, &mut rng);
+                }
+                // Seen only if it fails.
+                println!("{} round {round}: {}", file.display(), source.escape_ascii());
+                run(target, &source);
+            }
+        }
+    }
+}
+
+/// Changes something: a bit, a byte, a piece in the place of some bytes, a part left out, doubled or cut off.
+fn mutate(source: &mut Vec<u8>, rng: &mut Rng) {
+    let mut below = |limit: usize| (rng.next_u64() % limit.max(1) as u64) as usize;
+    let at = below(source.len());
+    let length = below(16).min(source.len() - at);
+    match below(7) {
+        0 if !source.is_empty() => source[at] ^= 1 << below(8),
+        1 if !source.is_empty() => source[at] = below(256) as u8,
+        2 => drop(source.splice(at..at + length, PIECES[below(PIECES.len())].iter().copied())),
+        3 => drop(source.splice(at..at, PIECES[below(PIECES.len())].iter().copied())),
+        4 => drop(source.drain(at..at + length)),
+        5 => drop(source.splice(at..at, source[at..at + length].to_vec())),
+        _ => source.truncate(at),
+    }
+}

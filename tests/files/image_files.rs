@@ -1,0 +1,833 @@
+//! Image files: written in bands and read back, whole or not at all, and never trusted.
+
+use proptest::prelude::*;
+use rayo::measure::picture::{Picture, Pixels};
+use rayo::render::{Format, ImageError, ImageFile, ImageWriter, OutputError, read};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use tempfile::TempDir;
+
+const FORMATS: [(&str, Format); 8] = [
+    ("a.exr", Format::Exr),
+    ("a.hdr", Format::Hdr),
+    ("a.pfm", Format::Pfm),
+    ("a.pgm", Format::PpmText),
+    ("a.png", Format::Png),
+    ("a.ppm", Format::Ppm),
+    ("a.qoi", Format::Qoi),
+    ("a.tiff", Format::Tiff),
+];
+
+/// Levels with every byte value among them.
+fn levels(width: u32, height: u32) -> Vec<[u8; 3]> {
+    (0..width * height).map(|i| [i as u8, (i / 3) as u8, (i * 7 + 1) as u8]).collect()
+}
+
+/// Values below 0, above 1 and not exact in decimal.
+fn floats(width: u32, height: u32) -> Vec<[f32; 3]> {
+    (0..width * height).map(|i| [i as f32 / 7.0 - 3.0, -(i as f32), 1e-40 * i as f32]).collect()
+}
+
+/// What reading back the above must give.
+fn expected(format: Format, width: u32, height: u32) -> Picture {
+    let pixels = if format.is_8bit() {
+        Pixels::Rgb8(levels(width, height))
+    } else {
+        let rounded = |pixel| if format == Format::Hdr { rgbe(pixel) } else { pixel };
+        Pixels::Rgb32F(floats(width, height).into_iter().map(rounded).collect())
+    };
+    Picture::new(width, height, pixels)
+}
+
+/// A pixel as Radiance's format holds it: 8 bits of each channel, cut off below the largest one's first.
+fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
+    let pixel = pixel.map(|value| value.clamp(0.0, 2.0_f32.powi(126)));
+    let largest = pixel.into_iter().fold(0.0, f32::max);
+    if largest < f32::MIN_POSITIVE {
+        return [0.0; 3];
+    }
+    let unit = 2.0_f64.powi(f64::from(largest).log2().floor() as i32 + 1 - 8);
+    pixel.map(|value| ((f64::from(value) / unit).floor() * unit) as f32)
+}
+
+/// Writes all rows of the above, `band` rows per call.
+fn write_rows(
+    writer: &mut ImageWriter,
+    format: Format,
+    (width, height): (u32, u32),
+    band: u32,
+) -> Result<(), ImageError> {
+    let band = (band * width) as usize;
+    if format.is_8bit() {
+        levels(width, height).chunks(band).try_for_each(|rows| writer.write_rgb8(rows))
+    } else {
+        floats(width, height).chunks(band).try_for_each(|rows| writer.write_f32x3(rows))
+    }
+}
+
+fn write(path: &Path, format: Format, (width, height): (u32, u32), band: u32) -> Result<(), ImageError> {
+    let mut writer = ImageWriter::create(path, format, width, height)?;
+    write_rows(&mut writer, format, (width, height), band)?;
+    writer.finish()
+}
+
+/// The names in a directory, sorted.
+fn names(directory: &TempDir) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(directory.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// What reading a file of these bytes gives.
+fn read_bytes(bytes: &[u8]) -> Result<Picture, ImageError> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("image");
+    fs::write(&path, bytes).unwrap();
+    read(&path)
+}
+
+#[test]
+fn the_extension_tells_the_format_in_any_case() {
+    for (name, format) in FORMATS {
+        assert_eq!(Format::from_path(Path::new(name)).unwrap(), format);
+        assert_eq!(Format::from_path(Path::new(&name.to_uppercase())).unwrap(), format);
+    }
+    for name in ["picture", "png", ".png"] {
+        assert_eq!(Format::from_path(Path::new(name)).unwrap(), Format::Png, "a name without extension");
+    }
+    for name in ["picture.jpg", "a.png.", "a.p"] {
+        let error = Format::from_path(Path::new(name)).unwrap_err().to_string();
+        assert!(error.contains(".png, .ppm, .pgm, .pfm, .exr, .hdr, .tiff, .tif or .qoi"), "{error}");
+    }
+}
+
+#[test]
+fn a_file_written_in_bands_of_any_height_reads_back_equal() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        for size in [(1, 1), (1, 9), (37, 29), (300, 16)] {
+            for band in [1, 7, size.1] {
+                let path = directory.path().join(name);
+                write(&path, format, size, band).unwrap();
+                assert!(read(&path).unwrap() == expected(format, size.0, size.1), "{name} {size:?} {band}");
+            }
+        }
+    }
+    assert_eq!(names(&directory), FORMATS.map(|(name, _)| name));
+}
+
+#[test]
+fn every_band_height_gives_the_same_bytes() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        let path = directory.path().join(name);
+        let files = [1, 7, 20].map(|band| {
+            write(&path, format, (33, 20), band).unwrap();
+            fs::read(&path).unwrap()
+        });
+        assert!(files[0] == files[1] && files[1] == files[2], "{name}");
+    }
+}
+
+#[test]
+fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.hdr");
+    let mut writer = ImageWriter::create(&path, Format::Hdr, 2, 2).unwrap();
+    let (inf, tiny) = (f32::INFINITY, 1e-40);
+    let rows = [[inf, 1.0, 0.0], [tiny; 3], [-inf, -1.0, 0.0], [f32::NAN, 0.5, 0.25]];
+    writer.write_f32x3(&rows).unwrap();
+    writer.finish().unwrap();
+    let Pixels::Rgb32F(pixels) = read(&path).unwrap().pixels else { panic!("floats") };
+    assert!(pixels[0][0] > 8e37 && pixels[0][0].is_finite(), "{pixels:?}");
+    assert_eq!(pixels[1..], [[0.0; 3], [0.0; 3], [0.0, 0.5, 0.25]]);
+}
+
+#[test]
+fn a_format_that_is_written_whole_says_so_before_any_work_if_that_is_too_much() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = ImageWriter::create(&directory.path().join("a.qoi"), Format::Qoi, 20_000, 20_000).err().unwrap();
+    assert!(matches!(error, ImageError::Whole { .. }), "{error}");
+    let error = error.to_string();
+    assert!(error.contains("takes 1144 MiB of memory") && error.contains("written row by row"), "{error}");
+    assert_eq!(names(&directory), [""; 0]);
+    // All others take it.
+    for (name, format) in FORMATS.into_iter().filter(|(_, format)| *format != Format::Qoi) {
+        assert!(ImageWriter::create(&directory.path().join(name), format, 20_000, 20_000).is_ok(), "{name}");
+    }
+}
+
+/// The same PNG as its library makes it of all rows in one stream.
+fn png_in_one_stream(width: u32, height: u32, pixels: &[[u8; 3]]) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::Fast);
+    let mut writer = encoder.write_header().unwrap();
+    let mut stream = writer.stream_writer_with_size(1 << 16).unwrap();
+    stream.write_all(pixels.as_flattened()).unwrap();
+    stream.finish().unwrap();
+    writer.finish().unwrap();
+    file
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn a_png_joined_from_parts_is_that_of_one_stream(
+        width in 1_u32..400, height in 1_u32..200, band in 1_u32..40, seed in any::<u32>(), zeros in 0_u32..32,
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.png");
+        // Noise, smooth, or black for long.
+        let noise = |i: u32| (i.wrapping_mul(seed | 1) ^ seed).wrapping_mul(0x9e37_79b9) >> 24;
+        let value = |i: u32| if noise(i / 97) % 32 < zeros { 0 } else if i % 1024 < 300 { i / 50 } else { noise(i) };
+        let pixels: Vec<_> = (0..width * height).map(|i| [value(i), value(3 * i), value(i / 2)].map(|v| v as u8)).collect();
+        let mut writer = ImageWriter::create(&path, Format::Png, width, height).unwrap();
+        pixels.chunks((band * width) as usize).for_each(|rows| writer.write_rgb8(rows).unwrap());
+        writer.finish().unwrap();
+        prop_assert!(fs::read(&path).unwrap() == png_in_one_stream(width, height, &pixels));
+    }
+}
+
+#[test]
+fn an_image_beyond_4_gib_is_a_big_tiff() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.tiff");
+    let beginning = |height| {
+        let mut writer = ImageWriter::create(&path, Format::Tiff, 1 << 15, height).unwrap();
+        let rows = vec![[1, 2, 3]; 1 << 15];
+        (0..height.min(40)).for_each(|_| writer.write_rgb8(&rows).unwrap());
+        let part = fs::read_dir(directory.path()).unwrap().next().unwrap().unwrap().path();
+        // What is not written yet is in a buffer: dropping the writer writes it, and removes the file after that.
+        let link = directory.path().join("link");
+        fs::hard_link(&part, &link).unwrap();
+        drop(writer);
+        let bytes = fs::read(&link).unwrap();
+        fs::remove_file(link).unwrap();
+        bytes[..4].to_vec()
+    };
+    assert_eq!(beginning(40_000), b"II*\0");
+    assert_eq!(beginning(50_000), b"II+\0");
+}
+
+#[test]
+fn an_empty_band_changes_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        let path = directory.path().join(name);
+        let mut writer = ImageWriter::create(&path, format, 5, 3).unwrap();
+        if format.is_8bit() { writer.write_rgb8(&[]) } else { writer.write_f32x3(&[]) }.unwrap();
+        write_rows(&mut writer, format, (5, 3), 2).unwrap();
+        writer.finish().unwrap();
+        assert_eq!(read(&path).unwrap(), expected(format, 5, 3));
+    }
+}
+
+/// A 2x2 picture for the literal bytes.
+const TINY: [[u8; 3]; 4] = [[255, 0, 9], [10, 99, 100], [0, 0, 0], [1, 2, 3]];
+
+fn bytes_of_tiny(format: Format) -> Vec<u8> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("tiny");
+    let mut writer = ImageWriter::create(&path, format, 2, 2).unwrap();
+    writer.write_rgb8(&TINY).unwrap();
+    writer.finish().unwrap();
+    fs::read(&path).unwrap()
+}
+
+#[test]
+fn a_p6_file_has_these_bytes() {
+    let expected = b"P6\n2 2\n255\n\xff\x00\x09\x0a\x63\x64\x00\x00\x00\x01\x02\x03";
+    assert_eq!(bytes_of_tiny(Format::Ppm), expected);
+}
+
+#[test]
+fn a_p3_file_has_these_characters() {
+    let expected = "P3\n2 2\n255\n255 0 9\n10 99 100\n0 0 0\n1 2 3\n";
+    assert_eq!(String::from_utf8(bytes_of_tiny(Format::PpmText)).unwrap(), expected);
+}
+
+#[test]
+fn a_pfm_file_has_its_rows_from_the_bottom_in_little_endian() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("tiny.pfm");
+    let mut writer = ImageWriter::create(&path, Format::Pfm, 1, 2).unwrap();
+    writer.write_f32x3(&[[1.0, -2.0, 0.5]]).unwrap();
+    writer.write_f32x3(&[[f32::INFINITY, 0.0, -0.0]]).unwrap();
+    writer.finish().unwrap();
+    let mut expected = b"PF\n1 2\n-1.0\n".to_vec();
+    expected.extend(b"\x00\x00\x80\x7f\x00\x00\x00\x00\x00\x00\x00\x80");
+    expected.extend(b"\x00\x00\x80\x3f\x00\x00\x00\xc0\x00\x00\x00\x3f");
+    assert_eq!(fs::read(&path).unwrap(), expected);
+}
+
+#[test]
+fn a_png_has_no_chunks_but_the_necessary_ones() {
+    let bytes = bytes_of_tiny(Format::Png);
+    let mut chunks = Vec::new();
+    let mut rest = &bytes[8..];
+    while let [a, b, c, d, name @ ..] = rest {
+        let length = u32::from_be_bytes([*a, *b, *c, *d]) as usize;
+        chunks.push(String::from_utf8(name[..4].to_vec()).unwrap());
+        rest = &rest[12 + length..];
+    }
+    chunks.dedup();
+    assert_eq!(chunks, ["IHDR", "IDAT", "IEND"]);
+}
+
+#[test]
+fn a_writer_dropped_before_its_end_leaves_nothing() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        let mut writer = ImageWriter::create(&directory.path().join(name), format, 8, 8).unwrap();
+        write_rows(&mut writer, format, (8, 4), 1).unwrap();
+        drop(writer);
+        assert_eq!(names(&directory), [""; 0], "{name}");
+        // Nor does one that has got all rows.
+        let mut writer = ImageWriter::create(&directory.path().join(name), format, 8, 8).unwrap();
+        write_rows(&mut writer, format, (8, 8), 8).unwrap();
+        drop(writer);
+        assert_eq!(names(&directory), [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn finishing_without_all_rows_is_an_error_and_keeps_the_old_file() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        let path = directory.path().join(name);
+        fs::write(&path, "old").unwrap();
+        let mut writer = ImageWriter::create(&path, format, 8, 8).unwrap();
+        write_rows(&mut writer, format, (8, 5), 5).unwrap();
+        let error = writer.finish().unwrap_err();
+        assert!(matches!(error, ImageError::RowsMissing { rows: 5, height: 8, .. }), "{error}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        fs::remove_file(&path).unwrap();
+        assert_eq!(names(&directory), [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn an_old_file_stays_until_the_new_one_is_finished() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.ppm");
+    fs::write(&path, "old").unwrap();
+    let mut writer = ImageWriter::create(&path, Format::Ppm, 4, 4).unwrap();
+    write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
+    assert_eq!(fs::read(&path).unwrap(), b"old");
+    writer.finish().unwrap();
+    assert_eq!(read(&path).unwrap(), expected(Format::Ppm, 4, 4));
+}
+
+#[test]
+fn what_exists_is_kept_when_a_new_file_is_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.ppm");
+    let mut writer = ImageWriter::create_new(&path, Format::Ppm, 4, 4).unwrap();
+    write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
+    writer.finish().unwrap();
+    let error = ImageWriter::create_new(&path, Format::Ppm, 4, 4).err().unwrap();
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
+    assert!(error.to_string().contains("--force"), "{error}");
+    assert_eq!(read(&path).unwrap(), expected(Format::Ppm, 4, 4));
+}
+
+#[test]
+fn what_appears_during_the_work_is_kept_when_a_new_file_is_asked_for() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.ppm");
+    let mut writer = ImageWriter::create_new(&path, Format::Ppm, 4, 4).unwrap();
+    write_rows(&mut writer, Format::Ppm, (4, 4), 4).unwrap();
+    fs::write(&path, "faster").unwrap();
+    let error = writer.finish().unwrap_err();
+    assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
+    assert_eq!(fs::read(&path).unwrap(), b"faster");
+    assert_eq!(names(&directory), ["a.ppm"]);
+}
+
+#[test]
+fn a_missing_directory_is_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = ImageWriter::create(&directory.path().join("no/a.png"), Format::Png, 1, 1).err().unwrap();
+    assert!(
+        matches!(&error, ImageError::Output(OutputError::NoDirectory { directory: d, .. }) if d.ends_with("no")),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_directory_is_no_file_to_write() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = ImageWriter::create(directory.path(), Format::Png, 1, 1).err().unwrap();
+    assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
+    assert_eq!(names(&directory), [""; 0]);
+}
+
+#[test]
+fn a_write_protected_file_is_not_replaced() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.png");
+    fs::write(&path, "precious").unwrap();
+    let mut permissions = fs::metadata(&path).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&path, permissions).unwrap();
+    let error = ImageWriter::create(&path, Format::Png, 1, 1).err().unwrap();
+    assert!(matches!(error, ImageError::Output(OutputError::ReadOnly { .. })), "{error}");
+}
+
+#[test]
+fn an_image_without_pixels_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    for (width, height) in [(0, 1), (1, 0), (0, 0)] {
+        let error = ImageWriter::create(&directory.path().join("a.png"), Format::Png, width, height).err().unwrap();
+        assert!(matches!(error, ImageError::NoPixels { .. }), "{error}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "takes floats")]
+fn levels_are_not_accepted_by_a_float_format() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut writer = ImageWriter::create(&directory.path().join("a.pfm"), Format::Pfm, 1, 1).unwrap();
+    let _ = writer.write_rgb8(&[[0; 3]]);
+}
+
+#[test]
+#[should_panic(expected = "takes 8 bits")]
+fn floats_are_not_accepted_by_an_8_bit_format() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 1, 1).unwrap();
+    let _ = writer.write_f32x3(&[[0.0; 3]]);
+}
+
+#[test]
+#[should_panic(expected = "no whole rows")]
+fn half_a_row_is_not_accepted() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 2, 2).unwrap();
+    let _ = writer.write_rgb8(&[[0; 3]; 3]);
+}
+
+#[test]
+#[should_panic(expected = "1 are left")]
+fn more_rows_than_the_image_has_are_not_accepted() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut writer = ImageWriter::create(&directory.path().join("a.png"), Format::Png, 1, 2).unwrap();
+    writer.write_rgb8(&[[0; 3]]).unwrap();
+    let _ = writer.write_rgb8(&[[0; 3]; 2]);
+}
+
+#[cfg(unix)]
+mod unix {
+    use super::*;
+    use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+    use std::process::Command;
+
+    #[test]
+    fn a_symbolic_link_stays_and_what_it_points_to_is_replaced() {
+        let directory = tempfile::tempdir().unwrap();
+        fs::create_dir(directory.path().join("there")).unwrap();
+        let target = directory.path().join("there/target.ppm");
+        fs::write(&target, "old").unwrap();
+        // One link to another, both relative to where they are.
+        symlink("there/target.ppm", directory.path().join("one")).unwrap();
+        symlink("one", directory.path().join("two.ppm")).unwrap();
+        write(&directory.path().join("two.ppm"), Format::Ppm, (4, 4), 4).unwrap();
+        assert_eq!(names(&directory), ["one", "there", "two.ppm"]);
+        assert_eq!(fs::read_link(directory.path().join("two.ppm")).unwrap(), Path::new("one"));
+        assert!(!fs::symlink_metadata(&target).unwrap().is_symlink());
+        assert_eq!(read(&target).unwrap(), expected(Format::Ppm, 4, 4));
+    }
+
+    #[test]
+    fn a_link_to_nothing_gets_its_file_unless_a_new_one_was_asked_for() {
+        let directory = tempfile::tempdir().unwrap();
+        let link = directory.path().join("link.ppm");
+        symlink("target.ppm", &link).unwrap();
+        let error = ImageWriter::create_new(&link, Format::Ppm, 4, 4).err().unwrap();
+        assert!(matches!(error, ImageError::Output(OutputError::Exists { .. })), "{error}");
+        write(&link, Format::Ppm, (4, 4), 4).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(names(&directory), ["link.ppm", "target.ppm"]);
+    }
+
+    #[test]
+    fn a_loop_of_links_is_an_error() {
+        let directory = tempfile::tempdir().unwrap();
+        symlink("b.ppm", directory.path().join("a.ppm")).unwrap();
+        symlink("a.ppm", directory.path().join("b.ppm")).unwrap();
+        let error = ImageWriter::create(&directory.path().join("a.ppm"), Format::Ppm, 1, 1).err().unwrap();
+        assert!(matches!(error, ImageError::Output(OutputError::Write { .. })), "{error}");
+    }
+
+    #[test]
+    fn the_null_device_takes_every_format_and_stays_a_device() {
+        for (_, format) in FORMATS {
+            write(Path::new("/dev/null"), format, (64, 64), 7).unwrap();
+        }
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_an_error_in_every_format_and_at_every_size() {
+        for (_, format) in FORMATS {
+            // So small that nothing reaches the disk before the end, and so large that it does.
+            for size in [(1, 1), (300, 300)] {
+                let error = write(Path::new("/dev/full"), format, size, 1).unwrap_err().to_string();
+                assert!(error.contains("/dev/full") && error.contains("free some space"), "{format:?}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_fifo_receives_every_format_and_can_be_read_from() {
+        let directory = tempfile::tempdir().unwrap();
+        let fifo = directory.path().join("fifo");
+        assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        for (name, format) in FORMATS {
+            let picture = std::thread::scope(|scope| {
+                let reader = scope.spawn(|| read(&fifo));
+                write(&fifo, format, (40, 30), 7).unwrap();
+                reader.join().unwrap().unwrap()
+            });
+            assert!(picture == expected(format, 40, 30), "{name}");
+        }
+        assert_eq!(names(&directory), ["fifo"]);
+        assert!(fs::metadata(&fifo).unwrap().file_type().is_fifo());
+    }
+
+    #[test]
+    fn a_reader_that_goes_away_is_an_error() {
+        let directory = tempfile::tempdir().unwrap();
+        let fifo = directory.path().join("fifo");
+        assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        for (name, format) in FORMATS {
+            let error = std::thread::scope(|scope| {
+                let reader = scope.spawn(|| drop(fs::File::open(&fifo).unwrap()));
+                let mut writer = ImageWriter::create(&fifo, format, 40, 30).unwrap();
+                reader.join().unwrap();
+                write_rows(&mut writer, format, (40, 30), 7).and_then(|()| writer.finish()).unwrap_err().to_string()
+            });
+            assert!(error.contains("has stopped"), "{name}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_file_has_the_permissions_of_any_new_file() {
+        let directory = tempfile::tempdir().unwrap();
+        // The umask of this process is what a file created in the plain way shows.
+        fs::write(directory.path().join("plain"), "").unwrap();
+        let mode = |name: &str| fs::metadata(directory.path().join(name)).unwrap().permissions().mode() & 0o7777;
+        write(&directory.path().join("a.png"), Format::Png, (1, 1), 1).unwrap();
+        assert_eq!(mode("a.png"), mode("plain"));
+    }
+
+    #[test]
+    fn a_directory_that_takes_no_files_is_named() {
+        let directory = tempfile::tempdir().unwrap();
+        let closed = directory.path().join("closed");
+        fs::create_dir(&closed).unwrap();
+        fs::set_permissions(&closed, fs::Permissions::from_mode(0o555)).unwrap();
+        // The superuser may write there all the same.
+        if fs::write(closed.join("probe"), "").is_err() {
+            let error = ImageWriter::create(&closed.join("a.png"), Format::Png, 1, 1).err().unwrap();
+            assert!(
+                matches!(&error, ImageError::Output(OutputError::Directory { directory, .. }) if *directory == closed),
+                "{error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_content_tells_the_format_and_not_the_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("lie.pfm");
+    write(&path, Format::Png, (5, 4), 4).unwrap();
+    assert_eq!(read(&path).unwrap(), expected(Format::Png, 5, 4));
+}
+
+#[test]
+fn grey_becomes_three_equal_channels() {
+    let grey = |pixels: &[u8]| Pixels::Rgb8(pixels.iter().map(|&level| [level; 3]).collect());
+    assert_eq!(read_bytes(b"P2\n2 1\n255\n7 200\n").unwrap().pixels, grey(&[7, 200]));
+    assert_eq!(read_bytes(b"P5\n2 1\n255\n\x07\xc8").unwrap().pixels, grey(&[7, 200]));
+    assert_eq!(
+        read_bytes(&png(png::ColorType::Grayscale, png::BitDepth::Eight, &[7, 200])).unwrap().pixels,
+        grey(&[7, 200])
+    );
+    let pfm = read_bytes(b"Pf\n1 2\n1.0\n\x3f\x80\x00\x00\x40\x00\x00\x00").unwrap();
+    assert_eq!(pfm, Picture::new(1, 2, Pixels::Rgb32F(vec![[2.0; 3], [1.0; 3]])));
+}
+
+/// A PNG with one row of two pixels.
+fn png(color: png::ColorType, depth: png::BitDepth, row: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.write_header().unwrap().write_image_data(row).unwrap();
+    bytes
+}
+
+#[test]
+fn opaque_alpha_is_dropped_and_transparency_is_refused() {
+    use png::{BitDepth::Eight, ColorType::*};
+    let expected = Pixels::Rgb8(vec![[1, 2, 3], [4, 5, 6]]);
+    assert_eq!(read_bytes(&png(Rgba, Eight, &[1, 2, 3, 255, 4, 5, 6, 255])).unwrap().pixels, expected);
+    let expected = Pixels::Rgb8(vec![[1; 3], [4; 3]]);
+    assert_eq!(read_bytes(&png(GrayscaleAlpha, Eight, &[1, 255, 4, 255])).unwrap().pixels, expected);
+    for bytes in [png(Rgba, Eight, &[1, 2, 3, 255, 4, 5, 6, 254]), png(GrayscaleAlpha, Eight, &[1, 0, 4, 255])] {
+        let error = read_bytes(&bytes).unwrap_err();
+        assert!(matches!(error, ImageError::Unsupported { what: "transparency", .. }), "{error}");
+    }
+}
+
+#[test]
+fn sixteen_bits_are_refused() {
+    for bytes in [
+        png(png::ColorType::Rgb, png::BitDepth::Sixteen, &[1; 12]),
+        png(png::ColorType::Grayscale, png::BitDepth::Sixteen, &[1; 4]),
+        b"P3\n1 1\n65535\n1 2 3\n".to_vec(),
+        b"P6\n1 1\n1000\n\0\x01\0\x02\0\x03".to_vec(),
+    ] {
+        let error = read_bytes(&bytes).unwrap_err();
+        assert!(matches!(error, ImageError::Unsupported { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_header_that_promises_too_much_is_an_error() {
+    let mut huge_png = png(png::ColorType::Rgb, png::BitDepth::Eight, &[0; 6]);
+    huge_png[16..24].copy_from_slice(&[0x3b, 0x9a, 0xca, 0x00, 0x3b, 0x9a, 0xca, 0x00]);
+    // The header's own checksum, so that it is the size that is refused.
+    let crc = crc(&huge_png[12..29]);
+    huge_png[29..33].copy_from_slice(&crc.to_be_bytes());
+    for bytes in [
+        &b"P3\n1000000000 1000000000\n255\n1 2 3\n"[..],
+        b"P6\n1000000000 1000000000\n255\n123",
+        b"P6\n4294967295 4294967295\n255\n123",
+        b"P6\n100000 100000\n255\n123",
+        b"P5\n4294967295 1\n255\n123",
+        b"PF\n1000000000 1000000000\n-1.0\n123456789012",
+        b"PF\n4294967295 1\n-1.0\n123456789012",
+        &huge_png,
+    ] {
+        let error = read_bytes(bytes).unwrap_err();
+        assert!(matches!(error, ImageError::Malformed { .. }), "{error}");
+    }
+}
+
+/// The checksum of a PNG chunk (CRC-32).
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
+    })
+}
+
+#[test]
+fn nonsense_is_an_error() {
+    for bytes in [&b""[..], b"P", b"P4\n1 1\n\0", b"P7\n", b"GIF89a", b"\x89PNG\r\n", b"\0\0\0\0"] {
+        let error = read_bytes(bytes).unwrap_err();
+        assert!(matches!(error, ImageError::NotAnImage { .. }), "{error}");
+    }
+    for bytes in [
+        &b"P6\n0 5\n255\n"[..],
+        b"P6\n1 1\n0\n123",
+        b"P6\n-1 1\n255\n123",
+        b"P6\n1",
+        b"P3\n1 1\n255\n1 2 256\n",
+        b"P3\n1 1\n255\n1 2 x\n",
+        b"PF\n0 0\n-1.0\n",
+        b"PF\n1 1\n0\n123456789012",
+        b"PF\n1 1\nnan\n123456789012",
+        b"PF\n1 1\nminus one\n123456789012",
+        b"PF\n1.5 1\n-1\n123456789012",
+        b"PFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFFF",
+        b"\x89PNG\r\n\x1a\n",
+        b"\x89PNG\r\n\x1a\nand something else",
+    ] {
+        let error = read_bytes(bytes).unwrap_err();
+        assert!(matches!(error, ImageError::Malformed { .. }), "{error}");
+    }
+    assert!(matches!(read(Path::new("/nowhere/at/all.png")), Err(ImageError::Read { .. })));
+}
+
+/// A file of the fuzzing corpus.
+fn of_corpus(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name)
+}
+
+#[test]
+fn exr_of_other_programs_is_read_as_the_library_reads_it() {
+    use exr::prelude::*;
+    for name in [
+        "half_none",
+        "half_rle",
+        "half_zips",
+        "half_zip",
+        "half_piz",
+        "half_pxr24",
+        "tiles_zip",
+        "tiles_piz",
+        "two_parts",
+        "written_here",
+    ] {
+        let path = of_corpus(&format!("image_exr/{name}.exr"));
+        let set =
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at: Vec2<usize>, (r, g, b, _): (f32, f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b];
+            };
+        let image = read_first_rgba_layer_from_file(
+            &path,
+            |size: Vec2<usize>, _| (size.width(), vec![[0.0; 3]; size.area()]),
+            set,
+        )
+        .unwrap();
+        let (width, pixels) = image.layer_data.channel_data.pixels;
+        let height = pixels.len() / width;
+        assert!(pixels.iter().any(|pixel| *pixel != pixels[0]), "{name}");
+        let expected = Picture::new(width as u32, height as u32, Pixels::Rgb32F(pixels));
+        assert!(sound(&path) == expected, "{name}");
+    }
+}
+
+/// What a good file holds.
+fn sound(path: &Path) -> Picture {
+    rayo::render::read(path).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn exr_shows_what_of_its_data_is_in_its_display_window() {
+    use exr::prelude::*;
+    // Data of 4x3 pixels at (-1, 1), in a picture of 3x3 at (0, 0).
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 1.0_f32));
+    let mut image = Image::from_channels((4, 3), channels);
+    image.layer_data.attributes.layer_position = Vec2(-1, 1);
+    image.attributes.display_window = IntegerBounds::new((0, 0), (3, 3));
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.exr");
+    image.write().to_file(&path).unwrap();
+    let row = |y| [[1.0, y, 1.0], [2.0, y, 1.0], [3.0, y, 1.0]];
+    let expected = [[[0.0; 3]; 3], row(0.0), row(1.0)].concat();
+    assert_eq!(sound(&path), Picture::new(3, 3, Pixels::Rgb32F(expected)));
+}
+
+#[test]
+fn a_compression_that_the_libraries_do_not_undo_safely_is_refused() {
+    for (name, what) in [("image_exr/half_b44.exr", "compression by B44"), ("image_tiff/jpeg.tiff", "this compression")]
+    {
+        let error = read(&of_corpus(name)).unwrap_err();
+        assert!(matches!(error, ImageError::OtherKind { .. }), "{error}");
+        assert!(
+            error.to_string().contains(what) && error.to_string().ends_with("convert it to PNG or PFM first"),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn what_a_file_says_takes_no_more_memory_than_the_file_can_mean() {
+    for name in [
+        "image_exr/an_attribute_of_gigabytes.exr",
+        "image_exr/lines_of_gigabytes.exr",
+        "image_exr/tiles_of_gigabytes.exr",
+        "image_exr/windows_of_gigapixels.exr",
+        "image_png/claims_more_than_it_has.png",
+        "image_tiff/tiles_of_gigapixels.tiff",
+        "image_tiff/values_of_megabytes.tiff",
+    ] {
+        let error = read(&of_corpus(name)).unwrap_err();
+        assert!(matches!(error, ImageError::Malformed { .. }), "{name}: {error}");
+    }
+    // That this one really has so many pixels is all that is known until it is compared with another.
+    assert_eq!(ImageFile::open(&of_corpus("image_png/bomb.png")).unwrap().size(), (8000, 1000));
+}
+
+#[test]
+fn a_file_cut_off_anywhere_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, format) in FORMATS {
+        let path = directory.path().join(name);
+        write(&path, format, (4, 3), 3).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        // The last character of a P3 file may go, for it is a newline, and what ends a PNG or a QOI after its pixels.
+        let (_, needed) = [(Format::Png, 16), (Format::PpmText, 2), (Format::Qoi, 8)]
+            .into_iter()
+            .find(|(with_end, _)| *with_end == format)
+            .unwrap_or((format, 0));
+        for length in 0..bytes.len() - needed {
+            fs::write(&path, &bytes[..length]).unwrap();
+            assert!(read(&path).is_err(), "{name} cut to {length} of {} bytes", bytes.len());
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_bytes_make_the_reader_panic(
+        magic in prop::sample::select(vec![
+            "", "P2", "P3", "P5", "P6", "PF", "Pf", "P6\n2 2\n255\n", "PF 2 1 1 ", "P3 2 2 9 ", "v/1\u{1}", "qoif", "II*\0",
+            "MM\0*", "#?RADIANCE\n", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 9\n",
+        ]),
+        bytes in prop::collection::vec(any::<u8>(), 0..200),
+    ) {
+        let _ = read_bytes(&[magic.as_bytes(), &bytes].concat());
+    }
+
+    #[test]
+    fn no_header_makes_the_reader_panic(
+        magic in prop::sample::select(vec!["P2", "P3", "P5", "P6", "PF", "Pf"]),
+        numbers in prop::collection::vec(prop_oneof!["[0-9]{1,2}", "[0-9]{1,12}", "-?[0-9]\\.[0-9]", "[#a-z]"], 0..5),
+        bytes in prop::collection::vec(any::<u8>(), 0..60),
+    ) {
+        let header = format!("{magic} {}\n", numbers.join(" "));
+        let _ = read_bytes(&[header.as_bytes(), &bytes].concat());
+    }
+
+    #[test]
+    fn no_damage_to_a_png_makes_the_reader_panic(position in 8_usize..69, value: u8) {
+        let mut bytes = png(png::ColorType::Rgb, png::BitDepth::Eight, &[1, 2, 3, 4, 5, 6]);
+        let position = position % bytes.len();
+        bytes[position] = value;
+        let _ = read_bytes(&bytes);
+    }
+}
+
+proptest! {
+    // Each of these writes a file, by a thread.
+    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_damage_to_a_file_makes_the_reader_panic(
+        which in 0_usize..FORMATS.len(), edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let (name, format) = FORMATS[which];
+        let path = directory.path().join(name);
+        write(&path, format, (9, 5), 5).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        for (at, value) in edits {
+            *at.get_mut(&mut bytes) = value;
+        }
+        let _ = read_bytes(&bytes);
+    }
+
+    #[test]
+    fn whatever_size_and_bands_a_file_reads_back_equal(
+        width in 1_u32..50, height in 1_u32..50, band in 1_u32..60, which in 0_usize..FORMATS.len()
+    ) {
+        let directory = tempfile::tempdir().unwrap();
+        let (name, format) = FORMATS[which];
+        let path = directory.path().join(name);
+        write(&path, format, (width, height), band).unwrap();
+        prop_assert!(read(&path).unwrap() == expected(format, width, height));
+    }
+}

@@ -1,0 +1,716 @@
+//! Mesh files: what is read, what is refused and in which words, at what memory; and the shapes that are made.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use crate::counting::peak_of;
+use glam::{DVec2, DVec3, Vec3};
+use proptest::prelude::*;
+use rayo::scene::mesh::shapes::{icosphere, terrain, torus};
+use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, open};
+
+const FORMATS: [MeshFormat; 3] = [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Stl];
+
+/// What errors and a reader's buffers may take, however short the file.
+const SLACK: usize = 2 << 20;
+
+/// Reads a mesh, in bulk where it is as usual and with care, and holds the memory that each takes to a multiple of the file.
+fn read(format: MeshFormat, source: impl Into<Vec<u8>>) -> Result<Mesh, MeshError> {
+    let source = source.into();
+    let [mesh, with_care] = [Mesh::from_bytes, Mesh::from_bytes_with_care].map(|read| {
+        let (length, source) = (source.len(), source.clone());
+        let (mesh, peak) = peak_of(|| read(source, format, "test"));
+        assert!(peak <= 64 * length + SLACK, "{peak} bytes for a file of {length}");
+        mesh
+    });
+    assert_eq!(mesh.as_ref().map(bits), with_care.as_ref().map(bits), "{}", source.escape_ascii());
+    mesh
+}
+
+/// A mesh with its numbers as bits, which tell -0 from 0.
+fn bits(mesh: &Mesh) -> (Vec<[u32; 3]>, &[[u32; 3]], usize) {
+    let vertices = mesh.vertices.iter().map(|vertex| vertex.to_array().map(f32::to_bits));
+    (vertices.collect(), &mesh.triangles, mesh.polygons)
+}
+
+fn refused(format: MeshFormat, source: impl Into<Vec<u8>>) -> String {
+    read(format, source).expect_err("a refusal").to_string()
+}
+
+/// The corners of all triangles.
+fn soup(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
+    mesh.triangles.iter().map(|&triangle| mesh.corners(triangle).map(|corner| corner.to_array())).collect()
+}
+
+const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.5], [0.0, 1.0, -2.5e-7]];
+
+/// The square as two triangles, a fan around its first corner.
+fn fan() -> Vec<[[f32; 3]; 3]> {
+    let [a, b, c, d] = SQUARE;
+    vec![[a, b, c], [a, c, d]]
+}
+
+const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 -2.5e-7\n";
+
+#[test]
+fn an_obj_file_may_be_written_in_many_ways() {
+    for (way, faces) in [
+        ("a quad", "f 1 2 3 4"),
+        ("two triangles", "f 1 2 3\nf 1 3 4"),
+        ("numbers from the end", "f -4 -3 -2 -1"),
+        ("texture and normal", "vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1 4/1/1"),
+        ("normals alone", "vn 0 0 1\nf 1//1 2//1 3//1 4//1"),
+        ("texture and normals that are not there", "f 1/9/9 2/-7 3//8 4/0/0"),
+        (
+            "lines that mean nothing here",
+            "o square\ng a b\nmtllib no.mtl\nusemtl no\ns off\nl 1 2\np 3\nf 1 2 3 4\n# \u{f1}",
+        ),
+        ("several objects", "o one\nf 1 2 3\no two\nf 1 3 4"),
+        ("a line that goes on", "f 1 2 \\\n 3 4"),
+        ("CR LF", "f 1 2 3 4\r"),
+        ("a fifth vertex that no face has", "v 9 9 9\nf 1 2 3 4"),
+    ] {
+        let mesh =
+            read(MeshFormat::Obj, format!("{OBJ_SQUARE}{faces}\n")).unwrap_or_else(|error| panic!("{way}: {error}"));
+        assert_eq!(soup(&mesh), fan(), "{way}");
+    }
+    let quad = read(MeshFormat::Obj, format!("{OBJ_SQUARE}f 1 2 3 4\nf 1 2 3\nf 1 2 3 4 1")).unwrap();
+    assert_eq!((quad.polygons, quad.triangles.len()), (2, 6));
+    // Colours on some vertices, a weight, and a comment in Latin-1.
+    let odd = b"# se\xf1al\nv 0 0 0 1 0 0\nv 2 0 0 2\nv 1 1 0.5\nv 0 1 -2.5e-7 0 1 0\nf 1 2 3 4".to_vec();
+    assert_eq!(soup(&read(MeshFormat::Obj, odd).unwrap()), fan());
+}
+
+/// The square as PLY: text, or binary in either byte order, with properties and an element that mean nothing here.
+fn ply_square(encoding: &str, scalar: &str, index: &str) -> Vec<u8> {
+    let mut file = format!(
+        "ply\nformat {encoding} 1.0\ncomment of no interest\nelement vertex 4\nproperty uchar red\nproperty {scalar} x\n\
+         property {scalar} y\nproperty {scalar} z\nelement edge 1\nproperty list uchar short ends\n\
+         element face 1\nproperty list uchar {index} vertex_indices\nproperty float area\nend_header\n"
+    )
+    .into_bytes();
+    let big = encoding.contains("big");
+    let put = |file: &mut Vec<u8>, little: &[u8]| {
+        let mut bytes = little.to_vec();
+        if big {
+            bytes.reverse();
+        }
+        file.extend(bytes);
+    };
+    if encoding == "ascii" {
+        for [x, y, z] in SQUARE {
+            file.extend(format!("200 {x} {y} {z:e}\n").bytes());
+        }
+        file.extend(b"2 0 1\n4 0 1 2 3 1.5\n");
+        return file;
+    }
+    for vertex in SQUARE {
+        file.push(200);
+        for value in vertex {
+            match scalar {
+                "double" => put(&mut file, &f64::from(value).to_le_bytes()),
+                _ => put(&mut file, &value.to_le_bytes()),
+            }
+        }
+    }
+    file.push(2);
+    [0_i16, 1].iter().for_each(|end| put(&mut file, &end.to_le_bytes()));
+    file.push(4);
+    for corner in 0..4_i32 {
+        match index {
+            "uchar" => file.push(corner as u8),
+            "short" => put(&mut file, &(corner as i16).to_le_bytes()),
+            _ => put(&mut file, &corner.to_le_bytes()),
+        }
+    }
+    put(&mut file, &1.5_f32.to_le_bytes());
+    file
+}
+
+#[test]
+fn a_ply_file_may_be_text_or_binary_of_either_byte_order() {
+    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        for scalar in ["float", "double", "float32"] {
+            for index in ["int", "uint", "uchar", "short", "int32"] {
+                let mesh = read(MeshFormat::Ply, ply_square(encoding, scalar, index));
+                let mesh = mesh.unwrap_or_else(|error| panic!("{encoding} {scalar} {index}: {error}"));
+                assert_eq!(soup(&mesh), fan(), "{encoding} {scalar} {index}");
+                assert_eq!(mesh.polygons, 1);
+            }
+        }
+    }
+    let crlf = String::from_utf8(ply_square("ascii", "float", "int")).unwrap().replace('\n', "\r\n");
+    assert_eq!(soup(&read(MeshFormat::Ply, crlf).unwrap()), fan());
+}
+
+fn stl_text(name: &str) -> String {
+    let mut text = format!("solid{name}\n");
+    for [a, b, c] in fan() {
+        text += "  facet normal 0 0 1\n    outer loop\n";
+        for [x, y, z] in [a, b, c] {
+            text += &format!("      vertex {x} {y} {z:e}\n");
+        }
+        text += "    endloop\n  endfacet\n";
+    }
+    text + &format!("endsolid{name}\n")
+}
+
+fn stl_binary(title: &str) -> Vec<u8> {
+    let mut bytes = title.as_bytes().to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend(2_u32.to_le_bytes());
+    for corners in fan() {
+        bytes.extend([0; 12]);
+        bytes.extend(corners.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend([7, 7]);
+    }
+    bytes
+}
+
+#[test]
+fn an_stl_file_may_be_text_or_binary_whatever_its_title() {
+    for source in [
+        stl_text(" square").into_bytes(),
+        stl_text(" a square of two").into_bytes(),
+        stl_text("").into_bytes(),
+        stl_text("").replace('\n', "\r\n").into_bytes(),
+        stl_binary("square"),
+        stl_binary("solid as a rock"),
+        stl_binary("solid\n facet"),
+        stl_binary("solid \u{f1}"),
+    ] {
+        let mesh = read(MeshFormat::Stl, source.clone());
+        let mesh = mesh.unwrap_or_else(|error| panic!("{error}: {}", source.escape_ascii()));
+        assert_eq!(soup(&mesh), fan(), "{}", source.escape_ascii());
+    }
+}
+
+#[test]
+fn a_bad_obj_file_is_refused_at_its_line_and_element() {
+    let has = "expected 1 to 4, the number of its vertices, or -1 and down for the last ones";
+    let corner = "expected vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
+    let point = "expected three numbers after v: x y z";
+    for (faces, expected) in [
+        ("", "test: the mesh is empty: expected at least one face".to_owned()),
+        ("\nf 1 2 9", format!("test:6: face 1's corner 3 is vertex 9, which the file has not: {has}")),
+        ("f 1 2 3\nf 1 0 2", format!("test:6: face 2's corner 2 is vertex 0, which the file has not: {has}")),
+        ("f 1 2 3\nf -5 1 2", format!("test:6: face 2's corner 1 is vertex -5, which the file has not: {has}")),
+        (
+            "f 1 2 99999999999",
+            format!("test:5: face 1's corner 3 is vertex 99999999999, which the file has not: {has}"),
+        ),
+        ("f 1 2 /3", format!("test:5: face 1's corner 3 is vertex 0, which the file has not: {has}")),
+        ("f 1 2 3\nf 1 two 3", format!("test:6: face 2 cannot be understood: {corner}")),
+        ("f 1 2 999999999999999999999999", format!("test:5: face 1 cannot be understood: {corner}")),
+        ("f 1 2 3.0", format!("test:5: face 1 cannot be understood: {corner}")),
+        ("f 1 2 3\nf 1 2", "test:6: face 2 has 2 corners: expected at least three".to_owned()),
+        ("f 1\nf 1 2 3", "test:5: face 1 has 1 corner: expected at least three".to_owned()),
+        ("f 1 2 3\nf", "test:6: face 2 has 0 corners: expected at least three".to_owned()),
+        ("v 1 2\nf 1 2 3", format!("test:5: vertex 5 is not a point: {point}")),
+        ("v 1 two 3\nf 1 2 3", format!("test:5: vertex 5 is not a point: {point}")),
+        ("v 1 2 3 0\nf 1 2 3", "test:5: vertex 5 has the weight 0: expected x y z alone".to_owned()),
+        ("v 1 \\\n2\nf 1 2 3", format!("test:6: vertex 5 is not a point: {point}")),
+    ] {
+        assert_eq!(refused(MeshFormat::Obj, format!("{OBJ_SQUARE}{faces}\n")), expected, "{faces}");
+    }
+    for number in ["nan", "inf", "-inf", "1e39"] {
+        let error = refused(MeshFormat::Obj, format!("{OBJ_SQUARE}v 1 {number} 3\nf 1 2 5\n"));
+        assert_eq!(error, "test:5: vertex 5 is not finite: expected numbers that f32 holds, within 3.4e38");
+    }
+    assert_eq!(refused(MeshFormat::Obj, ""), "test: the file is empty: expected a mesh in the format OBJ");
+    let error = refused(MeshFormat::Obj, b"v 0 0 0\nf 1 \xff 1\n".to_vec());
+    assert_eq!(error, "test:2: the line is no text: it is not UTF-8: expected a vertex or a face");
+}
+
+#[test]
+fn a_bad_ply_file_is_refused_at_its_line_and_element() {
+    let square = String::from_utf8(ply_square("ascii", "float", "int")).unwrap();
+    let header =
+        "expected lines that begin with format, comment, element, property or obj_info, and end_header at last";
+    for (good, bad, expected) in [
+        ("4 0 1 2 3 1.5", "4 0 1 2 4 1.5", "test:20: face 1's corner 4 is vertex 4, which the file has not: expected 0 to 3, counted from 0".to_owned()),
+        ("4 0 1 2 3 1.5", "4 0 1 2 -1 1.5", "test:20: face 1's corner 4 is vertex -1, which the file has not: expected 0 to 3, counted from 0".into()),
+        ("4 0 1 2 3 1.5", "2 0 1 1.5", "test:20: face 1 has 2 corners: expected at least three".into()),
+        ("4 0 1 2 3 1.5", "4 0 1 2", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
+        ("4 0 1 2 3 1.5", "99999 0 1 2 3", "test:20: face 1 cannot be understood: expected its properties as the header lists them: vertex_indices area".into()),
+        ("4 0 1 2 3 1.5\n", "", "test: the file ends in face 1: expected 1 of them, as its header says".into()),
+        ("200 1 0 0", "200 1 nan 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
+        ("200 1 0 0", "200 1 none 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
+        ("200 1 0 0", "200 1 1e39 0", "test:16: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38".into()),
+        ("200 1 0 0", "200 1 0", "test:16: vertex 2 cannot be understood: expected its properties as the header lists them: red x y z".into()),
+        ("ply", "plx", "test:1: this is no PLY file: expected the word ply in the first line".into()),
+        ("format ascii 1.0", "format ebcdic 1.0", format!("test:2: the header cannot be understood: {header}")),
+        ("format ascii 1.0\n", "", "test: the header has no usable format line: expected as in: format ascii 1.0".into()),
+        ("property float y", "property float x", "test: the header names an element or a property twice: expected a name once".into()),
+        ("property float y", "property float w", "test: vertices have no y: expected property float y".into()),
+        ("element vertex 4", "element point 4", "test: the header has no vertices: expected element vertex, with its number".into()),
+        ("element face 1", "element fact 1", "test: the header has no faces: expected element face, with its number".into()),
+        ("element face 1", "element tristrips 1", "test: triangle strips are not read: expected element face, with its number".into()),
+        ("int vertex_indices", "float vertex_indices", "test: faces have no corners: expected property list uchar int vertex_indices".into()),
+        ("element face 1", "element face 0", "test: the mesh is empty: expected at least one face".into()),
+        ("end_header\n", "end_heater\n", format!("test:14: the header cannot be understood: {header}")),
+    ] {
+        assert!(square.contains(good), "{good}");
+        assert_eq!(refused(MeshFormat::Ply, square.replacen(good, bad, 1)), expected, "{bad}");
+    }
+    let binary = ply_square("binary_little_endian", "float", "int");
+    let error = refused(MeshFormat::Ply, &binary[..binary.len() - 1]);
+    assert_eq!(error, "test: the file ends in face 1: expected 1 of them, as its header says");
+    let mut infinite = binary.clone();
+    let x = infinite.windows(11).position(|window| window == b"end_header\n").unwrap() + 11 + 13 + 1;
+    infinite[x..x + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let error = refused(MeshFormat::Ply, infinite);
+    assert_eq!(error, "test: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38");
+}
+
+#[test]
+fn a_bad_stl_file_is_refused_at_its_facet() {
+    let steps = "expected facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid";
+    let text = stl_text(" x");
+    for (good, bad, expected) in [
+        ("vertex 1 0 0e0", "vertex 1 0", format!("test: facet 1 cannot be understood: {steps}")),
+        ("vertex 1 0 0e0", "vertex 1 0 nan", format!("test: facet 1 cannot be understood: {steps}")),
+        ("vertex 0 1 -2.5e-7", "vertex 0 1 1e39", format!("test: facet 2 cannot be understood: {steps}")),
+        ("endloop", "end", format!("test: facet 1 cannot be understood: {steps}")),
+        ("endsolid x\n", "", format!("test: the file ends in facet 3: {steps}")),
+    ] {
+        assert!(text.contains(good), "{good}");
+        assert_eq!(refused(MeshFormat::Stl, text.replacen(good, bad, 1)), expected, "{bad}");
+    }
+    assert_eq!(
+        refused(MeshFormat::Stl, "solid x\nendsolid x\n"),
+        "test: the mesh is empty: expected at least one face"
+    );
+    let start = "expected the word solid at its start, or 84 bytes and more";
+    assert_eq!(refused(MeshFormat::Stl, "some other file"), format!("test: the file has 15 bytes: {start}"));
+    let mut binary = stl_binary("x");
+    binary[84 + 50 + 12 + 4..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let error = refused(MeshFormat::Stl, binary);
+    assert_eq!(error, "test: facet 2's vertex 1 is not finite: expected numbers that f32 holds, within 3.4e38");
+    let binary = stl_binary("x");
+    let error = refused(MeshFormat::Stl, &binary[..binary.len() - 1]);
+    assert_eq!(
+        error,
+        "test: the header claims 2 facets, and the file has no room for so many: expected at most 1: 99 bytes follow it"
+    );
+}
+
+#[test]
+fn a_header_that_claims_more_than_the_file_can_hold_costs_nothing() {
+    let room = "and the file has no room for so many";
+    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        for count in ["1000000000", "18446744073709551615", "5000"] {
+            let square = ply_square(encoding, "float", "int");
+            let end = square.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
+            let header = String::from_utf8(square[..end].to_vec()).unwrap();
+            for (element, name) in
+                [("element vertex 4", "vertex"), ("element face 1", "face"), ("element edge 1", "edge")]
+            {
+                let count_of = format!("element {name} {count}");
+                let source = [header.replace(element, &count_of).as_bytes(), &square[end..]].concat();
+                let error = refused(MeshFormat::Ply, source);
+                assert!(error.contains(&format!("the header claims {count} {name} elements, {room}")), "{error}");
+            }
+            let nothing =
+                header.replace("element edge 1\nproperty list uchar short ends", &format!("element edge {count}"));
+            let error = refused(MeshFormat::Ply, [nothing.as_bytes(), &square[end..]].concat());
+            let told = ["its edge elements no properties", room];
+            assert!(told.iter().any(|words| error.contains(words)), "{error}");
+        }
+        // A face that claims four thousand million corners.
+        let list =
+            String::from_utf8_lossy(&ply_square(encoding, "float", "int")).replace("list uchar int", "list uint int");
+        assert!(encoding == "ascii" || read(MeshFormat::Ply, list.into_bytes()).is_err());
+    }
+    let mut stl = stl_binary("x");
+    stl[80..84].copy_from_slice(&1_000_000_000_u32.to_le_bytes());
+    let error = refused(MeshFormat::Stl, stl);
+    assert_eq!(
+        error,
+        format!("test: the header claims 1000000000 facets, {room}: expected at most 2: 100 bytes follow it")
+    );
+}
+
+#[test]
+fn what_is_written_is_read_again_to_the_last_bit() {
+    for mesh in [icosphere(500, 0.2, 3), torus(300), terrain(200, 4)] {
+        for format in FORMATS {
+            let mut bytes = Vec::new();
+            mesh.write(format, &mut bytes).unwrap();
+            let again = read(format, bytes).unwrap();
+            assert_eq!(soup(&again), soup(&mesh), "{format}");
+            if format == MeshFormat::Ply {
+                assert_eq!(again, mesh);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scene_that_becomes_a_mesh_comes_back_as_it_was() {
+    let scene = rayo::scene::many(3, 50, 6);
+    for format in FORMATS {
+        let mesh = Mesh::of_scene(&scene, format);
+        let mut bytes = Vec::new();
+        mesh.write(format, &mut bytes).unwrap();
+        let again = read(format, bytes).unwrap().placed(format.placement().to_world(), Vec3::ONE).unwrap();
+        let again: Vec<_> = again.iter().map(|triangle| triangle.vertices).collect();
+        let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
+        assert_eq!(again, corners, "{format}");
+    }
+    // Four triangles of a tetrahedron share four corners.
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/tetrahedron.in");
+    assert_eq!(Mesh::of_scene(&rayo::scene::read(&file).unwrap(), MeshFormat::Ply).vertices.len(), 4);
+}
+
+#[test]
+fn a_file_that_is_no_mesh_or_not_there_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("none.obj");
+    let error = Mesh::read(&missing).unwrap_err().to_string();
+    assert_eq!(error, format!("{}: there is no such file: expected a mesh file", missing.display()));
+    fs::create_dir(folder.path().join("folder.ply")).unwrap();
+    let error = Mesh::read(&folder.path().join("folder.ply")).unwrap_err().to_string();
+    assert!(error.ends_with("folder.ply: this is a directory: expected a mesh file"), "{error}");
+    let error = Mesh::read(Path::new("mesh.fbx")).unwrap_err().to_string();
+    assert_eq!(error, "mesh.fbx: the name of a mesh file tells its format: expected .obj, .ply or .stl at its end");
+    let bad = folder.path().join("bad.OBJ");
+    fs::write(&bad, "v 0 0 0\nf 1 1 2\n").unwrap();
+    let error = open(&bad, &Camera::default()).unwrap_err();
+    assert!(matches!(error, SceneError::Mesh(_)));
+    let expected = format!(
+        "error: face 1's corner 3 is vertex 2, which the file has not\n--> {}:2\n = note: expected 1 to 1, the number \
+         of its vertices, or -1 and down for the last ones",
+        bad.display()
+    );
+    assert_eq!(error.render(false), expected);
+}
+
+/// How often each directed edge occurs.
+fn edges(mesh: &Mesh) -> HashMap<(u32, u32), usize> {
+    let mut edges = HashMap::new();
+    for &[a, b, c] in &mesh.triangles {
+        for edge in [(a, b), (b, c), (c, a)] {
+            *edges.entry(edge).or_default() += 1;
+        }
+    }
+    edges
+}
+
+fn volume(mesh: &Mesh) -> f64 {
+    let signed = |[a, b, c]: [Vec3; 3]| a.as_dvec3().dot(b.as_dvec3().cross(c.as_dvec3())) / 6.0;
+    mesh.triangles.iter().map(|&triangle| signed(mesh.corners(triangle))).sum()
+}
+
+#[test]
+fn closed_shapes_are_closed_and_counter_clockwise_from_outside() {
+    use std::f64::consts::PI;
+    let sphere = 4.0 / 3.0 * PI;
+    for (shape, mesh, full) in [
+        ("icosphere", icosphere(20_000, 0.0, 1), sphere),
+        ("icosphere", icosphere(20, 0.0, 1), sphere),
+        ("bumpy icosphere", icosphere(5000, 0.5, 2), sphere),
+        ("torus", torus(10_000), 2.0 * PI * PI * 0.16),
+        ("torus", torus(1), 2.0 * PI * PI * 0.16),
+    ] {
+        let edges = edges(&mesh);
+        assert!(edges.values().all(|&times| times == 1), "{shape}");
+        assert!(edges.keys().all(|&(a, b)| edges.contains_key(&(b, a))), "{shape}");
+        let share = volume(&mesh) / full;
+        assert!((0.3..1.4).contains(&share), "{shape}: {share} of its volume");
+        // Every vertex is in use, and none is there twice.
+        let mut vertices: Vec<_> = mesh.vertices.iter().map(|vertex| vertex.to_array().map(f32::to_bits)).collect();
+        let used: std::collections::HashSet<u32> = mesh.triangles.iter().flatten().copied().collect();
+        assert_eq!(used.len(), vertices.len(), "{shape}");
+        vertices.sort_unstable();
+        vertices.dedup();
+        assert_eq!(vertices.len(), mesh.vertices.len(), "{shape}");
+    }
+    assert!((volume(&icosphere(20_000, 0.0, 1)) / sphere - 1.0).abs() < 1e-3);
+    let far = |vertex: &Vec3| (vertex.length() - 1.0).abs();
+    assert!(icosphere(2000, 0.0, 1).vertices.iter().all(|vertex| far(vertex) < 1e-6));
+    let bumpy = icosphere(2000, 0.3, 1);
+    let furthest = bumpy.vertices.iter().map(far).fold(0.0, f32::max);
+    assert!((0.1..=0.3).contains(&furthest), "{furthest}");
+}
+
+#[test]
+fn a_terrain_is_seen_counter_clockwise_from_above_and_covers_its_square() {
+    let mesh = terrain(5000, 9);
+    let mut area = 0.0;
+    for &triangle in &mesh.triangles {
+        let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        assert!(normal.y > 0.0);
+        area += normal.dot(DVec3::Y) / 2.0;
+    }
+    assert!((area - 4.0).abs() < 1e-4, "{area}");
+    assert!(edges(&mesh).values().all(|&times| times == 1));
+}
+
+#[test]
+fn shapes_have_the_number_of_triangles_nearest_to_what_was_asked_for() {
+    for asked in [1_u64, 2, 20, 50, 51, 1000, 69_451, 100_000] {
+        for (count, made) in [
+            ((1..).map(|f| 20 * f * f).collect_near(asked), icosphere(asked, 0.0, 1).triangles.len()),
+            ((3..).map(|n| 4 * n * n).collect_near(asked), torus(asked).triangles.len()),
+            ((1..).map(|n| 2 * n * n).collect_near(asked), terrain(asked, 1).triangles.len()),
+        ] {
+            assert_eq!(made as u64, count, "{asked}");
+        }
+    }
+}
+
+trait Near {
+    fn collect_near(self, asked: u64) -> u64;
+}
+
+impl<I: Iterator<Item = u64>> Near for I {
+    /// The member of a growing sequence that is nearest, the smaller of two.
+    fn collect_near(self, asked: u64) -> u64 {
+        let candidates: Vec<u64> = self.take_while(|&count| count < 2 * asked + 1000).collect();
+        candidates.into_iter().min_by_key(|&count| (count.abs_diff(asked), count)).unwrap()
+    }
+}
+
+#[test]
+fn a_seed_makes_the_same_shape_again_and_another_another() {
+    assert_eq!(icosphere(500, 0.2, 7), icosphere(500, 0.2, 7));
+    assert_ne!(icosphere(500, 0.2, 7), icosphere(500, 0.2, 8));
+    assert_eq!(terrain(500, 7), terrain(500, 7));
+    assert_ne!(terrain(500, 7), terrain(500, 8));
+}
+
+#[test]
+fn the_meshes_of_the_example_are_what_its_comment_says() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let comment = fs::read_to_string(folder.join("island.toml")).unwrap();
+    for (command, mesh) in [
+        ("terrain --triangles 1700 --seed 12 -o meshes/hills.ply", terrain(1700, 12)),
+        ("icosphere --triangles 1280 --bumps 0.25 --seed 7 -o meshes/rock.ply", icosphere(1280, 0.25, 7)),
+        ("torus --triangles 900 -o meshes/ring.ply", torus(900)),
+    ] {
+        assert!(comment.contains(&format!("#   rayo make {command}\n")), "{command}");
+        let file = folder.join(command.split(' ').next_back().unwrap());
+        assert!(Mesh::read(&file).unwrap() == mesh, "{}", file.display());
+    }
+    let scene = rayo::scene::read(&folder.join("island.toml")).unwrap();
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("island.png", 1682 + 900 + 2 * 1280));
+}
+
+/// Where the camera sees a vertex, in halves of the film from its middle; behind it nowhere.
+fn seen(scene: &Scene) -> Vec<(f64, f64)> {
+    let grid = scene.camera.grid::<f64>();
+    let corners = scene.all_triangles().flat_map(|triangle| triangle.vertices);
+    corners
+        .map(|v| {
+            assert!(v.z > 0.0);
+            let scale = grid.focal / f64::from(v.z);
+            (f64::from(v.x) * scale / grid.half_width, f64::from(v.y) * scale / grid.half_height)
+        })
+        .collect()
+}
+
+#[test]
+fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
+    let camera = |width, height, focal| Camera::new(width, height, focal, 1.0).unwrap();
+    let stretched = |by: Vec3, to: Vec3| {
+        let mut mesh = icosphere(300, 0.3, 5);
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex = *vertex * by + to);
+        mesh
+    };
+    for mesh in [
+        icosphere(300, 0.0, 1),
+        terrain(200, 1),
+        stretched(Vec3::new(1.0, 100.0, 1.0), Vec3::ZERO),
+        stretched(Vec3::new(1e-6, 1e-6, 3e-6), Vec3::new(5.0, 0.0, 0.0)),
+        stretched(Vec3::splat(1e30), Vec3::splat(-1e31)),
+    ] {
+        for camera in [Camera::default(), camera(100, 900, 1.0), camera(900, 100, 3.0)] {
+            for format in FORMATS {
+                let setting = Setting::of(&mesh, format, &camera).unwrap();
+                let scene = setting.scene(mesh.clone(), Vec3::ONE, String::new(), camera).unwrap();
+                let seen = seen(&scene);
+                let reach = seen.iter().map(|(x, y)| x.abs().max(y.abs())).fold(0.0, f64::max);
+                assert!((0.45..0.92).contains(&reach), "{format}: {reach}");
+            }
+        }
+    }
+    // Up is up, right is right, and what is in front is nearer.
+    let points = |up: Vec3| Mesh { vertices: vec![Vec3::ZERO, up, Vec3::X], triangles: vec![[0, 1, 2]], polygons: 0 };
+    for (format, up, front) in [(MeshFormat::Obj, Vec3::Y, Vec3::Z), (MeshFormat::Stl, Vec3::Z, -Vec3::Y)] {
+        let setting = Setting::of(&points(up), format, &Camera::default()).unwrap();
+        let mut mesh = points(up);
+        mesh.vertices.push(0.1 * front);
+        mesh.triangles.push([3, 1, 2]);
+        let scene = setting.scene(mesh, Vec3::ONE, String::new(), Camera::default()).unwrap();
+        let [origin, above, right] = scene.triangle(0).vertices;
+        let [nearer, ..] = scene.triangle(1).vertices;
+        assert!(above.y > origin.y && right.x > origin.x && nearer.z < origin.z, "{format}");
+    }
+    // A vertex that no triangle has is not seen, and does not count.
+    let (square, mut strewn) = (terrain(2, 1), terrain(2, 1));
+    strewn.vertices.push(Vec3::splat(1e9));
+    let view = |mesh: &Mesh| Setting::of(mesh, MeshFormat::Ply, &Camera::default()).unwrap().view;
+    assert_eq!(view(&strewn), view(&square));
+    // One point is no reason to fail.
+    let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], polygons: 0 };
+    assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());
+}
+
+/// The outline as an OBJ file with one face, in a plane of any direction, and what its triangles cover in that plane.
+fn cut(outline: &[(f32, f32)]) -> Result<Vec<[DVec2; 3]>, MeshError> {
+    let (along, across) = (Vec3::new(2.0, 1.0, 2.0), Vec3::new(-2.0, 2.0, 1.0));
+    let vertices: String = outline
+        .iter()
+        .map(|&(u, v)| (u * along + v * across).to_array())
+        .map(|[x, y, z]| format!("v {x} {y} {z}\n"))
+        .collect();
+    let corners: String = (1..=outline.len()).map(|number| format!(" {number}")).collect();
+    let mesh = Mesh::from_bytes(format!("{vertices}f{corners}\n").into_bytes(), MeshFormat::Obj, "test")?;
+    let in_plane = |corner: Vec3| DVec2::new(corner.dot(along).into(), corner.dot(across).into()) / 9.0;
+    Ok(soup(&mesh).into_iter().map(|corners| corners.map(|corner| in_plane(corner.into()))).collect())
+}
+
+/// Twice the area to the left of a way round.
+fn doubled_area(outline: &[DVec2]) -> f64 {
+    (1..outline.len() - 1).map(|i| (outline[i] - outline[0]).perp_dot(outline[i + 1] - outline[0])).sum()
+}
+
+#[test]
+fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
+    let comb = |teeth: i32| {
+        let tooth =
+            |i: i32| [(2 * i, 0), (2 * i + 1, 0), (2 * i + 1, 9), (2 * i + 2, 9)].map(|(u, v)| (u as f32, v as f32));
+        (0..teeth).flat_map(tooth).chain([(2.0 * teeth as f32, 10.0), (0.0, 10.0)]).collect::<Vec<_>>()
+    };
+    let mut rng = Rng::new(1);
+    let star = (0..40).map(|i| {
+        let (angle, radius) = (i as f32 * 0.157, rng.between(0.2, 5.0));
+        (radius * angle.cos(), radius * angle.sin())
+    });
+    for outline in [
+        vec![(0.0, 0.0), (4.0, -2.0), (1.0, 0.0), (4.0, 2.0)], // an arrowhead, whose fan is right from one corner only
+        vec![(4.0, -2.0), (1.0, 0.0), (4.0, 2.0), (0.0, 0.0)],
+        vec![(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)],
+        // A hole, which is reached by a cut that is gone both ways.
+        vec![
+            (0.0, 0.0),
+            (9.0, 0.0),
+            (9.0, 9.0),
+            (0.0, 9.0),
+            (0.0, 0.0),
+            (3.0, 3.0),
+            (3.0, 6.0),
+            (6.0, 6.0),
+            (6.0, 3.0),
+            (3.0, 3.0),
+        ],
+        star.collect(),
+        comb(200),
+    ] {
+        for turned in [false, true] {
+            let mut outline = outline.clone();
+            if turned {
+                outline.reverse();
+            }
+            let points: Vec<_> = outline.iter().map(|&(u, v)| DVec2::new(u.into(), v.into())).collect();
+            let triangles = cut(&outline).unwrap();
+            assert_eq!(triangles.len(), outline.len() - 2);
+            // Each is turned as the face is: they overlap nowhere if together they are as large.
+            let (whole, tiny) = (doubled_area(&points), 1e-4);
+            let areas: Vec<_> = triangles.iter().map(|triangle| doubled_area(triangle) * whole.signum()).collect();
+            assert!(areas.iter().all(|area| *area > -tiny), "{outline:?}: {areas:?}");
+            assert!((areas.iter().sum::<f64>() - whole.abs()).abs() < 1e-4 * whole.abs(), "{outline:?}: {areas:?}");
+        }
+    }
+    // What would take for ever is refused, with what to do.
+    let error = cut(&comb(20_000)).unwrap_err().to_string();
+    assert_eq!(error, "test: face 1 has 80002 corners and is not convex: expected triangles in its place");
+    // An outline that crosses itself, and one on a line, have no inside; they are cut all the same.
+    assert_eq!(cut(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]).unwrap().len(), 2);
+    assert_eq!(cut(&[(0.0, 0.0), (3.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.5, 0.0)]).unwrap().len(), 3);
+}
+
+/// Whatever the file, an error is one line, and a mesh is sound.
+fn survives(format: MeshFormat, source: &[u8]) {
+    match read(format, source) {
+        Ok(mesh) => {
+            assert!(!mesh.triangles.is_empty());
+            assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()));
+            assert!(mesh.triangles.iter().flatten().all(|&index| (index as usize) < mesh.vertices.len()));
+        }
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.starts_with("test") && text.len() < 2000 && !text.contains(['\n', '\x1b']), "{text}");
+        }
+    }
+}
+
+/// Sound files of every kind, to be damaged.
+fn samples() -> Vec<(MeshFormat, Vec<u8>)> {
+    let ply = |encoding| (MeshFormat::Ply, ply_square(encoding, "float", "int"));
+    vec![
+        (MeshFormat::Obj, format!("{OBJ_SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2//1 -2 4\no b\nf 1 2 3").into_bytes()),
+        ply("ascii"),
+        ply("binary_little_endian"),
+        ply("binary_big_endian"),
+        (MeshFormat::Stl, stl_text(" a").into_bytes()),
+        (MeshFormat::Stl, stl_binary("solid a")),
+    ]
+}
+
+#[test]
+fn a_file_cut_off_anywhere_is_refused_or_sound() {
+    for (format, source) in samples() {
+        (0..source.len()).for_each(|length| survives(format, &source[..length]));
+    }
+}
+
+proptest! {
+    // A failure is printed with its smallest input, to become a case above.
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 1000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_bytes_make_a_reader_panic(
+        which in 0..FORMATS.len(),
+        start in prop::sample::select(vec!["", "ply\nformat ascii 1.0\n", "solid ", "v 1 2 3\nf "]),
+        bytes in prop::collection::vec(any::<u8>(), 0..300),
+    ) {
+        survives(FORMATS[which], &[start.as_bytes(), &bytes].concat());
+    }
+
+    #[test]
+    fn no_damage_to_a_mesh_makes_a_reader_panic(
+        which in 0..6_usize,
+        edits in prop::collection::vec((any::<prop::sample::Index>(), 0..6_usize, prop::collection::vec(any::<u8>(), 0..4)), 1..8),
+    ) {
+        let (format, mut source) = samples().swap_remove(which);
+        for (at, removed, inserted) in edits {
+            let at = at.index(source.len() + 1);
+            let end = source.len().min(at + removed);
+            source.splice(at..end, inserted);
+        }
+        survives(format, &source);
+    }
+
+    #[test]
+    fn no_word_in_the_place_of_another_makes_a_reader_panic(
+        which in 0..5_usize,
+        at in any::<prop::sample::Index>(),
+        word in prop::sample::select(vec![
+            "-1", "0", "1", "4", "1e39", "nan", "-inf", "4294967295", "4294967296", "99999999999999999999", "x", "", "\\",
+            "list", "double", "uchar", "element vertex 9", "endloop", "f", "v", "o", "-9223372036854775808", "1/2/3/4",
+        ]),
+    ) {
+        let (format, source) = samples().swap_remove(which);
+        let text = String::from_utf8_lossy(&source);
+        let mut words: Vec<&str> = text.split_inclusive([' ', '\n']).collect();
+        let place = at.index(words.len());
+        let end = if words[place].ends_with('\n') { "\n" } else { " " };
+        let new = format!("{word}{end}");
+        words[place] = &new;
+        survives(format, words.concat().as_bytes());
+    }
+}

@@ -1,0 +1,17 @@
+//! The kernels: each against its twin, under the rules of calls, and as its listing has it.
+
+#![cfg(rayo_asm)]
+
+#[path = "../common/kernel_cases.rs"]
+mod kernel_cases;
+
+#[cfg(all(target_os = "linux", feature = "lab"))]
+mod assembly;
+#[cfg(unix)]
+mod calling_convention;
+#[cfg(feature = "lab")]
+mod operations;
+#[cfg(feature = "lab")]
+mod step_model;
+mod tile_spheres;
+mod tile_twins;

@@ -1,0 +1,496 @@
+//! The truth in 256 bits, what engines are worth against it, and `rayo accuracy`, which shows that.
+
+use crate::program;
+use crate::schema;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Output;
+
+use glam::{DVec3, Vec3};
+use rayo::experiments::accuracy::errors::{Errors, Tally};
+use rayo::experiments::accuracy::subjects::{self, Subject};
+use rayo::experiments::accuracy::{Entry, Who, contenders, errors_of, expect, judge, summary};
+use rayo::experiments::in_size;
+use rayo::reference::exact::{self, Exact, Rays, Split};
+use rayo::render::reference::ReferenceTracer;
+use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
+use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Doubtful for f64: 64 times the rounding of a number.
+const DOUBT_OF_F64: f64 = 64.0 * f64::EPSILON;
+
+fn shipped(name: &str) -> Scene {
+    let path = format!("{}/scenes/{name}.in", env!("CARGO_MANIFEST_DIR"));
+    scene::read(path.as_ref()).unwrap()
+}
+
+fn relative(t: f64, truth: Split) -> f64 {
+    (truth.error_of(t) / truth.high).abs()
+}
+
+#[test]
+fn the_truth_of_an_ordinary_scene_is_what_the_reference_says() {
+    let mut hits = 0;
+    let scenes = ["sphere", "tetrahedron", "triangle", "two-lights", "many"].map(shipped);
+    for scene in scenes.into_iter().chain([scene::many(40, 40, 7)]) {
+        let scene = in_size(&scene, 80, 60);
+        let (truth, reference) = (Truth::new(&scene), ReferenceTracer::new(&scene));
+        for (row, col) in (0..60).flat_map(|row| (0..80).map(move |col| (row, col))) {
+            let (pixel, found) = (truth.pixel(row, col), reference.hit(row, col));
+            if pixel.margin < DOUBT_OF_F64 {
+                continue;
+            }
+            let place = format!("{} row {row} col {col}: {pixel:?} {found:?}", scene.name);
+            assert_eq!(pixel.hit.as_ref().map(|hit| hit.object), found.map(|hit| hit.object), "{place}");
+            let (Some(TrueHit { t, colour: Some(colour), .. }), Some(found)) = (pixel.hit, found) else {
+                continue;
+            };
+            // These spheres are small: the difference of long vectors in f64 costs a few digits, and the limb some more.
+            assert!(relative(found.t, t) < 1e-10, "{place}");
+            let off = (reference.colour(row, col) - colour).abs().max_element();
+            assert!(off < 1e-9, "off by {off:e} {place}");
+            hits += 1;
+        }
+    }
+    assert!(hits > 5000, "only {hits} hits");
+}
+
+/// Stiff objects, one of a kind: far spheres, ground spheres, slivers, grazing and far triangles.
+fn stiff(rng: &mut Rng) -> (Vec<Sphere>, Vec<Triangle>) {
+    let mut aim = |distance: f32| distance * Vec3::new(rng.between(-0.35, 0.35), rng.between(-0.25, 0.25), 1.0);
+    let spheres = [1e3_f32, 1e5, 1e7].map(|far| Sphere {
+        radius: far * 0.2,
+        colour: Vec3::ONE,
+        // In the picture and beside it by turns, a few percent of the distance from the axis.
+        centre: aim(far),
+    });
+    let thin = [3e-3_f32, 3e-5].map(|r| Sphere { radius: r * 200.0, colour: Vec3::ONE, centre: aim(200.0) });
+    let ground = Sphere { radius: 1e7, colour: Vec3::ONE, centre: Vec3::new(0.0, -1e7 - 1.0, 0.0) };
+    let triangles = [1.0_f32, 1e-3, 1e-6].map(|height| {
+        let (a, b) = (aim(100.0), aim(100.0));
+        Triangle { colour: Vec3::ONE, vertices: [a, b, a + 0.5 * (b - a) + Vec3::new(0.0, 40.0 * height, 0.0)] }
+    });
+    let grazing = Triangle { colour: Vec3::ONE, vertices: [aim(10.0), aim(1e4), aim(1e4) + Vec3::Y * 1e-2] };
+    ([&spheres[..], &thin, &[ground]].concat(), [&triangles[..], &[grazing]].concat())
+}
+
+#[test]
+fn what_f64_rules_out_is_never_what_256_bits_hit() {
+    let (mut hits, mut near_misses) = (0, 0);
+    for seed in 1..=4 {
+        let (spheres, triangles) = stiff(&mut Rng::new(seed));
+        let camera = Camera::new(64, 48, 1.0, 1.0).unwrap();
+        let rays = Rays::new(64, 48, 1.0, 1.0);
+        let scene =
+            Scene { name: String::new(), camera, lights: Vec::new(), spheres, triangles, faces: Faces::default() };
+        let truth = Truth::new(&scene);
+        for (row, col) in (0..48).flat_map(|row| (0..64).map(move |col| (row, col))) {
+            let ray = rays.ray(row, col);
+            let mut nearest: Option<(Object, Exact)> = None;
+            let mut meet = |object: Object, meeting: exact::Meeting| {
+                near_misses += usize::from(meeting.miss.is_some());
+                if let Some(t) = meeting.hit.filter(|t| nearest.as_ref().is_none_or(|(_, nearest)| t < nearest)) {
+                    nearest = Some((object, t));
+                }
+            };
+            for (i, sphere) in scene.spheres.iter().enumerate() {
+                let sphere = exact::Sphere::new(sphere.centre.as_dvec3().into(), sphere.radius.into()).unwrap();
+                meet(Object::Sphere(i), sphere.meet(&ray));
+            }
+            for (i, triangle) in scene.triangles.iter().enumerate() {
+                let triangle = exact::Triangle::new(triangle.vertices.map(|v| v.as_dvec3().into())).unwrap();
+                meet(Object::Triangle(i), triangle.meet(&ray));
+            }
+            let found = truth.exact_pixel(row, col).hit.map(|hit| (hit.object, hit.t));
+            assert_eq!(
+                found,
+                nearest.as_ref().map(|(object, t)| (*object, Split::from(t))),
+                "seed {seed} row {row} col {col}"
+            );
+            hits += usize::from(nearest.is_some());
+        }
+    }
+    assert!(hits > 1000 && near_misses > 1000, "{hits} hits, {near_misses} near misses");
+}
+
+fn one_light(spheres: Vec<Sphere>, triangles: Vec<Triangle>, at: Vec3) -> Scene {
+    let camera = Camera::new(9, 9, 1.0, 1.0).unwrap();
+    let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: at }];
+    Scene { name: String::new(), camera, lights, spheres, triangles, faces: Faces::default() }
+}
+
+/// The middle of the picture looks along +z.
+const MIDDLE: (u32, u32) = (4, 4);
+
+#[test]
+fn the_margin_is_the_gap_to_the_second_hit_and_an_exact_tie_is_no_doubt() {
+    let sphere = |radius: f32, z: f32| Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, z) };
+    for (second, gap) in [(sphere(1.0, 10.0), 1.0), (sphere(1.0, 10.0009), 1e-4), (sphere(2.0, 12.0), 1.0 / 9.0)] {
+        let scene = one_light(vec![sphere(1.0, 10.0), second], Vec::new(), Vec3::ZERO);
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
+        assert_eq!(pixel.hit.as_ref().unwrap().object, Object::Sphere(0));
+        assert!((pixel.margin - gap).abs() < 1e-6, "{gap}: {}", pixel.margin);
+    }
+}
+
+#[test]
+fn a_near_miss_in_front_is_a_doubt_and_one_behind_is_none() {
+    // Its edge passes a little beside the middle.
+    let beside = |z: f32| {
+        let vertices = [Vec3::new(1e-6, -z, z), Vec3::new(1e-6, z, z), Vec3::new(z, 0.0, z)];
+        Triangle { colour: Vec3::ONE, vertices }
+    };
+    let wall = |z: f32| {
+        let vertices = [Vec3::new(-9.0 * z, -9.0 * z, z), Vec3::new(9.0 * z, -9.0 * z, z), Vec3::new(0.0, 9.0 * z, z)];
+        Triangle { colour: Vec3::ONE, vertices }
+    };
+    for (z, doubt) in [(2.0, true), (20.0, false)] {
+        let scene = one_light(Vec::new(), vec![beside(z), wall(5.0)], Vec3::ZERO);
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
+        assert_eq!(pixel.hit.unwrap().object, Object::Triangle(1));
+        assert_eq!(pixel.margin < 1e-5, doubt, "{z}: {}", pixel.margin);
+    }
+}
+
+#[test]
+fn a_light_on_the_surface_makes_any_colour_right() {
+    let sphere = Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, 3.0) };
+    for (z, colour) in [(2.0, None), (1.9999, None), (1.0, Some(DVec3::ONE)), (-5.0, Some(DVec3::ONE))] {
+        let scene = one_light(vec![sphere], Vec::new(), Vec3::new(0.0, 0.0, z));
+        let pixel = Truth::new(&scene).pixel(MIDDLE.0, MIDDLE.1);
+        let near = |a: DVec3, b: DVec3| (a - b).length() < 1e-15;
+        match (pixel.hit.unwrap().colour, colour) {
+            (Some(a), Some(b)) => assert!(near(a, b), "{z}: {a}"),
+            (a, b) => assert_eq!(a, b, "{z}"),
+        }
+    }
+}
+
+#[test]
+fn what_an_engine_says_that_it_hits_is_what_it_draws() {
+    // Each object has a hue of its own, and the light is in the camera, so that nothing that is seen is dark.
+    let mut scene = scene::many(30, 30, 5);
+    scene.lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }];
+    let mut rng = Rng::new(3);
+    let mut hue = || Vec3::new(rng.between(0.2, 1.0), rng.between(0.2, 1.0), rng.between(0.2, 1.0)).normalize();
+    scene.spheres.iter_mut().for_each(|sphere| sphere.colour = hue());
+    scene.triangles.iter_mut().for_each(|triangle| triangle.colour = hue());
+    let scene = in_size(&scene, 203, 151);
+    let pixels = scene.camera.pixels() as usize;
+    let tracers = Engine::ALL.iter().filter(|engine| engine.usable()).flat_map(|engine| {
+        engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene).unwrap()))
+    });
+    for (engine, precision, tracer) in tracers {
+        let mut film = Film::new(PixelFormat::F32x4, pixels).unwrap();
+        tracer.rows(0..151, film.as_mut());
+        let Film::F32x4(film) = film else { unreachable!() };
+        let found = tracer.hits(0..151);
+        assert_eq!(found.len(), pixels);
+        // In two pieces it is the same.
+        assert_eq!([tracer.hits(0..40), tracer.hits(40..151)].concat(), found);
+        let mut hits = 0;
+        for (i, (pixel, found)) in film.iter().zip(&found).enumerate() {
+            let drawn = DVec3::new(pixel.x.into(), pixel.y.into(), pixel.z.into());
+            let what = format!("{engine} {precision} pixel {i}: {found:?}, drawn {drawn}");
+            let Some(Found { object, distance, normal }) = found else {
+                assert_eq!(drawn, DVec3::ZERO, "{what}");
+                continue;
+            };
+            assert!(normal.is_some(), "{what}");
+            hits += 1;
+            let colour = match object {
+                Object::Sphere(i) => scene.spheres[*i].colour,
+                Object::Triangle(i) => scene.triangles[*i].colour,
+            };
+            // A limb is dark.
+            let dark = drawn.length() < 1e-3;
+            assert!(dark || drawn.normalize().distance(colour.as_dvec3()) < 1e-3, "{what}");
+            let t = match distance {
+                Distance::T(t) => *t,
+                Distance::Inverse(inverse) => 1.0 / inverse,
+            };
+            let d = DVec3::from(scene.camera.grid::<f64>().ray(i as u32 / 203, i as u32 % 203));
+            if let Some(normal) = normal {
+                assert!((normal.length() - 1.0).abs() < 1e-3, "{what}");
+                // The cosine at the point is what was drawn; the limb of a small sphere is a difference of long vectors.
+                let cosine = (-normal.dot(d) / d.length()).abs();
+                assert!((cosine - drawn.length()).abs() < 0.02, "{what}, cosine {cosine}");
+            }
+            assert!((20.0..70.0).contains(&t), "{what}");
+        }
+        assert!(hits > pixels / 4, "{engine} {precision}: {hits} hits");
+    }
+}
+
+/// The reference with something broken.
+struct Broken<'a> {
+    right: Box<dyn Tracer + 'a>,
+    /// Changes what was found, pixel by pixel.
+    found: fn(usize, &mut Option<Found>),
+    /// Changes what was drawn.
+    drawn: fn(&mut [rayo::kernels::Vec4]),
+}
+
+impl Tracer for Broken<'_> {
+    fn writes(&self, format: PixelFormat) -> bool {
+        format == PixelFormat::F32x4
+    }
+
+    fn rows(&self, rows: std::ops::Range<u32>, out: FilmMut<'_>) {
+        let FilmMut::F32x4(out) = out else { unreachable!("it writes floats") };
+        self.right.rows(rows, FilmMut::F32x4(&mut *out));
+        (self.drawn)(out);
+    }
+
+    fn hits(&self, rows: std::ops::Range<u32>) -> Vec<Option<Found>> {
+        let mut found = self.right.hits(rows);
+        found.iter_mut().enumerate().for_each(|(i, found)| (self.found)(i, found));
+        found
+    }
+}
+
+#[test]
+fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
+    fn nothing<T: ?Sized>(_: &mut T) {}
+    fn in_the_middle(i: usize) -> bool {
+        i == 60 * 160 + 80
+    }
+    type Change = (fn(usize, &mut Option<Found>), fn(&mut [rayo::kernels::Vec4]));
+    type Figure = fn(&Errors) -> f64;
+    let moved: fn(usize, &mut Option<Found>) = |i, found| {
+        if let (Some(found), true) = (found, in_the_middle(i)) {
+            let Distance::T(t) = found.distance else { unreachable!() };
+            found.distance = Distance::T(t * (1.0 + 1e-5));
+        }
+    };
+    let turned: fn(usize, &mut Option<Found>) = |i, found| {
+        if let (Some(Found { normal: Some(normal), .. }), true) = (found, in_the_middle(i)) {
+            *normal = (*normal + 1e-3 * normal.any_orthonormal_vector()).normalize();
+        }
+    };
+    let table: [(&str, Change, Figure, std::ops::RangeInclusive<f64>); 8] = [
+        (
+            "a miss",
+            (|i, found| found.take_if(|_| in_the_middle(i)).map_or((), drop), nothing),
+            |e| e.wrong_hits as f64,
+            1.0..=1.0,
+        ),
+        (
+            "another object",
+            (
+                |i, found| found.iter_mut().filter(|_| in_the_middle(i)).for_each(|f| f.object = Object::Sphere(7)),
+                nothing,
+            ),
+            |e| e.wrong_objects as f64,
+            1.0..=1.0,
+        ),
+        ("t", (moved, nothing), |e| e.max_ulp.unwrap(), 80.0..=170.0),
+        ("t by the bound", (moved, nothing), |e| e.bound_share.unwrap(), 5.0..=40.0),
+        ("a normal", (turned, nothing), |e| e.max_angle.unwrap(), 0.99e-3..=1.01e-3),
+        ("two levels", (|_, _| (), |film| film[60 * 160 + 80].y += 2.1 / 255.0), |e| e.off_by_2 as f64, 1.0..=1.0),
+        ("a colour", (|_, _| (), |film| film[60 * 160 + 80].x -= 1e-4), |e| e.max_colour.unwrap(), 0.99e-4..=1.01e-4),
+        ("a row", (|_, _| (), |film| film.rotate_left(160)), |e| e.off_by_2 as f64, 100.0..=1e5),
+    ];
+    let scene = shipped("sphere");
+    let scene = in_size(&scene, 160, 120);
+    let expected = expect(&scene);
+    let worth = |(found, drawn): Change| {
+        let right = Engine::Reference.prepare(None, &scene).unwrap();
+        let broken = Broken { right, found, drawn };
+        // Held against what is expected of f32, it has no error to speak of.
+        let tally = Tally::new(Precision::Single, true);
+        errors_of(&broken, 120, PixelFormat::F32x4, &expected, tally).unwrap()
+    };
+    let right = worth((|_, _| (), nothing));
+    for (what, change, figure, range) in table {
+        let (found, figure_if_right) = (figure(&worth(change)), figure(&right));
+        assert!(range.contains(&found), "{what}: {found}");
+        assert!(figure_if_right < 1e-3 * found, "{what}: {figure_if_right} where nothing is broken");
+    }
+}
+
+/// The product of a light's intensity and colour was rounded to f32 once: pixel 694 of this row came out a level too bright.
+#[test]
+fn in_f64_a_level_is_the_true_one_however_near_the_next_it_is() {
+    let scene = shipped("two-lights");
+    let (row, width) = (446, scene.camera.width());
+    let truth = Truth::new(&scene);
+    let green = |col: u32| 255.0 * truth.pixel(row, col).hit.unwrap().colour.unwrap().y;
+    assert!((1e-8..1e-6).contains(&(127.0 - green(694))), "{}", green(694));
+    let of = |col: u32| truth.pixel(row, col).hit.map_or(DVec3::ZERO, |hit| hit.colour.unwrap());
+    let expected: Vec<_> = (0..width).map(|col| of(col).to_array().map(level)).collect();
+    for contender in contenders().into_iter().filter(|contender| contender.precision == Precision::Double) {
+        let tracer = contender.prepare(&scene).unwrap();
+        let mut film = Film::new(PixelFormat::Rgb8, width as usize).unwrap();
+        tracer.rows(row..row + 1, film.as_mut());
+        let Film::Rgb8(found) = film else { unreachable!() };
+        assert_eq!(found, expected, "{}", contender.engine);
+    }
+}
+
+/// What the packets promise, on the shipped scenes and at every family's three levels.
+#[test]
+fn outside_of_the_margin_no_packet_and_not_the_reference_is_wrong() {
+    let right = |engine: Engine| !["rust", "c", "paper"].contains(&engine.name());
+    let contenders: Vec<_> = contenders().into_iter().filter(|contender| right(contender.engine)).collect();
+    let mut judged = 0;
+    for Subject { name, scene, .. } in subjects::all(true) {
+        for judgement in judge(&scene, &contenders).unwrap() {
+            let (entry, errors) = (judgement.entry, judgement.errors);
+            let what = format!("{name}: {entry:?}: {errors:?}");
+            assert_eq!((errors.wrong_hits, errors.wrong_objects, errors.off_by_2), (0, 0, 0), "{what}");
+            assert!(errors.bound_share.is_none_or(|share| share <= 1.0), "{what}");
+            if entry.contender.precision == Precision::Double {
+                assert_eq!(errors.off_by_1, 0, "{what}");
+            }
+            judged += 1;
+        }
+    }
+    assert!(judged > 50, "only {judged} pictures were judged");
+}
+
+#[test]
+fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
+    let mut reasons = BTreeMap::new();
+    for contender in contenders() {
+        for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
+            let who: Who = Entry { contender, output }.into();
+            let reason = summary::reason(who);
+            assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
+            reasons.entry(who.engine).or_insert(reason);
+        }
+    }
+    let different: std::collections::BTreeSet<_> = reasons.values().collect();
+    assert_eq!(different.len(), reasons.len(), "{reasons:?}");
+}
+
+fn rayo_accuracy(args: &[&str], out: &Path) -> Output {
+    let arguments = [&["accuracy"], args, &["--out", out.to_str().unwrap()]].concat();
+    program::rayo(arguments, Path::new(env!("CARGO_MANIFEST_DIR")))
+}
+
+#[test]
+fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo_accuracy(&["scenes/tetrahedron.in", "s1", "--quick", "--json"], directory.path());
+    assert!(output.status.success(), "{output:?}");
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let schema = serde_json::from_str(include_str!("../../docs/accuracy.schema.json")).unwrap();
+    assert_eq!(schema::errors(&schema, &document), Vec::<String>::new());
+    let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&text("results.json")).unwrap(), document, "what is printed is written");
+
+    let rows = document["rows"].as_array().unwrap();
+    let scenes: Vec<_> = rows.iter().filter(|row| row["engine"] == "rust").map(|row| row["scene"].clone()).collect();
+    assert_eq!(scenes, ["scenes/tetrahedron.in", "S1 4", "S1 1000", "S1 1e7"]);
+    for contender in contenders() {
+        let is =
+            |row: &&Value| row["engine"] == contender.engine.name() && row["precision"] == contender.precision.name();
+        assert!(rows.iter().filter(is).count() >= 4, "{contender:?}");
+    }
+    // What leaves nothing out has the same errors.
+    let kept = rows.iter().filter(|row| row["option"] == "--keep-all");
+    for row in kept.clone() {
+        let same = |other: &&Value| ["scene", "engine", "precision", "output"].iter().all(|key| other[key] == row[key]);
+        let planned = rows.iter().filter(same).find(|other| other["option"].is_null()).unwrap();
+        for figure in ["wrong_hits", "max_ulp", "max_angle", "max_colour", "rms_colour", "off_by_1", "psnr"] {
+            assert_eq!(planned[figure], row[figure], "{figure} of {row}");
+        }
+    }
+    assert_eq!(kept.count() > 0, cfg!(rayo_asm));
+    assert_eq!(document["against_plain"].as_array().unwrap().is_empty(), cfg!(not(rayo_asm)));
+    // Each scene and output has a front, and nothing is faster than what is fastest on it.
+    for (scene, output) in rows.iter().map(|row| (&row["scene"], &row["output"])) {
+        let of = || rows.iter().filter(move |row| &row["scene"] == scene && &row["output"] == output);
+        let time = |row: &Value| row["ns_per_ray"].as_f64().unwrap();
+        let fastest = of().map(time).fold(f64::INFINITY, f64::min);
+        assert!(of().any(|row| row["front"] == true && time(row) == fastest), "{scene} {output}");
+    }
+    assert_eq!(text("table.csv").lines().count(), 1 + rows.len());
+    let cells = |line: &str| line.matches(',').count();
+    assert!(text("table.csv").lines().all(|line| cells(line) == cells(text("table.csv").lines().next().unwrap())));
+    assert!(text("accuracy.svg").starts_with("<svg") && text("accuracy.svg").contains("S1: far spheres"));
+    let page = text("accuracy.md");
+    assert!(page.contains("| S1 1e7"));
+    assert!(page.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
+}
+
+#[test]
+fn a_table_is_printed_for_people_and_a_scene_that_is_none_is_bad_input() {
+    let directory = TempDir::new().unwrap();
+    let output = rayo_accuracy(&["scenes/sphere.in", "--quick"], directory.path());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("160×120") && text.contains("| reference |"), "{text}");
+    assert!(text.contains("| front |") && text.contains("| * |") || text.contains("   * |"), "{text}");
+    for (scene, says) in [("scenes/none.in", "scenes/none.in"), ("N1", "N1"), ("Makefile", "Makefile")] {
+        let output = rayo_accuracy(&[scene, "--quick"], directory.path());
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{scene}: {error}");
+        assert!(error.contains(says) && output.stdout.is_empty(), "{scene}: {error}");
+    }
+}
+
+/// The rows of the last table of errors of docs/results/accuracy.md: a scene, and a cell for each column.
+fn documented() -> BTreeMap<String, BTreeMap<String, String>> {
+    let text =
+        include_str!("../../docs/results/accuracy.md").split("<!-- errors -->\n").nth(1).expect("the table is marked");
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let head = cells(text.lines().next().unwrap());
+    let rows = text.lines().skip(2).take_while(|line| line.starts_with('|')).map(cells);
+    rows.map(|row| (row[1].clone(), head.iter().cloned().zip(row).skip(2).collect())).collect()
+}
+
+/// Wrong hits and objects, the largest error in ulp (none for a dash), and pixels off by two levels.
+fn figures(cell: &str) -> (f64, Option<f64>, f64) {
+    let parts: Vec<_> = cell.split(" / ").collect();
+    let number = |text: &str| text.replace('∞', "inf").parse().unwrap_or_else(|_| panic!("{cell}"));
+    (number(parts[0]), (parts[1] != "–").then(|| number(parts[1])), number(parts[2]))
+}
+
+#[test]
+fn the_errors_of_the_document_are_current() {
+    let documented = documented();
+    let names: Vec<_> = subjects::all(false).into_iter().map(|subject| subject.name).collect();
+    assert_eq!(
+        documented.keys().collect::<Vec<_>>(),
+        {
+            let mut n: Vec<_> = names.iter().collect();
+            n.sort();
+            n
+        },
+        "make accuracy"
+    );
+    let stale = |what: &str| format!("docs/results/accuracy.md is stale, run `make accuracy`: {what}");
+    let contenders = contenders();
+    let mut compared = 0;
+    // The stiffest scene of each family, and two that are ordinary.
+    let of_interest = |subject: &Subject| match subject.family {
+        Some(family) => family.stiffness == 2,
+        None => ["sphere", "two-lights"].contains(&subject.name.as_str()),
+    };
+    for Subject { name, scene, .. } in subjects::all(false).into_iter().filter(of_interest) {
+        for judgement in judge(&scene, &contenders).unwrap() {
+            let contender = judgement.entry.contender;
+            let (engine, precision) = (contender.engine.name(), contender.precision.name());
+            let cells = &documented[&name];
+            let cell = cells.get(engine).or_else(|| cells.get(&format!("{engine} {precision}")));
+            let (Some(cell), PixelFormat::F32x3) = (cell, judgement.entry.output) else { continue };
+            let errors = judgement.errors;
+            let (wrong, ulp, off) = figures(cell);
+            let what = stale(&format!("{name}, {engine} {precision}: {cell} is {errors:?}"));
+            // Compilers and estimates differ a little from machine to machine; formulas differ much.
+            let near = |documented: f64, found: f64| (documented - found).abs() <= 3.0 + 0.1 * found;
+            assert!(near(wrong, (errors.wrong_hits + errors.wrong_objects) as f64), "{what}");
+            assert!(near(off, errors.off_by_2 as f64), "{what}");
+            assert_eq!(ulp.is_some(), errors.max_ulp.is_some(), "{what}");
+            if let (Some(documented), Some(found)) = (ulp, errors.max_ulp) {
+                assert!(documented <= 1.5 * found + 0.1 && found <= 1.5 * documented + 0.1, "{what}");
+            }
+            compared += 1;
+        }
+    }
+    assert!(compared >= 2 * 19, "only {compared} cells were compared");
+}

@@ -1,0 +1,400 @@
+//! The engines agree: with the reference on every scene, with each other, and with themselves on any number of threads.
+
+use std::fs;
+use std::path::Path;
+
+use crate::contenders::{Truth, contenders, film};
+use rayo::measure::picture::Pixels;
+use rayo::render::{Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
+use rayo::scene::{self, Camera, Scene, many};
+
+/// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
+const MOST_TESTS: u64 = 50_000_000;
+
+/// The project's scenes by name, at their full size or reduced to [`MOST_TESTS`].
+fn scenes() -> Vec<(String, Scene)> {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let paths = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    let mut paths: Vec<_> = paths.filter(|path| path.extension().is_some_and(|extension| extension == "in")).collect();
+    paths.sort();
+    assert!(paths.len() >= 5, "the scenes are missing: {paths:?}");
+    let load = |path: &std::path::PathBuf| {
+        let scene = scene::read(path).unwrap_or_else(|error| panic!("{error}"));
+        let camera = reduced(&scene);
+        (format!("{} at {}x{}", scene.name, camera.width(), camera.height()), Scene { camera, ..scene })
+    };
+    paths.iter().map(load).collect()
+}
+
+/// The scene's camera, with as many pixels fewer as it takes.
+fn reduced(scene: &Scene) -> Camera {
+    let camera = &scene.camera;
+    let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
+    let factor = (MOST_TESTS as f64 / (camera.pixels() * objects.max(1)) as f64).sqrt().min(1.0);
+    let side = |pixels: u32| ((f64::from(pixels) * factor) as u32).max(1);
+    Camera::new(side(camera.width()), side(camera.height()), camera.focal(), camera.film()).unwrap()
+}
+
+#[test]
+fn every_engine_agrees_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
+    for (name, scene) in scenes() {
+        let truth = Truth::new(&scene);
+        for contender in contenders() {
+            let found = truth.check(&contender, &name);
+            println!(
+                "{name}: {contender}: {} of {} silhouette pixels differ, elsewhere by {} at most",
+                found.differing, found.silhouette, found.worst
+            );
+        }
+    }
+}
+
+#[test]
+fn every_engine_agrees_with_the_reference_on_random_scenes() {
+    for (spheres, triangles, seed) in [(40, 0, 1), (0, 40, 2), (25, 25, 3), (1, 300, 4), (120, 3, 5)] {
+        let scene = Scene { camera: Camera::new(203, 151, 1.0, 1.0).unwrap(), ..many(spheres, triangles, seed) };
+        let truth = Truth::new(&scene);
+        for contender in contenders() {
+            truth.check(&contender, &format!("many({spheres}, {triangles}, seed {seed})"));
+        }
+    }
+}
+
+/// A light near an object that is large for that distance: what is lost of P or N is seen many times as large.
+#[test]
+fn every_engine_agrees_with_the_reference_where_a_light_is_near_a_large_object() {
+    let triangle = "1 1 1  -1000 -1 1  1000 -1 1  0 -1 1000";
+    for (what, text) in [
+        ("a floor of triangles", format!("x 320 240 1  1  1 1 1 1 0 0 5  0  1 {triangle}")),
+        ("a floor under two lights", format!("x 320 240 1  2  1 1 1 1 0 0 5  0.1 1 1 1 9 9 9  0  1 {triangle}")),
+        ("a ground sphere", "x 320 240 1  1  1 1 1 1 0 5 20  1 10000 1 1 1 0 -10001 0  0".into()),
+        (
+            "a ground sphere under two lights",
+            "x 320 240 1  2  1 1 1 1 0 5 20  0.1 1 1 1 0 0 0  1 10000 1 1 1 0 -10001 0  0".into(),
+        ),
+        ("a ball", "x 320 240 1  1  1 1 1 1 0 1 4.2  1 1 1 1 1 0 0 5  0".into()),
+        ("a ball under two lights", "x 320 240 1  2  1 1 1 1 0 0.9 4.4  0.1 1 1 1 0 0 0  1 1 1 1 1 0 0 5  0".into()),
+    ] {
+        let truth = Truth::new(&scene::parse(text.as_bytes(), what).unwrap());
+        for contender in contenders() {
+            truth.check(&contender, what);
+        }
+    }
+}
+
+#[test]
+fn the_comparison_can_fail() {
+    let (width, height) = (203, 151);
+    let scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), ..many(40, 40, 11) };
+    let truth = Truth::new(&scene);
+    let at_silhouette = |i: &usize| truth.at_silhouette(*i as u32 / width, *i as u32 % width);
+    let pixels = 0..(width * height) as usize;
+    let inner = pixels.clone().find(|i| !at_silhouette(i)).unwrap();
+    let outline: Vec<_> = pixels.filter(at_silhouette).collect();
+    type Change<'a> = &'a dyn Fn(&mut Vec<[u8; 3]>);
+    let table: [(&str, bool, Change); 5] = [
+        ("nothing", true, &|_| {}),
+        ("an inner pixel by one level", true, &|bytes| bytes[inner][0] ^= 1),
+        ("an inner pixel by two levels", false, &|bytes| bytes[inner][2] ^= 2),
+        ("all by a pixel", false, &|bytes| bytes.rotate_right(1)),
+        ("an outline pixel of 500", false, &|bytes| {
+            outline.iter().step_by(500).for_each(|&i| bytes[i] = [255, 0, 255])
+        }),
+    ];
+    let reference = contenders()[0];
+    for (what, agrees, change) in table {
+        let mut bytes = reference.bytes(&scene);
+        change(&mut bytes);
+        assert_eq!(truth.compare(&reference, &bytes).is_ok(), agrees, "changed {what}");
+    }
+}
+
+/// The same operations in another order, and a hypotenuse where the other compares t.
+#[cfg(rayo_asm)]
+#[test]
+fn c_and_paper_agree_within_a_level_but_for_rays_on_an_outline() {
+    let by_name = |name| contenders().into_iter().find(|contender| contender.engine.name() == name);
+    let (Some(c), Some(paper)) = (by_name("c"), by_name("paper")) else { return };
+    for (name, scene) in scenes() {
+        let truth = Truth::new(&scene);
+        let (c, paper) = (c.bytes(&scene), paper.bytes(&scene));
+        let (mut silhouette, mut differing, mut worst) = (0, 0, 0);
+        for (i, (&c, &paper)) in c.iter().zip(&paper).enumerate() {
+            let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
+            let difference = crate::contenders::difference(c, paper);
+            if truth.at_silhouette(row, col) {
+                silhouette += 1;
+                differing += usize::from(difference > 1);
+            } else {
+                worst = worst.max(difference);
+            }
+        }
+        println!("{name}: {differing} of {silhouette} silhouette pixels differ, elsewhere by {worst} at most");
+        assert!(worst <= 1, "{name}");
+        assert!(differing as f64 <= 0.005 * f64::from(silhouette), "{name}");
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    // Wide enough for several tasks, and no multiple of a packet.
+    let scene = Scene { camera: Camera::new(1003, 97, 1.0, 1.0).unwrap(), ..many(9, 7, 6) };
+    for contender in contenders() {
+        let tracer = contender.prepare(&scene);
+        for format in PixelFormat::ALL {
+            if !tracer.writes(format) {
+                continue;
+            }
+            let alone = film(tracer.as_ref(), scene.camera, 1, format);
+            for threads in [2, 3, 7] {
+                assert!(
+                    film(tracer.as_ref(), scene.camera, threads, format) == alone,
+                    "{contender}, {threads} threads"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_split_in_any_way_give_the_same_bytes() {
+    let scene = Scene { camera: Camera::new(101, 40, 1.0, 1.0).unwrap(), ..many(9, 7, 7) };
+    let width = scene.camera.width() as usize;
+    for contender in contenders() {
+        let tracer = contender.prepare(&scene);
+        let Film::F32x4(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4) else { unreachable!() };
+        for heights in [&[40][..], &[1; 40], &[3, 1, 7, 13, 16], &[39, 1], &[1, 39]] {
+            let mut split = vec![[f32::NAN; 4].into(); whole.len()];
+            let (mut rest, mut start) = (&mut split[..], 0);
+            let mut parts = Vec::new();
+            for &height in heights {
+                let (part, after) = rest.split_at_mut(height as usize * width);
+                parts.push((start..start + height, part));
+                (rest, start) = (after, start + height);
+            }
+            // In any order, too.
+            for (rows, part) in parts.into_iter().rev() {
+                tracer.rows(rows, FilmMut::F32x4(part));
+            }
+            assert!(split == whole, "{contender}: {heights:?}");
+        }
+    }
+}
+
+#[test]
+fn bytes_are_the_levels_of_the_floats_or_of_what_estimates_make_of_them() {
+    let scene = Scene { camera: Camera::new(203, 151, 1.0, 1.0).unwrap(), ..many(20, 20, 8) };
+    for contender in contenders() {
+        let (floats, bytes) = (contender.floats(&scene), contender.bytes(&scene));
+        let own = contender.prepare(&scene).writes(PixelFormat::Rgb8);
+        let error = if own { contender.shade_error(PixelFormat::Rgb8) } else { 0.0 };
+        for (i, (&float, &byte)) in floats.iter().zip(&bytes).enumerate() {
+            for (v, byte) in float.into_iter().zip(byte) {
+                let (low, high) = (v * (1.0 - error), v * (1.0 + error));
+                let range = level(low.into())..=level(high.into());
+                assert!(range.contains(&byte), "{contender}: pixel {i}: {v} is not {byte}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_has_the_floats_or_their_levels() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = Scene { camera: Camera::new(77, 53, 1.0, 1.0).unwrap(), ..many(20, 20, 9) };
+    for contender in contenders() {
+        let tracer = contender.prepare(&scene);
+        let frame = Frame::new(tracer.as_ref(), scene.camera, Settings { threads: 2 }).unwrap();
+        for name in ["image.png", "image.ppm", "image.pfm"] {
+            let path = directory.path().join(name);
+            let format = Format::from_path(&path).unwrap();
+            let mut image = ImageWriter::create(&path, format, 77, 53).unwrap();
+            render(&frame, &mut image, &|_| {}).unwrap();
+            image.finish().unwrap();
+            match read(&path).unwrap().pixels {
+                Pixels::Rgb8(pixels) => assert!(pixels == contender.bytes(&scene), "{contender}: {name}"),
+                Pixels::Rgb32F(pixels) => {
+                    let floats = contender.floats(&scene).into_iter().map(|[r, g, b, _]| [r, g, b]);
+                    assert!(pixels.into_iter().eq(floats), "{contender}: {name}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_fourth_value_is_0_in_floats_and_255_in_bytes() {
+    let scene = Scene { camera: Camera::new(67, 11, 1.0, 1.0).unwrap(), ..many(9, 9, 10) };
+    for contender in contenders() {
+        assert!(contender.floats(&scene).iter().all(|pixel| pixel[3] == 0.0), "{contender}");
+        let tracer = contender.prepare(&scene);
+        if tracer.writes(PixelFormat::Rgba8) {
+            let Film::Rgba8(film) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::Rgba8) else { unreachable!() };
+            assert!(film.iter().all(|pixel| pixel[3] == 255), "{contender}");
+        }
+    }
+}
+
+/// The packet engines of a precision that run here, by their names.
+#[cfg(rayo_asm)]
+fn packets(precision: &str) -> Vec<crate::contenders::Contender> {
+    let of = |contender: &crate::contenders::Contender| {
+        contender.engine.is_packet() && contender.precision.name() == precision
+    };
+    contenders().into_iter().filter(of).collect()
+}
+
+/// Random scenes, under one light as the short form needs it and under two, from outside and from inside a sphere.
+#[cfg(rayo_asm)]
+fn lit_scenes() -> Vec<(String, Scene)> {
+    let mut scenes = Vec::new();
+    for (spheres, triangles, seed) in [(40, 0, 21), (0, 40, 22), (25, 25, 23), (200, 50, 24), (1, 0, 25), (3, 1, 26)] {
+        for (lights, inside) in [(1, false), (2, false), (2, true)] {
+            let mut scene =
+                Scene { camera: Camera::new(211, 157, 1.0, 1.0).unwrap(), ..many(spheres, triangles, seed) };
+            scene.lights.truncate(lights);
+            if let (true, Some(&first)) = (inside, scene.spheres.first()) {
+                scene.spheres.push(scene::Sphere { centre: [3.0, -2.0, 5.0].into(), radius: 400.0, ..first });
+            }
+            scenes
+                .push((format!("many({spheres}, {triangles}, seed {seed}), {lights} lights, inside: {inside}"), scene));
+        }
+    }
+    scenes
+}
+
+/// Both fuse, and have the same operations in the same order: only the width differs.
+#[cfg(rayo_asm)]
+#[test]
+fn the_packets_of_avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
+    for precision in ["single", "double"] {
+        let fused: Vec<_> = packets(precision).into_iter().filter(|c| c.engine.name() != "sse41").collect();
+        let [one, other] = &fused[..] else { return };
+        for (name, scene) in lit_scenes() {
+            let bits = |pixels: Vec<[f32; 4]>| pixels.into_iter().map(|pixel| pixel.map(f32::to_bits));
+            assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{precision}, {name}");
+        }
+    }
+}
+
+/// What an estimate may move a cosine by, see SPHERE_LIT. Outlines do not depend on any: a pixel of another object, or
+/// of none, would be further off.
+#[cfg(rayo_asm)]
+fn cosine_error(engine: rayo::render::Engine) -> f32 {
+    if engine.name() == "avx512" { 1.0 / 4096.0 } else { 1.0 / 1024.0 }
+}
+
+#[cfg(rayo_asm)]
+#[test]
+fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_level() {
+    let (exact, fast) = (packets("single"), packets("fast"));
+    for (exact, fast) in exact.iter().zip(&fast) {
+        assert_eq!(exact.engine, fast.engine);
+        let mut worst = 0.0_f32;
+        for (name, scene) in lit_scenes() {
+            // The brightest that a pixel can be.
+            let white: f64 = scene.lights.iter().map(|light| light.radiance().max_element()).sum();
+            let white = white as f32;
+            let truth = Truth::new(&scene);
+            let (floats, estimates) = (exact.floats(&scene), fast.floats(&scene));
+            let bytes = [exact.bytes(&scene), fast.bytes(&scene)];
+            for (i, (float, estimate)) in floats.iter().zip(&estimates).enumerate() {
+                let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
+                let what = || format!("{exact}, {name}: {float:?} and {estimate:?} of {:?}", truth.object(row, col));
+                let error = float.iter().zip(estimate).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / white;
+                assert!(error < cosine_error(exact.engine), "{}", what());
+                worst = worst.max(error);
+                for bytes in &bytes {
+                    assert!(
+                        crate::contenders::difference(crate::contenders::levels(*float), bytes[i]) <= 1,
+                        "{}, {:?}",
+                        what(),
+                        bytes[i]
+                    );
+                }
+            }
+        }
+        println!("{}: a cosine is off by 2^{:.1} at most", exact.engine, worst.log2());
+        assert!(worst > 0.0, "{}: these are no estimates", exact.engine);
+    }
+}
+
+/// A sphere alone under one light has a form of its own.
+#[cfg(rayo_asm)]
+mod short_form {
+    use glam::{DVec3, Vec3};
+    use rayo::plan::Omission;
+    use rayo::render::{Engine, Plan, Precision, Purpose};
+    use rayo::scene::{self, Camera, Faces, Rng, Scene};
+
+    use super::packets;
+    use crate::contenders::{Contender, Truth};
+
+    /// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies somewhere at its border, under a light at
+    /// `gap` from its surface.
+    fn lit_sphere(kappa: f64, gap: f64, rng: &mut Rng) -> Scene {
+        let mut number = |from: f64, to: f64| from + (to - from) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let film = 2.6 / (kappa * kappa - 1.0).sqrt();
+        let [x, y] = [film, film].map(|film| number(-0.3, 0.3) * film);
+        let centre = kappa * DVec3::new(x, y, 1.0).normalize();
+        // From the camera's side, a little behind the outline at most.
+        let towards = DVec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 0.3)).normalize();
+        let light = centre + (1.0 + gap) * towards;
+        Scene {
+            name: String::new(),
+            camera: Camera::new(53, 41, 1.0, film as f32).unwrap(),
+            lights: vec![scene::Light { intensity: 1.0, colour: Vec3::ONE, position: light.as_vec3() }],
+            spheres: vec![scene::Sphere { centre: centre.as_vec3(), radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.25) }],
+            triangles: Vec::new(),
+            faces: Faces::default(),
+        }
+    }
+
+    /// The bound of SPHERE_LIT, and that it is taken: without it a far sphere would take several times as long.
+    #[test]
+    fn a_sphere_alone_under_one_light_is_shaded_within_its_bound_from_any_distance() {
+        let mut rng = Rng::new(7);
+        let packets: Vec<_> = ["single", "fast", "double"].into_iter().flat_map(packets).collect();
+        let mut worst = 0.0_f64;
+        for case in 0..300 {
+            let kappa = 10f64.powf(0.2 + 4.8 * f64::from(case) / 300.0);
+            // The nearest of them is on either side of where the form is left.
+            let nearest = if case % 2 == 0 { 0.55 } else { 0.7 };
+            let gap = if case % 3 == 0 { kappa } else { nearest * 4f64.powi(case % 7) };
+            let scene = lit_sphere(kappa, gap, &mut rng);
+            let (sphere, light) = (scene.spheres[0], scene.lights[0]);
+            let (centre, at) = (sphere.centre.as_dvec3(), light.position.as_dvec3());
+            let distance = (at - centre).length();
+            let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
+            let loss = f64::max(terms / gap, (distance * distance - 1.0 + 2.0 * terms) / (gap * gap));
+            let truth = Truth::new(&scene);
+            let exact = Contender { engine: Engine::Reference, precision: Precision::Double }.floats(&scene);
+            for contender in &packets {
+                let what = format!("case {case}, {contender}, {kappa} radii, light at {gap}");
+                truth.check(contender, &what);
+                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+                let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
+                let short = report.left_out.iter().any(|line| line.omission == Omission::Loop && line.count == 1);
+                assert_eq!(short, loss < 32.0, "{what}: a loss of {loss}");
+                if !short || contender.precision.name() != "single" {
+                    continue;
+                }
+                for (i, (found, expected)) in contender.floats(&scene).into_iter().zip(&exact).enumerate() {
+                    let (row, col) = (i as u32 / scene.camera.width(), i as u32 % scene.camera.width());
+                    let d = DVec3::from(scene.camera.grid::<f64>().ray(row, col));
+                    let s = 1.0 - centre.cross(d).length_squared() / d.length_squared();
+                    // Nearer to the outline either answer is right.
+                    if s < 2e-6 {
+                        continue;
+                    }
+                    let bound = 2f64.powi(-24) * (1.0 + loss * (1.0 + 1.0 / s.sqrt()));
+                    let error = f64::from((found[0] - expected[0]).abs());
+                    assert!(error < bound, "{what}: {error} at {row}, {col}, where the bound is {bound}");
+                    worst = worst.max(error / bound);
+                }
+            }
+        }
+        println!("the worst share of the bound: {worst:.2}");
+        assert!(worst > 0.1, "it was not put to the test");
+    }
+}

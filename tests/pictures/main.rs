@@ -1,0 +1,30 @@
+//! Pictures: of every engine, right on every scene, the same however they are split and whatever is left out.
+
+#[path = "../common/contenders.rs"]
+mod contenders;
+#[cfg(rayo_asm)]
+#[allow(unsafe_code)]
+#[path = "../common/counting.rs"]
+mod counting;
+#[cfg(feature = "cli")]
+#[path = "../common/program.rs"]
+mod program;
+#[cfg(feature = "cli")]
+#[path = "../common/schema.rs"]
+mod schema;
+
+#[cfg(feature = "cli")]
+mod accuracy;
+#[cfg(feature = "files")]
+mod engines;
+#[cfg(rayo_asm)]
+mod memory;
+#[cfg(feature = "files")]
+mod outputs;
+#[cfg(all(rayo_asm, feature = "cli"))]
+mod plan;
+mod semantics;
+#[cfg(feature = "cli")]
+mod stability;
+#[cfg(rayo_asm)]
+mod tiles;

@@ -1,0 +1,121 @@
+//! How much memory a picture of many objects takes beside its scene.
+
+use crate::counting::peak_of;
+use glam::{DVec3, Vec3};
+use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
+use rayo::scene::mesh::shapes::icosphere;
+use rayo::scene::{Camera, MeshFormat, Rng, Scene, Setting, Triangle};
+
+/// Triangles at random places in front of the camera, as wide as `size` pixels or so.
+fn spread(triangles: usize, size: f32, camera: Camera) -> Scene {
+    let mut rng = Rng::new(1);
+    let pixel = camera.film() / camera.focal() / (camera.width() as f32).hypot(camera.height() as f32);
+    let triangles = (0..triangles).map(|_| {
+        let depth = rng.between(5.0, 50.0);
+        let middle = Vec3::new(rng.between(-0.4, 0.4), rng.between(-0.3, 0.3), 1.0) * depth;
+        let reach = 0.5 * size * pixel * depth;
+        let corners = [[0; 3]; 3].map(|corner| Vec3::from(corner.map(|_| rng.between(-reach, reach))));
+        Triangle { colour: Vec3::ONE, vertices: corners.map(|corner| middle + corner) }
+    });
+    Scene { camera, triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
+}
+
+/// Triangles that each meet as many tiles as an object's place in the lists is kept for, in 11 tiles of a row: `across` says
+/// which is the first of each.
+fn long(triangles: usize, camera: Camera, mut across: impl FnMut(&mut Rng) -> [u32; 2]) -> Scene {
+    let mut rng = Rng::new(1);
+    let grid = camera.grid::<f64>();
+    let triangles = (0..triangles).map(|_| {
+        let [tile, row] = across(&mut rng);
+        let corners = [(20, 6), (10 * 64 + 40, 12), (5 * 64, 24)].map(|(x, y)| {
+            let jitter = |rng: &mut Rng| (rng.next_u64() % 5) as u32;
+            let (column, row) = (64 * tile + x + jitter(&mut rng), 32 * row + y + jitter(&mut rng));
+            let ray = DVec3::from(grid.ray(row, column));
+            (ray * f64::from(rng.between(5.0, 50.0))).as_vec3()
+        });
+        Triangle { colour: Vec3::ONE, vertices: corners }
+    });
+    Scene { camera, triangles: triangles.collect(), ..rayo::scene::many(0, 0, 1) }
+}
+
+/// The most memory that a picture takes beside the scene, in one precision.
+fn peak_beside(scene: &Scene, precision: Precision) -> usize {
+    let mut film = Film::new(PixelFormat::Rgb8, scene.camera.pixels() as usize).unwrap();
+    peak_of(|| picture(scene, precision, &mut film)).1
+}
+
+fn picture(scene: &Scene, precision: Precision, film: &mut Film) {
+    // What is kept does not depend on the instruction set.
+    let engine = Engine::fastest();
+    let purpose = Purpose { precision: Some(precision), format: Some(PixelFormat::Rgb8), ..Purpose::default() };
+    let plan = Plan::new(engine, scene, purpose).unwrap();
+    plan.tracer().rows(0..scene.camera.height(), film.as_mut());
+}
+
+#[test]
+fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_190_bytes_beside_the_scene() {
+    /// As below, what is kept of the triangles of one tile that are traced at once, and what is found of a piece.
+    const FIXED: usize = 4 << 20;
+    const COUNT: usize = 500_000;
+    let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();
+    let mut with_large = long(COUNT, camera, |_| [9, 20]);
+    let [left, right, top] = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)].map(|(x, y)| 90.0 * Vec3::new(x, y, 1.0));
+    with_large.triangles.push(Triangle { colour: Vec3::ONE, vertices: [left, right, top] });
+    for (name, scene) in [
+        ("all over", long(COUNT, camera, |rng| [rng.next_u64() % 15, rng.next_u64() % 38].map(|tile| tile as u32))),
+        ("all in the same tiles, behind them a wall", with_large),
+    ] {
+        for &precision in Engine::fastest().precisions() {
+            let each = peak_beside(&scene, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
+            assert!(each <= 190.0, "{name} in {precision}: {each:.1} bytes for each");
+            // 16 in each list: there is nothing worse.
+            assert!(each >= 170.0, "{name} in {precision}: {each:.1} bytes for each, so this is not the worst case");
+        }
+    }
+}
+
+#[test]
+#[cfg(feature = "files")]
+fn from_a_mesh_file_to_its_picture_a_triangle_takes_at_most_45_bytes() {
+    /// The piece of the file that is at hand, the tile that is worked on, the places of all tiles, and what is found of a
+    /// piece of the scene.
+    const FIXED: usize = 4 << 20;
+    let mesh = icosphere(1_000_000, 0.3, 1);
+    let count = mesh.triangles.len();
+    let folder = tempfile::tempdir().unwrap();
+    // For a text, room is asked for by its length, and hardly used.
+    let paths = [("mesh.ply", MeshFormat::Ply), ("mesh.stl", MeshFormat::Stl)].map(|(name, format)| {
+        let path = folder.path().join(name);
+        mesh.write(format, &mut std::io::BufWriter::new(std::fs::File::create(&path).unwrap())).unwrap();
+        path
+    });
+    drop(mesh);
+    let mut film = Film::new(PixelFormat::Rgb8, 800 * 600).unwrap();
+    for path in paths {
+        let ((), peak) = peak_of(|| picture(&rayo::scene::read(&path).unwrap(), Precision::Single, &mut film));
+        let each = peak.saturating_sub(FIXED) as f64 / count as f64;
+        assert!(each <= 45.0, "{}: {each:.1} bytes for each", path.display());
+    }
+}
+
+#[test]
+fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
+    /// What does not grow with the number: the tile that is worked on, and the places of all tiles.
+    const FIXED: usize = 1 << 20;
+    let camera = Camera::new(1632, 1224, 1.0, 1.0).unwrap();
+    let mesh = icosphere(100_000, 0.1, 1);
+    let setting = Setting::of(&mesh, MeshFormat::Obj, &camera).unwrap();
+    let mesh = setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera).unwrap();
+    let mut scenes = vec![("mesh", mesh)];
+    for size in [40.0, 120.0, 160.0, 2000.0] {
+        scenes.push(("spread", spread(60_000, size, camera)));
+    }
+    for (name, scene) in scenes {
+        let count = scene.triangle_count();
+        for &precision in Engine::fastest().precisions() {
+            let peak = peak_beside(&scene, precision);
+            let each = peak.saturating_sub(FIXED) as f64 / count as f64;
+            assert!(each <= 200.0, "{name} of {count} in {precision}: {peak} bytes, {each:.1} for each");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! What is written with three channels: the same to the last bit as with four, and nothing beside it.
+
+use std::path::Path;
+
+use crate::contenders::{Contender, contenders};
+use rayo::kernels::Vec4;
+use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::scene::{self, Camera, Scene, many};
+
+/// Those that write three channels themselves.
+fn writers() -> Vec<Contender> {
+    let scene = many(1, 1, 0);
+    let writes = |contender: &Contender| contender.prepare(&scene).writes(PixelFormat::Rgb8);
+    let writers: Vec<_> = contenders().into_iter().filter(writes).collect();
+    assert!(writers.iter().all(|contender| contender.prepare(&scene).writes(PixelFormat::F32x3)));
+    assert!(!writers.is_empty());
+    writers
+}
+
+fn prepare<'a>(contender: &Contender, scene: &'a Scene, format: PixelFormat) -> Box<dyn Tracer + 'a> {
+    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), ..Purpose::default() };
+    Plan::new(contender.engine, scene, purpose).unwrap().into_tracer()
+}
+
+/// A scene at a size, of which the shipped ones' objects keep their places.
+fn sized(scene: Scene, width: u32, height: u32) -> Scene {
+    let camera = &scene.camera;
+    Scene { camera: Camera::new(width, height, camera.focal(), camera.film()).unwrap(), ..scene }
+}
+
+/// Films of three channels that nobody has written to; rows may begin at any of their pixels.
+struct Misaligned {
+    floats: Vec<[f32; 3]>,
+    bytes: Vec<[u8; 3]>,
+}
+
+/// What is not written.
+const FLOATS: [f32; 3] = [1.5, -2.5, 3.5];
+const BYTES: [u8; 3] = [1, 2, 3];
+
+impl Misaligned {
+    fn new(pixels: usize) -> Self {
+        Misaligned { floats: vec![FLOATS; pixels], bytes: vec![BYTES; pixels] }
+    }
+}
+
+/// Traces the picture whole in each format, those of three channels from the pixel `first` of a film on.
+fn check(contender: &Contender, scene: &Scene, first: usize, what: &str) {
+    let (pixels, rows) = (scene.camera.pixels() as usize, 0..scene.camera.height());
+    let Film::F32x4(mut four) = Film::new(PixelFormat::F32x4, pixels).unwrap() else { unreachable!() };
+    let Film::Rgba8(mut rgba) = Film::new(PixelFormat::Rgba8, pixels).unwrap() else { unreachable!() };
+    prepare(contender, scene, PixelFormat::F32x4).rows(rows.clone(), FilmMut::F32x4(&mut four));
+    prepare(contender, scene, PixelFormat::Rgba8).rows(rows.clone(), FilmMut::Rgba8(&mut rgba));
+    let mut three = Misaligned::new(first + pixels + 40);
+    let own = first..first + pixels;
+    prepare(contender, scene, PixelFormat::F32x3).rows(rows.clone(), FilmMut::F32x3(&mut three.floats[own.clone()]));
+    prepare(contender, scene, PixelFormat::Rgb8).rows(rows, FilmMut::Rgb8(&mut three.bytes[own.clone()]));
+    let what = || format!("{contender}, {what}, {}x{} from {first} on", scene.camera.width(), scene.camera.height());
+    for (i, (floats, bytes)) in three.floats.iter().zip(&three.bytes).enumerate() {
+        let (linear, levels) = match i.checked_sub(first).filter(|i| *i < pixels) {
+            Some(i) => ([four[i].x, four[i].y, four[i].z], [rgba[i][0], rgba[i][1], rgba[i][2]]),
+            None => (FLOATS, BYTES),
+        };
+        let pixel = i as i64 - first as i64;
+        assert_eq!(floats.map(f32::to_bits), linear.map(f32::to_bits), "{}: the floats of pixel {pixel}", what());
+        assert_eq!(*bytes, levels, "{}: the bytes of pixel {pixel}", what());
+    }
+}
+
+#[test]
+fn three_channels_are_the_first_three_of_four_in_every_shipped_scene() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    for name in ["sphere", "tetrahedron", "triangle", "two-lights", "many"] {
+        let scene = scene::read(&directory.join(format!("{name}.in"))).unwrap();
+        let scene = sized(scene, 131, 97);
+        for contender in writers() {
+            check(&contender, &scene, 0, name);
+        }
+    }
+}
+
+#[test]
+fn three_channels_are_the_first_three_of_four_in_random_scenes() {
+    for (spheres, triangles, lights, seed) in
+        [(1, 0, 1, 1), (3, 0, 1, 2), (0, 4, 1, 3), (5, 5, 2, 4), (25, 25, 2, 5), (4, 40, 1, 6), (90, 0, 2, 7)]
+    {
+        let mut scene = sized(many(spheres, triangles, seed), 149, 71);
+        scene.lights.truncate(lights);
+        if let (0, Some(&around)) = (seed % 2, scene.spheres.first()) {
+            scene.spheres.push(scene::Sphere { centre: [3.0, -2.0, 5.0].into(), radius: 400.0, ..around });
+        }
+        for contender in writers() {
+            check(&contender, &scene, 1, &format!("{spheres} spheres, {triangles} triangles, {lights} lights"));
+        }
+    }
+}
+
+#[test]
+fn three_channels_are_the_first_three_of_four_at_any_width_from_any_address() {
+    // A grey sphere and a coloured one, each alone; a triangle; two that overlap; tiles.
+    let lit = |colour: &str| format!("x 9 9 1  1  1 1 1 1 -4 5 0  1  2.2 {colour} 0 0 10");
+    let scenes = [
+        lit("1 1 1") + "  0",
+        lit("0.9 0.5 0.2") + "  0",
+        "x 9 9 1  1  1 1 1 1 -4 5 0  0  1  1 0.5 0.25  -2 -2 9  2 -2 10  0 2 9".into(),
+        lit("0.9 0.5 0.2") + "  1  1 0.5 0.25  -2 -2 9  2 -2 10  0 2 9",
+    ]
+    .map(|text| scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}")));
+    for scene in scenes.into_iter().chain([many(30, 30, 8)]) {
+        for width in 1..=67 {
+            let scene = sized(scene.clone(), width, 5);
+            for contender in writers() {
+                check(&contender, &scene, width as usize % 17, "any width");
+            }
+        }
+    }
+}
+
+/// Beyond what stays in a cache floats are stored past it.
+#[test]
+fn three_channels_are_the_first_three_of_four_where_they_are_stored_past_the_cache() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    for name in ["sphere", "tetrahedron"] {
+        let scene = scene::read(&directory.join(format!("{name}.in"))).unwrap();
+        let scene = sized(scene, 1501, 1003);
+        for contender in writers().into_iter().filter(|contender| contender.precision.name() != "double") {
+            check(&contender, &scene, 3, name);
+        }
+    }
+}
+
+#[test]
+fn an_engine_ready_for_one_number_of_channels_writes_the_other_and_no_other_scale() {
+    let scene = sized(many(2, 2, 9), 20, 10);
+    for contender in writers().iter().filter(|contender| contender.engine.name() != "reference") {
+        for own in PixelFormat::ALL {
+            let tracer = prepare(contender, &scene, own);
+            for other in PixelFormat::ALL {
+                assert_eq!(tracer.writes(other), own.is_8bit() == other.is_8bit(), "{contender}");
+            }
+        }
+    }
+}
+
+#[test]
+fn four_floats_become_what_a_file_has() {
+    let linear = [Vec4::new(0.5, 1.5, -0.25)];
+    let (mut floats, mut bytes, mut rgba) = ([[9.0; 3]], [[9; 3]], [[9; 4]]);
+    FilmMut::F32x3(&mut floats).set(&linear);
+    FilmMut::Rgb8(&mut bytes).set(&linear);
+    FilmMut::Rgba8(&mut rgba).set(&linear);
+    assert_eq!((floats, bytes, rgba), ([[0.5, 1.5, -0.25]], [[127, 255, 0]], [[127, 255, 0, 255]]));
+}

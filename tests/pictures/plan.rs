@@ -1,0 +1,681 @@
+//! What is left out makes no difference: each omission alone and all together, to the last bit, and what is told of them.
+
+use crate::program;
+use std::path::Path;
+use std::process::Output;
+
+use crate::contenders::{Contender, Truth, contenders, film};
+use glam::{Vec3, vec3};
+use rayo::plan::{Keep, Omission, Report, Switch};
+use rayo::render::{Counted, Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
+use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
+
+/// The packet engines in all of their precisions, as far as this machine runs them.
+fn packets() -> Vec<Contender> {
+    let packet = |contender: &Contender| contender.engine.is_packet();
+    contenders().into_iter().filter(packet).collect()
+}
+
+/// The bytes of a picture.
+fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {
+    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, ..Purpose::default() };
+    let tracer = Plan::new(contender.engine, scene, purpose).unwrap().into_tracer();
+    match film(tracer.as_ref(), scene.camera, 1, format) {
+        Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),
+        Film::Rgb8(pixels) => pixels.concat(),
+        Film::F32x4(_) | Film::Rgba8(_) => unreachable!("files have three channels"),
+    }
+}
+
+/// Holds the picture with `keep` against the one without.
+fn check(contender: &Contender, scene: &Scene, keep: Keep, what: &str) {
+    for format in [PixelFormat::F32x3, PixelFormat::Rgb8] {
+        let planned = picture(contender, scene, format, Keep::NOTHING);
+        let kept = picture(contender, scene, format, keep);
+        if let Some(at) = planned.iter().zip(&kept).position(|(a, b)| a != b) {
+            let pixel = at / format.bytes();
+            let (row, col) = (pixel / scene.camera.width() as usize, pixel % scene.camera.width() as usize);
+            let bytes = |picture: &[u8]| picture[pixel * format.bytes()..][..format.bytes()].to_vec();
+            panic!(
+                "{what}: {contender} writes {:?} planned and {:?} with more work as {} at row {row}, column {col}: {scene:?}",
+                bytes(&planned),
+                bytes(&kept),
+                format.name()
+            );
+        }
+    }
+}
+
+fn camera(width: u32, height: u32, focal: f32, film: f32) -> Camera {
+    Camera::new(width, height, focal, film).unwrap()
+}
+
+/// A scene of few small numbers: 12 x 16 rays through whole or half numbers, objects whose vertices, outlines and centres
+/// fall on rays, on the border of the picture, on each other and on lights, before the camera and behind it.
+fn on_borders(rng: &mut Rng) -> Scene {
+    // Of `camera(12, 16, f, 20)` the ray of row and col is (col - 5.5, 7.5 - row, f).
+    let focal = [2.0, 8.0, 16.0][(rng.next_u64() % 3) as usize];
+    let mut number = |low: i32, high: i32| (low + (rng.next_u64() % (high - low + 1) as u64) as i32) as f32;
+    let mut colours = [Vec3::ONE, Vec3::X, vec3(0.5, 0.5, 0.5), vec3(0.25, 1.0, 0.75), Vec3::ZERO].into_iter().cycle();
+    let mut colour = || colours.next().unwrap();
+    // A point on a ray or on the border between two, as likely in front of the camera as not in the frustum.
+    let mut point = || {
+        let z = number(-2, 6) * focal / 2.0;
+        vec3(number(-16, 16) * z / focal / 2.0, number(-20, 20) * z / focal / 2.0, z)
+    };
+    let points: Vec<Vec3> = (0..6).map(|_| point()).collect();
+    let mut pick = {
+        let mut rng = Rng::new(rng.next_u64());
+        move || points[(rng.next_u64() % points.len() as u64) as usize]
+    };
+    let count = |rng: &mut Rng, most: u64| (rng.next_u64() % (most + 1)) as usize;
+    let (spheres, triangles, lights) = (count(rng, 4), count(rng, 6), count(rng, 3));
+    let spheres = (0..spheres)
+        .map(|i| {
+            let (centre, towards) = (pick(), pick());
+            // Through another point, or of a whole radius.
+            let through = (towards - centre).length();
+            let radius = if i % 2 == 0 && through > 0.0 { through } else { 1.0 + i as f32 };
+            Sphere { radius, colour: colour(), centre }
+        })
+        .collect();
+    let triangles = (0..triangles).map(|_| Triangle { colour: colour(), vertices: [pick(), pick(), pick()] }).collect();
+    let lights = (0..lights)
+        .map(|i| Light {
+            intensity: [1.0, 0.0, 3.0][i],
+            colour: [Vec3::ONE, Vec3::ONE, vec3(0.5, 0.0, 1.0)][i],
+            position: pick(),
+        })
+        .collect();
+    Scene {
+        name: "borders.png".into(),
+        camera: camera(12, 16, focal, 20.0),
+        lights,
+        spheres,
+        triangles,
+        faces: Faces::default(),
+    }
+}
+
+#[test]
+fn brute_force_makes_the_same_bytes_where_everything_is_on_a_border() {
+    let seed = 41;
+    let mut rng = Rng::new(seed);
+    for case in 0..300 {
+        let scene = on_borders(&mut rng);
+        for contender in packets() {
+            check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
+        }
+    }
+}
+
+/// Scenes of every kind: few and many objects, lights from none to eight, some of them dark, one colour for all or not,
+/// the camera inside a sphere, and objects that nobody sees.
+fn scenes() -> Vec<(String, Scene)> {
+    let mut scenes = Vec::new();
+    let table =
+        [(0, 0, 51), (1, 0, 52), (0, 1, 53), (30, 0, 54), (0, 30, 55), (20, 20, 56), (3, 150, 57), (150, 3, 58)];
+    for (i, (spheres, triangles, seed)) in table.into_iter().enumerate() {
+        for lights in [0, 1, 2, 8] {
+            let (width, height) = [(67, 31), (100, 3), (1, 40), (203, 151)][(i + lights) % 4];
+            let mut scene = Scene { camera: camera(width, height, 1.0, 1.0), ..many(spheres, triangles, seed) };
+            let first = scene.lights[0];
+            scene.lights.truncate(lights);
+            for i in 2..lights {
+                let position = vec3(10.0 * i as f32, -7.0, 20.0 + i as f32);
+                let colour = [Vec3::ZERO, Vec3::X, Vec3::ONE][i % 3];
+                scene.lights.push(Light { intensity: if i == 5 { 0.0 } else { 0.3 * i as f32 }, colour, position });
+            }
+            scene.spheres.iter_mut().skip(1).step_by(3).for_each(|sphere| sphere.colour = Vec3::ONE);
+            scene.triangles.iter_mut().skip(1).step_by(3).for_each(|triangle| triangle.colour = Vec3::Y);
+            // In the light, behind the camera, beside the picture, of no area, edge on.
+            scene.spheres.push(Sphere { radius: 0.5, colour: Vec3::ONE, centre: first.position });
+            scene.spheres.push(Sphere { radius: 4.0, colour: Vec3::ONE, centre: vec3(0.0, 0.0, -9.0) });
+            scene.spheres.push(Sphere { radius: 4.0, colour: Vec3::ONE, centre: vec3(300.0, 0.0, 9.0) });
+            let corner = vec3(1.0, 1.0, 9.0);
+            for vertices in [[corner; 3], [corner, vec3(2.0, -3.0, 7.0), -corner], [corner, 2.0 * corner, Vec3::Z]] {
+                scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+            }
+            if (i + lights) % 2 == 0 {
+                scene.spheres.push(Sphere { radius: 400.0, colour: vec3(0.2, 0.3, 0.4), centre: vec3(3.0, -2.0, 5.0) });
+            }
+            scenes.push((format!("many({spheres}, {triangles}, seed {seed}), {lights} lights"), scene));
+        }
+    }
+    scenes
+}
+
+#[test]
+fn brute_force_makes_the_same_bytes_on_scenes_of_every_kind() {
+    for (name, scene) in scenes() {
+        for contender in packets() {
+            check(&contender, &scene, Keep::all(), &name);
+        }
+    }
+}
+
+#[test]
+fn each_omission_alone_makes_the_same_bytes() {
+    for (name, scene) in scenes().into_iter().step_by(3) {
+        for omission in Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work) {
+            for contender in packets() {
+                check(&contender, &scene, Keep::only(omission), &format!("{name}, {omission:?}"));
+            }
+        }
+    }
+}
+
+/// What two triangles hide of each other is decided at the ends of what they share: here they cross, touch along an edge,
+/// lie in one plane, and are apart by less than f32 can tell.
+#[test]
+fn triangles_that_nearly_coincide_are_the_same_cut_or_by_depth() {
+    let mut rng = Rng::new(61);
+    for case in 0..60 {
+        let mut point = || vec3(rng.between(-4.0, 4.0), rng.between(-3.0, 3.0), rng.between(8.0, 12.0));
+        let [a, b, c] = [point(), point(), point()];
+        let gap = [0.0, 1e-7, 1e-6, 1e-5, 1e-3][case % 5];
+        let behind = |v: Vec3| v * (1.0 + gap);
+        let scene = Scene {
+            name: "gap.png".into(),
+            camera: camera(131, 97, 1.0, 1.0),
+            lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: vec3(3.0, 4.0, 0.0) }],
+            spheres: vec![],
+            triangles: vec![
+                Triangle { colour: Vec3::X, vertices: [a, b, c].map(behind) },
+                Triangle { colour: Vec3::Y, vertices: [b, c, a] },
+                Triangle { colour: Vec3::Z, vertices: [a, b, point()] },
+            ],
+            faces: Faces::default(),
+        };
+        for contender in packets() {
+            check(&contender, &scene, Keep::only(Omission::Depths), &format!("case {case}, gap {gap}"));
+            check(&contender, &scene, Keep::all(), &format!("case {case}, gap {gap}"));
+        }
+    }
+}
+
+/// The sphere's outline is a parabola of which one row's two ends are one.
+#[test]
+fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
+    for x in [5.0, -5.0] {
+        let scene = Scene {
+            name: "side.png".into(),
+            camera: camera(60, 45, 0.05, 1.0),
+            lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }],
+            spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: vec3(x, 0.0, 1.0) }],
+            triangles: vec![],
+            faces: Faces::default(),
+        };
+        let truth = Truth::new(&scene);
+        assert!((0..45).any(|row| truth.object(row, if x > 0.0 { 59 } else { 0 }).is_some()));
+        for contender in packets() {
+            truth.check(&contender, &format!("x = {x}"));
+            check(&contender, &scene, Keep::all(), &format!("x = {x}"));
+        }
+    }
+}
+
+/// The report of the widest engine on a scene text for one picture of 160 x 120 in bytes.
+fn report(lights: &str, objects: &str) -> Report {
+    let text = format!("x.png 160 120 1  {lights}  {objects}");
+    let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
+    Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
+}
+
+/// How much of `omission` is left out.
+fn count(report: &Report, omission: Omission) -> u64 {
+    report.left_out.iter().find(|line| line.omission == omission).map_or(0, |line| line.count)
+}
+
+#[test]
+fn objects_that_no_ray_can_hit_are_counted_by_the_reason() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    for (what, objects, omission) in [
+        ("a sphere behind the camera", "1  1 1 1 1  0 0 -5  0", Omission::Behind),
+        ("a sphere that ends at the camera", "1  5 1 1 1  0 0 -5  0", Omission::Behind),
+        ("a triangle behind the camera", "0  1  1 1 1  0 0 -1  1 0 -2  0 1 0", Omission::Behind),
+        ("a sphere to the left", "1  1 1 1 1  -90 0 20  0", Omission::Outside),
+        ("a sphere to the right", "1  1 1 1 1  90 0 20  0", Omission::Outside),
+        ("a sphere above", "1  1 1 1 1  0 60 20  0", Omission::Outside),
+        ("a sphere below", "1  1 1 1 1  0 -60 20  0", Omission::Outside),
+        ("a triangle to the left", "0  1  1 1 1  -50 0 20  -60 0 20  -50 1 20", Omission::Outside),
+        ("a triangle below that reaches behind", "0  1  1 1 1  0 -50 20  9 -50 20  3 -50 -20", Omission::Outside),
+        ("a point", "0  1  1 1 1  1 2 3  1 2 3  1 2 3", Omission::NoArea),
+        ("a line", "0  1  1 1 1  1 2 3  2 4 5  3 6 7", Omission::NoArea),
+        ("a triangle edge on", "0  1  1 1 1  1 2 3  3 -1 4  0 0 0", Omission::EdgeOn),
+    ] {
+        let report = report(lamp, objects);
+        assert_eq!(count(&report, omission), 1, "{what}: {report:?}");
+        assert_eq!((report.kept.spheres, report.kept.triangles), (0, 0), "{what}");
+    }
+    // On the border of the picture, around the camera and across its plane, they are seen.
+    for objects in [
+        "1  1 1 1 1  -8.4 0 20  0",
+        "1  9 1 1 1  0 0 -5  0",
+        "1  3 1 1 1  3.2 0 0.5  0",
+        "0  1  1 1 1  -8 0 20  -60 0 20  -50 1 20",
+        "0  1  1 1 1  0 -1 20  9 -1 20  3 -1 -20",
+    ] {
+        let report = report(lamp, objects);
+        assert_eq!(report.kept.spheres + report.kept.triangles, 1, "{objects}: {report:?}");
+    }
+}
+
+#[test]
+fn lights_that_give_nothing_are_counted() {
+    let (white, red) = ("1  2 1 1 1  0 0 20  0", "1  2 1 0 0  0 0 20  0");
+    for (what, lights, objects, dark, idle, unlit) in [
+        ("lit", "1  1 1 1 1  -9 9 0", white, 0, 0, 0),
+        ("no intensity", "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0", white, 1, 0, 0),
+        ("no colour", "2  1 1 1 1  -9 9 0  1 0 0 0  9 9 0", white, 1, 0, 0),
+        ("behind the sphere", "2  1 1 1 1  -9 9 0  1 1 1 1  0 0 90", white, 0, 1, 0),
+        ("inside the sphere", "1  1 1 1 1  0 0 20", white, 0, 1, 1),
+        ("of another colour", "1  1 0 1 1  -9 9 0", red, 0, 1, 1),
+        ("none", "0", white, 0, 0, 1),
+        ("in the triangle's plane", "1  1 1 1 1  0 0 20", "0  1  1 1 1  -1 0 20  1 0 20  0 2 20", 0, 1, 1),
+        ("behind the triangle", "1  1 1 1 1  0 0 90", "0  1  1 1 1  -1 0 20  1 0 20  0 2 20", 0, 0, 0),
+    ] {
+        let report = report(lights, objects);
+        let found = [Omission::DarkLights, Omission::IdleLights, Omission::Unlit].map(|it| count(&report, it));
+        assert_eq!(found, [dark, idle, unlit], "{what}: {report:?}");
+    }
+}
+
+#[test]
+fn what_depends_on_kinds_colours_and_overlap_is_counted() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    let sphere = report(lamp, "1  2 1 1 1  0 0 20  0");
+    for (omission, expected) in [
+        (Omission::TriangleCode, 1),
+        (Omission::SphereCode, 0),
+        (Omission::Loop, 1),
+        (Omission::Channels, 1),
+        (Omission::Constants, 1),
+        (Omission::FloatImage, 160 * 120),
+        (Omission::Hidden, 0),
+        (Omission::Depths, 0),
+    ] {
+        assert_eq!(count(&sphere, omission), expected, "{omission:?}: {sphere:?}");
+    }
+    assert_eq!(count(&sphere, Omission::Misses) + count(&sphere, Omission::Search), 160 * 120);
+    // Two triangles of which the far one is hidden whole: its hits are the pixels of the near one.
+    let two = report(lamp, "0  2  1 1 0  -9 -9 20  9 -9 20  0 9 20  1 0 0  -90 -90 200  90 -90 200  0 90 200");
+    assert_eq!(count(&two, Omission::Depths), count(&two, Omission::Hidden), "{two:?}");
+    assert_eq!(count(&two, Omission::Misses) + 2 * count(&two, Omission::Hidden), 2 * 160 * 120);
+    for (omission, expected) in [(Omission::SphereCode, 1), (Omission::Channels, 0)] {
+        assert_eq!(count(&two, omission), expected, "{omission:?}: {two:?}");
+    }
+    let bright = report("1  2 1 1 1  -9 9 0", "1  2 1 1 1  0 0 20  0");
+    assert_eq!(count(&bright, Omission::Loop), 0, "{bright:?}");
+}
+
+#[test]
+fn with_all_kept_only_what_is_arithmetic_is_left_out() {
+    let scene = many(9, 9, 81);
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep: Keep::all(), ..Purpose::default() };
+    let report = Plan::new(Engine::fastest(), &scene, purpose).unwrap().report();
+    assert_eq!((report.kept.spheres, report.kept.triangles, report.kept.lights), (9, 9, 2));
+    assert!(report.left_out.iter().all(|line| line.omission.switch() != Switch::Work), "{report:?}");
+}
+
+/// Enough small spheres in the middle of the picture, each of some pixels, for it to go by tiles.
+const FILLERS: usize = 40;
+
+/// The report of [`FILLERS`] and `objects`, by tiles of a picture of 160 x 120 in bytes, with the omissions in `keep` not made.
+fn tile_report(lights: &str, spheres: &[&str], triangles: &[&str], keep: Keep) -> Report {
+    let fillers = (0..FILLERS as i32).map(|i| format!("0.3  1 0.5 0.25  {} {} 20", i % 8 - 3, i as f32 / 8.0 - 2.0));
+    let spheres: Vec<_> = fillers.chain(spheres.iter().map(|sphere| (*sphere).to_owned())).collect();
+    let (count, spheres) = (spheres.len(), spheres.join("  "));
+    let text = format!("x.png 160 120 1  {lights}  {count} {spheres}  {} {}", triangles.len(), triangles.join("  "));
+    let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), keep, ..Purpose::default() };
+    Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
+}
+
+/// A text, unless it is empty.
+fn one_or_none(text: &str) -> Vec<&str> {
+    [text].into_iter().filter(|text| !text.is_empty()).collect()
+}
+
+#[test]
+fn of_many_objects_those_without_a_pixel_are_counted_by_the_reason() {
+    let lamp = "1  1 1 1 1  -9 9 0";
+    let of = |spheres: &[&str], triangles: &[&str]| tile_report(lamp, spheres, triangles, Keep::NOTHING);
+    let none = of(&[], &[]);
+    let reasons = [Omission::Behind, Omission::Outside, Omission::NoArea, Omission::EdgeOn, Omission::Between];
+    assert_eq!(reasons.map(|reason| count(&none, reason)), [0; 5], "{none:?}");
+    for (what, sphere, triangle, omission) in [
+        ("a sphere behind the camera", "1  1 1 1  0 0 -5", "", Omission::Behind),
+        ("a sphere that ends at the camera", "5  1 1 1  0 0 -5", "", Omission::Behind),
+        ("a triangle behind the camera", "", "1 1 1  0 0 -1  1 0 -2  0 1 0", Omission::Behind),
+        ("a sphere to the left", "1  1 1 1  -90 0 20", "", Omission::Outside),
+        ("a sphere below", "1  1 1 1  0 -60 20", "", Omission::Outside),
+        ("a triangle to the left", "", "1 1 1  -50 0 20  -60 0 20  -50 1 20", Omission::Outside),
+        ("a point", "", "1 1 1  1 2 20  1 2 20  1 2 20", Omission::NoArea),
+        ("a line", "", "1 1 1  1 2 20  2 4 25  3 6 30", Omission::NoArea),
+        ("a triangle edge on", "", "1 1 1  1 -2 9  2 3 9  3 1 18", Omission::EdgeOn),
+        ("a sphere between rays", "0.001  1 1 1  0 0 20", "", Omission::Between),
+        ("a triangle between rays", "", "1 1 1  0.001 0.001 20  0.002 0.001 20  0.001 0.002 20", Omission::Between),
+    ] {
+        let report = of(&one_or_none(sphere), &one_or_none(triangle));
+        for reason in reasons {
+            assert_eq!(count(&report, reason), u64::from(reason == omission), "{what}, {reason:?}: {report:?}");
+        }
+        assert_eq!((report.kept.spheres, report.kept.triangles), (FILLERS, 0), "{what}");
+    }
+    for (sphere, triangle) in [
+        ("1  1 1 1  -8.4 0 20", ""),
+        ("9  1 1 1  0 0 -5", ""),
+        ("3  1 1 1  3.2 0 0.5", ""),
+        ("", "1 1 1  -7.9 0 20  -60 -1 20  -50 1 20"),
+        ("", "1 1 1  0 -1 20  9 -1 20  3 -1 -20"),
+    ] {
+        let report = of(&one_or_none(sphere), &one_or_none(triangle));
+        assert_eq!(report.kept.spheres + report.kept.triangles, FILLERS + 1, "{sphere}{triangle}: {report:?}");
+    }
+}
+
+#[test]
+fn what_tiles_leave_out_is_counted() {
+    let lamps = "2  1 1 1 1  -9 9 0  0 1 1 1  9 9 0";
+    let report = tile_report(lamps, &[], &[], Keep::NOTHING);
+    // The fillers are in the middle of 3 x 4 tiles.
+    let tiles = report.tiles.unwrap();
+    assert_eq!((tiles.objects, tiles.across, tiles.down), (FILLERS as u64, 3, 4));
+    assert_eq!(count(&report, Omission::OtherTiles), FILLERS as u64 * 12 - tiles.placed);
+    assert!((FILLERS as u64..2 * FILLERS as u64).contains(&tiles.placed), "{tiles:?}");
+    assert!((3..12).contains(&count(&report, Omission::EmptyTiles)), "{report:?}");
+    for (omission, expected) in [
+        (Omission::DarkLights, 1),
+        (Omission::TriangleCode, 1),
+        (Omission::SphereCode, 0),
+        (Omission::Constants, FILLERS as u64),
+        (Omission::Loop, FILLERS as u64),
+        (Omission::Channels, 0),
+        (Omission::FloatImage, 160 * 120),
+        (Omission::Occluded, 0),
+        (Omission::Unseen, 0),
+    ] {
+        assert_eq!(count(&report, omission), expected, "{omission:?}: {report:?}");
+    }
+    // A sphere behind a wall is nearest nowhere; so are a hundred triangles, of which the wall's tiles set up none.
+    let wall = "1 1 1  -99 -99 9  99 -99 9  0 99 9";
+    let hidden = tile_report(lamps, &["1  1 1 1  0 0 20"], &[wall], Keep::NOTHING);
+    assert!(count(&hidden, Omission::Unseen) > FILLERS as u64, "{hidden:?}");
+    assert_eq!(count(&hidden, Omission::EmptyTiles), 0, "{hidden:?}");
+    let triangles = vec!["1 1 1  -1 -1 20  1 -1 20  0 1 20"; 100];
+    let hidden = tile_report(lamps, &[], &[&[wall][..], &triangles[..]].concat(), Keep::NOTHING);
+    assert!(count(&hidden, Omission::Occluded) >= 100, "{hidden:?}");
+    // With all kept there is nothing but what has no other code, and other arithmetic.
+    let all = tile_report(lamps, &["1  1 1 1  -90 0 20"], &triangles, Keep::all());
+    assert_eq!((all.kept.spheres, all.kept.triangles, all.kept.lights), (FILLERS + 1, 100, 1), "{all:?}");
+    assert!(all.left_out.iter().all(|line| line.switch != Switch::Work), "{all:?}");
+}
+
+/// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f, 160)` the ray of row and col
+/// is (col - 47.5, 63.5 - row, f), and tiles end at x = 16 and at y = 32, 0 and -32.
+fn on_tile_borders(rng: &mut Rng) -> Scene {
+    let focal = [8.0, 32.0, 128.0][(rng.next_u64() % 3) as usize];
+    let pick = |rng: &mut Rng, from: &[f32]| from[(rng.next_u64() % from.len() as u64) as usize];
+    let xs = [16.0, 15.5, 16.5, 47.5, -47.5, 48.0, -48.0, 48.5, -49.0, 0.0, -20.5, 31.0];
+    let ys = [32.0, 31.5, 32.5, 0.0, 0.5, -0.5, -32.0, -31.5, 63.5, -63.5, 64.0, -64.0, 64.5, 17.0];
+    // Whole multiples of a ray are exact in f32, so that a corner is on the ray, or on the border, and not beside it.
+    let point =
+        |rng: &mut Rng| pick(rng, &[1.0, 2.0, 3.0, 1.0, 4.0, -1.0]) * vec3(pick(rng, &xs), pick(rng, &ys), focal);
+    let colour = |rng: &mut Rng| vec3(rng.next_f32(), rng.next_f32(), 0.5);
+    let points: Vec<_> = (0..14).map(|_| point(rng)).collect();
+    let corner = |rng: &mut Rng| points[(rng.next_u64() % points.len() as u64) as usize];
+    let triangle = |rng: &mut Rng| Triangle { colour: colour(rng), vertices: [corner(rng), corner(rng), corner(rng)] };
+    // Around a point: up to a plane through a border of tiles or of the picture, or through another point.
+    let sphere = |rng: &mut Rng| {
+        let (centre, other) = (point(rng), corner(rng));
+        let plane = |at: f32, along: f32| (along * focal - at * centre.z).abs() / at.hypot(focal);
+        let radius = match rng.next_u64() % 3 {
+            0 => plane(pick(rng, &xs), centre.x),
+            1 => plane(pick(rng, &ys), centre.y),
+            _ => (other - centre).length(),
+        };
+        Sphere { radius: if radius > 1e-3 { radius } else { 1.0 }, colour: colour(rng), centre }
+    };
+    let light = |rng: &mut Rng| Light { intensity: 0.75, colour: Vec3::ONE, position: corner(rng) };
+    Scene {
+        name: "borders.png".into(),
+        camera: camera(96, 128, focal, 160.0),
+        lights: (0..rng.next_u64() % 3).map(|_| light(rng)).collect(),
+        spheres: (0..8).map(|_| sphere(rng)).collect(),
+        // More in some tiles than are tried without a look at which of them others hide.
+        triangles: (0..80).map(|_| triangle(rng)).collect(),
+        faces: Faces::default(),
+    }
+}
+
+#[test]
+fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_of_the_picture() {
+    let seed = 43;
+    let mut rng = Rng::new(seed);
+    let work = || Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
+    let mut alone = work().cycle();
+    for case in 0..40 {
+        let scene = on_tile_borders(&mut rng);
+        let ray = scene.camera.grid::<f32>();
+        assert_eq!(
+            (ray.step, ray.ray(31, 63)),
+            (1.0, [15.5, 32.5, ray.focal]),
+            "rays are where the test takes them to be"
+        );
+        assert!(rayo::plan::tiles_pay(&scene));
+        let omission = alone.next().unwrap();
+        for contender in packets() {
+            check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
+            check(&contender, &scene, Keep::only(omission), &format!("seed {seed}, case {case}, {omission:?}"));
+        }
+    }
+}
+
+#[test]
+fn hits_are_counted_by_what_traces_and_agree_with_the_reference() {
+    let mut rng = Rng::new(47);
+    let few =
+        (0..4).map(|i| Scene { camera: camera(67, 31, 1.0, 1.0), ..many(4 * i, 12 - 4 * i.min(3), 90 + i as u64) });
+    let on_borders = (0..4).map(|_| on_tile_borders(&mut rng)).collect::<Vec<_>>();
+    let more =
+        [(40, 0), (0, 200), (40, 400)].map(|(s, t)| Scene { camera: camera(131, 97, 1.0, 1.0), ..many(s, t, 95) });
+    for scene in few.chain(on_borders).chain(more) {
+        let truth = Truth::new(&scene);
+        let (width, height) = (scene.camera.width(), scene.camera.height());
+        let rays = (0..height).flat_map(|row| (0..width).map(move |col| (row, col)));
+        let expected = rays.filter(|(row, col)| truth.object(*row, *col).is_some()).count() as u64;
+        for contender in contenders() {
+            let tracer = contender.prepare(&scene);
+            let counts = [1, 3].map(|threads| {
+                let frame = Frame::new(tracer.as_ref(), scene.camera, Settings { threads }).unwrap();
+                let mut film = frame.film(PixelFormat::F32x4, height).unwrap();
+                let known = frame.trace_counted(0..height, film.as_mut(), &|_| ());
+                known.unwrap_or_else(|| frame.count(0..height))
+            });
+            let listed = tracer.hits(0..height).into_iter().flatten().count() as u64;
+            let counted = Counted { rays: scene.camera.pixels(), hits: listed };
+            assert_eq!(counts, [counted; 2], "{contender}");
+            if contender.engine.rays_in_f64() {
+                assert_eq!(listed, expected, "{contender}: {scene:?}");
+            }
+        }
+    }
+}
+
+/// One of everything.
+const EVERYTHING: &str = "\
+all.png 160 120 1
+4
+0.5  1 1 1    -10 10 0
+0    1 1 1    0 0 0        # dark
+0.4  1 0 0    0 0 300      # behind all
+0.3  0 1 1    10 0 0
+6
+2    1 1 1    -3 0 20
+1    1 1 1    0 0 -5       # behind the camera
+1    1 1 1    90 0 20      # beside the picture
+2    0 0 0    -3 3 22      # black
+1.5  1 1 1    -3 0 24      # hidden in part
+1    1 0 0    3 3 20       # of one light's colour
+5
+0 1 0    1 -3 20  6 -3 20  3 2 20
+0 0 1    2 -3 22  7 -3 22  4 2 22             # behind it
+1 1 1    1 1 20  2 2 20  3 3 20               # no area
+1 1 1    1 1 20  2 5 20  0 0 0                # edge on
+1 1 1    -50 -30 20  -60 -30 20  -50 -40 20   # below the picture
+";
+
+/// Runs the program where the file all.in is [`EVERYTHING`].
+fn rayo(directory: &Path, arguments: &str) -> Output {
+    std::fs::write(directory.join("all.in"), EVERYTHING).unwrap();
+    program::rayo(arguments.split(' '), directory)
+}
+
+fn stdout(output: &Output) -> String {
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+const WARNING: &str = "warning: all.in:17: triangle 3 has no area, and no ray hits it: its corners are on one line\n";
+
+#[test]
+fn the_plan_of_one_of_everything_reads_like_this() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = rayo(directory.path(), "plan all.in --engine sse41");
+    insta::assert_snapshot!("plan_of_everything", stdout(&output));
+    assert_eq!(stderr(&output), WARNING);
+    let of_c = stdout(&rayo(directory.path(), "plan all.in --engine c"));
+    assert!(of_c.contains("kept: 6 spheres, 3 triangles, 4 lights\n"), "{of_c}");
+    let none = rayo(directory.path(), "plan all.in --engine none");
+    assert_eq!(none.status.code(), Some(2), "{none:?}");
+}
+
+#[test]
+fn the_plan_is_one_json_document_with_these_fields() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = stdout(&rayo(directory.path(), "plan all.in --engine sse41 --json --size 80x60"));
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for (place, expected) in [
+        ("/schema", "1"),
+        ("/scene", "\"all.in\""),
+        ("/engine", "\"sse41\""),
+        ("/precision", "\"single\""),
+        ("/output", "\"rgb8\""),
+        ("/width", "80"),
+        ("/height", "60"),
+        ("/kept", r#"{"lights":3,"spheres":4,"triangles":2}"#),
+        ("/left_out/0/what", "\"objects behind the camera\""),
+        ("/left_out/0/count", "1"),
+        ("/measured", "null"),
+    ] {
+        assert_eq!(json.pointer(place).map(ToString::to_string).as_deref(), Some(expected), "{place}");
+    }
+    for line in json["left_out"].as_array().unwrap() {
+        let text = |key: &str| line[key].as_str().is_some_and(|text| !text.is_empty());
+        assert!(text("what") && text("reason") && text("unit") && line["count"].as_u64() > Some(0), "{line}");
+    }
+}
+
+#[test]
+fn the_plan_of_many_objects_says_that_it_goes_by_tiles() {
+    let directory = tempfile::tempdir().unwrap();
+    let made = rayo(directory.path(), "make torus --triangles 400 -o torus.toml --quiet");
+    assert!(made.status.success(), "{made:?}");
+    let text = stdout(&rayo(directory.path(), "plan torus.toml --engine sse41"));
+    let why = "\ntile by tile: 400 objects, and from 32 on that costs less than row by row; 13 x 19 tiles of 64 x 32 pixels, ";
+    assert!(text.contains(why), "{text}");
+    let output = rayo(directory.path(), "plan torus.toml --json --measure --size 100x70");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(json["kept"].to_string(), r#"{"lights":1,"spheres":0,"triangles":400}"#);
+    let tiles =
+        ["objects", "fewest_objects", "width", "height", "across", "down"].map(|key| json["tiles"][key].as_u64());
+    assert_eq!(tiles, [400, 32, 64, 32, 2, 3].map(Some));
+    assert_eq!(json["measured"]["rows"], 70);
+    let (lines, worth) = (json["left_out"].as_array().unwrap(), json["measured"]["worth"].as_array().unwrap());
+    for (line, worth) in lines.iter().zip(worth) {
+        assert_eq!(line["what"], worth["what"]);
+        let has_code = !["code for spheres", "constant terms"].contains(&line["what"].as_str().unwrap());
+        assert_eq!((worth["ratio"].is_f64(), worth["note"].is_string()), (has_code, !has_code), "{worth}");
+    }
+    for what in ["objects in other tiles", "tests of rays that miss", "float image"] {
+        assert!(lines.iter().any(|line| line["what"] == what), "{what}: {json}");
+    }
+    assert_eq!(stderr(&output), "", "no bar but on a terminal");
+}
+
+#[test]
+fn measuring_gives_each_line_a_ratio_or_none_where_there_is_no_code_without_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = rayo(directory.path(), "plan all.in --measure --json --size 40x30");
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let measured = &json["measured"];
+    let ratio = |ratio: &serde_json::Value| {
+        let [middle, low, high] = ["ratio", "ratio_low", "ratio_high"].map(|key| ratio[key].as_f64());
+        assert!(Some(0.0) < low && low <= middle && middle <= high, "{ratio}");
+    };
+    ratio(&measured["control"]);
+    ratio(&measured["keep_all"]);
+    assert_eq!((measured["rows"].as_u64(), measured["threads"].as_u64()), (Some(30), Some(1)));
+    let (lines, worth) = (json["left_out"].as_array().unwrap(), measured["worth"].as_array().unwrap());
+    assert_eq!(lines.len(), worth.len());
+    for (line, worth) in lines.iter().zip(worth) {
+        assert_eq!(line["what"], worth["what"]);
+        match line["what"].as_str().unwrap() {
+            "constant terms" => assert_eq!(worth["ratio"], serde_json::Value::Null),
+            _ => ratio(worth),
+        }
+    }
+    let text = stdout(&rayo(directory.path(), "plan all.in --measure --size 40x30"));
+    assert!(text.contains("\n  the plan against itself "), "{text}");
+}
+
+#[test]
+fn render_explains_its_plan_and_brute_force_makes_the_same_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let planned = rayo(directory.path(), "render all.in -o planned.png --explain --quiet");
+    let plan = stdout(&rayo(directory.path(), "plan all.in"));
+    let (_, lines) = plan.split_once('\n').unwrap();
+    assert_eq!(stderr(&planned), format!("{WARNING}{lines}"));
+    assert_eq!(stdout(&planned), "");
+    assert_eq!(stderr(&rayo(directory.path(), "render all.in -o kept.png --keep-all --quiet")), WARNING);
+    let file = |name: &str| std::fs::read(directory.path().join(name)).unwrap();
+    assert!(file("planned.png") == file("kept.png"));
+    let rust = stderr(&rayo(directory.path(), "render all.in -o rust.png --keep-all --engine rust"));
+    assert!(
+        rust.contains("rust tests every ray against every object as it is: --keep-all changes nothing\n"),
+        "{rust}"
+    );
+}
+
+#[test]
+fn the_figure_of_a_measurement_has_a_line_for_each_omission_that_was_timed() {
+    let directory = tempfile::TempDir::new().unwrap();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+    let scenes = ["sphere.in", "tetrahedron.in"].map(|name| format!("{folder}/{name}"));
+    let [sphere, tetrahedron] = scenes.each_ref().map(String::as_str);
+    let output = program::rayo(
+        ["plan", sphere, tetrahedron, "--size", "16x12", "--measure", "--figure", "worth.svg"],
+        directory.path(),
+    );
+    assert!(output.status.success(), "{output:?}");
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(told.contains("sphere.in: 16x12") && told.contains("\n\n") && told.contains("tetrahedron.in: 16x12"));
+    let figure = std::fs::read_to_string(directory.path().join("worth.svg")).unwrap();
+    for text in ["sphere.in", "tetrahedron.in", "all that --keep-all keeps"] {
+        assert_eq!(figure.matches(&format!("\n{text}\n")).count(), 1, "{text}");
+    }
+    for (args, expected) in [
+        (&["plan", sphere, "--figure", "a.svg"][..], "--measure"),
+        (&["plan", sphere, tetrahedron, "--json"], "--json prints one document, of one scene"),
+    ] {
+        let refused = program::rayo(args, directory.path());
+        let error = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && error.contains(expected), "{error}");
+    }
+}

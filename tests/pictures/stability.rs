@@ -1,0 +1,511 @@
+//! Stiff and extreme scenes: the packets against the truth, against themselves turned and scaled, and `rayo stability`.
+
+use std::fs;
+use std::path::Path;
+
+use crate::program::rayo;
+use glam::Vec3;
+use proptest::prelude::*;
+use rayo::experiments::accuracy::{Contender, contenders, judge};
+use rayo::experiments::stability::mixtures::{failures, judge_mixtures};
+use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
+use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
+use rayo::scene::{self, Camera, Faces, Light, Scene, Sphere, Triangle};
+
+/// The side of a case's picture here: `rayo stability` has the large ones.
+const SIDE: u32 = 18;
+const SEED: u64 = 5;
+
+fn is_packet(contender: &Contender) -> bool {
+    contender.engine.is_packet()
+}
+
+/// The engines that have to be right everywhere.
+fn robust() -> Vec<Contender> {
+    contenders()
+        .into_iter()
+        .filter(|contender| is_packet(contender) || contender.engine.name() == "reference")
+        .collect()
+}
+
+/// A case of each level of a family, the variants in turn.
+fn cases(family: &'static Family) -> impl Iterator<Item = Case> {
+    let variants = family.variants.len();
+    let case = move |level: usize| family.case(level * variants + level % variants, SEED, SIDE);
+    // Large pictures of odd sizes have a test of their own.
+    (0..family.levels.len()).map(case).filter(|case| case.valid && case.scene.camera.pixels() <= 2000)
+}
+
+fn prepare<'a>(contender: &Contender, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
+    contender.engine.prepare(Some(contender.precision), scene).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The bits of its floats and, where it writes some, its bytes, by this thread alone.
+fn picture(contender: &Contender, scene: &Scene) -> (Vec<[u32; 4]>, Vec<[u8; 4]>) {
+    traced(prepare(contender, scene).as_ref(), scene)
+}
+
+fn traced(tracer: &dyn Tracer, scene: &Scene) -> (Vec<[u32; 4]>, Vec<[u8; 4]>) {
+    let pixels = scene.camera.pixels() as usize;
+    let rows = 0..scene.camera.height();
+    let mut floats = vec![rayo::kernels::Vec4::default(); pixels];
+    tracer.rows(rows.clone(), FilmMut::F32x4(&mut floats));
+    let floats = floats.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect();
+    let mut bytes = vec![[0; 4]; pixels];
+    if tracer.writes(PixelFormat::Rgba8) {
+        tracer.rows(rows, FilmMut::Rgba8(&mut bytes));
+    }
+    (floats, bytes)
+}
+
+/// Nothing wrong outside of the margin, no hole, t within its bound.
+fn check(scene: &Scene, covered: bool, contenders: &[Contender], what: &str) {
+    for judged in judge(scene, contenders).unwrap_or_else(|error| panic!("{what}: {error}")) {
+        let (errors, Contender { engine, precision, .. }) = (judged.errors, judged.entry.contender);
+        let who = format!("{what}: {engine} in {precision}: {errors:?}");
+        assert_eq!((errors.wrong_hits, errors.wrong_objects, errors.off_by_2), (0, 0, 0), "{who}");
+        assert!(!covered || errors.wrong_hits_inside == 0, "a hole: {who}");
+        if precision == Precision::Double {
+            // Floats round what f64 has made, and that alone can be a level.
+            assert!(!judged.entry.output.is_8bit() || errors.off_by_1 == 0, "{who}");
+        } else {
+            assert!(errors.bound_share.is_none_or(|share| share <= 1.0), "{who}");
+        }
+    }
+}
+
+#[test]
+fn no_engine_that_is_robust_hits_wrongly_or_is_off_by_two_levels_on_any_family() {
+    let robust = robust();
+    for family in FAMILIES {
+        for case in cases(family) {
+            check(&case.scene, case.covered, &robust, &format!("{} case {}, seed {SEED}", case.family, case.index));
+        }
+    }
+}
+
+#[test]
+fn the_worst_scenes_that_were_found_are_right() {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/worst-cases");
+    let mut checked = 0;
+    for entry in fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        let scene = scene::read(&path).unwrap_or_else(|error| panic!("{error}"));
+        check(&scene, false, &robust(), &path.display().to_string());
+        checked += 1;
+    }
+    assert!(checked >= 4, "only {checked} scenes were found");
+}
+
+#[test]
+fn a_scene_with_a_number_that_is_none_is_an_error_for_every_engine() {
+    let family = family("N1").unwrap();
+    for index in 0..family.cases() {
+        let case = family.case(index, SEED, SIDE);
+        for Contender { engine, precision, .. } in contenders() {
+            let Err(error) = engine.prepare(Some(precision), &case.scene) else {
+                panic!("{engine} in {precision}: {} {}", case.level, case.variant);
+            };
+            let text = error.to_string().to_lowercase();
+            assert!(text.contains("nan") || text.contains("inf"), "{text}");
+        }
+    }
+}
+
+#[cfg(rayo_asm)]
+#[test]
+fn operations_by_themselves_keep_their_bounds_over_the_range_of_their_numbers() {
+    use rayo::experiments::stability::operations::{self, OperationRow};
+    use std::collections::BTreeSet;
+    let families: Vec<_> = FAMILIES.iter().collect();
+    let rows = operations::sweep(&families, SEED, true);
+    for row in &rows {
+        // Without FMA a far sphere's cross product is rounded twice, and no more right than half of b is.
+        let known = row.engine == "sse41" && row.family == "S1";
+        assert!(row.wrong_hits == 0 || known, "{row:?}");
+        assert!(row.bound.is_none_or(|share| share <= 1.0) || known, "{row:?}");
+        assert!(row.holes.is_none_or(|holes| holes == 0), "{row:?}");
+        assert_eq!(row.worst.is_none(), ["N1", "T6"].contains(&row.family), "{row:?}");
+        assert_eq!(row.holes.is_some(), row.family == "T6", "{row:?}");
+    }
+    // One arithmetic class finds the same, digit by digit.
+    for row in rows.iter().filter(|row| row.engine == "avx2") {
+        let same = |other: &&OperationRow| {
+            (other.family, other.operation, other.precision) == (row.family, row.operation, row.precision)
+        };
+        let figures = |row: &OperationRow| (row.worst, row.bound, row.wrong_hits, row.holes);
+        for other in rows.iter().filter(|other| other.engine == "avx512").filter(same) {
+            assert_eq!(figures(row), figures(other), "{row:?}");
+        }
+    }
+    let swept: BTreeSet<_> = rows.iter().map(|row| row.family).collect();
+    assert_eq!(swept.len(), 15, "{swept:?}");
+    let f64_of = |family: &str| rows.iter().find(|row| row.family == family && row.precision == "double").unwrap();
+    assert_eq!((f64_of("S1").to.as_str(), f64_of("S3").from.as_str()), ("1e14", "1e-300"));
+}
+
+#[test]
+fn a_scene_scaled_by_a_power_of_two_has_the_same_bytes() {
+    let packets: Vec<_> = contenders().into_iter().filter(is_packet).collect();
+    let mut compared = 0;
+    for id in ["S1", "S2", "S3", "S5", "S6", "S7", "T1", "T2", "T4", "T5", "T6", "L1"] {
+        for case in cases(family(id).unwrap()).step_by(2) {
+            for exponent in [-40, -7, 1, 23, 40] {
+                let other = case.scene.scaled(2f32.powi(exponent));
+                // A number at the end of the range of f32 cannot be scaled by that much, and back.
+                if other.scaled(2f32.powi(-exponent)) != case.scene {
+                    continue;
+                }
+                for contender in &packets {
+                    let same = picture(contender, &case.scene) == picture(contender, &other);
+                    let Contender { engine, precision, .. } = contender;
+                    assert!(same, "{engine} in {precision}: {id} case {}, seed {SEED}, 2^{exponent}", case.index);
+                    compared += 1;
+                }
+            }
+        }
+    }
+    assert!(cfg!(not(rayo_asm)) || compared > 1000, "only {compared} were compared");
+}
+
+#[test]
+fn focal_distance_and_film_scaled_together_by_a_power_of_two_change_no_byte() {
+    for id in ["S1", "S7", "T2", "T6"] {
+        for case in cases(family(id).unwrap()).take(3) {
+            let camera = case.scene.camera;
+            for factor in [2f32.powi(-40), 2.0, 2f32.powi(40)] {
+                let focal_and_film = (camera.focal() * factor, camera.film() * factor);
+                let camera = Camera::new(camera.width(), camera.height(), focal_and_film.0, focal_and_film.1).unwrap();
+                let other = Scene { camera, ..case.scene.clone() };
+                for contender in contenders().iter().filter(|contender| is_packet(contender)) {
+                    assert!(picture(contender, &case.scene) == picture(contender, &other), "{id} {factor}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn engines_of_one_arithmetic_class_agree_to_the_last_bit() {
+    for precision in ["single", "double"] {
+        let of = |name: &str| {
+            contenders()
+                .into_iter()
+                .find(|contender| contender.engine.name() == name && contender.precision.name() == precision)
+        };
+        let Some((avx2, avx512)) = of("avx2").zip(of("avx512")) else {
+            println!("not tested: this CPU does not run both avx2 and avx512");
+            continue;
+        };
+        for family in FAMILIES {
+            for case in cases(family) {
+                let same = picture(&avx2, &case.scene).0 == picture(&avx512, &case.scene).0;
+                assert!(same, "{precision}: {} case {}, seed {SEED}", case.family, case.index);
+            }
+        }
+    }
+}
+
+#[cfg(rayo_asm)]
+#[test]
+fn nothing_depends_on_denormal_numbers() {
+    for family in FAMILIES {
+        for case in cases(family) {
+            for contender in contenders().iter().filter(|contender| is_packet(contender)) {
+                let found = picture(contender, &case.scene);
+                let without = rayo::kernels::harness::without_denormals(|| picture(contender, &case.scene));
+                let what = format!("{} case {}, seed {SEED}", case.family, case.index);
+                assert!(found.1 == without.1, "{what}: bytes of {} in {}", contender.engine, contender.precision);
+                // A float may be denormal itself.
+                let flushed =
+                    |pixel: &[u32; 4]| pixel.map(|bits| if bits < f32::MIN_POSITIVE.to_bits() { 0 } else { bits });
+                let same = found.0.iter().zip(&without.0).all(|(a, b)| flushed(a) == flushed(b));
+                assert!(same, "{what}: floats of {} in {}", contender.engine, contender.precision);
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_that_are_traced_in_f64_do_not_depend_on_those_they_are_traced_with() {
+    // Numbers of the last sphere are beyond f32 as kernels take them; it is on a few rows, by itself.
+    let mut scene = family("S3").unwrap().case(18, SEED, 64).scene;
+    scene.spheres.push(Sphere { radius: 1e-26, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, 2.0) });
+    for contender in contenders().iter().filter(|contender| is_packet(contender)) {
+        let tracer = prepare(contender, &scene);
+        let (whole, _) = traced(tracer.as_ref(), &scene);
+        let width = scene.camera.width() as usize;
+        for row in 0..scene.camera.height() {
+            let mut floats = vec![rayo::kernels::Vec4::default(); width];
+            tracer.rows(row..row + 1, FilmMut::F32x4(&mut floats));
+            let floats: Vec<_> = floats.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect();
+            assert!(floats == whole[row as usize * width..][..width], "row {row}");
+        }
+    }
+}
+
+#[test]
+fn of_equal_objects_the_first_is_seen_whoever_it_is() {
+    let one = family("S7").unwrap().case(0, SEED, SIDE).scene;
+    let sphere = one.spheres[0];
+    let [triangle] = family("T2").unwrap().case(0, SEED, SIDE).scene.triangles[..] else { panic!("not one triangle") };
+    let colours = [Vec3::new(1.0, 0.5, 0.25), Vec3::new(0.25, 0.5, 1.0)];
+    let both = |[first, second]: [Vec3; 2]| Scene {
+        spheres: [first, second].map(|colour| Sphere { colour, ..sphere }).to_vec(),
+        triangles: [first, second].map(|colour| Triangle { colour, ..triangle }).to_vec(),
+        ..one.clone()
+    };
+    for contender in contenders() {
+        for [first, second] in [colours, [colours[1], colours[0]]] {
+            let alone = Scene {
+                spheres: vec![Sphere { colour: first, ..sphere }],
+                triangles: vec![Triangle { colour: first, ..triangle }],
+                ..one.clone()
+            };
+            // The short form, for a sphere that is alone, is another arithmetic: floats may differ in their last digits.
+            let (alone, twice) = (picture(&contender, &alone).0, picture(&contender, &both([first, second])).0);
+            for (a, b) in alone.into_iter().zip(twice) {
+                let difference = [0, 1, 2].map(|i| (f32::from_bits(a[i]) - f32::from_bits(b[i])).abs());
+                assert!(difference.iter().all(|d| *d < 2e-3), "{} {first}", contender.engine);
+            }
+        }
+    }
+}
+
+/// The scene seen in a mirror, left and right exchanged.
+fn mirrored(scene: &Scene) -> Scene {
+    let flip = |v: &mut Vec3| v.x = -v.x;
+    let mut scene = scene.clone();
+    scene.lights.iter_mut().for_each(|light| flip(&mut light.position));
+    scene.spheres.iter_mut().for_each(|sphere| flip(&mut sphere.centre));
+    scene.triangles.iter_mut().flat_map(|triangle| &mut triangle.vertices).for_each(flip);
+    scene
+}
+
+#[test]
+fn mirrored_scenes_and_triangles_with_their_vertices_rotated_are_as_right() {
+    let packets: Vec<_> = robust();
+    for id in ["S1", "S2", "S5", "S6", "T1", "T2", "T3", "T4", "T7"] {
+        for case in cases(family(id).unwrap()).step_by(2) {
+            let what = |how: &str| format!("{id} case {}, seed {SEED}, {how}", case.index);
+            check(&mirrored(&case.scene), case.covered, &packets, &what("mirrored"));
+            if id.starts_with('T') {
+                for turn in 1..3 {
+                    let mut turned = case.scene.clone();
+                    turned.triangles.iter_mut().for_each(|triangle| triangle.vertices.rotate_left(turn));
+                    check(&turned, case.covered, &packets, &what("rotated"));
+                }
+            }
+        }
+    }
+}
+
+fn one_light(camera: Camera, position: Vec3) -> Scene {
+    let light = Light { intensity: 0.9, colour: Vec3::ONE, position };
+    Scene {
+        name: "case.png".into(),
+        camera,
+        lights: vec![light],
+        spheres: vec![],
+        triangles: vec![],
+        faces: Faces::default(),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Any distance from inside to 10^7 radii, any radius, any direction off the axis that the picture sees.
+    #[test]
+    fn a_sphere_is_hit_within_its_bound(
+        exponent in -0.3f32..7.0, size in -18f32..18.0, x in -1f32..1.0, y in -1f32..1.0, light in 0.1f32..3.0,
+    ) {
+        let (kappa, radius) = (10f32.powf(exponent), 10f32.powf(size));
+        let half = if kappa > 1.2 { 1.0 / kappa } else { 1.0 };
+        let camera = Camera::new(12, 12, 1.0, 4.0 * half).unwrap();
+        let distance = kappa * radius;
+        let mut scene = one_light(camera, Vec3::new(-light * distance, distance, -0.25 * distance));
+        let centre = distance * Vec3::new(x * half, y * half, 1.0);
+        scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre });
+        check(&scene, false, &robust(), &format!("{scene:?}"));
+    }
+
+    /// Any shape from slivers to large ones, at any distance, tilted by any angle.
+    #[test]
+    fn a_triangle_is_hit_within_its_bound(
+        corners in prop::array::uniform9(-1f32..1.0), thin in -6f32..0.0, distance in -1f32..6.0, size in -18f32..18.0,
+    ) {
+        let (thin, distance, size) = (10f32.powf(thin), 10f32.powf(distance), 10f32.powf(size));
+        let [a, b, c, d, e, f, g, h, i] = corners;
+        let corner = |x: f32, y: f32, z: f32| size * Vec3::new(x, thin * y, distance + z);
+        let camera = Camera::new(12, 12, 1.0, (4.0 / distance).min(4.0)).unwrap();
+        let mut scene = one_light(camera, size * Vec3::new(2.0, 3.0, -1.0));
+        let vertices = [corner(a, b, c), corner(d, e, f), corner(g, h, i)];
+        scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+        check(&scene, false, &robust(), &format!("{scene:?}"));
+    }
+}
+
+#[test]
+fn the_command_writes_its_files_and_a_document_with_the_fields_of_the_contract() {
+    let directory = tempfile::tempdir().unwrap();
+    let output = rayo(["stability", "--family", "s7", "--case", "3", "--quick", "--json"], directory.path());
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["schema"], 1);
+    let rows = document["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), contenders().len());
+    for row in rows {
+        for field in ["family", "engine", "precision", "worst", "bound", "wrong_hits", "slowdown", "holds"] {
+            assert!(row.get(field).is_some(), "{field}");
+        }
+        assert_eq!(row["holds"], true);
+    }
+    for file in ["stability.md", "stability.svg", "results.json", "limits.csv"] {
+        assert!(directory.path().join("out/stability").join(file).exists(), "{file}");
+    }
+    let page = std::fs::read_to_string(directory.path().join("out/stability/stability.md")).unwrap();
+    assert!(page.contains(rayo::measure::cpu_name().as_deref().unwrap_or("an unknown CPU")));
+}
+
+#[test]
+fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let stability = |arguments: &[&str]| {
+        let output = rayo([&["stability"], arguments].concat(), directory.path());
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let sweep = ["--family", "S7", "--engine", "rust", "--quick"];
+    assert_eq!(stability(&sweep), (Some(0), String::new()));
+    // The limits that would just hold do hold; with no room for an error of t they do not.
+    let just = fs::read_to_string(directory.path().join("out/stability/limits.csv")).unwrap();
+    let (head, row) = just.trim_end().split_once('\n').unwrap();
+    let mut cells: Vec<_> = row.split(',').collect();
+    assert_eq!((head.split(',').nth(3), &cells[..3]), (Some("max_ulp"), &["S7", "rust", "single"][..]));
+    cells[3] = "0.25";
+    fs::write(directory.path().join("just.csv"), &just).unwrap();
+    fs::write(directory.path().join("strict.csv"), format!("{head}\n{}\n", cells.join(","))).unwrap();
+    assert_eq!(stability(&[&sweep[..], &["--limits", "just.csv"]].concat()), (Some(0), String::new()));
+    let (status, error) = stability(&[&sweep[..], &["--limits", "strict.csv"]].concat());
+    let lines: Vec<_> = error.lines().collect();
+    assert_eq!((status, lines.len()), (Some(1), 2), "{error}");
+    let found =
+        |line: &str| line.strip_prefix("error: S7 by rust in single: the error of t in ulp is ").unwrap().to_owned();
+    assert!(found(lines[0]).ends_with(", above 0.25"), "{error}");
+    // The command finds the same error alone.
+    let replay: Vec<_> = lines[1].split_whitespace().skip(2).collect();
+    assert!(replay.contains(&"--case") && replay.contains(&"--seed"), "{error}");
+    let (status, again) = stability(&[&replay[..], &["--limits", "strict.csv"]].concat());
+    assert_eq!((status, found(again.lines().next().unwrap())), (Some(1), found(lines[0])));
+    // A file that is none is bad input.
+    for (file, expected) in [("no.csv", "no.csv"), ("out/stability/stability.md", "the first line must be family")] {
+        let (status, error) = stability(&[&sweep[..], &["--limits", file]].concat());
+        assert!(status == Some(2) && error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_that_does_not_matter() {
+    let directory = tempfile::tempdir().unwrap();
+    let mixtures = |more: &[&str]| {
+        let output = rayo([&["stability", "--mixtures", "3", "--seed", "4"], more].concat(), directory.path());
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (status, text) = mixtures(&["--engine", "reference"]);
+    assert_eq!((status, text.as_str()), (Some(0), "3 mixtures, seeds 4 to 6: 0 fail\n"));
+    // f32 without care for what it loses.
+    let (status, text) = mixtures(&["--engine", "rust"]);
+    assert_eq!(status, Some(1), "{text}");
+    let (status, json) = mixtures(&["--engine", "rust", "--json"]);
+    let document: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!((status, &document["schema"], &document["mixtures"]), (Some(1), &1.into(), &3.into()));
+    let failing = document["failing"].as_array().unwrap();
+    assert!(!failing.is_empty());
+    for failing in failing {
+        let seed = failing["seed"].as_u64().unwrap();
+        assert!(text.contains(&format!("rayo stability --mixtures 1 --seed {seed}\n")), "{text}");
+        let file = |extension| directory.path().join(format!("out/stability/mixture-{seed}.{extension}"));
+        let left = ["in", "toml"].map(file).into_iter().find(|path| path.exists()).expect("the scene");
+        let (left, whole) = (scene::read(&left).unwrap(), mixture(seed).scene);
+        assert!(left.spheres.len() + left.triangles.len() < whole.spheres.len() + whole.triangles.len(), "{left:?}");
+        let rust: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.name() == "rust").collect();
+        assert!(!failures(&left, &rust).unwrap().is_empty(), "what is left fails too");
+    }
+}
+
+#[test]
+fn what_there_is_not_is_an_error_that_says_what_there_is() {
+    let directory = tempfile::tempdir().unwrap();
+    for (arguments, expected) in [
+        (&["stability", "--family", "S10"][..], "S1, S2"),
+        (&["stability", "--family", "N1", "--case", "24"], "0 to 23"),
+        (&["stability", "--engine", "cuda"], "reference"),
+        (&["stability", "--case", "3"], "--family"),
+        (&["stability", "--mixtures", "3", "--family", "S1"], "--mixtures"),
+    ] {
+        let output = rayo(arguments, directory.path());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// Whether two numbers are the same but for that share of the larger, or of 1 where that is more.
+fn near(a: f64, b: f64, share: f64) -> bool {
+    a == b || (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0)
+}
+
+#[test]
+fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always_is() {
+    let (mut pixels, mut sure, mut hits) = (0, 0, 0);
+    for seed in 1..=150 {
+        let scene = mixture(seed).scene;
+        let truth = Truth::new(&scene);
+        // Some of the pixels, in another order in every picture.
+        let step = 7 + seed as usize % 5;
+        let all = (0..scene.camera.height()).flat_map(|row| (0..scene.camera.width()).map(move |col| (row, col)));
+        for (row, col) in all.step_by(step) {
+            pixels += 1;
+            let Some(quick) = truth.quick_pixel(row, col) else { continue };
+            sure += 1;
+            let exact = truth.exact_pixel(row, col);
+            let what = || format!("seed {seed} row {row} col {col}: {quick:?} {exact:?}");
+            let margins = [quick.margin, exact.margin];
+            assert!(
+                near(1.0, margins[0] / margins[1], 1e-8) || margins[0] == margins[1] || margins[1] < 1e-17,
+                "{}",
+                what()
+            );
+            assert_eq!(quick.hit.is_some(), exact.hit.is_some(), "{}", what());
+            let (Some(quick), Some(exact)) = (&quick.hit, &exact.hit) else { continue };
+            hits += 1;
+            assert_eq!((quick.object, quick.colour.is_some()), (exact.object, exact.colour.is_some()), "{}", what());
+            assert!((exact.t.error_of(quick.t.high) + quick.t.low).abs() <= 1e-17 * exact.t.high, "{}", what());
+            for (a, b) in quick.normal.iter().zip(exact.normal) {
+                assert!((b.error_of(a.high) + a.low).abs() < 1e-17, "{}", what());
+            }
+            for (a, b) in quick.cosines.iter().zip(&exact.cosines) {
+                assert!((a - b).abs() < 2e-16, "{}", what());
+            }
+            assert!(near(quick.bound, exact.bound, 1e-8) && near(quick.lever, exact.lever, 1e-8), "{}", what());
+        }
+    }
+    println!("{pixels} pixels, {sure} sure, {hits} hits");
+    assert!(hits > 10_000 && sure as f64 > 0.95 * f64::from(pixels), "{pixels} pixels, {sure} sure, {hits} hits");
+}
+
+/// The seeds of the mixtures that every test run judges; `rayo stability --mixtures` takes any others.
+const MIXTURES: std::ops::RangeInclusive<u64> = 1..=200;
+
+#[test]
+fn no_packet_engine_fails_on_a_random_mixture_of_all_families() {
+    let packets: Vec<_> = contenders().into_iter().filter(is_packet).collect();
+    let count = MIXTURES.count();
+    let found = judge_mixtures(&packets, *MIXTURES.start(), count, &|| true).unwrap();
+    assert_eq!(found.mixtures, count);
+    for failing in &found.failing {
+        println!("rayo stability --mixtures 1 --seed {}: {failing:?}", failing.seed);
+    }
+    let seeds: Vec<_> = found.failing.iter().map(|failing| failing.seed).collect();
+    assert_eq!(seeds, [0; 0], "seeds {MIXTURES:?}");
+}

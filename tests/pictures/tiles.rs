@@ -1,0 +1,477 @@
+//! Many objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
+
+use crate::contenders::{Contender, Truth, contenders, film, levels};
+use glam::{DAffine3, DVec3, Vec3};
+use rayo::plan::{Keep, Omission, Report};
+use rayo::render::{Counted, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle, View, many};
+
+const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
+
+/// The packet engines that run here, in each of their precisions.
+fn packets() -> Vec<Contender> {
+    contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
+}
+
+fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
+    by_tiles(
+        contender,
+        scene,
+        Purpose { keep: if keep_all { Keep::all() } else { Keep::NOTHING }, ..Purpose::default() },
+    )
+}
+
+fn by_tiles<'a>(contender: &Contender, scene: &'a Scene, purpose: Purpose) -> Box<dyn Tracer + 'a> {
+    let purpose = Purpose { precision: Some(contender.precision), ..purpose };
+    Plan::by_tiles(contender.engine, scene, purpose).expect("a packet engine that runs here").into_tracer()
+}
+
+/// A picture, every bit of it.
+fn bits(film: Film) -> Vec<[u32; 4]> {
+    match film {
+        Film::F32x4(pixels) => pixels.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect(),
+        Film::Rgba8(pixels) => pixels.into_iter().map(|pixel| pixel.map(u32::from)).collect(),
+        Film::Rgb8(pixels) => pixels.into_iter().map(|[r, g, b]| [r, g, b, 255].map(u32::from)).collect(),
+        Film::F32x3(_) => unreachable!("tests/pictures/outputs.rs has it"),
+    }
+}
+
+fn picture(contender: &Contender, scene: &Scene, keep_all: bool, format: PixelFormat) -> Vec<[u32; 4]> {
+    bits(film(tiles(contender, scene, keep_all).as_ref(), scene.camera, 1, format))
+}
+
+/// Pixels that brute force makes otherwise.
+fn differing_by_force(contender: &Contender, scene: &Scene, format: PixelFormat) -> usize {
+    let [planned, brute] = [false, true].map(|keep_all| picture(contender, scene, keep_all, format));
+    planned.iter().zip(&brute).filter(|(a, b)| a != b).count()
+}
+
+fn camera(width: u32, height: u32) -> Camera {
+    Camera::new(width, height, 1.0, 1.0).unwrap()
+}
+
+/// Objects of all sizes at random places, in the picture, across its edges and the camera's plane, and behind it.
+fn scattered(spheres: usize, triangles: usize, seed: u64, camera: Camera) -> Scene {
+    let mut rng = Rng::new(seed);
+    let mut scene = Scene { camera, ..many(0, 0, seed) };
+    scene.lights.truncate(1 + (seed % 2) as usize);
+    let mut place = |size: f32| {
+        let z = rng.between(-2.0, 20.0);
+        let spread = |rng: &mut Rng| rng.between(-0.6, 0.6) * z.abs().max(size);
+        ([spread(&mut rng), spread(&mut rng), z], size * rng.next_f32().powi(4), [rng.next_f32(), 0.5, 0.25])
+    };
+    for _ in 0..spheres {
+        let (centre, radius, colour) = place(3.0);
+        scene.spheres.push(Sphere { radius: radius + 0.001, colour: colour.into(), centre: centre.into() });
+    }
+    for _ in 0..triangles {
+        let (centre, size, colour) = place(8.0);
+        let mut corner = || [0, 1, 2].map(|i| centre[i] + size * place(1.0).2[0] - size * place(1.0).2[0]).into();
+        scene.triangles.push(Triangle { colour: colour.into(), vertices: [corner(), corner(), corner()] });
+    }
+    scene
+}
+
+#[test]
+fn what_is_left_out_changes_no_byte() {
+    for (spheres, triangles, seed) in [(60, 0, 1), (0, 300, 2), (30, 200, 3), (5, 900, 4), (200, 20, 5), (5000, 9, 6)] {
+        for scene in [
+            scattered(spheres, triangles, seed, camera(203, 97)),
+            Scene { camera: camera(203, 97), ..many(spheres, triangles, seed) },
+        ] {
+            for contender in packets() {
+                for format in FORMATS {
+                    let differing = differing_by_force(&contender, &scene, format);
+                    assert_eq!(differing, 0, "{contender}, {format:?}: {spheres}, {triangles}, seed {seed}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_their_order() {
+    let camera = camera(64, 32);
+    let mut scene = Scene { camera, ..many(3, 40_000, 5) };
+    // Many have a pixel, and they lie in many depths.
+    let mut rng = Rng::new(5);
+    for triangle in &mut scene.triangles {
+        let [a, b, c] = triangle.vertices;
+        let (middle, depth) = ((a + b + c) / 3.0, rng.between(0.5, 2.0));
+        triangle.vertices = triangle.vertices.map(|corner| depth * (middle + 8.0 * (corner - middle)));
+    }
+    let mut reversed = scene.clone();
+    reversed.triangles.reverse();
+    for contender in packets() {
+        for format in FORMATS {
+            let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
+            assert!(one == other, "{contender}, {format:?}");
+            let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
+            assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
+        }
+    }
+}
+
+/// Red, green and blue of each pixel, made in bytes by tiles.
+fn bytes(contender: &Contender, scene: &Scene) -> Vec<[u8; 3]> {
+    let picture = film(tiles(contender, scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8);
+    let Film::Rgba8(picture) = picture else { unreachable!() };
+    picture.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+}
+
+#[test]
+fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
+    for (spheres, triangles, seed) in [(1, 0, 1), (0, 1, 2), (40, 40, 3), (3, 900, 4), (300, 3, 5)] {
+        for scene in [
+            Scene { camera: camera(211, 157), ..many(spheres, triangles, seed) },
+            scattered(spheres, triangles, seed, camera(131, 97)),
+        ] {
+            let truth = Truth::new(&scene);
+            for contender in packets() {
+                if let Err(error) = truth.compare(&contender, &bytes(&contender, &scene)) {
+                    panic!("{spheres}, {triangles}, seed {seed}: {error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn floats_are_within_a_few_roundings_of_the_reference() {
+    let scene = Scene { camera: camera(203, 151), ..many(40, 400, 6) };
+    let truth = Truth::new(&scene);
+    let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+    for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
+        let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
+        else {
+            unreachable!()
+        };
+        let mut worst = 0.0_f64;
+        for (i, pixel) in film.iter().enumerate() {
+            let (row, column) = (i as u32 / 203, i as u32 % 203);
+            if !truth.at_silhouette(row, column) {
+                let expected = reference.colour(row, column).to_array();
+                let error = pixel.lanes().into_iter().zip(expected).map(|(a, b)| (f64::from(a) - b).abs());
+                worst = worst.max(error.fold(0.0, f64::max));
+            }
+        }
+        println!("{contender}: {worst:e}");
+        assert!(worst < 5e-6, "{contender}: {worst:e}");
+    }
+}
+
+#[test]
+fn every_size_of_a_picture_is_written_whole_and_nothing_else() {
+    let whole = scattered(20, 60, 7, camera(1, 1));
+    for contender in packets() {
+        for (width, height) in (1..68).map(|width| (width, 1 + width % 5)).chain([(1, 67), (2, 33), (129, 65)]) {
+            let scene = Scene { camera: camera(width, height), ..whole.clone() };
+            for format in FORMATS {
+                let planned = picture(&contender, &scene, false, format);
+                assert_eq!(planned, picture(&contender, &scene, true, format), "{contender} {width}x{height}");
+                let last = if format == PixelFormat::Rgba8 { 255 } else { 0 };
+                assert!(planned.iter().all(|pixel| pixel[3] == last), "{contender} {width}x{height}");
+            }
+        }
+    }
+}
+
+#[test]
+fn threads_and_splits_give_the_same_bytes() {
+    let scene = scattered(40, 500, 8, camera(301, 131));
+    for contender in packets() {
+        let tracer = tiles(&contender, &scene, false);
+        for format in FORMATS {
+            let alone = film(tracer.as_ref(), scene.camera, 1, format);
+            for threads in [2, 5] {
+                assert!(film(tracer.as_ref(), scene.camera, threads, format) == alone, "{contender}");
+            }
+        }
+        let Film::Rgba8(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::Rgba8) else { unreachable!() };
+        for step in [1, 7, 31, 32, 33, 130] {
+            let mut split = vec![[1, 2, 3, 4]; whole.len()];
+            for (i, part) in split.chunks_mut(step * 301).enumerate() {
+                let start = (i * step) as u32;
+                tracer.rows(start..start + (part.len() / 301) as u32, FilmMut::Rgba8(part));
+            }
+            assert!(split == whole, "{contender}: {step} rows at a time");
+        }
+    }
+}
+
+#[test]
+fn planning_on_several_threads_gives_the_same_bytes() {
+    let mut scene = Scene { camera: camera(301, 131), ..many(20_000, 50_000, 9) };
+    let others = scattered(20_000, 20_000, 9, scene.camera);
+    scene.spheres.extend(others.spheres.into_iter().filter(|sphere| sphere.radius < 0.1));
+    scene.triangles.extend(others.triangles);
+    for contender in packets() {
+        let picture = |threads: usize| {
+            let tracer = by_tiles(&contender, &scene, Purpose { threads, ..Purpose::default() });
+            bits(film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4))
+        };
+        let alone = picture(1);
+        for threads in [0, 2, 3] {
+            assert!(picture(threads) == alone, "{contender}, {threads} threads");
+        }
+    }
+}
+
+/// Triangles of about a pixel, of which many have none, at all depths, so that they hide one another: in one mesh whose
+/// neighbours share their corners.
+fn fine(triangles: u64, camera: Camera) -> Scene {
+    let mesh = scene::mesh::shapes::icosphere(triangles, 0.3, 5);
+    let mut scene = Scene { camera, ..many(0, 0, 5) };
+    for corners in &mesh.triangles {
+        let vertices = mesh.corners(*corners).map(|v| v + glam::Vec3::new(0.1, 0.05, 3.6));
+        scene.triangles.push(Triangle { colour: [1.0, 0.5, 0.25].into(), vertices });
+    }
+    scene
+}
+
+#[test]
+fn what_shares_its_corners_is_seen_as_what_has_its_own() {
+    let mut joined = scattered(40, 60, 8, camera(200, 150));
+    for (place, count, colour) in [(3.6, 9000, Vec3::ONE), (2.9, 320, Vec3::new(1.0, 0.25, 0.0)), (3.4, 80, Vec3::Y)] {
+        let map = DAffine3::from_translation(DVec3::new(0.1, 0.5 - place / 8.0, place));
+        let mesh = scene::mesh::shapes::icosphere(count, 0.3, 5);
+        assert!(joined.faces.append(mesh.placed(map, colour).unwrap()));
+    }
+    // A wall twice, of which the first wins; a corner near the camera, which is to come first; and what f32 does not hold.
+    let wall = [(-9.0, -9.0), (9.0, -9.0), (0.0, 9.0)].map(|(x, y)| Vec3::new(x, y, 4.0));
+    let near = [Vec3::new(3.0, 0.0, 5.0), Vec3::new(1e-9, 0.0, 1e-8), Vec3::new(3.0, 3.0, 5.0)];
+    let far = wall.map(|corner| 1e20 * corner);
+    for (corners, colour) in [(wall, Vec3::X), (wall, Vec3::Z), (near, Vec3::ONE), (far, Vec3::ONE)] {
+        assert!(joined.faces.append(Faces::new(corners.to_vec(), vec![[0, 1, 2], [2, 1, 0]], colour)));
+    }
+    let mut apart = joined.clone();
+    apart.triangles.extend(std::mem::take(&mut apart.faces).iter());
+    let count = apart.triangles.len();
+    assert!(joined.triangle_count() == count && joined.all_triangles().eq(apart.triangles.iter().copied()));
+    assert!((0..count).all(|number| joined.triangle(number) == apart.triangles[number]));
+    let view = View { position: DVec3::new(0.3, 0.2, -1.0), look_at: DVec3::new(0.0, 0.1, 3.0), up: DVec3::Y };
+    for (joined, apart) in [
+        (joined.seen_from(view).unwrap(), apart.seen_from(view).unwrap()),
+        (joined.scaled(4.0), apart.scaled(4.0)),
+        (joined, apart),
+    ] {
+        for contender in packets() {
+            for (keep_all, format) in [false, true].into_iter().flat_map(|keep| FORMATS.map(|format| (keep, format))) {
+                let [one, other] = [&joined, &apart].map(|scene| picture(&contender, scene, keep_all, format));
+                assert!(one == other, "{contender}, {format:?}, {keep_all}");
+            }
+            let found = |scene| tiles(&contender, scene, false).hits(0..150);
+            assert_eq!(found(&joined), found(&apart), "{contender}");
+            let report = |scene| {
+                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+                Plan::by_tiles(contender.engine, scene, purpose).unwrap().report()
+            };
+            // What hides what depends on the order in which they are asked.
+            let counts = |report: &Report| {
+                let lines = report
+                    .left_out
+                    .iter()
+                    .filter(|line| !matches!(line.omission, Omission::Occluded | Omission::Unseen));
+                lines.map(|line| (line.what, line.count)).collect::<Vec<_>>()
+            };
+            let [one, other] = [report(&joined), report(&apart)];
+            assert_eq!((one.kept, counts(&one)), (other.kept, counts(&other)), "{contender}");
+        }
+    }
+}
+
+#[test]
+fn fine_meshes_are_seen_as_by_brute_force() {
+    let scene = fine(9000, camera(97, 73));
+    for contender in packets() {
+        for format in FORMATS {
+            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
+        }
+    }
+}
+
+#[test]
+fn avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
+    for precision in ["single", "double"] {
+        let fused: Vec<_> =
+            packets().into_iter().filter(|c| c.engine.name() != "sse41" && c.precision.name() == precision).collect();
+        let [one, other] = &fused[..] else { return };
+        for seed in 10..16 {
+            let scene = scattered(60, 400, seed, camera(203, 97));
+            let floats = |contender| picture(contender, &scene, false, PixelFormat::F32x4);
+            assert!(floats(one) == floats(other), "{precision}, seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
+    let camera = camera(203, 151);
+    // Each object twice: the first one white, and its copy black somewhere behind it in the list.
+    for spheres in [false, true] {
+        let black = |n: usize| many(if spheres { n } else { 0 }, if spheres { 0 } else { n }, 17);
+        let mut twice = black(500);
+        twice.camera = camera;
+        twice.spheres.iter_mut().for_each(|sphere| sphere.colour = [1.0; 3].into());
+        twice.triangles.iter_mut().for_each(|triangle| triangle.colour = [1.0; 3].into());
+        let once = twice.clone();
+        let mut copies = twice.clone();
+        copies.spheres.iter_mut().for_each(|sphere| sphere.colour = [0.0; 3].into());
+        copies.triangles.iter_mut().for_each(|triangle| triangle.colour = [0.0; 3].into());
+        twice.spheres.extend(copies.spheres.into_iter().rev());
+        twice.triangles.extend(copies.triangles.into_iter().rev());
+        for contender in packets() {
+            for format in FORMATS {
+                for keep_all in [false, true] {
+                    let same =
+                        picture(&contender, &once, false, format) == picture(&contender, &twice, keep_all, format);
+                    assert!(same, "{contender}, {format:?}, spheres {spheres}, all {keep_all}");
+                }
+            }
+        }
+    }
+}
+
+/// Spheres around the camera, across its plane and beside it: the fewest and the most that a kernel traces.
+fn around_the_camera() -> Vec<Sphere> {
+    let sphere = |radius, centre: [f32; 3]| Sphere { radius, colour: [1.0; 3].into(), centre: centre.into() };
+    vec![
+        sphere(90.0, [1.0, 2.0, 30.0]),
+        sphere(60.0, [0.0, -50.0, -20.0]),
+        sphere(3.0, [-4.5, 0.0, 1.0]),
+        sphere(2.0, [0.5, 4.0, 2.001]),
+        sphere(2.0, [4.0, -0.5, 2.02]),
+    ]
+}
+
+#[test]
+fn of_equal_spheres_around_the_camera_the_first_is_seen_too() {
+    let camera = Camera::new(203, 151, 0.5, 1.0).unwrap();
+    let mut once = Scene { camera, ..many(40, 0, 19) };
+    once.spheres.extend(around_the_camera());
+    let mut twice = once.clone();
+    let copies = around_the_camera().into_iter().rev();
+    twice.spheres.extend(copies.map(|sphere| Sphere { colour: [0.0; 3].into(), ..sphere }));
+    for contender in packets() {
+        for format in FORMATS {
+            let [one, other] = [&once, &twice].map(|scene| picture(&contender, scene, false, format));
+            assert!(one == other, "{contender}, {format:?}");
+        }
+    }
+}
+
+/// A house in metres, and the sun.
+fn with_a_sun(seed: u64) -> Scene {
+    let mut scene = Scene { camera: camera(203, 151), ..many(30, 30, seed) };
+    let (position, colour) = ([2e10, 5e10, 1.4e11].into(), Vec3::ONE);
+    scene.lights.push(Light { intensity: 0.5, colour, position });
+    scene.spheres.push(Sphere { radius: 7e8, colour, centre: position });
+    scene.spheres.push(Sphere { radius: 2e10, colour, centre: [-2e10, 3e10, 1.4e11].into() });
+    scene
+}
+
+#[test]
+fn a_sun_over_a_house_spoils_neither_and_is_asked_in_its_tiles_alone() {
+    let scene = with_a_sun(3);
+    let truth = Truth::new(&scene);
+    for contender in packets() {
+        truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{error}"));
+        for format in FORMATS {
+            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
+        }
+        let tracer = tiles(&contender, &scene, false);
+        let hits = tracer.hits(0..151);
+        assert!(hits.iter().flatten().any(|found| found.object == Object::Sphere(31)), "{contender}");
+        // Whole tiles, and parts of some.
+        for rows in [0..151, 0..32, 40..64, 33..100] {
+            let of_rows = &hits[203 * rows.start as usize..203 * rows.end as usize];
+            let mut film = Film::new(PixelFormat::F32x4, of_rows.len()).unwrap();
+            let counted = tracer.counted_rows(rows, film.as_mut());
+            let hits = of_rows.iter().flatten().count() as u64;
+            assert_eq!(counted, Some(Counted { rays: of_rows.len() as u64, hits }), "{contender}");
+        }
+    }
+}
+
+#[test]
+fn a_tile_of_more_spheres_than_have_records_and_none_on_a_pixel_is_black() {
+    let camera = camera(64, 32);
+    let mut scene = Scene { camera, ..many(0, 0, 1) };
+    // About the corner between four pixels, and nearer to it than any of their middles; their bounds hold these.
+    let pixel = 10.0 * camera.grid::<f32>().step;
+    for i in 0..4100 {
+        let radius = pixel * (0.6 + 1e-5 * i as f32);
+        scene.spheres.push(Sphere { radius, colour: [1.0; 3].into(), centre: [0.0, 0.0, 10.0].into() });
+    }
+    for contender in packets() {
+        for format in FORMATS {
+            let picture = picture(&contender, &scene, false, format);
+            assert!(picture.iter().all(|pixel| pixel[..3] == [0; 3]), "{contender}, {format:?}");
+        }
+    }
+}
+
+/// Spheres of which each is as far as `radii` of its own, seen through a long lens, with a light among them: the terms of
+/// the short form are about three times as large as what they leave, times `radii`.
+fn far_spheres(radii: f32) -> Scene {
+    let camera = Camera::new(301, 226, radii / 18.0, 1.0).unwrap();
+    let mut scene = Scene { camera, ..many(0, 0, 1) };
+    scene.lights.truncate(1);
+    scene.lights[0].position = glam::Vec3::new(0.7, -0.4, radii - 5.0);
+    scene.lights[0].intensity = 1.0;
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row as f32, column as f32))) {
+        let centre = glam::Vec3::new(2.3 * column - 5.75, 2.3 * row - 5.75, radii);
+        scene.spheres.push(Sphere { radius: 1.0, colour: [1.0, 0.75, 0.5].into(), centre });
+    }
+    scene
+}
+
+#[test]
+fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
+    let mut short = Vec::new();
+    for radii in [50.0, 150.0, 250.0, 290.0, 330.0, 500.0, 1000.0] {
+        let scene = far_spheres(radii);
+        let truth = Truth::new(&scene);
+        for contender in packets() {
+            let bytes = bytes(&contender, &scene);
+            truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
+            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+            let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
+            let counts = report.left_out.iter().filter(|line| line.omission == Omission::Loop);
+            short.push((radii, counts.map(|line| line.count).sum::<u64>()));
+        }
+    }
+    // The limit lies among them.
+    assert!(short.iter().any(|(_, count)| (1..36).contains(count)), "{short:?}");
+}
+
+/// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
+#[test]
+fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
+    let camera = Camera::new(64, 48, 1.0, 5.0).unwrap();
+    let text = "x 64 48 1  1  1 1 1 1 0 0 0  0  0";
+    let mut scene = Scene { camera, ..scene::parse(text.as_bytes(), "wall").unwrap() };
+    for (cell, depth) in [(1, 1.0), (2, 2.0), (3, 1.5), (7, 4.0)] {
+        scene.triangles.clear();
+        for (row, column) in (-1..48).step_by(cell).flat_map(|row| (-1..64).step_by(cell).map(move |col| (row, col))) {
+            let corner = |row: i32, column: i32| {
+                let at = |i: i32| (i as f32 + 0.5) / 16.0;
+                (depth * glam::Vec3::new(at(column) - 2.0, 1.5 - at(row), 1.0)).to_array().into()
+            };
+            let cell = cell as i32;
+            let [a, b] = [corner(row, column), corner(row, column + cell)];
+            let [c, d] = [corner(row + cell, column), corner(row + cell, column + cell)];
+            for vertices in [[a, b, c], [c, b, d]] {
+                scene.triangles.push(Triangle { colour: [1.0; 3].into(), vertices });
+            }
+        }
+        for contender in packets() {
+            let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), camera, 1, PixelFormat::F32x4)
+            else {
+                unreachable!()
+            };
+            let holes = film.iter().filter(|pixel| levels(pixel.lanes())[0] == 0).count();
+            assert_eq!(holes, 0, "{contender}: cells of {cell}");
+        }
+    }
+}
