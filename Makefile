@@ -1,15 +1,18 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build mpi demo test test-mpi bench images counts accuracy stability leaving-out complexity map clean
+.PHONY: help setup build mpi demo test test-all test-mpi bench images counts accuracy stability leaving-out complexity map clean
+
+# Where everything that is built goes.
+target := $(abspath $(or $(CARGO_TARGET_DIR),target))
 
 # cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
 # after set-up. A NASM named by the user stays.
-unpacked_nasm = $(shell test -x target/tools/usr/bin/nasm && echo NASM='"$(CURDIR)/target/tools/usr/bin/nasm"')
+unpacked_nasm = $(shell test -x "$(target)/tools/usr/bin/nasm" && echo NASM='"$(target)/tools/usr/bin/nasm"')
 cargo = $(strip $(if $(NASM),,$(unpacked_nasm)) cargo)
 
 # The program that `make build` makes.
-rayo := "$${CARGO_TARGET_DIR:-target}/release/rayo"
+rayo := "$(target)/release/rayo"
 
 # Scenes that the README shows.
 shown := knot.in planet.in sunflower.in island.toml
@@ -32,15 +35,23 @@ mpi: ## Install what several processes need (Open MPI, libclang), and build the 
 demo: build ## Render two scenes on several engines, compare the pictures, and make a page of all experiments
 	@rayo=$(rayo) scripts/demo.sh
 
-test: setup ## Run everything that must pass: format, lints, tests with assembly and without, the library alone, documentation
+# What tests could not be run here, a line each.
+not_run := $(target)/not-run
+
+test: setup ## Run what must pass: format, lints, tests with assembly and without, documentation
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features --features cli -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features --features asm -- -D warnings
 	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
-	$(cargo) test --release --locked --no-default-features --features cli
-	$(cargo) test --release --locked
+	@rm -f "$(not_run)"
+	RAYO_NOT_RUN="$(not_run)" $(cargo) test --release --locked
+	$(cargo) test --release --locked --no-default-features --features cli --test pictures --test commands --test repository
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
+	@[ ! -f "$(not_run)" ] || sort -u "$(not_run)"
+
+test-all: export RAYO_ALL = 1
+test-all: test ## The same with every case of the slow tests, of which `make test` takes a sample
 
 test-mpi: mpi ## Run the lints and the tests of what several processes do
 	$(cargo) clippy --release --locked --all-targets --features mpi -- -D warnings

@@ -1,8 +1,10 @@
 //! `rayo experiment` through the program: its files, its document against the schema, and what it says of bad requests.
 
+use crate::extent;
 use crate::program;
 use std::path::Path;
 use std::process::Output;
+use std::sync::OnceLock;
 
 use crate::schema::errors;
 use serde_json::Value;
@@ -58,10 +60,16 @@ fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
     }
 }
 
+/// The document of a quick run of few engines, which is made once.
+fn of_rust() -> &'static Value {
+    static DOCUMENT: OnceLock<Value> = OnceLock::new();
+    DOCUMENT.get_or_init(|| quick(&["--engines", "rust"]).1)
+}
+
 #[test]
 fn the_schema_refuses_a_document_that_breaks_it() {
-    let (_directory, document) = quick(&["--engines", "rust"]);
-    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
+    let document = of_rust();
+    assert_eq!(errors(&experiment_schema(), document), Vec::<String>::new());
     type Damage = (&'static str, fn(&mut Value));
     let damages: [Damage; 5] = [
         ("another schema", |document| document["schema"] = 2.into()),
@@ -79,7 +87,7 @@ fn the_schema_refuses_a_document_that_breaks_it() {
 
 #[test]
 fn the_ratios_are_those_of_the_samples_and_the_shares_make_one() {
-    let (_directory, document) = quick(&["--engines", "rust"]);
+    let document = of_rust();
     for row in document["rows"].as_array().unwrap() {
         let samples = |row: &Value| row["samples"][0].as_f64().unwrap();
         let same_size = |other: &&Value| other["engine"] == "c" && other["pixels"] == row["pixels"];
@@ -115,6 +123,9 @@ impl Drop for Burner {
 #[cfg(target_os = "linux")]
 #[test]
 fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_or_there_are_none() {
+    if !extent::all() {
+        return; // half a minute
+    }
     // What a thread starts stays on its core.
     rayo::kernels::sys::pin_to_this_core().unwrap();
     let (_directory, quiet) = quick(&["--engines", "c"]);

@@ -2,6 +2,8 @@
 
 #![cfg(feature = "cli")]
 
+#[path = "../common/extent.rs"]
+mod extent;
 #[path = "../common/program.rs"]
 mod program;
 #[cfg(rayo_asm)]

@@ -151,6 +151,7 @@ mod disassembled {
 }
 
 mod table {
+    use crate::extent;
     use rayo::experiments::ops::{self, IMPLEMENTATIONS, OPS, Options, Report};
     use rayo::kernels::step;
 
@@ -235,6 +236,9 @@ mod table {
 
     #[test]
     fn every_engine_has_a_picture_whose_instructions_are_the_same_each_time_where_it_asks_for_no_memory() {
+        if !extent::all() {
+            return; // a quarter of a minute
+        }
         let (one, two) = (count(None, true).frames, count(None, true).frames);
         assert!(one.len() >= 2);
         for (one, two) in one.iter().zip(&two) {
@@ -332,6 +336,7 @@ mod callgrind {
     use std::collections::BTreeMap;
     use std::process::Command;
 
+    use crate::extent;
     use rayo::kernels::harness::KNOWN;
     use rayo::kernels::step::count_function;
     use rayo::kernels::{self, Isa, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
@@ -406,8 +411,7 @@ mod callgrind {
     #[test]
     fn callgrind_counts_the_same_instructions() {
         if Command::new("valgrind").arg("--version").output().is_err() {
-            eprintln!("valgrind is not installed: nothing was compared");
-            return;
+            return extent::not_run("valgrind", "callgrind counts the same instructions");
         }
         let folder = tempfile::tempdir().unwrap();
         let profile = folder.path().join("callgrind.out");
@@ -440,6 +444,7 @@ mod command {
     use std::path::Path;
     use std::process::{Command, Output};
 
+    use crate::extent;
     use serde_json::Value;
 
     fn run_as(program: &Path, args: &[&str]) -> Output {
@@ -481,7 +486,7 @@ mod command {
         let copy = folder.path().join("elsewhere");
         fs::copy(env!("CARGO_BIN_EXE_rayo"), &copy).unwrap();
         if !Command::new("strip").arg(&copy).status().is_ok_and(|status| status.success()) {
-            eprintln!("strip is not installed: the copy keeps its symbols");
+            extent::not_run("strip", "counts survive strip");
         }
         let counts = |output: &Output| {
             let document: Value = serde_json::from_str(&text(output)).unwrap();
@@ -590,8 +595,7 @@ mod command {
     #[test]
     fn without_the_trap_flag_executed_counts_are_not_available_and_the_reason_is_given() {
         if Command::new("valgrind").arg("--version").output().is_err() {
-            eprintln!("valgrind is not installed: nothing was tried");
-            return;
+            return extent::not_run("valgrind", "what is said without the trap flag");
         }
         let rayo = env!("CARGO_BIN_EXE_rayo");
         let args = ["-q", rayo, "ops", "--op", "add", "--engine", "paper", "--executed"];
@@ -636,8 +640,7 @@ mod command {
     #[test]
     fn under_a_debugger_executed_counts_are_not_available_and_the_reason_is_given() {
         if Command::new("strace").arg("--version").output().is_err() {
-            eprintln!("strace is not installed: nothing was tried");
-            return;
+            return extent::not_run("strace", "what is said under a debugger");
         }
         let args =
             ["-o", "/dev/null", env!("CARGO_BIN_EXE_rayo"), "ops", "--op", "add", "--engine", "paper", "--executed"];

@@ -2,6 +2,8 @@
 
 #![cfg(rayo_asm)]
 
+#[path = "../common/extent.rs"]
+mod extent;
 #[path = "../common/kernel_cases.rs"]
 mod kernel_cases;
 

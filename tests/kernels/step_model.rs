@@ -6,6 +6,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::Path;
 
+use crate::extent;
 use crate::kernel_cases::{Input, Numbers, call, implementations, seed, sphere};
 use glam::{DAffine3, DVec3, Vec3};
 use object::{Object, ObjectSection, ObjectSymbol};
@@ -132,7 +133,7 @@ fn scenes() -> Vec<(String, Scene)> {
 #[cfg_attr(not(target_os = "linux"), ignore = "instructions are recorded on Linux alone")]
 fn the_model_gives_every_bit_of_every_step_of_every_engine() {
     let mut proof = Proof::default();
-    for (index, (name, mut scene)) in scenes().into_iter().enumerate() {
+    for (index, (name, mut scene)) in extent::sampled(scenes().into_iter().enumerate(), 4) {
         let in_tiles = scene.spheres.len() + scene.triangle_count() >= 32;
         let stepped = Engine::ALL.iter().filter(|engine| engine.is_packet() || **engine == Engine::Paper);
         for (number, engine) in stepped.filter(|engine| engine.usable()).enumerate() {
@@ -171,8 +172,9 @@ fn the_model_gives_every_bit_of_what_is_stored_past_the_caches() {
     for (name, mut scene) in scenes().into_iter().filter(|(name, _)| ["sphere.in", "two-lights.in"].contains(&&**name))
     {
         scene.camera = Camera::new(WIDTH, HEIGHT, scene.camera.focal(), scene.camera.film()).unwrap();
-        for engine in Engine::ALL.iter().filter(|engine| engine.is_packet() && engine.usable()) {
-            for &precision in engine.precisions() {
+        let engines = Engine::ALL.iter().filter(|engine| engine.is_packet() && engine.usable());
+        for engine in extent::sampled(engines, 2) {
+            for &precision in extent::sampled(engine.precisions(), 2) {
                 let tracer = engine.prepare(Some(precision), &scene).unwrap();
                 for format in PixelFormat::ALL.into_iter().filter(|&format| tracer.writes(format)) {
                     let name = format!("{name} by {engine} in {precision}, {}", format.name());
@@ -189,7 +191,7 @@ fn the_model_gives_every_bit_of_what_is_stored_past_the_caches() {
 fn prove_packets<E: PacketElement>(rng: &mut Rng, proof: &mut Proof) {
     for isa in Isa::ALL {
         for op in packet_ops::<E>(isa).into_iter().flatten() {
-            for numbers in ODD {
+            for numbers in extent::sampled(ODD, 2) {
                 let mut next = || E::from_f64(numbers.next(rng).into());
                 let mut many = |count: usize| (0..count).map(|_| next()).collect::<Vec<E>>();
                 let (a, mut out) = (many(6 * op.lanes), many(2 * op.lanes * op.shape.out_numbers));
@@ -209,7 +211,7 @@ fn the_model_gives_every_bit_of_every_operation_on_odd_numbers() {
     prove_packets::<f64>(&mut rng, &mut proof);
     for (name, kernels) in implementations().into_iter().filter(|(name, _)| *name != "c") {
         for (op_name, op) in kernels.ops() {
-            for numbers in ODD {
+            for numbers in extent::sampled(ODD, 2) {
                 let inputs = [0; 8].map(|_| Input::random(op, numbers, true, &mut rng));
                 proof.of(&format!("{name} {op_name}"), || inputs.iter().for_each(|input| _ = call(op, input)));
             }

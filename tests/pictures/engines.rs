@@ -4,12 +4,15 @@ use std::fs;
 use std::path::Path;
 
 use crate::contenders::{Truth, contenders, film};
+use crate::extent;
 use rayo::measure::picture::Pixels;
-use rayo::render::{Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
+use rayo::render::{Engine, Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
 use rayo::scene::{self, Camera, Scene, many};
 
 /// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
 const MOST_TESTS: u64 = 50_000_000;
+/// As many in a sample.
+const SAMPLED_TESTS: u64 = 8_000_000;
 
 /// The project's scenes by name, at their full size or reduced to [`MOST_TESTS`].
 fn scenes() -> Vec<(String, Scene)> {
@@ -30,7 +33,8 @@ fn scenes() -> Vec<(String, Scene)> {
 fn reduced(scene: &Scene) -> Camera {
     let camera = &scene.camera;
     let objects = (scene.spheres.len() + scene.triangles.len()) as u64;
-    let factor = (MOST_TESTS as f64 / (camera.pixels() * objects.max(1)) as f64).sqrt().min(1.0);
+    let most = if extent::all() { MOST_TESTS } else { SAMPLED_TESTS };
+    let factor = (most as f64 / (camera.pixels() * objects.max(1)) as f64).sqrt().min(1.0);
     let side = |pixels: u32| ((f64::from(pixels) * factor) as u32).max(1);
     Camera::new(side(camera.width()), side(camera.height()), camera.focal(), camera.film()).unwrap()
 }
@@ -79,6 +83,14 @@ fn every_engine_agrees_with_the_reference_where_a_light_is_near_a_large_object()
         for contender in contenders() {
             truth.check(&contender, what);
         }
+    }
+}
+
+/// The other tests pass over them.
+#[test]
+fn engines_that_this_cpu_does_not_run_are_told() {
+    for engine in Engine::ALL.iter().filter(|engine| !engine.usable()) {
+        extent::not_run(engine.name(), "its kernels and its pictures");
     }
 }
 

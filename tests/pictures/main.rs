@@ -6,6 +6,8 @@ mod contenders;
 #[allow(unsafe_code)]
 #[path = "../common/counting.rs"]
 mod counting;
+#[path = "../common/extent.rs"]
+mod extent;
 #[cfg(feature = "cli")]
 #[path = "../common/program.rs"]
 mod program;

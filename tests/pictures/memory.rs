@@ -1,6 +1,7 @@
 //! How much memory a picture of many objects takes beside its scene.
 
 use crate::counting::peak_of;
+use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
 use rayo::scene::mesh::shapes::icosphere;
@@ -65,7 +66,7 @@ fn a_triangle_in_as_many_tiles_as_are_kept_takes_at_most_190_bytes_beside_the_sc
         ("all over", long(COUNT, camera, |rng| [rng.next_u64() % 15, rng.next_u64() % 38].map(|tile| tile as u32))),
         ("all in the same tiles, behind them a wall", with_large),
     ] {
-        for &precision in Engine::fastest().precisions() {
+        for &precision in extent::sampled(Engine::fastest().precisions(), 3) {
             let each = peak_beside(&scene, precision).saturating_sub(FIXED) as f64 / COUNT as f64;
             assert!(each <= 190.0, "{name} in {precision}: {each:.1} bytes for each");
             // 16 in each list: there is nothing worse.
@@ -112,7 +113,7 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
     }
     for (name, scene) in scenes {
         let count = scene.triangle_count();
-        for &precision in Engine::fastest().precisions() {
+        for &precision in extent::sampled(Engine::fastest().precisions(), 3) {
             let peak = peak_beside(&scene, precision);
             let each = peak.saturating_sub(FIXED) as f64 / count as f64;
             assert!(each <= 200.0, "{name} of {count} in {precision}: {peak} bytes, {each:.1} for each");
