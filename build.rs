@@ -5,20 +5,29 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
+/// The most objects of a kind that a rung of the ladder takes.
+const LADDER_MOST: usize = 64;
+
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=asm/include");
-    println!("cargo::rustc-check-cfg=cfg(rayo_asm)");
+    println!("cargo::rustc-check-cfg=cfg(rayo_asm, rayo_c)");
     println!("cargo::rustc-env=RAYO_RUSTC={}", first_line(env::var("RUSTC").unwrap(), "--version"));
     let out = PathBuf::from(env::var_os("OUT_DIR").unwrap());
     let [paper, tiles] = ["layout.inc", "tile_layout.inc"].map(layout::Layout::read);
     // C has no tiles.
     fs::write(out.join("layout.h"), paper.to_c()).unwrap();
     fs::write(out.join("layout.rs"), paper.to_rust() + &tiles.to_rust()).unwrap();
-    #[cfg(feature = "asm")]
-    if env::var("CARGO_CFG_TARGET_ARCH").as_deref() == Ok("x86_64") {
-        native::build(&out);
+    if cfg!(feature = "lab") {
+        // Those of a build that has no kernels.
+        fs::write(out.join("objects.rs"), "&[]").unwrap();
+        fs::write(out.join("rungs.rs"), format!("rungs! {{ most {LADDER_MOST}; }}")).unwrap();
+        for unit in ["sse41", "avx2", "avx512"] {
+            fs::write(out.join(format!("{unit}.lines")), "").unwrap();
+        }
     }
+    #[cfg(any(feature = "asm", feature = "c"))]
+    native::build(&out);
 }
 
 /// The first line of what `program flag` prints; empty where it cannot be run.
@@ -28,7 +37,7 @@ fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
 }
 
-#[cfg(feature = "asm")]
+#[cfg(any(feature = "asm", feature = "c"))]
 mod native {
     use std::env;
     use std::fmt::Write as _;
@@ -36,11 +45,11 @@ mod native {
     use std::hash::{DefaultHasher, Hash, Hasher};
     use std::path::{Path, PathBuf};
 
-    use super::first_line;
+    use super::{LADDER_MOST, first_line};
 
     /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
     /// Those of the engines.
-    #[cfg(feature = "lab")]
+    #[cfg(all(feature = "asm", feature = "lab"))]
     const TRACERS: [&str; 3] = ["sse41", "avx2", "avx512"];
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
     const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
@@ -76,8 +85,6 @@ mod native {
     const FAST: &str = "-ffast-math";
     /// gcc would make one branch of several selections that ask the same, and then find no lanes.
     const NO_BRANCHES: &str = "-fno-thread-jumps";
-    /// The most objects of a kind that a rung takes.
-    const LADDER_MOST: usize = 64;
 
     struct Rung {
         name: &'static str,
@@ -97,32 +104,36 @@ mod native {
         V4,
     }
 
+    #[cfg(feature = "asm")]
     const NASM_MISSING: &str = "NASM 2.15 or newer is needed to assemble the kernels. Install the package `nasm`: \
         `apt install nasm`, `dnf install nasm`, `pacman -S nasm`, `zypper install nasm` or `brew install nasm`; \
         or name another one in the variable NASM; \
-        or build the engines in Rust alone with --no-default-features --features cli";
+        or build without the kernels in assembly: --no-default-features --features c,cli";
     const CC_MISSING: &str = "a C compiler is needed for the paper's C. Install the package `gcc`: `apt install gcc libc6-dev`, \
         `dnf install gcc`, `pacman -S gcc`, `zypper install gcc` or `xcode-select --install`; \
         or name another one in the variable CC; \
-        or build the engines in Rust alone with --no-default-features --features cli";
+        or build without the engine in C: --no-default-features --features asm,cli";
 
     pub fn build(out: &Path) {
         println!("cargo::rerun-if-changed=asm");
         println!("cargo::rerun-if-changed=src/kernels/c");
         println!("cargo::rerun-if-env-changed=NASM");
-        println!("cargo::rustc-cfg=rayo_asm");
 
         let assembled = assemble(out);
-        let compiled = compile(out);
+        let compiled = if cfg!(feature = "c") { compile(out) } else { Vec::new() };
         let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
-        // What is counted, timed and taken apart, and rendered by no engine.
+        if objects.is_empty() {
+            return;
+        }
+        // What is counted, timed and taken apart, and rendered by no engine. C is so beside assembly alone.
         if cfg!(feature = "lab") {
-            let levels: Vec<_> = C_LEVELS.iter().map(|&level| compile_level(out, level)).collect();
+            let both = !assembled.is_empty() && !compiled.is_empty();
+            let levels = if both { C_LEVELS.map(|level| compile_level(out, level)).to_vec() } else { Vec::new() };
             let named = UNITS.iter().zip(&assembled).chain(C_SOURCES.iter().zip(&compiled));
             let named = named.chain(C_LEVELS.iter().map(|(name, ..)| name).zip(&levels));
             fs::write(out.join("objects.rs"), objects_to_rust(named)).unwrap();
             objects.extend(levels);
-            objects.extend(compile_rungs(out));
+            objects.extend(if both { compile_rungs(out) } else { Vec::new() });
         }
         let mut kernels = DefaultHasher::new();
         objects.iter().for_each(|object| fs::read(object).unwrap().hash(&mut kernels));
@@ -134,7 +145,17 @@ mod native {
         }
     }
 
+    #[cfg(not(feature = "asm"))]
+    fn assemble(_: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    #[cfg(feature = "asm")]
     fn assemble(out: &Path) -> Vec<PathBuf> {
+        if env::var("CARGO_CFG_TARGET_ARCH").as_deref() != Ok("x86_64") {
+            return Vec::new();
+        }
+        println!("cargo::rustc-cfg=rayo_asm");
         // A call for each unit, since each has a listing of its own.
         let objects = std::thread::scope(|threads| {
             let units = UNITS.map(|unit| threads.spawn(move || assemble_unit(out, unit)));
@@ -145,6 +166,7 @@ mod native {
         objects
     }
 
+    #[cfg(feature = "asm")]
     fn assemble_unit(out: &Path, unit: &str) -> PathBuf {
         let mut nasm = nasm_rs::Build::new();
         nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
@@ -188,6 +210,7 @@ mod native {
     }
 
     fn compile(out: &Path) -> Vec<PathBuf> {
+        println!("cargo::rustc-cfg=rayo_c");
         let mut c = compiler(out);
         c.files(C_SOURCES.map(|source| format!("src/kernels/c/{source}.c")));
         let compiler = c.try_get_compiler().unwrap_or_else(|error| fail(CC_MISSING, &error.to_string()));

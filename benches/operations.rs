@@ -12,9 +12,7 @@ use std::hint::black_box;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3A;
-#[cfg(rayo_asm)]
-use rayo::kernels::{self, AosKernels, Op, Plain};
-use rayo::kernels::{Light, Sphere, Surface, Triangle, Vec4};
+use rayo::kernels::{self, AosKernels, Light, Op, Plain, Sphere, Surface, Triangle, Vec4};
 use rayo::reference::aos::{self, Form};
 use rayo::scene::Rng;
 
@@ -90,14 +88,13 @@ fn row<A, B, O: Default>(
 }
 
 /// A group with a row for each table of kernels that this CPU runs.
-#[cfg(rayo_asm)]
 fn kernel_rows<A: Plain, B: Plain, O: Plain + Default>(
     group: &mut BenchmarkGroup<WallTime>,
     op: impl Fn(&AosKernels) -> Op<A, B, O>,
     a: &[A],
     b: &[B],
 ) {
-    for (name, kernels) in [("c", Some(kernels::c())), ("paper", kernels::paper()), ("aos", kernels::aos())] {
+    for (name, kernels) in [("c", kernels::c()), ("paper", kernels::paper()), ("aos", kernels::aos())] {
         if let Some(op) = kernels.map(&op) {
             row(group, name, a, b, |out, a, b| op.call_into(out, a, b));
         }
@@ -120,7 +117,6 @@ fn operations(c: &mut Criterion) {
     macro_rules! group {
         ($name:ident, $a:expr, $b:expr, twin $twin:expr $(, glam $glam_a:expr, $glam_b:expr => $glam:expr)?) => {{
             let mut group = c.benchmark_group(stringify!($name));
-            #[cfg(rayo_asm)]
             kernel_rows(&mut group, |kernels| kernels.$name, $a, $b);
             row(&mut group, "twin", $a, $b, |out, a, b| *out = $twin(a, b));
             $(row(&mut group, "glam", $glam_a, $glam_b, |out, a, b| *out = $glam(a, b));)?

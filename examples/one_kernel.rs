@@ -1,77 +1,67 @@
 //! One kernel called on vectors: the dot product as the paper's C, as the paper's macro, and in packets of each width.
 //!
 //! `cargo run --release --example one_kernel`. Calls are safe: whoever holds a table of kernels has proved that the CPU runs
-//! them, and a kernel compares lengths before it starts. It needs the library with the feature `asm`, on x86-64.
+//! them, and a kernel compares lengths before it starts. It needs the library with the features `asm` and `c`; a build without one of
+//! them, or for another CPU than x86-64, has fewer tables.
 
-/// The kernels are there if the build script found an x86-64 to make them for.
-#[cfg(rayo_asm)]
-mod dot {
-    use rayo::glam::Vec3;
-    use rayo::kernels::{Isa, Vec4, c, packet_ops, paper};
+use rayo::glam::Vec3;
+use rayo::kernels::{Isa, Vec4, c, packet_ops, paper};
 
-    /// The products of each pair, by the names of those who computed them.
-    pub type Products = Vec<(&'static str, Vec<f32>)>;
+/// The products of each pair, by the names of those who computed them.
+type Products = Vec<(&'static str, Vec<f32>)>;
 
-    /// a . b of every pair, by everything that this CPU runs.
-    pub fn products(pairs: &[(Vec3, Vec3)]) -> Products {
-        let mut all = Vec::new();
-        // One vector in one register, as the paper has it: x, y, z and 0.
-        let register = |Vec3 { x, y, z }: Vec3| Vec4 { x, y, z, w: 0.0 };
-        for (name, kernels) in [("c", Some(c())), ("paper", paper())] {
-            let Some(kernels) = kernels else { continue };
-            let product = |(a, b): &(Vec3, Vec3)| kernels.dot.call(&register(*a), &register(*b));
-            all.push((name, pairs.iter().map(product).collect()));
-        }
-        // One vector in each lane: of 4, 8 or 16 vectors all x, then all y, then all z.
-        for isa in Isa::ALL {
-            let Some(ops) = packet_ops::<f32>(isa) else { continue };
-            let dot = ops.iter().find(|op| op.name == "dot").expect("packets have every operation");
-            let packets = pairs.len().div_ceil(dot.lanes);
-            let turned = |side: fn(&(Vec3, Vec3)) -> Vec3| {
-                let mut numbers = vec![0.0; 3 * dot.lanes * packets];
-                for (packet, pairs) in numbers.chunks_mut(3 * dot.lanes).zip(pairs.chunks(dot.lanes)) {
-                    for (lane, pair) in pairs.iter().enumerate() {
-                        let Vec3 { x, y, z } = side(pair);
-                        [packet[lane], packet[dot.lanes + lane], packet[2 * dot.lanes + lane]] = [x, y, z];
-                    }
+/// a . b of every pair, by everything that this CPU runs.
+fn products(pairs: &[(Vec3, Vec3)]) -> Products {
+    let mut all = Vec::new();
+    // One vector in one register, as the paper has it: x, y, z and 0.
+    let register = |Vec3 { x, y, z }: Vec3| Vec4 { x, y, z, w: 0.0 };
+    for (name, kernels) in [("c", c()), ("paper", paper())] {
+        let Some(kernels) = kernels else { continue };
+        let product = |(a, b): &(Vec3, Vec3)| kernels.dot.call(&register(*a), &register(*b));
+        all.push((name, pairs.iter().map(product).collect()));
+    }
+    // One vector in each lane: of 4, 8 or 16 vectors all x, then all y, then all z.
+    for isa in Isa::ALL {
+        let Some(ops) = packet_ops::<f32>(isa) else { continue };
+        let dot = ops.iter().find(|op| op.name == "dot").expect("packets have every operation");
+        let packets = pairs.len().div_ceil(dot.lanes);
+        let turned = |side: fn(&(Vec3, Vec3)) -> Vec3| {
+            let mut numbers = vec![0.0; 3 * dot.lanes * packets];
+            for (packet, pairs) in numbers.chunks_mut(3 * dot.lanes).zip(pairs.chunks(dot.lanes)) {
+                for (lane, pair) in pairs.iter().enumerate() {
+                    let Vec3 { x, y, z } = side(pair);
+                    [packet[lane], packet[dot.lanes + lane], packet[2 * dot.lanes + lane]] = [x, y, z];
                 }
-                numbers
-            };
-            let mut out = vec![0.0; dot.lanes * packets];
-            dot.call(&mut out, &turned(|pair| pair.0), &turned(|pair| pair.1));
-            // The lanes beyond the last pair held zeros.
-            out.truncate(pairs.len());
-            all.push((isa.name(), out));
-        }
-        all
+            }
+            numbers
+        };
+        let mut out = vec![0.0; dot.lanes * packets];
+        dot.call(&mut out, &turned(|pair| pair.0), &turned(|pair| pair.1));
+        // The lanes beyond the last pair held zeros.
+        out.truncate(pairs.len());
+        all.push((isa.name(), out));
     }
-
-    /// So many pairs of whole numbers, whose products are exact however they are rounded and summed.
-    pub fn pairs(count: u8) -> Vec<(Vec3, Vec3)> {
-        let vector = |n: u8| Vec3::new(f32::from(n), 2.0, -1.0);
-        (0..count).map(|n| (vector(n), vector(n / 2))).collect()
-    }
+    all
 }
 
-#[cfg(rayo_asm)]
+/// So many pairs of whole numbers, whose products are exact however they are rounded and summed.
+fn pairs(count: u8) -> Vec<(Vec3, Vec3)> {
+    let vector = |n: u8| Vec3::new(f32::from(n), 2.0, -1.0);
+    (0..count).map(|n| (vector(n), vector(n / 2))).collect()
+}
+
 fn main() {
-    for (name, products) in dot::products(&dot::pairs(6)) {
+    for (name, products) in products(&pairs(6)) {
         println!("{name:8} {products:?}");
     }
 }
 
-#[cfg(not(rayo_asm))]
-fn main() {
-    println!("this build has no kernels: they are for x86-64");
-}
-
-#[cfg(rayo_asm)]
 #[test]
 fn all_of_them_give_the_product() {
-    let pairs = dot::pairs(21);
+    let pairs = pairs(21);
     let expected: Vec<_> = pairs.iter().map(|(a, b)| a.dot(*b)).collect();
-    let all = dot::products(&pairs);
-    assert!(all.len() > 1);
+    let all = products(&pairs);
+    assert!(!all.is_empty());
     for (name, products) in all {
         assert_eq!(products, expected, "{name}");
     }

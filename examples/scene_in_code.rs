@@ -1,7 +1,7 @@
 //! A scene built in code and rendered into a buffer on every core: no file is read and none is written.
 //!
 //! `cargo run --release --example scene_in_code` shows it in letters. It needs the library alone:
-//! `rayo = { version = "0.1", default-features = false, features = ["asm"] }`, or without `asm` the engines in Rust.
+//! `rayo = { version = "0.1", default-features = false, features = ["asm", "c"] }`, or without these the engines in Rust.
 
 use std::error::Error;
 use std::thread::available_parallelism;

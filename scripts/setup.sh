@@ -189,7 +189,7 @@ advise() {
         [ -z "$command" ] || say "  $command"
     done
     # rustc needs cc to link.
-    [ "$*" != nasm ] || say "Or build the engines in Rust alone: cargo build --release --no-default-features --features cli"
+    [ "$*" != nasm ] || say "Or build without it: cargo build --release --no-default-features --features c,cli"
     exit 1
 }
 

@@ -28,7 +28,6 @@ pub(super) fn absent_engines() -> Option<String> {
 }
 
 /// The prose of what only assembly has, with a figure in place of each `{what it is}`.
-#[cfg(rayo_asm)]
 pub(super) fn filled(prose: &str, figure: impl Fn(&str) -> String) -> String {
     let mut pieces = prose.split('{');
     let mut text = pieces.next().unwrap_or_default().to_owned();
@@ -48,7 +47,6 @@ mod tests {
         assert_eq!(["one", "two"].map(|name| super::part(prose, name)), ["A {b} c.\n\n", "D\n"]);
     }
 
-    #[cfg(rayo_asm)]
     #[test]
     fn figures_go_in_place_of_what_they_are() {
         assert_eq!(super::filled("A {b} {c d}.", |what| what.repeat(2)), "A bb c dc d.");

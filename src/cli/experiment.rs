@@ -1,12 +1,8 @@
 //! `rayo experiment`: the paper's section 5 again, its table beside ours, and where the factor comes from.
 
-#[cfg(rayo_asm)]
 pub mod complexity;
-#[cfg(rayo_asm)]
 mod one_run;
-#[cfg(rayo_asm)]
 pub mod run;
-#[cfg(rayo_asm)]
 pub mod table;
 
 use std::path::PathBuf;
@@ -14,10 +10,9 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::Failure;
-#[cfg(rayo_asm)]
-use super::for_one_process;
 use super::party::Party;
+use super::{Failure, for_one_process};
+use crate::render::Engine;
 
 /// No run of this experiment says more after so many.
 const MAX_RUNS: u64 = 100_000;
@@ -69,7 +64,6 @@ pub struct ExperimentArgs {
     core: Option<usize>,
 }
 
-#[cfg(rayo_asm)]
 impl ExperimentArgs {
     /// All of it, for those that measure more than that; they write their own files.
     pub fn whole(quick: bool) -> Self {
@@ -78,8 +72,11 @@ impl ExperimentArgs {
 }
 
 /// Measures, prints and writes; or is one run of it.
-#[cfg(rayo_asm)]
 pub fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
+    // Those that the paper compares.
+    for engine in ["c", "paper"] {
+        engine.parse::<Engine>().map_err(Failure::input)?;
+    }
     match args.one_run {
         Some(number) if party.is_alone() => one_run::measure(args, number),
         Some(_) => Err(for_one_process()),
@@ -87,11 +84,4 @@ pub fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
         None if !party.is_alone() => Err(for_one_process()),
         None => run::run(args),
     }
-}
-
-/// The engines that the paper compares are not in this build.
-#[cfg(not(rayo_asm))]
-pub fn run(_: &ExperimentArgs, _: &Party) -> Result<ExitCode, Failure> {
-    use crate::render::Engine;
-    Err("c".parse::<Engine>().map_or_else(Failure::input, |_| unreachable!("the engine `c` is made of C")))
 }

@@ -66,7 +66,7 @@ impl Info {
     }
 
     fn text(&self) -> String {
-        let or_none = |text: Option<&str>| text.unwrap_or("none (built without assembly)").to_owned();
+        let of = |text: Option<&str>, what| text.map_or(format!("none (built without {what})"), str::to_owned);
         let clock = match (self.tsc_hz, self.tsc_invariant) {
             (Some(hz), Some(true)) => format!("{:.3} GHz, invariant", hz / 1e9),
             (Some(hz), _) => format!("{:.3} GHz, not known to be invariant", hz / 1e9),
@@ -84,9 +84,9 @@ impl Info {
             ("ISA", isa.collect::<Vec<_>>().join(", ")),
             ("engines", self.engines.join(", ")),
             ("auto", self.auto.to_owned()),
-            ("NASM", or_none(self.nasm)),
-            ("C compiler", or_none(self.cc)),
-            ("C flags", or_none(self.cflags)),
+            ("NASM", of(self.nasm, "assembly")),
+            ("C compiler", of(self.cc, "C")),
+            ("C flags", of(self.cflags, "C")),
             ("Rust", self.rustc.to_owned()),
         ];
         lines.map(|(name, value)| format!("{name:<12} {value}\n")).concat()

@@ -32,6 +32,7 @@ use serde::Serialize;
 use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
+use crate::kernels::Isa;
 use crate::render::remove_unfinished;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
@@ -89,6 +90,16 @@ impl Failure {
 /// What several processes have nothing to do for.
 fn for_one_process() -> Failure {
     Failure::input("this command is for one process: start it without MPI")
+}
+
+/// Refuses `what` where the kernels in assembly that it is about are not in this build.
+fn require_assembly(what: &str) -> Result<(), Failure> {
+    if Isa::Sse41.built() {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "this build has no kernels in assembly {what}: it was built without the feature `asm`, or not for x86-64"
+    )))
 }
 
 /// Standard output is closed or full.
@@ -168,7 +179,6 @@ fn colour_on_stdout() -> bool {
 }
 
 /// Text in a style of terminals (SGR), such as 1 for bold, where there are colours.
-#[cfg(rayo_asm)]
 fn styled(colour: bool, code: &str, text: &str) -> String {
     if colour && !text.is_empty() { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.into() }
 }

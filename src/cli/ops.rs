@@ -1,18 +1,18 @@
 //! `rayo ops`: instructions of every operation in every implementation, and what they cost.
 
-#[cfg(rayo_asm)]
 mod listing;
-#[cfg(rayo_asm)]
 mod markdown;
-#[cfg(rayo_asm)]
 mod table;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
 
-use super::Failure;
+use super::{Failure, colour_on_stdout, convert, print_result, require_assembly, terminal_width};
+use crate::experiments::ops::{self, IMPLEMENTATIONS, Options};
+use crate::measure::instructions::functions;
 
 /// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
 ///
@@ -57,21 +57,14 @@ pub struct OpsArgs {
 }
 
 /// Functions of the objects, as JSON.
-#[cfg(rayo_asm)]
 #[derive(serde::Serialize)]
 struct Listed<T> {
     kernels: Vec<T>,
 }
 
 /// Counts and prints.
-#[cfg(rayo_asm)]
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    use std::io::Write;
-
-    use super::{colour_on_stdout, convert, print_result, terminal_width};
-    use crate::experiments::ops::{self, Options};
-    use crate::measure::instructions::functions;
-
+    require_assembly("to count")?;
     let (width, colour) = (terminal_width().unwrap_or(120), colour_on_stdout());
     if args.kernels {
         let kernels = Listed { kernels: functions() };
@@ -109,19 +102,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Without assembly there is nothing to count.
-#[cfg(not(rayo_asm))]
-pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
-    let OpsArgs { op: _, engine: _, asm: _, kernel: _, kernels: _, executed: _, json: _, markdown: _, figure: _ } =
-        args;
-    Err(Failure::input("this build has no kernels in assembly or C to count: it was built without the feature `asm`"))
-}
-
 /// The implementations that are meant; None for all.
-#[cfg(rayo_asm)]
 fn implementations(engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
-    use crate::experiments::ops::IMPLEMENTATIONS;
-
     let mut wanted = Vec::new();
     for engine in engines {
         let prefix = format!("{engine}-");

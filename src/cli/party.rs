@@ -39,7 +39,6 @@ pub struct Party {
 
 impl Party {
     /// This process by itself.
-    #[cfg(rayo_asm)]
     pub const ALONE: Party = Party {
         #[cfg(feature = "mpi")]
         ranks: None,

@@ -1,8 +1,6 @@
 //! `rayo report`: all experiments, or the results of earlier ones, as one page.
 
-#[cfg(rayo_asm)]
 mod page;
-#[cfg(rayo_asm)]
 mod run;
 
 use std::path::PathBuf;
@@ -10,7 +8,10 @@ use std::process::ExitCode;
 
 use clap::Args;
 
-use super::Failure;
+use super::experiment::table::summary;
+use super::measuring::{create_directory, write_file};
+use super::{Failure, json, print, require_assembly, say};
+use crate::experiments::report::Results;
 
 /// Run every experiment and make one page of the results; or make it of results that are there, of one machine or several
 ///
@@ -34,15 +35,10 @@ pub struct ReportArgs {
 }
 
 /// Measures or reads, and writes the page.
-#[cfg(rayo_asm)]
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
-    use super::experiment::table::summary;
-    use super::measuring::{create_directory, write_file};
-    use super::{json, print, say};
-    use crate::experiments::report::Results;
-
     let mut stopped = false;
     let machines = if args.from.is_empty() {
+        require_assembly("to report on")?;
         create_directory(&args.out)?;
         let results = run::stages(args.quick, &mut stopped)?;
         write_file(&args.out, "results.json", json(&results)?.as_bytes())?;
@@ -61,14 +57,4 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     let summaries = machines.iter().filter_map(|results| results.experiment.as_ref()).map(summary);
     print(&format!("{}\n{}\n", summaries.collect::<Vec<_>>().join("\n"), args.out.join("report.html").display()))?;
     Ok(if stopped { ExitCode::from(130) } else { ExitCode::SUCCESS })
-}
-
-/// Most of what would be in it is not in this build.
-#[cfg(not(rayo_asm))]
-pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
-    let ReportArgs { quick: _, from: _, out: _ } = args;
-    Err(Failure::input(
-        "this build has no kernels in assembly or C to report on: it was built without the feature `asm`; `rayo accuracy` and \
-         `rayo stability` work",
-    ))
 }

@@ -1,18 +1,19 @@
 //! `rayo step`: one ray, or one operation, instruction by instruction.
 
-#[cfg(rayo_asm)]
 mod html;
-#[cfg(rayo_asm)]
 pub mod text;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
 use clap::Args;
 
-use super::Failure;
-use super::view::ViewArgs;
+use super::view::{ViewArgs, tell};
+use super::{Failure, colour_on_stdout, convert, print_result, remove_part_files_on_signals, require_assembly};
+use crate::experiments::step::{self, Ray, WatchError};
+use crate::render::{Engine, Precision};
 
 /// Watch one ray go through the kernels that trace it, instruction by instruction
 ///
@@ -72,7 +73,6 @@ pub struct StepArgs {
 
 /// A column and a row.
 #[derive(Clone, Copy, Debug)]
-#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "it is checked as in every build"))]
 struct Pixel(u32, u32);
 
 impl FromStr for Pixel {
@@ -87,7 +87,6 @@ impl FromStr for Pixel {
 
 /// Up to three numbers.
 #[derive(Clone, Debug)]
-#[cfg_attr(not(rayo_asm), expect(dead_code, reason = "it is checked as in every build"))]
 struct Vector(Vec<f32>);
 
 impl FromStr for Vector {
@@ -103,15 +102,8 @@ impl FromStr for Vector {
 }
 
 /// Watches and prints.
-#[cfg(rayo_asm)]
 pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
-    use std::io::Write;
-
-    use super::view::tell;
-    use super::{colour_on_stdout, convert, print_result, remove_part_files_on_signals};
-    use crate::experiments::step::{self, Ray, WatchError};
-    use crate::render::{Engine, Precision};
-
+    require_assembly("to watch")?;
     let failure = |error: WatchError| match error {
         WatchError::Unavailable(_) | WatchError::Memory | WatchError::Differs(..) => Failure::output(error),
         _ => Failure::input(error),
@@ -153,10 +145,4 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     let how = text::How { depth: args.depth, only: args.only.clone(), error: args.error, colour: colour_on_stdout() };
     print_result(args.json, &watched, || text::text(&watched, &how))?;
     Ok(verdict)
-}
-
-/// Without assembly there is nothing to watch.
-#[cfg(not(rayo_asm))]
-pub fn run(_: &StepArgs) -> Result<ExitCode, Failure> {
-    Err(Failure::input("this build has no kernels in assembly to watch: it was built without the feature `asm`"))
 }

@@ -2,14 +2,12 @@
 
 use std::fmt::Write as _;
 
-#[cfg(rayo_asm)]
 use maud::{Markup, html};
 
 /// A column of a table that has a row for each `T`: its head, and what is in a cell.
 pub type Column<T> = (&'static str, fn(&T) -> String);
 
 /// A line of the heads, and one for each row.
-#[cfg(rayo_asm)]
 pub fn csv<T>(columns: &[Column<T>], rows: &[T]) -> String {
     let heads = columns.iter().map(|(head, _)| (*head).to_owned()).collect::<Vec<_>>();
     let cells = |row: &T| columns.iter().map(|(_, cell)| cell(row)).collect();
@@ -36,7 +34,6 @@ impl Table {
     }
 
     /// As a part of a page; the first cell of a row is its head.
-    #[cfg(rayo_asm)]
     pub fn html(&self) -> Markup {
         let class = |place: usize| if place < self.left { "left" } else { "number" };
         html! {
@@ -67,7 +64,6 @@ impl Table {
     }
 
     /// The same table with so many columns aligned to the left.
-    #[cfg(rayo_asm)]
     pub fn left(self, left: usize) -> Self {
         Table { left, ..self }
     }

@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::PictureError;
-#[cfg(rayo_asm)]
 use crate::kernels::Isa;
 use crate::measure::names::{self, Name};
 use crate::measure::statistics::{mad, median, minimum};
@@ -135,9 +134,7 @@ impl Contender {
     /// picture of one colour it is none or all.
     pub fn levels_by_estimates(self, output: PixelFormat) -> f64 {
         let levels = match self.engine {
-            #[cfg(rayo_asm)]
             Engine::Packet(Isa::Avx512) => ESTIMATES / 6.0,
-            #[cfg(rayo_asm)]
             Engine::Packet(_) => ESTIMATES,
             _ => 0.0,
         };
@@ -309,12 +306,10 @@ pub fn measure_all(
 ) -> Result<Option<Measured>, PictureError> {
     let measured = measure(subject, &contenders_and_options(), quick, clock, (hz, cycles), proceed)?;
     let Some(rows) = measured else { return Ok(None) };
-    let against_plain = Vec::new();
-    #[cfg(rayo_asm)]
     let against_plain = if subject.family.is_none() {
         plain::against_plain(&subject.name, &subject.scene, clock, hz, proceed)?.unwrap_or_default()
     } else {
-        against_plain
+        Vec::new()
     };
     Ok(Some(Measured { rows, against_plain }))
 }

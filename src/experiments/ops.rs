@@ -109,7 +109,12 @@ pub struct Compilers {
 impl Compilers {
     /// Those of this build.
     pub fn this() -> Self {
-        Compilers { nasm: env!("RAYO_NASM"), cc: env!("RAYO_CC"), rustc: env!("RAYO_RUSTC") }
+        let or_none = |version: Option<&'static str>| version.unwrap_or("none");
+        Compilers {
+            nasm: or_none(option_env!("RAYO_NASM")),
+            cc: or_none(option_env!("RAYO_CC")),
+            rustc: env!("RAYO_RUSTC"),
+        }
     }
 }
 

@@ -287,7 +287,6 @@ impl StabilityReport {
         if document.complete && settings.case.is_none() {
             document.costs = cost::measure(&settings.families, &settings.contenders, settings.quick)?;
         }
-        #[cfg(rayo_asm)]
         if document.complete && settings.case.is_none() {
             document.operations = operations::sweep(&settings.families, settings.seed, settings.quick);
         }

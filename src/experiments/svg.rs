@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use plotters::coord::Shift;
-#[cfg(rayo_asm)]
 use plotters::coord::combinators::LogCoord;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::drawing::DrawingAreaErrorKind;
@@ -83,7 +82,6 @@ pub(super) enum Mark {
     /// A square's outline.
     Square,
     /// Two strokes.
-    #[cfg(rayo_asm)]
     Cross,
     /// A line.
     Line,
@@ -102,7 +100,6 @@ pub(super) fn mark(
         Mark::Dot => area.draw(&Circle::new((x, y), size, colour.filled())),
         Mark::Triangle => area.draw(&TriangleMarker::new((x, y), size + 1, colour.filled())),
         Mark::Square => area.draw(&Rectangle::new([(x - size, y - size), (x + size, y + size)], thick)),
-        #[cfg(rayo_asm)]
         Mark::Cross => area.draw(&Cross::new((x, y), size, thick)),
         Mark::Line => area.draw(&PathElement::new([(x - 8, y), (x + 8, y)], thick)),
     }?)
@@ -156,7 +153,6 @@ where
 }
 
 /// A chart on two logarithmic axes, with what each is of.
-#[cfg(rayo_asm)]
 pub(super) fn log_chart<'a, 'b>(
     area: &'a Area<'b>,
     x: (Range<f64>, &str),

@@ -1,5 +1,6 @@
 //! The paper's C as small functions that take vectors by value, at each optimisation level: to be counted, by no engine.
 
+use super::isa::detected;
 use super::types::{Light, Sphere, Triangle, Vec4};
 
 /// A ray as the paper's C has it.
@@ -15,15 +16,15 @@ pub struct Ray {
 /// What a level may use beyond x86-64, in the order of the bits in by_value.c.
 fn feature_usable(bit: u32) -> bool {
     match bit {
-        0 => is_x86_feature_detected!("sse4.1"),
-        1 => is_x86_feature_detected!("avx"),
-        2 => is_x86_feature_detected!("avx2"),
-        3 => is_x86_feature_detected!("fma"),
-        4 => is_x86_feature_detected!("bmi2"),
-        5 => is_x86_feature_detected!("avx512f"),
-        6 => is_x86_feature_detected!("avx512vl"),
-        7 => is_x86_feature_detected!("avx512dq"),
-        8 => is_x86_feature_detected!("avx512bw"),
+        0 => detected!("sse4.1"),
+        1 => detected!("avx"),
+        2 => detected!("avx2"),
+        3 => detected!("fma"),
+        4 => detected!("bmi2"),
+        5 => detected!("avx512f"),
+        6 => detected!("avx512vl"),
+        7 => detected!("avx512dq"),
+        8 => detected!("avx512bw"),
         _ => false,
     }
 }
@@ -31,7 +32,10 @@ fn feature_usable(bit: u32) -> bool {
 macro_rules! by_value {
     ($list:tt $($level:literal)*) => {
         by_value!(@table $list);
-        static LEVELS: &[ByValue] = &[$(by_value!(@level $level $list)),*];
+        static LEVELS: &[ByValue] = &[$(
+            #[cfg(all(rayo_asm, rayo_c))]
+            by_value!(@level $level $list),
+        )*];
     };
     (@table {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {
         /// The functions at one level.
@@ -39,7 +43,7 @@ macro_rules! by_value {
             /// The level as build.rs names it: O0, O1, O2, O3, or native for -O3 -march=native.
             pub level: &'static str,
             features: &'static u32,
-            $($name: unsafe extern "sysv64" fn($($arg: $type),*) -> $out,)*
+            $($name: convention!(type($($type),*) -> $out),)*
         }
 
         impl ByValue {
@@ -60,12 +64,12 @@ macro_rules! by_value {
         }
     };
     (@level $level:literal {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {{
-        unsafe extern "sysv64" {
+        convention! { foreign {
             #[link_name = concat!("rayo_c_", $level, "_features")]
             safe static FEATURES: u32;
             $(#[link_name = concat!("rayo_c_", $level, "_", stringify!($name))]
             fn $name($($arg: $type),*) -> $out;)*
-        }
+        } }
         ByValue { level: $level, features: &FEATURES, $($name,)* }
     }};
 }
@@ -96,7 +100,8 @@ by_value! {
     "O0" "O1" "O2" "O3" "native"
 }
 
-/// The functions at a level. None where the CPU lacks what they were compiled for, or where there is no such level.
+/// The functions at a level. None where the CPU lacks what they were compiled for, or where there is no such level, as in a build
+/// without C.
 pub fn by_value(level: &str) -> Option<&'static ByValue> {
     let functions = LEVELS.iter().find(|functions| functions.level == level)?;
     let usable = (0..u32::BITS).all(|bit| functions.features >> bit & 1 == 0 || feature_usable(bit));

@@ -2,12 +2,34 @@
 
 use std::sync::Mutex;
 
+use super::isa::detected;
+
+/// What keeps the convention of all kernels, a type, a definition, or foreign declarations: System V's on x86-64, whatever
+/// the operating system, and elsewhere that of C.
+#[cfg(target_arch = "x86_64")]
+macro_rules! convention {
+    ($($of:tt)*) => { with_abi! { "sysv64" $($of)* } };
+}
+#[cfg(not(target_arch = "x86_64"))]
+macro_rules! convention {
+    ($($of:tt)*) => { with_abi! { "C" $($of)* } };
+}
+
+macro_rules! with_abi {
+    ($abi:literal type($($argument:ty),*) -> $result:ty) => { unsafe extern $abi fn($($argument),*) -> $result };
+    ($abi:literal foreign { $($foreign:tt)* }) => { unsafe extern $abi { $($foreign)* } };
+    ($abi:literal $(#[$doc:meta])* fn $($definition:tt)*) => {
+        $(#[$doc])*
+        pub(super) unsafe extern $abi fn $($definition)*
+    };
+}
+
 /// What the convention hands over: six registers. A kernel reads as many as its kind fills.
 pub(super) type Registers = [u64; 6];
 
 /// Where a kernel is. Every one is declared alike: who fills more registers than it reads, or looks at a result that it does
 /// not give, does no harm, since the convention lets it leave anything in these.
-pub(super) type Code = unsafe extern "sysv64" fn(u64, u64, u64, u64, u64, u64) -> u64;
+pub(super) type Code = convention!(type(u64, u64, u64, u64, u64, u64) -> u64);
 
 /// A rule of the calling convention that a kernel broke, in the order of the bits in checked.asm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,15 +75,30 @@ impl Fault {
     ];
 }
 
-unsafe extern "sysv64" {
+#[cfg(rayo_asm)]
+convention! { foreign {
     fn rayo_checked_call(kernel: Code, registers: *mut Registers, vectors: u64, mxcsr: u64) -> u64;
+} }
+
+/// No call can be watched here.
+#[cfg(not(rayo_asm))]
+unsafe fn rayo_checked_call(_: Code, _: *mut Registers, _: u64, _: u64) -> u64 {
+    unimplemented!("what checks calls is written in assembly, which this build lacks")
+}
+
+#[cfg(not(all(rayo_asm, rayo_c)))]
+convention! {
+    /// In the place of a kernel that this build lacks. No table that has one is handed out.
+    fn absent(_: u64, _: u64, _: u64, _: u64, _: u64, _: u64) -> u64 {
+        unimplemented!("this build lacks the kernel")
+    }
 }
 
 /// How wide this CPU's vectors are.
 pub(super) fn vector_bytes() -> u64 {
     match () {
-        () if is_x86_feature_detected!("avx512f") => 64,
-        () if is_x86_feature_detected!("avx") => 32,
+        () if detected!("avx512f") => 64,
+        () if detected!("avx") => 32,
         () => 16,
     }
 }

@@ -114,7 +114,6 @@ impl Faces {
     }
 
     /// The vertices, with the one behind them, and the colours.
-    #[cfg(rayo_asm)]
     pub(super) fn parts(&self) -> (&[Vec3], &[ColourRun]) {
         (&self.vertices, &self.colours)
     }

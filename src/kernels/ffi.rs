@@ -223,10 +223,10 @@ macro_rules! operations {
         }
 
         macro_rules! aos_kernels {
-            ($d prefix:literal) => {
+            ($d built:ident, $d prefix:literal) => {
                 AosKernels {
-                    $($name: kernel!(concat!($d prefix, stringify!($name))),)*
-                    trace: kernel!(concat!($d prefix, "trace")),
+                    $($name: kernel!($d built, concat!($d prefix, stringify!($name))),)*
+                    trace: kernel!($d built, concat!($d prefix, "trace")),
                 }
             };
         }
@@ -258,15 +258,15 @@ operations! { $
     lambert2: Lambert(Surface, Light) -> Vec4;
 }
 
-static C: AosKernels = aos_kernels!("rayo_c_");
-static PAPER: AosKernels = aos_kernels!("rayo_paper_");
-static AOS: AosKernels = aos_kernels!("rayo_aos_");
-static C_HITS: Hits = kernel!("rayo_c_hits");
+static C: AosKernels = aos_kernels!(rayo_c, "rayo_c_");
+static PAPER: AosKernels = aos_kernels!(rayo_asm, "rayo_paper_");
+static AOS: AosKernels = aos_kernels!(rayo_asm, "rayo_aos_");
+static C_HITS: Hits = kernel!(rayo_c, "rayo_c_hits");
 static PAPER_HITS: Hits = kernel!("rayo_paper_hits");
 
-/// The paper's C, as the compiler makes it at -O3.
-pub fn c() -> &'static AosKernels {
-    &C
+/// The paper's C, as the compiler makes it at -O3. None where this build has no C.
+pub fn c() -> Option<&'static AosKernels> {
+    cfg!(rayo_c).then_some(&C)
 }
 
 /// The paper's macros, in the forms that the paper counts. None where the CPU lacks SSE4.1.
@@ -279,9 +279,9 @@ pub fn aos() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&AOS)
 }
 
-/// What the tracer of [`c()`] hits.
-pub fn hits_of_c() -> Hits {
-    C_HITS
+/// What the tracer of [`c()`] hits. None where this build has no C.
+pub fn hits_of_c() -> Option<Hits> {
+    cfg!(rayo_c).then_some(C_HITS)
 }
 
 /// What the tracer of [`paper`] hits. None where the CPU lacks SSE4.1.

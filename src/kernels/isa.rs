@@ -2,6 +2,19 @@
 
 use std::fmt;
 
+/// Whether the CPU has all of these, and the operating system saves their registers. A CPU that is not x86 has none.
+macro_rules! detected {
+    ($($feature:tt)*) => {{
+        #[cfg(target_arch = "x86_64")]
+        let found = $(std::is_x86_feature_detected!($feature))&&*;
+        #[cfg(not(target_arch = "x86_64"))]
+        let found = false;
+        found
+    }};
+}
+
+pub(super) use detected;
+
 /// An instruction set, in ascending order of width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Isa {
@@ -33,21 +46,12 @@ impl Isa {
 
     /// Whether this build has its kernels, the CPU runs them, and the operating system saves their registers.
     pub fn usable(self) -> bool {
-        #[cfg(rayo_asm)]
-        return match self {
-            Isa::Sse41 => is_x86_feature_detected!("sse4.1"),
-            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
-            Isa::Avx512 => {
-                is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512vl")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512bw")
-                    && is_x86_feature_detected!("bmi2")
-                    && is_x86_feature_detected!("popcnt")
+        self.built()
+            && match self {
+                Isa::Sse41 => detected!("sse4.1"),
+                Isa::Avx2 => detected!("avx2" "fma"),
+                Isa::Avx512 => detected!("avx512f" "avx512vl" "avx512dq" "avx512bw" "bmi2" "popcnt"),
             }
-        };
-        #[cfg(not(rayo_asm))]
-        return false;
     }
 }
 

@@ -99,17 +99,23 @@ pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// The kernel of that symbol, of the kind that its place asks for.
+/// The kernel of that symbol, of the kind that its place asks for: in assembly (`rayo_asm`), or in C (`rayo_c`).
 macro_rules! kernel {
-    ($symbol:expr) => {{
-        unsafe extern "sysv64" {
+    ($built:ident, $symbol:expr) => {{
+        #[cfg($built)]
+        convention! { foreign {
             #[link_name = $symbol]
             fn kernel(a: u64, b: u64, c: u64, d: u64, e: u64, f: u64) -> u64;
-        }
+        } }
+        #[cfg(not($built))]
+        use $crate::kernels::checked::absent as kernel;
         // SAFETY: the signature above the function in asm/ or src/kernels/c is that of the kind; and what hands the table out
-        // has asked the CPU.
+        // has asked the build and the CPU.
         unsafe { $crate::kernels::kernel::Kernel::new(kernel, $symbol) }
     }};
+    ($symbol:expr) => {
+        kernel!(rayo_asm, $symbol)
+    };
 }
 
 /// The address of what a kernel reads.

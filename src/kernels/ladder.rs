@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
-use super::isa::Isa;
+use super::isa::{Isa, detected};
 use super::kernel::kernel;
 use super::paper::Trace;
 use super::types::{Frame, Objects, Vec4};
 
 /// A level of x86-64 that a rung was compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(dead_code, reason = "build.rs says which rungs there are")]
 enum Level {
     /// What every x86-64 CPU has.
     Base,
@@ -22,14 +23,11 @@ enum Level {
 
 impl Level {
     fn usable(self) -> bool {
-        macro_rules! all {
-            ($($feature:tt)*) => { $(is_x86_feature_detected!($feature))&&* };
-        }
-        let v3 = || all!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe" "popcnt" "sse4.2");
+        let v3 = || detected!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe" "popcnt" "sse4.2");
         match self {
             Level::Base => true,
             Level::V3 => v3(),
-            Level::V4 => v3() && all!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl"),
+            Level::V4 => v3() && detected!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl"),
             Level::Sse41 => Isa::Sse41.usable(),
         }
     }
@@ -68,12 +66,12 @@ macro_rules! rungs {
         /// The most objects of a kind that a rung takes.
         pub const MOST: usize = $most;
 
-        /// Every variant of the paper's C, in the order of the ladder; not each is [`Rung::usable`] everywhere.
+        /// Every variant of the paper's C that this build has, in the order of the ladder; not each is [`Rung::usable`] everywhere.
         pub static C: &[Rung] = &[$(Rung {
             name: $name,
             flags: $flags,
             level: Level::$level,
-            trace: kernel!(concat!("rayo_ladder_", $name)),
+            trace: kernel!(rayo_c, concat!("rayo_ladder_", $name)),
         }),*];
     };
 }

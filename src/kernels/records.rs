@@ -3,7 +3,6 @@
 use glam::Vec3;
 
 use super::types::Plain;
-#[cfg(rayo_asm)]
 use super::types::{Frame, Light, Sphere, Surface, Triangle, Vec4};
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
@@ -84,17 +83,14 @@ macro_rules! columns {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
         #[repr(C, align(64))]
-        #[cfg(rayo_asm)]
         #[allow(missing_docs, reason = "the fields say what they are where the assembly does")]
         pub struct $name $(<$element>)? {
             $($(#[$field_doc])* pub $field: [$type; $len],)*
         }
 
-        #[cfg(rayo_asm)]
         const _: () = assert!($len % 16 == 0, "a field of numbers of 32 bits or more fills its 64 bytes");
 
         // SAFETY: nothing but numbers, all of one size, which fill it, as just asserted.
-        #[cfg(rayo_asm)]
         unsafe impl $(<$element: Element>)? Plain for $name $(<$element>)? {
             const ZERO: Self = $name { $($field: [<$type as Plain>::ZERO; $len]),* };
         }
@@ -108,7 +104,6 @@ macro_rules! words {
         $(#[$doc])*
         #[derive(Default)]
         #[repr(C)]
-        #[cfg(rayo_asm)]
         pub(super) struct $name {
             $($(#[$field_doc])* pub $field: u64,)*
         }
@@ -118,7 +113,6 @@ macro_rules! words {
 /// Asserts the offsets of a record whose fields have types of their own.
 macro_rules! layout_checks {
     ($type:ty, $size:literal, { $($field:ident: $offset:literal,)* }) => {
-        #[cfg(rayo_asm)]
         const _: () = {
             $(assert!(std::mem::offset_of!($type, $field) == $offset);)*
             assert!(size_of::<$type>() == $size);
@@ -187,7 +181,6 @@ unsafe impl Plain for Seen {
 }
 
 /// As visible takes it.
-#[cfg(rayo_asm)]
 #[repr(C)]
 pub(super) struct VisibleView {
     pub column: u32,
@@ -201,7 +194,6 @@ pub(super) struct VisibleView {
 }
 
 /// The rows that [`LitRows`] has room for.
-#[cfg(rayo_asm)]
 pub const LIT_ROWS: usize = 64;
 
 /// Defines one of the rows that [`LitRows`] has.
@@ -212,7 +204,6 @@ macro_rules! lit_row {
             LitRow { $($field,)* }
         }
 
-        #[cfg(rayo_asm)]
         impl<E: Element> LitRows<E> {
             /// A row.
             pub fn row(&self, row: usize) -> LitRow<E> {
@@ -228,7 +219,6 @@ macro_rules! lit_row {
 }
 lit_row! { start end j stop m a h0 q0 id }
 
-#[cfg(rayo_asm)]
 impl<E: Element> Default for LitRows<E> {
     fn default() -> Self {
         Self::ZERO
@@ -239,11 +229,9 @@ impl<E: Element> Default for LitRows<E> {
 pub type TilePoint<E> = [E; 4];
 
 /// More elements than any register has.
-#[cfg(rayo_asm)]
 pub(super) const MOST_LANES: usize = 16;
 
 /// As bounds writes it.
-#[cfg(rayo_asm)]
 #[repr(C)]
 pub(super) struct BoundsFound {
     pub most: [u32; MOST_LANES],

@@ -2,10 +2,10 @@
 
 #[cfg(feature = "files")]
 pub mod compare;
-#[cfg(all(rayo_asm, feature = "lab"))]
+#[cfg(feature = "lab")]
 mod core_clock;
 mod cycles;
-#[cfg(all(rayo_asm, feature = "lab"))]
+#[cfg(feature = "lab")]
 pub mod instructions;
 #[cfg(feature = "lab")]
 mod interleave;
@@ -13,14 +13,14 @@ mod machine;
 pub mod names;
 #[cfg(feature = "files")]
 pub mod picture;
-#[cfg(all(rayo_asm, feature = "lab"))]
+#[cfg(feature = "lab")]
 pub mod source;
 #[cfg(feature = "lab")]
 pub mod statistics;
 #[cfg(feature = "lab")]
 mod watch;
 
-#[cfg(all(rayo_asm, feature = "lab"))]
+#[cfg(feature = "lab")]
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
 #[cfg(feature = "lab")]

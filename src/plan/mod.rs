@@ -7,9 +7,7 @@ mod packed;
 mod report;
 mod spans;
 mod team;
-#[cfg(rayo_asm)]
 mod tile_report;
-#[cfg(rayo_asm)]
 mod tiles;
 
 pub use hits::{InUnits, sphere_hit, triangle_hit};
@@ -18,9 +16,7 @@ pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 pub use team::Team;
-#[cfg(rayo_asm)]
 pub use tile_report::TileSurvey;
-#[cfg(rayo_asm)]
 pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};
 
 use crate::scene::{Camera, Grid};

@@ -80,7 +80,6 @@ impl LeftOut {
     }
 
     /// As tiles have it.
-    #[cfg(rayo_asm)]
     pub(super) fn by_tiles(self) -> Self {
         match self.omission {
             Omission::NoArea => {

@@ -5,7 +5,6 @@ use std::str::FromStr;
 
 use super::plan::Plan;
 use super::{PixelFormat, Tracer};
-#[cfg(rayo_asm)]
 use crate::kernels::{self, Isa};
 use crate::plan::{Keep, Omission};
 use crate::scene::{InvalidScene, Scene};
@@ -18,13 +17,10 @@ pub enum Engine {
     /// Pure Rust in f32, with glam's `Vec3A`.
     Rust,
     /// The paper's C at -O3.
-    #[cfg(rayo_asm)]
     C,
     /// The paper's NASM macros, one vector in one register.
-    #[cfg(rayo_asm)]
     Paper,
     /// NASM packets, one ray in each lane.
-    #[cfg(rayo_asm)]
     Packet(Isa),
 }
 
@@ -93,30 +89,28 @@ fn names(precisions: &[Precision]) -> String {
 
 impl Engine {
     /// Every engine of this build.
-    #[cfg(rayo_asm)]
     pub const ALL: &[Engine] = &[
         Engine::Reference,
         Engine::Rust,
+        #[cfg(rayo_c)]
         Engine::C,
+        #[cfg(rayo_asm)]
         Engine::Paper,
+        #[cfg(rayo_asm)]
         Engine::Packet(Isa::Sse41),
+        #[cfg(rayo_asm)]
         Engine::Packet(Isa::Avx2),
+        #[cfg(rayo_asm)]
         Engine::Packet(Isa::Avx512),
     ];
-    /// Every engine of this build.
-    #[cfg(not(rayo_asm))]
-    pub const ALL: &[Engine] = &[Engine::Reference, Engine::Rust];
 
     /// The name that users type.
     pub fn name(self) -> &'static str {
         match self {
             Engine::Reference => "reference",
             Engine::Rust => "rust",
-            #[cfg(rayo_asm)]
             Engine::C => "c",
-            #[cfg(rayo_asm)]
             Engine::Paper => "paper",
-            #[cfg(rayo_asm)]
             Engine::Packet(isa) => isa.name(),
         }
     }
@@ -125,11 +119,8 @@ impl Engine {
     pub fn usable(self) -> bool {
         match self {
             Engine::Reference | Engine::Rust => true,
-            #[cfg(rayo_asm)]
-            Engine::C => true,
-            #[cfg(rayo_asm)]
+            Engine::C => kernels::c().is_some(),
             Engine::Paper => kernels::paper().is_some(),
-            #[cfg(rayo_asm)]
             Engine::Packet(isa) => isa.usable(),
         }
     }
@@ -138,7 +129,7 @@ impl Engine {
     pub fn fastest() -> Engine {
         let mut engines = Engine::ALL.iter().copied().filter(|engine| engine.usable());
         // They are listed from the slowest to the fastest, but for `c`, which is behind `paper` and every packet.
-        engines.rfind(|engine| engine.name() != "c").unwrap_or(Engine::Rust)
+        engines.rfind(|engine| *engine != Engine::C).unwrap_or(Engine::Rust)
     }
 
     /// The precision that it computes in unless it is asked for another.
@@ -150,7 +141,6 @@ impl Engine {
     pub fn precisions(self) -> &'static [Precision] {
         match self {
             Engine::Reference => &[Precision::Double],
-            #[cfg(rayo_asm)]
             Engine::Packet(_) => &[Precision::Single, Precision::Fast, Precision::Double],
             _ => &[Precision::Single],
         }
@@ -158,11 +148,7 @@ impl Engine {
 
     /// Whether it traces rays in packets.
     pub fn is_packet(self) -> bool {
-        match self {
-            #[cfg(rayo_asm)]
-            Engine::Packet(_) => true,
-            _ => false,
-        }
+        matches!(self, Engine::Packet(_))
     }
 
     /// Whether it computes its rays in f64, whatever its precision.
@@ -184,9 +170,7 @@ impl Engine {
             Engine::Reference => &[Omission::Hidden],
             // In f32, eq. 9 would see the rounding of what is never hit.
             Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
-            #[cfg(rayo_asm)]
             Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
-            #[cfg(rayo_asm)]
             Engine::Packet(_) => &Omission::ALL,
         }
     }

@@ -1,6 +1,5 @@
 //! From a scene to rows of pixels: the engines, the frame that drives them, and image files.
 
-#[cfg(rayo_asm)]
 mod aos;
 #[cfg(feature = "mpi")]
 mod by_ranks;
@@ -14,12 +13,10 @@ mod hits;
 mod image_file;
 #[cfg(feature = "files")]
 mod output;
-#[cfg(rayo_asm)]
 mod packet;
 mod plan;
 pub mod reference;
 mod rust;
-#[cfg(rayo_asm)]
 mod tiles;
 #[cfg(feature = "files")]
 mod to_file;

@@ -1,17 +1,12 @@
 //! The plan: by what a scene is traced and what that leaves out, decided once for whoever traces and whoever reports it.
 
-#[cfg(rayo_asm)]
 use super::aos::AosTracer;
-#[cfg(rayo_asm)]
 use super::packet::PacketTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
-#[cfg(rayo_asm)]
 use super::tiles::TileTracer;
 use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
-#[cfg(rayo_asm)]
 use crate::kernels::{self, Element, PacketKernels};
-#[cfg(rayo_asm)]
 use crate::plan::tiles_pay;
 use crate::plan::{Keep, Report, Spans};
 use crate::scene::Scene;
@@ -31,12 +26,10 @@ enum Way<'a> {
     /// Every ray against every object.
     Rays(Box<dyn Tracer + 'a>),
     /// Packets of rays: those of each object's spans, or those of each tile.
-    #[cfg(rayo_asm)]
     Packets(Box<dyn PacketPlan + 'a>),
 }
 
 /// A tracer of packets, with the plan that it goes by.
-#[cfg(rayo_asm)]
 pub(super) trait PacketPlan: Tracer {
     /// What is kept and left out of `scene`, which is the plan's; `bytes` says whether 8 bits are written.
     fn report(&self, scene: &Scene, bytes: bool) -> Report;
@@ -51,7 +44,6 @@ impl<'a> Plan<'a> {
         // Asked for in vain it is an error, whatever the engine.
         let precision = engine.precision_for(purpose)?;
         let way = match engine {
-            #[cfg(rayo_asm)]
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(engine))?;
                 if tiles_pay(scene) {
@@ -77,7 +69,6 @@ impl<'a> Plan<'a> {
 
     /// Plans `scene`, whose numbers are valid, for tiles, however few objects there are. None for an engine that has none,
     /// here.
-    #[cfg(rayo_asm)]
     pub fn by_tiles(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Option<Self> {
         let Engine::Packet(isa) = engine else { return None };
         let precision = engine.precision_for(purpose).ok()?;
@@ -92,7 +83,6 @@ impl<'a> Plan<'a> {
     /// What is kept and what is left out. Where the purpose has no format, for bytes.
     pub fn report(&self) -> Report {
         match &self.way {
-            #[cfg(rayo_asm)]
             Way::Packets(plan) => plan.report(self.scene, self.bytes),
             // What these leave out is as it is, and what they do for nothing is what spans know of.
             Way::Rays(_) => {
@@ -112,7 +102,6 @@ impl<'a> Plan<'a> {
     pub fn tracer(&self) -> &(dyn Tracer + 'a) {
         match &self.way {
             Way::Rays(tracer) => tracer.as_ref(),
-            #[cfg(rayo_asm)]
             Way::Packets(plan) => plan.as_ref(),
         }
     }
@@ -121,7 +110,6 @@ impl<'a> Plan<'a> {
     pub fn into_tracer(self) -> Box<dyn Tracer + 'a> {
         match self.way {
             Way::Rays(tracer) => tracer,
-            #[cfg(rayo_asm)]
             Way::Packets(plan) => plan,
         }
     }
@@ -130,19 +118,18 @@ impl<'a> Plan<'a> {
 fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + 'a>, EngineError> {
     Ok(match engine {
         Engine::Reference => Box::new(ReferenceTracer::new(scene)),
-        #[cfg(rayo_asm)]
-        Engine::C => Box::new(AosTracer::new(kernels::c(), kernels::hits_of_c(), scene)),
-        #[cfg(rayo_asm)]
-        Engine::Paper => {
-            let kernels = kernels::paper().zip(kernels::hits_of_paper());
-            let (kernels, hits) = kernels.ok_or(EngineError::Unusable(engine))?;
+        Engine::Rust => Box::new(RustTracer::new(scene)),
+        _ => {
+            let (kernels, hits) = match engine {
+                Engine::C => (kernels::c(), kernels::hits_of_c()),
+                _ => (kernels::paper(), kernels::hits_of_paper()),
+            };
+            let (kernels, hits) = kernels.zip(hits).ok_or(EngineError::Unusable(engine))?;
             Box::new(AosTracer::new(kernels, hits, scene))
         }
-        _ => Box::new(RustTracer::new(scene)),
     })
 }
 
-#[cfg(rayo_asm)]
 fn spans<'a>(kernels: &'static PacketKernels, precision: Precision, scene: &Scene, purpose: Purpose) -> Way<'a> {
     Way::Packets(match precision {
         Precision::Double => Box::new(PacketTracer::double(kernels, scene, purpose)),
@@ -151,7 +138,6 @@ fn spans<'a>(kernels: &'static PacketKernels, precision: Precision, scene: &Scen
 }
 
 /// And whether planning has seen that the scene's objects are [valid](crate::plan::Tiles::is_valid).
-#[cfg(rayo_asm)]
 fn tiles<'a>(
     kernels: &'static PacketKernels,
     precision: Precision,

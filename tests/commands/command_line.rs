@@ -285,27 +285,35 @@ fn the_environment_names_an_engine_and_an_option_overrides_it() {
     place.refuses("plan scene.in --engine nix", 2, &format!("error: {}", message.replace("nope", "nix")));
 }
 
-#[cfg(rayo_asm)]
 #[test]
 fn the_paper_has_no_doubles() {
-    for engine in ["c", "paper"] {
+    for engine in Engine::ALL.iter().filter(|engine| ["c", "paper"].contains(&engine.name())) {
         let message = format!("error: the engine `{engine}` does not compute in double; it has: single");
         Place::new().refuses(&format!("render scene.in --engine {engine} --precision double"), 2, &message);
     }
 }
 
-#[cfg(not(rayo_asm))]
 #[test]
-fn an_engine_of_another_build_is_refused_as_such() {
+fn what_only_another_build_has_is_refused_as_such() {
     let place = Place::new();
-    for engine in ["c", "paper"] {
-        let list = engines();
-        assert_eq!(list, "reference, rust, auto");
-        let message = format!("error: there is no engine `{engine}` in this build; this build has: {list}");
-        place.refuses(&format!("render scene.in --engine {engine}"), 2, &message);
+    let list = engines();
+    for (engine, built) in [("c", cfg!(rayo_c)), ("paper", cfg!(rayo_asm))] {
+        assert_eq!(list.split(", ").any(|name| name == engine), built, "{engine}: {list}");
+        if !built {
+            let message = format!("error: there is no engine `{engine}` in this build; this build has: {list}");
+            place.refuses(&format!("render scene.in --engine {engine}"), 2, &message);
+            place.refuses("experiment", 2, &message);
+        }
     }
-    let info = place.run("info");
-    assert!(info.stdout.contains("NASM         none (built without assembly)"), "{}", info.stdout);
+    if !cfg!(rayo_asm) {
+        for (command, what) in [("ops", "count"), ("step scene.in", "watch"), ("report", "report on")] {
+            let why = "it was built without the feature `asm`, or not for x86-64";
+            place.refuses(command, 2, &format!("error: this build has no kernels in assembly to {what}: {why}"));
+        }
+    }
+    let info = place.run("info").stdout;
+    assert_eq!(info.contains("NASM         none (built without assembly)\n"), !cfg!(rayo_asm), "{info}");
+    assert_eq!(info.contains("C compiler   none (built without C)\n"), !cfg!(rayo_c), "{info}");
 }
 
 #[test]
@@ -832,8 +840,8 @@ fn info_tells_what_this_build_and_cpu_have() {
         assert!(json.contains_key(name), "{name}");
     }
     assert!(json["rustc"].as_str().unwrap().starts_with("rustc "));
-    for name in ["nasm", "cc"] {
-        assert!(if cfg!(rayo_asm) { json[name].is_string() } else { json[name].is_null() }, "{name}");
+    for (name, built) in [("nasm", cfg!(rayo_asm)), ("cc", cfg!(rayo_c))] {
+        assert!(if built { json[name].is_string() } else { json[name].is_null() }, "{name}");
     }
     if cfg!(target_arch = "x86_64") {
         assert!(json["tsc_hz"].as_f64().unwrap() > 1e8);

@@ -292,7 +292,7 @@ mod by_value {
         let (surface, light) = (Surface { point: a, normal: b, colour: c }, Light { position: d, radiance: c });
         let ray = Ray { origin: Vec4::ZERO, direction: a };
         let hit = |(hit, t): (bool, f32)| if hit { t } else { f32::INFINITY };
-        for (name, op) in kernels::c().ops() {
+        for (name, op) in kernels::c().unwrap().ops() {
             let agree = match (name, op) {
                 ("add", OpRef::Vector(op)) => close4(op.call(&a, &b), f.add(a, b)),
                 ("sub", OpRef::Vector(op)) => close4(op.call(&a, &b), f.sub(a, b)),

@@ -314,7 +314,7 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
     let rules = BROKEN.iter().map(|broken| format!("{:?}", broken.breaks).to_lowercase());
     expected.extend(rules.chain(["read".into(), "write".into()]).map(|rule| format!("rayo_broken_{rule}")));
     for implementation in IMPLEMENTATIONS {
-        let ops = kernels::c().ops().map(|(name, _)| name);
+        let ops = kernels::c().unwrap().ops().map(|(name, _)| name);
         expected.extend(ops.chain(["trace"]).map(|name| format!("rayo_{implementation}_{name}")));
     }
     expected.extend(kernels::packet_symbols().into_iter().map(str::to_owned));

@@ -80,7 +80,7 @@ fn every_tracer_keeps_the_calling_convention() {
 
 /// What the two tracers of the paper hit.
 fn hits() -> Vec<Hits> {
-    [Some(hits_of_c()), hits_of_paper()].into_iter().flatten().collect()
+    [hits_of_c(), hits_of_paper()].into_iter().flatten().collect()
 }
 
 #[test]
@@ -113,12 +113,13 @@ fn what_a_tracer_hits_is_asked_within_the_calling_convention_and_within_its_memo
 fn every_broken_kernel_is_caught_with_the_one_rule_that_it_breaks() {
     let rules: Vec<_> = BROKEN.iter().map(|broken| broken.breaks).collect();
     assert_eq!(rules, Fault::ALL, "there is a broken kernel for every rule");
+    let Some(paper) = rayo::kernels::paper() else { return };
     for broken in BROKEN.iter().filter(|broken| broken.usable()) {
         assert_eq!(broken.call_checked(), Err(vec![broken.breaks]));
         // What it broke is put right: the next one is judged by what it does itself.
         let mut sum = Vec4::default();
         let one = Vec4::new(1.0, 1.0, 1.0);
-        assert_eq!(rayo::kernels::c().add.call_checked(&mut sum, &one, &one), Ok(()), "after {:?}", broken.breaks);
+        assert_eq!(paper.add.call_checked(&mut sum, &one, &one), Ok(()), "after {:?}", broken.breaks);
         assert_eq!(sum, Vec4::new(2.0, 2.0, 2.0));
     }
 }

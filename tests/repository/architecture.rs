@@ -455,7 +455,7 @@ fn crates(arguments: &[&str]) -> BTreeSet<String> {
 
 #[test]
 fn the_library_alone_has_under_40_crates_and_none_for_files_experiments_and_the_program() {
-    let lean = crates(&["--no-default-features", "--features", "asm"]);
+    let lean = crates(&["--no-default-features", "--features", "asm,c"]);
     assert!(lean.contains("rayo") && lean.contains("rayon") && lean.len() < 40, "{} crates: {lean:?}", lean.len());
     let whole = crates(&[]);
     for other in ["clap", "dashu-float", "iced-x86", "image", "plotters", "toml"] {

@@ -209,7 +209,8 @@ pub fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
         "aos" => assembly(op, kernels::aos().ok_or("this CPU lacks SSE4.1")?),
         _ => match implementation.strip_prefix("c-") {
             Some(level) => {
-                let functions = by_value(level).ok_or("this CPU lacks what the compiler was allowed to use")?;
+                let functions = by_value(level)
+                    .ok_or("this build has no C, or this CPU lacks what its compiler was allowed to use")?;
                 Ok(c(op, functions))
             }
             None => packet(

@@ -1,8 +1,21 @@
 //! The operations by themselves: rays of any direction against one object, over ranges that no scene has.
 
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::side;
+use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
+use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
 use crate::measure::names::{self, Name};
+use crate::measure::statistics::median;
+use crate::plan::{InUnits, sphere_hit, triangle_hit};
+use crate::reference::exact::{self, Meeting, Ray, Split};
+use crate::render::{Colour, Distance, Found, Precision};
+use crate::scene::families::{Family, Level};
+use crate::scene::{self, Camera, Object, Rng, Scene};
 
 /// One operation of one instruction set over a family. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -39,458 +52,436 @@ pub struct OperationRow {
     pub slowdown: f64,
 }
 
-#[cfg(rayo_asm)]
-pub use with_assembly::sweep;
+/// Rays of a value at least, of a quick sweep and of any other.
+const RAYS: [usize; 2] = [3_000, 100_000];
+/// Objects that share them.
+const OBJECTS: usize = 20;
+/// Runs of which the fastest counts.
+const RUNS: usize = 5;
+/// What f64 has beyond the levels of a family: distances in radii, and units of length.
+const FURTHER: [f64; 4] = [1e9, 1e11, 1e13, 1e14];
+const LARGER: [f64; 9] = [1e-300, 1e-250, 1e-150, 1e-100, 1e-40, 1e60, 1e150, 1e250, 1e300];
 
-#[cfg(rayo_asm)]
-mod with_assembly {
-    use std::time::Instant;
+/// What rays are held against.
+#[derive(Clone, Copy)]
+enum Shape {
+    Sphere { centre: DVec3, radius: f64 },
+    Triangle([DVec3; 3]),
+}
 
-    use glam::DVec3;
-    use rayon::prelude::*;
+/// How a family is made of single objects.
+struct Sweep {
+    id: &'static str,
+    operation: &'static str,
+    beyond: &'static [f64],
+    /// A shape at a value of the parameter, and the points that rays are aimed at: as far beside it as on it.
+    make: fn(f64, &mut Rng) -> (Shape, Vec<DVec3>),
+}
 
-    use super::OperationRow;
-    use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
-    use crate::experiments::stability::side;
-    use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
-    use crate::measure::statistics::median;
-    use crate::plan::{InUnits, sphere_hit, triangle_hit};
-    use crate::reference::exact::{self, Meeting, Ray, Split};
-    use crate::render::{Colour, Distance, Found, Precision};
-    use crate::scene::families::{Family, Level};
-    use crate::scene::{self, Camera, Object, Rng, Scene};
+const SWEEPS: [Sweep; 3] = [
+    Sweep { id: "S1", operation: "sphere", beyond: &FURTHER, make: far_sphere },
+    Sweep { id: "S3", operation: "sphere", beyond: &LARGER, make: sphere_of_unit },
+    Sweep { id: "T5", operation: "triangle", beyond: &LARGER, make: triangle_of_unit },
+];
 
-    /// Rays of a value at least, of a quick sweep and of any other.
-    const RAYS: [usize; 2] = [3_000, 100_000];
-    /// Objects that share them.
-    const OBJECTS: usize = 20;
-    /// Runs of which the fastest counts.
-    const RUNS: usize = 5;
-    /// What f64 has beyond the levels of a family: distances in radii, and units of length.
-    const FURTHER: [f64; 4] = [1e9, 1e11, 1e13, 1e14];
-    const LARGER: [f64; 9] = [1e-300, 1e-250, 1e-150, 1e-100, 1e-40, 1e60, 1e150, 1e250, 1e300];
+fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * f64::from(rng.next_f32())
+}
 
-    /// What rays are held against.
-    #[derive(Clone, Copy)]
-    enum Shape {
-        Sphere { centre: DVec3, radius: f64 },
-        Triangle([DVec3; 3]),
+fn point(rng: &mut Rng, across: f64, near: f64, far: f64) -> DVec3 {
+    DVec3::new(between(rng, -across, across), between(rng, -across, across), between(rng, near, far))
+}
+
+/// Points about a sphere as far off its centre as its outline is seen, and a little further.
+fn about(centre: DVec3, radius: f64) -> Vec<DVec3> {
+    // Lengths whose squares are beyond f64 are in a unit of their own.
+    let unit = centre.abs().max_element();
+    let distance = (centre / unit).length();
+    let (side, up) = (centre / unit / distance).any_orthonormal_pair();
+    let seen = 1.1 * radius / (1.0 - (radius / unit / distance).powi(2)).max(0.1).sqrt();
+    vec![centre - seen * (side + up), 2.0 * seen * side, 2.0 * seen * up]
+}
+
+fn far_sphere(kappa: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
+    let (radius, direction) = (between(rng, 0.5, 2.0), point(rng, 0.5, 1.0, 1.0).normalize());
+    let (centre, radius) = rounded(kappa < 1e8, kappa * radius * direction, radius);
+    (Shape::Sphere { centre, radius }, about(centre, radius))
+}
+
+fn sphere_of_unit(unit: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
+    let (centre, radius) = (unit * point(rng, 1.0, 3.0, 5.0), unit * between(rng, 0.5, 2.0));
+    let (centre, radius) = rounded((1e-25..1e21).contains(&unit), centre, radius);
+    (Shape::Sphere { centre, radius }, about(centre, radius))
+}
+
+fn triangle_of_unit(unit: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
+    let narrow = (1e-25..1e21).contains(&unit);
+    let vertices = [(); 3].map(|()| rounded(narrow, unit * point(rng, 1.5, 2.0, 6.0), 0.0).0);
+    let [a, b, c] = vertices;
+    (Shape::Triangle(vertices), vec![a - 0.1 * (b - a) - 0.1 * (c - a), 1.2 * (b - a), 1.2 * (c - a)])
+}
+
+/// What f32 holds is rounded to f32, as the numbers of a scene are.
+fn rounded(narrow: bool, centre: DVec3, radius: f64) -> (DVec3, f64) {
+    if narrow { (centre.as_vec3().as_dvec3(), f64::from(radius as f32)) } else { (centre, radius) }
+}
+
+/// One shape with its rays, and what is true of them.
+struct Held<E> {
+    record: Vec<E>,
+    unit: f64,
+    rays: Vec<[E; 3]>,
+    expected: Vec<Expected>,
+}
+
+impl Shape {
+    fn object(self) -> Object {
+        match self {
+            Shape::Sphere { .. } => Object::Sphere(0),
+            Shape::Triangle(_) => Object::Triangle(0),
+        }
     }
 
-    /// How a family is made of single objects.
-    struct Sweep {
-        id: &'static str,
-        operation: &'static str,
-        beyond: &'static [f64],
-        /// A shape at a value of the parameter, and the points that rays are aimed at: as far beside it as on it.
-        make: fn(f64, &mut Rng) -> (Shape, Vec<DVec3>),
-    }
-
-    const SWEEPS: [Sweep; 3] = [
-        Sweep { id: "S1", operation: "sphere", beyond: &FURTHER, make: far_sphere },
-        Sweep { id: "S3", operation: "sphere", beyond: &LARGER, make: sphere_of_unit },
-        Sweep { id: "T5", operation: "triangle", beyond: &LARGER, make: triangle_of_unit },
-    ];
-
-    fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
-        low + (high - low) * f64::from(rng.next_f32())
-    }
-
-    fn point(rng: &mut Rng, across: f64, near: f64, far: f64) -> DVec3 {
-        DVec3::new(between(rng, -across, across), between(rng, -across, across), between(rng, near, far))
-    }
-
-    /// Points about a sphere as far off its centre as its outline is seen, and a little further.
-    fn about(centre: DVec3, radius: f64) -> Vec<DVec3> {
-        // Lengths whose squares are beyond f64 are in a unit of their own.
-        let unit = centre.abs().max_element();
-        let distance = (centre / unit).length();
-        let (side, up) = (centre / unit / distance).any_orthonormal_pair();
-        let seen = 1.1 * radius / (1.0 - (radius / unit / distance).powi(2)).max(0.1).sqrt();
-        vec![centre - seen * (side + up), 2.0 * seen * side, 2.0 * seen * up]
-    }
-
-    fn far_sphere(kappa: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
-        let (radius, direction) = (between(rng, 0.5, 2.0), point(rng, 0.5, 1.0, 1.0).normalize());
-        let (centre, radius) = rounded(kappa < 1e8, kappa * radius * direction, radius);
-        (Shape::Sphere { centre, radius }, about(centre, radius))
-    }
-
-    fn sphere_of_unit(unit: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
-        let (centre, radius) = (unit * point(rng, 1.0, 3.0, 5.0), unit * between(rng, 0.5, 2.0));
-        let (centre, radius) = rounded((1e-25..1e21).contains(&unit), centre, radius);
-        (Shape::Sphere { centre, radius }, about(centre, radius))
-    }
-
-    fn triangle_of_unit(unit: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
-        let narrow = (1e-25..1e21).contains(&unit);
-        let vertices = [(); 3].map(|()| rounded(narrow, unit * point(rng, 1.5, 2.0, 6.0), 0.0).0);
-        let [a, b, c] = vertices;
-        (Shape::Triangle(vertices), vec![a - 0.1 * (b - a) - 0.1 * (c - a), 1.2 * (b - a), 1.2 * (c - a)])
-    }
-
-    /// What f32 holds is rounded to f32, as the numbers of a scene are.
-    fn rounded(narrow: bool, centre: DVec3, radius: f64) -> (DVec3, f64) {
-        if narrow { (centre.as_vec3().as_dvec3(), f64::from(radius as f32)) } else { (centre, radius) }
-    }
-
-    /// One shape with its rays, and what is true of them.
-    struct Held<E> {
-        record: Vec<E>,
-        unit: f64,
-        rays: Vec<[E; 3]>,
-        expected: Vec<Expected>,
-    }
-
-    impl Shape {
-        fn object(self) -> Object {
-            match self {
-                Shape::Sphere { .. } => Object::Sphere(0),
-                Shape::Triangle(_) => Object::Triangle(0),
+    /// Its record for rays whose components are at most `reach`, and the unit.
+    fn record<E: PacketElement>(self, reach: [f64; 3]) -> (Vec<E>, f64) {
+        match self {
+            Shape::Sphere { centre, radius } => {
+                let InUnits { record, unit } = sphere_hit::<E>(centre.into(), radius);
+                (record.numbers(), unit)
+            }
+            Shape::Triangle(vertices) => {
+                let InUnits { record, unit } = triangle_hit::<E>(vertices.map(Into::into), reach);
+                (record.numbers(), unit)
             }
         }
-
-        /// Its record for rays whose components are at most `reach`, and the unit.
-        fn record<E: PacketElement>(self, reach: [f64; 3]) -> (Vec<E>, f64) {
-            match self {
-                Shape::Sphere { centre, radius } => {
-                    let InUnits { record, unit } = sphere_hit::<E>(centre.into(), radius);
-                    (record.numbers(), unit)
-                }
-                Shape::Triangle(vertices) => {
-                    let InUnits { record, unit } = triangle_hit::<E>(vertices.map(Into::into), reach);
-                    (record.numbers(), unit)
-                }
-            }
-        }
-
-        fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<Expected> {
-            let meet: Box<dyn Fn(&Ray) -> Meeting + Sync> = match self {
-                Shape::Sphere { centre, radius } => {
-                    let sphere = exact::Sphere::new(centre.into(), radius).expect("it has a radius");
-                    Box::new(move |ray| sphere.meet(ray))
-                }
-                Shape::Triangle(vertices) => match exact::Triangle::new(vertices.map(Into::into)) {
-                    Some(triangle) => Box::new(move |ray| triangle.meet(ray)),
-                    None => Box::new(|_| Meeting::NEVER),
-                },
-            };
-            let expected = |ray: &[f64; 3]| {
-                let Meeting { hit, margin, alone: bound, .. } = meet(&Ray::within(*ray, reach));
-                let nothing = Split { high: 0.0, low: 0.0 };
-                let target = |t| Target {
-                    object: self.object(),
-                    t: Split::from(t),
-                    normal: [nothing; 3],
-                    colour: None,
-                    bound,
-                    lever: 0.0,
-                };
-                Expected { hit: hit.as_ref().map(target), margin }
-            };
-            rays.par_iter().map(expected).collect()
-        }
     }
 
-    /// Rays of lengths from 1/2 to 1 through a parallelogram, which is given by a corner and two sides.
-    fn aimed<E: PacketElement>(at: &[DVec3], count: usize, rng: &mut Rng) -> Vec<[E; 3]> {
-        let ray = |rng: &mut Rng| {
-            let [corner, one, other] = at[..] else { panic!("a corner and two sides") };
-            let place = corner + between(rng, 0.0, 1.0) * one + between(rng, 0.0, 1.0) * other;
-            // Numbers whose squares are beyond f64 are brought nearer first.
-            let direction = (place / place.abs().max_element()).normalize();
-            (between(rng, 0.5, 1.0) * direction).to_array().map(E::from_f64)
+    fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<Expected> {
+        let meet: Box<dyn Fn(&Ray) -> Meeting + Sync> = match self {
+            Shape::Sphere { centre, radius } => {
+                let sphere = exact::Sphere::new(centre.into(), radius).expect("it has a radius");
+                Box::new(move |ray| sphere.meet(ray))
+            }
+            Shape::Triangle(vertices) => match exact::Triangle::new(vertices.map(Into::into)) {
+                Some(triangle) => Box::new(move |ray| triangle.meet(ray)),
+                None => Box::new(|_| Meeting::NEVER),
+            },
         };
-        (0..count).map(|_| ray(rng)).collect()
+        let expected = |ray: &[f64; 3]| {
+            let Meeting { hit, margin, alone: bound, .. } = meet(&Ray::within(*ray, reach));
+            let nothing = Split { high: 0.0, low: 0.0 };
+            let target = |t| Target {
+                object: self.object(),
+                t: Split::from(t),
+                normal: [nothing; 3],
+                colour: None,
+                bound,
+                lever: 0.0,
+            };
+            Expected { hit: hit.as_ref().map(target), margin }
+        };
+        rays.par_iter().map(expected).collect()
+    }
+}
+
+/// Rays of lengths from 1/2 to 1 through a parallelogram, which is given by a corner and two sides.
+fn aimed<E: PacketElement>(at: &[DVec3], count: usize, rng: &mut Rng) -> Vec<[E; 3]> {
+    let ray = |rng: &mut Rng| {
+        let [corner, one, other] = at[..] else { panic!("a corner and two sides") };
+        let place = corner + between(rng, 0.0, 1.0) * one + between(rng, 0.0, 1.0) * other;
+        // Numbers whose squares are beyond f64 are brought nearer first.
+        let direction = (place / place.abs().max_element()).normalize();
+        (between(rng, 0.5, 1.0) * direction).to_array().map(E::from_f64)
+    };
+    (0..count).map(|_| ray(rng)).collect()
+}
+
+impl<E: PacketElement> Held<E> {
+    fn new(sweep: &Sweep, value: f64, rays: usize, rng: &mut Rng) -> Self {
+        let (shape, at) = (sweep.make)(value, rng);
+        Held::of(shape, aimed::<E>(&at, rays, rng))
     }
 
-    impl<E: PacketElement> Held<E> {
-        fn new(sweep: &Sweep, value: f64, rays: usize, rng: &mut Rng) -> Self {
-            let (shape, at) = (sweep.make)(value, rng);
-            Held::of(shape, aimed::<E>(&at, rays, rng))
-        }
+    fn of(shape: Shape, rays: Vec<[E; 3]>) -> Self {
+        let exact: Vec<_> = rays.iter().map(|ray| ray.map(|x| x.to_f64())).collect();
+        let reach = reach_of(&rays);
+        let (record, unit) = shape.record(reach);
+        Held { record, unit, rays, expected: shape.expected(&exact, reach) }
+    }
 
-        fn of(shape: Shape, rays: Vec<[E; 3]>) -> Self {
-            let exact: Vec<_> = rays.iter().map(|ray| ray.map(|x| x.to_f64())).collect();
-            let reach = reach_of(&rays);
-            let (record, unit) = shape.record(reach);
-            Held { record, unit, rays, expected: shape.expected(&exact, reach) }
+    /// t of each ray, and nanoseconds of all, the fastest of so many runs.
+    fn call(&self, op: &PacketOp<E>, runs: usize) -> (Vec<f64>, f64) {
+        let packets = packed(&self.rays, op.lanes);
+        let mut out = vec![E::default(); packets.len() / 3];
+        let mut fastest = f64::INFINITY;
+        for _ in 0..runs {
+            let start = Instant::now();
+            op.call(&mut out, &packets, &self.record);
+            fastest = fastest.min(start.elapsed().as_secs_f64());
         }
+        let t = out.iter().take(self.rays.len()).map(|t| self.unit * t.to_f64()).collect();
+        (t, 1e9 * fastest)
+    }
+}
 
-        /// t of each ray, and nanoseconds of all, the fastest of so many runs.
-        fn call(&self, op: &PacketOp<E>, runs: usize) -> (Vec<f64>, f64) {
-            let packets = packed(&self.rays, op.lanes);
-            let mut out = vec![E::default(); packets.len() / 3];
-            let mut fastest = f64::INFINITY;
-            for _ in 0..runs {
+/// The largest of each component.
+fn reach_of<E: PacketElement>(rays: &[[E; 3]]) -> [f64; 3] {
+    std::array::from_fn(|axis| rays.iter().map(|ray| ray[axis].to_f64().abs()).fold(0.0, f64::max))
+}
+
+/// Whole packets of `lanes` rays; the last is filled up with rays that have no direction.
+fn packed<E: PacketElement>(rays: &[[E; 3]], lanes: usize) -> Vec<E> {
+    let of = |rays: &[[E; 3]]| {
+        let number = |i: usize| rays.get(i % lanes).map_or(E::default(), |ray| ray[i / lanes]);
+        (0..3 * lanes).map(number).collect::<Vec<_>>()
+    };
+    rays.chunks(lanes).flat_map(of).collect()
+}
+
+fn op_of<E: PacketElement>(isa: Isa, name: &str) -> Option<&'static PacketOp<E>> {
+    packet_ops::<E>(isa)?.iter().find(|op| op.name == name)
+}
+
+/// Families whose objects are held against rays of their scene's own picture.
+const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T4", "T7"];
+
+/// Sweeps the operations over those of `families` that are of single objects, and for cracks over T6.
+pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
+    families.iter().flat_map(|family| of_family(family, seed, quick)).collect()
+}
+
+fn of_family(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
+    [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
+}
+
+fn of_precision<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
+    let rays = RAYS[usize::from(!quick)];
+    if let Some(sweep) = SWEEPS.iter().find(|sweep| sweep.id == family.id) {
+        let mut values: Vec<f64> = family.levels.iter().map(|level| level.value).collect();
+        if is_double::<E>() {
+            values.extend(sweep.beyond);
+            values.sort_unstable_by(f64::total_cmp);
+        }
+        return of_element::<E>(family, sweep, &values, seed, rays);
+    }
+    match family.id {
+        id if PICTURES.contains(&id) => of_pictures::<E>(family, seed, quick),
+        "T6" => of_meshes::<E>(family, seed, quick),
+        "N1" => not_numbers::<E>(seed, rays),
+        _ => Vec::new(),
+    }
+}
+
+fn is_double<E: PacketElement>() -> bool {
+    size_of::<E>() == size_of::<f64>()
+}
+
+/// A row of which nothing is known yet.
+fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
+    let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
+    OperationRow { family, operation, engine: isa.name(), precision, ..OperationRow::default() }
+}
+
+fn usable() -> impl Iterator<Item = Isa> {
+    Isa::ALL.into_iter().filter(|isa| isa.usable())
+}
+
+/// One operation over one parameter.
+struct Over<'a> {
+    id: &'static str,
+    operation: &'static str,
+    /// The values as they are written, and which of them is ordinary.
+    values: &'a [String],
+    ordinary: usize,
+}
+
+fn of_element<E: PacketElement>(
+    family: &Family,
+    sweep: &Sweep,
+    values: &[f64],
+    seed: u64,
+    rays: usize,
+) -> Vec<OperationRow> {
+    let usual = family.levels[family.ordinary].value;
+    let ordinary = values.iter().position(|value| *value == usual).expect("the ordinary value is one of them");
+    let written: Vec<_> = values.iter().map(|value| Level { value: *value, label: "" }.to_string()).collect();
+    let over = Over { id: family.id, operation: sweep.operation, values: &written, ordinary };
+    rows_of::<E>(&over, |i| {
+        let mut rng = Rng::new(seed ^ ((i as u64) << 32));
+        (0..OBJECTS).map(|_| Held::new(sweep, values[i], rays.div_ceil(OBJECTS), &mut rng)).collect()
+    })
+}
+
+/// The rays of a picture, rounded to E.
+fn rays_of<E: PacketElement>(camera: &Camera) -> Vec<[E; 3]> {
+    let grid = camera.grid::<f64>();
+    let row = |row| (0..camera.width()).map(move |col| grid.ray(row, col).map(E::from_f64));
+    (0..camera.height()).flat_map(row).collect()
+}
+
+fn of_pictures<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
+    let variants = family.variants.len();
+    let shapes = |scene: &Scene, operation: &str| -> Vec<Shape> {
+        let sphere = |s: &scene::Sphere| Shape::Sphere { centre: s.centre.into(), radius: s.radius.into() };
+        let triangle = |t: &scene::Triangle| Shape::Triangle(t.vertices.map(Into::into));
+        match operation {
+            "sphere" => scene.spheres.iter().map(sphere).collect(),
+            _ => scene.triangles.iter().map(triangle).collect(),
+        }
+    };
+    // The objects of a scene share the rays of its picture.
+    let held = |level: usize, operation: &str| -> Vec<Held<E>> {
+        let cases = (0..variants).map(|i| family.case(level * variants + i, seed, side(family, quick)).scene);
+        let of_case = |scene: Scene| {
+            let (shapes, rays) = (shapes(&scene, operation), rays_of::<E>(&scene.camera));
+            let share = |i: usize| rays.iter().skip(i).step_by(shapes.len()).copied().collect();
+            shapes.iter().enumerate().map(|(i, shape)| Held::of(*shape, share(i))).collect::<Vec<_>>()
+        };
+        cases.flat_map(of_case).collect()
+    };
+    let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
+    let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
+    let over = Over { id: family.id, operation, values: &values, ordinary: family.ordinary };
+    rows_of(&over, |level| held(level, operation))
+}
+
+/// A row for each instruction set; `held` makes what is held against the truth at a value.
+fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
+    let isas: Vec<_> = usable().collect();
+    // Of each value, each instruction set's errors, and nanoseconds of an object.
+    let mut found: Vec<Vec<(Errors, f64)>> = Vec::new();
+    for value in 0..over.values.len() {
+        let held = held(value);
+        let of = |isa: &Isa| {
+            let op = op_of::<E>(*isa, over.operation).expect("every instruction set has it");
+            let (mut tally, mut ns) = (Tally::of_exact_rays(is_double::<E>()), 0.0);
+            for held in &held {
+                let (hits, time) = held.call(op, RUNS);
+                ns += time / held.rays.len() as f64;
+                for (expected, t) in held.expected.iter().zip(hits) {
+                    let object = expected.hit.map_or(Object::Sphere(0), |target| target.object);
+                    let hit = Found { object, distance: Distance::T(t), normal: None };
+                    // Infinity is a miss, and what is no number is wrong.
+                    tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
+                }
+            }
+            (tally.errors(), ns / held.len() as f64)
+        };
+        found.push(isas.iter().map(of).collect());
+    }
+    let Over { id, operation, values, ordinary } = *over;
+    let row = |(i, isa): (usize, &Isa)| {
+        let own = || found.iter().map(|of| &of[i]);
+        let largest = |of: fn(&Errors) -> Option<f64>| own().filter_map(|(errors, _)| of(errors)).reduce(f64::max);
+        let breaks = |errors: &Errors| errors.wrong_hits > 0 || errors.bound_share.is_some_and(|share| share > 1.0);
+        let broken = own().enumerate().filter(|(_, (errors, _))| breaks(errors)).map(|(level, _)| level);
+        let usual = found[ordinary][i].1;
+        OperationRow {
+            from: values[0].clone(),
+            to: values[values.len() - 1].clone(),
+            rays: own().map(|(errors, _)| errors.rays).min().unwrap_or(0),
+            worst: largest(|errors| errors.max_ulp),
+            bound: largest(|errors| errors.bound_share),
+            wrong_hits: own().map(|(errors, _)| errors.wrong_hits).sum(),
+            breaks_at: broken.min_by_key(|level| level.abs_diff(ordinary)).map(|level| values[level].clone()),
+            slowdown: own().map(|(_, ns)| ns / usual).fold(0.0, f64::max),
+            ..empty::<E>(id, operation, *isa)
+        }
+    };
+    isas.iter().enumerate().map(row).collect()
+}
+
+/// The meshes that cover their picture, triangle by triangle: how many rays meet none of them, though each meets some.
+fn of_meshes<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
+    let case = |level: usize| family.case(level * family.variants.len(), seed, side(family, quick));
+    let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
+    let rays: Vec<_> = cases.iter().map(|case| rays_of::<E>(&case.scene.camera)).collect();
+    let of = |isa: Isa| {
+        let op = op_of::<E>(isa, "triangle").expect("every instruction set has it");
+        let (mut holes, mut ns) = (0, Vec::new());
+        for (case, rays) in cases.iter().zip(&rays) {
+            let packets = packed(rays, op.lanes);
+            let (mut out, mut hit) = (vec![E::default(); packets.len() / 3], vec![false; rays.len()]);
+            let reach = reach_of(rays);
+            let mut taken = Vec::new();
+            for triangle in &case.scene.triangles {
+                let (record, _) = Shape::Triangle(triangle.vertices.map(Into::into)).record(reach);
                 let start = Instant::now();
-                op.call(&mut out, &packets, &self.record);
-                fastest = fastest.min(start.elapsed().as_secs_f64());
+                op.call(&mut out, &packets, &record);
+                taken.push(start.elapsed().as_secs_f64());
+                hit.iter_mut().zip(&out).for_each(|(hit, t)| *hit |= t.to_f64() != f64::INFINITY);
             }
-            let t = out.iter().take(self.rays.len()).map(|t| self.unit * t.to_f64()).collect();
-            (t, 1e9 * fastest)
+            holes += hit.iter().filter(|hit| !**hit).count();
+            ns.push(median(&taken) / rays.len() as f64);
         }
-    }
+        OperationRow {
+            from: cases[0].level.to_string(),
+            to: cases[cases.len() - 1].level.to_string(),
+            rays: rays.iter().map(Vec::len).min().unwrap_or(0),
+            holes: Some(holes),
+            slowdown: ns.iter().map(|of| of / ns[0]).fold(0.0, f64::max),
+            ..empty::<E>(family.id, "triangle", isa)
+        }
+    };
+    usable().map(of).collect()
+}
 
-    /// The largest of each component.
-    fn reach_of<E: PacketElement>(rays: &[[E; 3]]) -> [f64; 3] {
-        std::array::from_fn(|axis| rays.iter().map(|ray| ray[axis].to_f64().abs()).fold(0.0, f64::max))
-    }
-
-    /// Whole packets of `lanes` rays; the last is filled up with rays that have no direction.
-    fn packed<E: PacketElement>(rays: &[[E; 3]], lanes: usize) -> Vec<E> {
-        let of = |rays: &[[E; 3]]| {
-            let number = |i: usize| rays.get(i % lanes).map_or(E::default(), |ray| ray[i / lanes]);
-            (0..3 * lanes).map(number).collect::<Vec<_>>()
+/// An ordinary sphere and triangle with each number in turn made NaN or infinite, and rays that are: nothing is hit.
+fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
+    let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+    let mut rows = Vec::new();
+    for sweep in &SWEEPS[1..] {
+        let mut rng = Rng::new(seed);
+        let (shape, at) = (sweep.make)(1.0, &mut rng);
+        let rays = aimed::<E>(&at, rays, &mut rng);
+        let reach = reach_of(&rays);
+        let numbers = match shape {
+            Shape::Sphere { .. } => 4,
+            Shape::Triangle(_) => 9,
         };
-        rays.chunks(lanes).flat_map(of).collect()
-    }
-
-    fn op_of<E: PacketElement>(isa: Isa, name: &str) -> Option<&'static PacketOp<E>> {
-        packet_ops::<E>(isa)?.iter().find(|op| op.name == name)
-    }
-
-    /// Families whose objects are held against rays of their scene's own picture.
-    const PICTURES: [&str; 10] = ["S2", "S4", "S5", "S6", "S8", "T1", "T2", "T3", "T4", "T7"];
-
-    /// Sweeps the operations over those of `families` that are of single objects, and for cracks over T6.
-    pub fn sweep(families: &[&Family], seed: u64, quick: bool) -> Vec<OperationRow> {
-        families.iter().flat_map(|family| of_family(family, seed, quick)).collect()
-    }
-
-    fn of_family(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
-        [of_precision::<f32>(family, seed, quick), of_precision::<f64>(family, seed, quick)].concat()
-    }
-
-    fn of_precision<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
-        let rays = RAYS[usize::from(!quick)];
-        if let Some(sweep) = SWEEPS.iter().find(|sweep| sweep.id == family.id) {
-            let mut values: Vec<f64> = family.levels.iter().map(|level| level.value).collect();
-            if is_double::<E>() {
-                values.extend(sweep.beyond);
-                values.sort_unstable_by(f64::total_cmp);
+        let spoilt = |at: usize, bad: f64| match shape {
+            Shape::Sphere { centre, radius } => {
+                let mut numbers = [centre.x, centre.y, centre.z, radius];
+                numbers[at] = bad;
+                let [x, y, z, radius] = numbers;
+                Shape::Sphere { centre: DVec3::new(x, y, z), radius }
             }
-            return of_element::<E>(family, sweep, &values, seed, rays);
-        }
-        match family.id {
-            id if PICTURES.contains(&id) => of_pictures::<E>(family, seed, quick),
-            "T6" => of_meshes::<E>(family, seed, quick),
-            "N1" => not_numbers::<E>(seed, rays),
-            _ => Vec::new(),
-        }
-    }
-
-    fn is_double<E: PacketElement>() -> bool {
-        size_of::<E>() == size_of::<f64>()
-    }
-
-    /// A row of which nothing is known yet.
-    fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
-        let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
-        OperationRow { family, operation, engine: isa.name(), precision, ..OperationRow::default() }
-    }
-
-    fn usable() -> impl Iterator<Item = Isa> {
-        Isa::ALL.into_iter().filter(|isa| isa.usable())
-    }
-
-    /// One operation over one parameter.
-    struct Over<'a> {
-        id: &'static str,
-        operation: &'static str,
-        /// The values as they are written, and which of them is ordinary.
-        values: &'a [String],
-        ordinary: usize,
-    }
-
-    fn of_element<E: PacketElement>(
-        family: &Family,
-        sweep: &Sweep,
-        values: &[f64],
-        seed: u64,
-        rays: usize,
-    ) -> Vec<OperationRow> {
-        let usual = family.levels[family.ordinary].value;
-        let ordinary = values.iter().position(|value| *value == usual).expect("the ordinary value is one of them");
-        let written: Vec<_> = values.iter().map(|value| Level { value: *value, label: "" }.to_string()).collect();
-        let over = Over { id: family.id, operation: sweep.operation, values: &written, ordinary };
-        rows_of::<E>(&over, |i| {
-            let mut rng = Rng::new(seed ^ ((i as u64) << 32));
-            (0..OBJECTS).map(|_| Held::new(sweep, values[i], rays.div_ceil(OBJECTS), &mut rng)).collect()
-        })
-    }
-
-    /// The rays of a picture, rounded to E.
-    fn rays_of<E: PacketElement>(camera: &Camera) -> Vec<[E; 3]> {
-        let grid = camera.grid::<f64>();
-        let row = |row| (0..camera.width()).map(move |col| grid.ray(row, col).map(E::from_f64));
-        (0..camera.height()).flat_map(row).collect()
-    }
-
-    fn of_pictures<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
-        let variants = family.variants.len();
-        let shapes = |scene: &Scene, operation: &str| -> Vec<Shape> {
-            let sphere = |s: &scene::Sphere| Shape::Sphere { centre: s.centre.into(), radius: s.radius.into() };
-            let triangle = |t: &scene::Triangle| Shape::Triangle(t.vertices.map(Into::into));
-            match operation {
-                "sphere" => scene.spheres.iter().map(sphere).collect(),
-                _ => scene.triangles.iter().map(triangle).collect(),
+            Shape::Triangle(mut vertices) => {
+                vertices[at / 3][at % 3] = bad;
+                Shape::Triangle(vertices)
             }
         };
-        // The objects of a scene share the rays of its picture.
-        let held = |level: usize, operation: &str| -> Vec<Held<E>> {
-            let cases = (0..variants).map(|i| family.case(level * variants + i, seed, side(family, quick)).scene);
-            let of_case = |scene: Scene| {
-                let (shapes, rays) = (shapes(&scene, operation), rays_of::<E>(&scene.camera));
-                let share = |i: usize| rays.iter().skip(i).step_by(shapes.len()).copied().collect();
-                shapes.iter().enumerate().map(|(i, shape)| Held::of(*shape, share(i))).collect::<Vec<_>>()
-            };
-            cases.flat_map(of_case).collect()
+        let held = |shape: Shape, rays: Vec<[E; 3]>| {
+            let (record, unit) = shape.record(reach);
+            Held { record, unit, rays, expected: Vec::new() }
         };
-        let values: Vec<_> = family.levels.iter().map(ToString::to_string).collect();
-        let operation = if family.id.starts_with('S') { "sphere" } else { "triangle" };
-        let over = Over { id: family.id, operation, values: &values, ordinary: family.ordinary };
-        rows_of(&over, |level| held(level, operation))
-    }
-
-    /// A row for each instruction set; `held` makes what is held against the truth at a value.
-    fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E>>) -> Vec<OperationRow> {
-        let isas: Vec<_> = usable().collect();
-        // Of each value, each instruction set's errors, and nanoseconds of an object.
-        let mut found: Vec<Vec<(Errors, f64)>> = Vec::new();
-        for value in 0..over.values.len() {
-            let held = held(value);
-            let of = |isa: &Isa| {
-                let op = op_of::<E>(*isa, over.operation).expect("every instruction set has it");
-                let (mut tally, mut ns) = (Tally::of_exact_rays(is_double::<E>()), 0.0);
-                for held in &held {
-                    let (hits, time) = held.call(op, RUNS);
-                    ns += time / held.rays.len() as f64;
-                    for (expected, t) in held.expected.iter().zip(hits) {
-                        let object = expected.hit.map_or(Object::Sphere(0), |target| target.object);
-                        let hit = Found { object, distance: Distance::T(t), normal: None };
-                        // Infinity is a miss, and what is no number is wrong.
-                        tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
-                    }
-                }
-                (tally.errors(), ns / held.len() as f64)
-            };
-            found.push(isas.iter().map(of).collect());
+        let ordinary = held(shape, rays.clone());
+        let mut cases: Vec<Held<E>> =
+            (0..numbers).flat_map(|at| bad.map(|bad| held(spoilt(at, bad), rays.clone()))).collect();
+        cases.extend((0..3).map(|axis| {
+            let mut rays = rays.clone();
+            rays.iter_mut().for_each(|ray| ray[axis] = E::from_f64(f64::NAN));
+            held(shape, rays)
+        }));
+        for isa in usable() {
+            let op = op_of::<E>(isa, sweep.operation).expect("every instruction set has it");
+            let (_, usual) = ordinary.call(op, RUNS);
+            let (mut wrong_hits, mut slowdown) = (0, 0.0_f64);
+            for case in &cases {
+                let (hits, ns) = case.call(op, RUNS);
+                wrong_hits += hits.into_iter().filter(|t| *t != f64::INFINITY).count();
+                slowdown = slowdown.max(ns / usual);
+            }
+            rows.push(OperationRow {
+                from: "NaN".into(),
+                to: "infinity".into(),
+                rays: rays.len(),
+                wrong_hits,
+                breaks_at: (wrong_hits > 0).then(|| "NaN".into()),
+                slowdown,
+                ..empty::<E>("N1", sweep.operation, isa)
+            });
         }
-        let Over { id, operation, values, ordinary } = *over;
-        let row = |(i, isa): (usize, &Isa)| {
-            let own = || found.iter().map(|of| &of[i]);
-            let largest = |of: fn(&Errors) -> Option<f64>| own().filter_map(|(errors, _)| of(errors)).reduce(f64::max);
-            let breaks = |errors: &Errors| errors.wrong_hits > 0 || errors.bound_share.is_some_and(|share| share > 1.0);
-            let broken = own().enumerate().filter(|(_, (errors, _))| breaks(errors)).map(|(level, _)| level);
-            let usual = found[ordinary][i].1;
-            OperationRow {
-                from: values[0].clone(),
-                to: values[values.len() - 1].clone(),
-                rays: own().map(|(errors, _)| errors.rays).min().unwrap_or(0),
-                worst: largest(|errors| errors.max_ulp),
-                bound: largest(|errors| errors.bound_share),
-                wrong_hits: own().map(|(errors, _)| errors.wrong_hits).sum(),
-                breaks_at: broken.min_by_key(|level| level.abs_diff(ordinary)).map(|level| values[level].clone()),
-                slowdown: own().map(|(_, ns)| ns / usual).fold(0.0, f64::max),
-                ..empty::<E>(id, operation, *isa)
-            }
-        };
-        isas.iter().enumerate().map(row).collect()
     }
-
-    /// The meshes that cover their picture, triangle by triangle: how many rays meet none of them, though each meets some.
-    fn of_meshes<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<OperationRow> {
-        let case = |level: usize| family.case(level * family.variants.len(), seed, side(family, quick));
-        let cases: Vec<_> = (0..family.levels.len()).map(case).filter(|case| case.covered).collect();
-        let rays: Vec<_> = cases.iter().map(|case| rays_of::<E>(&case.scene.camera)).collect();
-        let of = |isa: Isa| {
-            let op = op_of::<E>(isa, "triangle").expect("every instruction set has it");
-            let (mut holes, mut ns) = (0, Vec::new());
-            for (case, rays) in cases.iter().zip(&rays) {
-                let packets = packed(rays, op.lanes);
-                let (mut out, mut hit) = (vec![E::default(); packets.len() / 3], vec![false; rays.len()]);
-                let reach = reach_of(rays);
-                let mut taken = Vec::new();
-                for triangle in &case.scene.triangles {
-                    let (record, _) = Shape::Triangle(triangle.vertices.map(Into::into)).record(reach);
-                    let start = Instant::now();
-                    op.call(&mut out, &packets, &record);
-                    taken.push(start.elapsed().as_secs_f64());
-                    hit.iter_mut().zip(&out).for_each(|(hit, t)| *hit |= t.to_f64() != f64::INFINITY);
-                }
-                holes += hit.iter().filter(|hit| !**hit).count();
-                ns.push(median(&taken) / rays.len() as f64);
-            }
-            OperationRow {
-                from: cases[0].level.to_string(),
-                to: cases[cases.len() - 1].level.to_string(),
-                rays: rays.iter().map(Vec::len).min().unwrap_or(0),
-                holes: Some(holes),
-                slowdown: ns.iter().map(|of| of / ns[0]).fold(0.0, f64::max),
-                ..empty::<E>(family.id, "triangle", isa)
-            }
-        };
-        usable().map(of).collect()
-    }
-
-    /// An ordinary sphere and triangle with each number in turn made NaN or infinite, and rays that are: nothing is hit.
-    fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
-        let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
-        let mut rows = Vec::new();
-        for sweep in &SWEEPS[1..] {
-            let mut rng = Rng::new(seed);
-            let (shape, at) = (sweep.make)(1.0, &mut rng);
-            let rays = aimed::<E>(&at, rays, &mut rng);
-            let reach = reach_of(&rays);
-            let numbers = match shape {
-                Shape::Sphere { .. } => 4,
-                Shape::Triangle(_) => 9,
-            };
-            let spoilt = |at: usize, bad: f64| match shape {
-                Shape::Sphere { centre, radius } => {
-                    let mut numbers = [centre.x, centre.y, centre.z, radius];
-                    numbers[at] = bad;
-                    let [x, y, z, radius] = numbers;
-                    Shape::Sphere { centre: DVec3::new(x, y, z), radius }
-                }
-                Shape::Triangle(mut vertices) => {
-                    vertices[at / 3][at % 3] = bad;
-                    Shape::Triangle(vertices)
-                }
-            };
-            let held = |shape: Shape, rays: Vec<[E; 3]>| {
-                let (record, unit) = shape.record(reach);
-                Held { record, unit, rays, expected: Vec::new() }
-            };
-            let ordinary = held(shape, rays.clone());
-            let mut cases: Vec<Held<E>> =
-                (0..numbers).flat_map(|at| bad.map(|bad| held(spoilt(at, bad), rays.clone()))).collect();
-            cases.extend((0..3).map(|axis| {
-                let mut rays = rays.clone();
-                rays.iter_mut().for_each(|ray| ray[axis] = E::from_f64(f64::NAN));
-                held(shape, rays)
-            }));
-            for isa in usable() {
-                let op = op_of::<E>(isa, sweep.operation).expect("every instruction set has it");
-                let (_, usual) = ordinary.call(op, RUNS);
-                let (mut wrong_hits, mut slowdown) = (0, 0.0_f64);
-                for case in &cases {
-                    let (hits, ns) = case.call(op, RUNS);
-                    wrong_hits += hits.into_iter().filter(|t| *t != f64::INFINITY).count();
-                    slowdown = slowdown.max(ns / usual);
-                }
-                rows.push(OperationRow {
-                    from: "NaN".into(),
-                    to: "infinity".into(),
-                    rays: rays.len(),
-                    wrong_hits,
-                    breaks_at: (wrong_hits > 0).then(|| "NaN".into()),
-                    slowdown,
-                    ..empty::<E>("N1", sweep.operation, isa)
-                });
-            }
-        }
-        rows
-    }
+    rows
 }

@@ -4,7 +4,7 @@
 #define JOIN(level, name) rayo_c_##level##_##name
 #define NAME(level, name) JOIN(level, name)
 /* Hidden, so that a compiler that makes position-independent code may inline one into another. */
-#define SMALL __attribute__((sysv_abi, visibility("hidden")))
+#define SMALL KERNEL __attribute__((visibility("hidden")))
 #define square_root NAME(RAYO_LEVEL, square_root)
 #define vec_add NAME(RAYO_LEVEL, add)
 #define vec_sub NAME(RAYO_LEVEL, sub)

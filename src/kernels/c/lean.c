@@ -46,7 +46,7 @@ static inline vec4 shade_triangle(const lists *s, vec4 d, float t, const triangl
 
 /* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
    There are at most MOST objects of a kind. */
-__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;
     if (HOISTED)
         hoist(&k, s);

@@ -2,7 +2,7 @@
 #include "paper.h"
 
 #define OP(name, out_type, a_type, b_type)                                                                             \
-    __attribute__((sysv_abi)) void rayo_c_##name(out_type *out, const a_type *a, const b_type *b)
+    KERNEL void rayo_c_##name(out_type *out, const a_type *a, const b_type *b)
 
 static inline ray along(const vec4 *direction) {
     return (ray){.origin = {0, 0, 0, 0}, .direction = *direction};

@@ -27,7 +27,7 @@ static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_si
 #endif
 
 /* Writes the rows from `row` up to, but without, `end` to `out`, a pixel each: four floats. */
-__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, pixel_type *out) {
+KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, pixel_type *out) {
     for (; row < end; row++) {
         for (uint64_t col = 0; col < f->width; col++) {
             ray r = {

@@ -92,7 +92,7 @@ static inline void shade(const block *restrict b, float y, float z, const lists 
 
 /* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
    There are at most MOST objects of a kind. */
-__attribute__((sysv_abi)) void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
+KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;
     hoist(&k, s);
     for (; row < end; row++) {
