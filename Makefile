@@ -1,10 +1,11 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build mpi demo test test-all test-mpi bench images counts accuracy stability leaving-out complexity map clean
+.PHONY: help setup build mpi demo install uninstall test test-all test-mpi bench images counts accuracy stability leaving-out complexity map clean
 
-# Where everything that is built goes.
+# Where everything that is built and rendered goes: here, or where CARGO_TARGET_DIR says, so that this folder may be read-only.
 target := $(abspath $(or $(CARGO_TARGET_DIR),target))
+OUT ?= $(if $(CARGO_TARGET_DIR),$(target)/)out
 
 # cargo, with the NASM that set-up had to put under target/tools, if it had to. Expanded when a recipe starts, which is
 # after set-up. A NASM named by the user stays.
@@ -13,6 +14,9 @@ cargo = $(strip $(if $(NASM),,$(unpacked_nasm)) cargo)
 
 # The program that `make build` makes.
 rayo := "$(target)/release/rayo"
+
+# Where `make install` puts it.
+PREFIX ?= /usr/local
 
 # Scenes that the README shows.
 shown := knot.in planet.in sunflower.in island.toml
@@ -25,15 +29,25 @@ help: ## List the commands
 setup: ## Install what the build needs and this machine lacks
 	@scripts/setup.sh
 
-build: setup ## Build the program, target/release/rayo
+build: setup ## Build the program, target/release/rayo, or under CARGO_TARGET_DIR if that is set
 	$(cargo) build --release --locked
 
 mpi: ## Install what several processes need (Open MPI, libclang), and build the program with it
 	@scripts/setup.sh mpi
 	$(cargo) build --release --locked --features mpi
 
-demo: build ## Render two scenes on several engines, compare the pictures, and make a page of all experiments
-	@rayo=$(rayo) scripts/demo.sh
+# Where there is no program yet, one that renders and does no more comes first: the other takes three times as long to compile.
+demo: setup ## Show a picture, render two scenes on several engines, compare, and make a page of all experiments
+	@test -x $(rayo) || $(cargo) build --release --locked --no-default-features --features asm,render
+	@rayo=$(rayo) out="$(OUT)/demo" scripts/demo.sh first
+	$(cargo) build --release --locked
+	@rayo=$(rayo) out="$(OUT)/demo" scripts/demo.sh
+
+install: ## Install the program that `make build` made, its manual and completions: PREFIX=/usr/local, DESTDIR=
+	@rayo=$(rayo) scripts/install.sh install "$(DESTDIR)" "$(PREFIX)"
+
+uninstall: ## Take away what `make install` installed
+	@scripts/install.sh uninstall "$(DESTDIR)" "$(PREFIX)"
 
 # What tests could not be run here, a line each.
 not_run := $(target)/not-run
@@ -64,30 +78,30 @@ images: build ## Make the pictures and figures of the README anew
 	for scene in $(shown); do \
 	    $(rayo) render scenes/$$scene --size 400x300 --samples 4 --srgb -o docs/images/$${scene%.*}.png || exit; \
 	done
-	$(rayo) experiment --ladder --out out/experiment
-	cp out/experiment/ratio.svg out/experiment/ladder.svg docs/images/
+	$(rayo) experiment --ladder --out "$(OUT)"/experiment
+	cp "$(OUT)"/experiment/ratio.svg "$(OUT)"/experiment/ladder.svg docs/images/
 
 counts: build ## Count and time the operations anew: docs/results/instruction-counts.md and its figure
-	mkdir -p out
-	$(rayo) ops --executed --markdown --figure docs/results/instruction-counts.svg >out/instruction-counts.md
-	cp out/instruction-counts.md docs/results/
+	mkdir -p "$(OUT)"
+	$(rayo) ops --executed --markdown --figure docs/results/instruction-counts.svg >"$(OUT)"/instruction-counts.md
+	cp "$(OUT)"/instruction-counts.md docs/results/
 
 accuracy: build ## Measure error against run time anew: docs/results/accuracy.md and its figure
-	$(rayo) accuracy --out out/accuracy
-	cp out/accuracy/accuracy.md out/accuracy/accuracy.svg docs/results/
+	$(rayo) accuracy --out "$(OUT)"/accuracy
+	cp "$(OUT)"/accuracy/accuracy.md "$(OUT)"/accuracy/accuracy.svg docs/results/
 
 stability: build ## Sweep the stiff scenes anew: docs/results/stability.md and its figure
-	$(rayo) stability --out out/stability
-	cp out/stability/stability.md out/stability/stability.svg docs/results/
+	$(rayo) stability --out "$(OUT)"/stability
+	cp "$(OUT)"/stability/stability.md "$(OUT)"/stability/stability.svg docs/results/
 
 leaving-out: build ## Measure what each omission is worth anew: docs/results/leaving-out.txt and its figure
-	mkdir -p out
-	$(rayo) plan $(planned:%=scenes/%) --measure --figure docs/results/leaving-out.svg >out/leaving-out.txt
-	cp out/leaving-out.txt docs/results/
+	mkdir -p "$(OUT)"
+	$(rayo) plan $(planned:%=scenes/%) --measure --figure docs/results/leaving-out.svg >"$(OUT)"/leaving-out.txt
+	cp "$(OUT)"/leaving-out.txt docs/results/
 
 complexity: build ## Measure large pictures and scenes anew: docs/results/complexity.md and its figure
-	$(rayo) experiment --complexity --out out/complexity
-	cp out/complexity/complexity.md out/complexity/complexity.svg docs/results/
+	$(rayo) experiment --complexity --out "$(OUT)"/complexity
+	cp "$(OUT)"/complexity/complexity.md "$(OUT)"/complexity/complexity.svg docs/results/
 
 map: ## Print the first line of every source file: what lives there
 	@git ls-files asm benches build build.rs examples src tests | while read -r file; do \
@@ -95,4 +109,4 @@ map: ## Print the first line of every source file: what lives there
 	done
 
 clean: ## Remove everything that was built or rendered
-	rm -rf target out
+	rm -rf "$(target)" "$(OUT)"

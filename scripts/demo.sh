@@ -1,10 +1,21 @@
 #!/bin/sh
 # demo.sh - renders two scenes on several engines, checks that the pictures agree, and reports on all experiments; for make demo.
+# Called with the word first, it renders one picture to show, and in a terminal shows it there.
 set -eu
 cd "$(dirname "$0")/.."
 
 : "${rayo:=target/release/rayo}"
-out=out/demo
+: "${out:=out/demo}"
+
+if [ "${1:-}" = first ]; then
+    mkdir -p "$out"
+    preview=
+    [ ! -t 1 ] || preview=--preview
+    # shellcheck disable=SC2086 # a flag, or none
+    "$rayo" render scenes/island.toml --size 1600x1200 --samples 4 --srgb --quiet $preview -o "$out/island.png"
+    printf '\nThe first picture: %s\n\n' "$out/island.png"
+    exit
+fi
 
 # What `rayo info` tells under a name.
 info() { "$rayo" info | sed -n "s/^$1 *//p"; }

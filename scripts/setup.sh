@@ -5,12 +5,13 @@
 # Silent where all is there. What is missing comes from the machine's package manager: as root, or else with sudo. Where
 # neither is to be had, Debian's and Ubuntu's NASM is unpacked into target/tools without any rights, and for anything else
 # the script says what to install, and fails. A NASM that is not the first on PATH, unpacked or found elsewhere, is left
-# as target/tools/usr/bin/nasm, where the Makefile looks for it. NASM and CC, where they are set, are taken at their word.
+# as target/tools/usr/bin/nasm, where the Makefile looks for it. CARGO_TARGET_DIR, where it is set, is that target; NASM and
+# CC are taken at their word.
 set -eu
 cd "$(dirname "$0")/.."
 
 wanted=${1:-}
-tools=target/tools
+tools=${CARGO_TARGET_DIR:-target}/tools
 local_nasm=$tools/usr/bin/nasm
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -82,7 +83,7 @@ missing() {
 
 # The package manager of this machine, or nothing.
 manager() {
-    for name in apt-get dnf pacman zypper brew; do
+    for name in apt-get dnf pacman zypper apk brew; do
         if have "$name"; then echo "$name"; return; fi
     done
 }
@@ -98,11 +99,13 @@ install_command() {
             apt-get:cc) names="$names gcc libc6-dev" ;;
             dnf:cc | zypper:cc) names="$names gcc glibc-devel" ;;
             pacman:cc) names="$names gcc" ;;
+            apk:cc) names="$names gcc musl-dev" ;;
             brew:cc) ;; # see advise
             apt-get:mpi) names="$names libopenmpi-dev openmpi-bin libclang-dev" ;;
             dnf:mpi) names="$names openmpi-devel clang-devel" ;;
             pacman:mpi) names="$names openmpi clang" ;;
             zypper:mpi) names="$names openmpi4-devel clang-devel" ;;
+            apk:mpi) names="$names openmpi-dev clang-dev" ;;
             brew:mpi) names="$names open-mpi llvm" ;;
         esac
     done
@@ -112,6 +115,7 @@ install_command() {
         dnf) echo "dnf install -y$names" ;;
         pacman) echo "pacman -S --needed --noconfirm$names" ;;
         zypper) echo "zypper --non-interactive install$names" ;;
+        apk) echo "apk add$names" ;;
         brew) echo "brew install$names" ;;
     esac
 }
@@ -123,6 +127,7 @@ update_command() {
         dnf) echo "dnf makecache" ;;
         pacman) echo "pacman -Sy --noconfirm" ;;
         zypper) echo "zypper --non-interactive refresh" ;;
+        apk) echo "apk update" ;;
         brew) echo "brew update" ;;
     esac
 }
@@ -184,7 +189,7 @@ advise() {
     esac
     say "Install it with root's rights and run make again:"
     with=$(manager)
-    for name in ${with:-apt-get dnf pacman zypper brew}; do
+    for name in ${with:-apt-get dnf pacman zypper apk brew}; do
         command=$(install_command "$name" "$@")
         [ -z "$command" ] || say "  $command"
     done

@@ -56,7 +56,7 @@ pub use render::{Engine, Film, Frame, PixelFormat, Precision, Settings};
 #[doc(inline)]
 pub use scene::{Camera, Faces, Light, Scene, Sphere, Triangle, View};
 
-#[cfg(feature = "cli")]
+#[cfg(feature = "render")]
 pub mod cli;
 #[cfg(feature = "lab")]
 pub mod experiments;

@@ -1,25 +1,40 @@
 //! The command line: arguments in, text and files out, one file per subcommand.
 
+// What commands share is not all needed by those that need no `lab`.
+#![cfg_attr(not(feature = "cli"), allow(dead_code))]
+
+#[cfg(feature = "cli")]
 mod accuracy;
 mod convert;
 mod development;
 mod diff;
 mod engine;
+#[cfg(feature = "cli")]
 mod essay;
+#[cfg(feature = "cli")]
 mod experiment;
 mod fit;
 mod info;
+#[cfg(feature = "cli")]
+mod lab;
 mod make;
 mod measuring;
+#[cfg(feature = "cli")]
 mod ops;
 mod party;
+#[cfg(feature = "cli")]
 mod plan;
 mod preview;
 mod render;
+#[cfg(feature = "cli")]
 mod report;
+#[cfg(feature = "cli")]
 mod shell;
+#[cfg(feature = "cli")]
 mod stability;
+#[cfg(feature = "cli")]
 mod step;
+#[cfg(feature = "cli")]
 mod table;
 mod view;
 
@@ -49,19 +64,13 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(render::RenderArgs),
-    Plan(plan::PlanArgs),
     Convert(convert::ConvertArgs),
     Make(make::MakeArgs),
     Diff(diff::DiffArgs),
-    Accuracy(accuracy::AccuracyArgs),
-    Experiment(experiment::ExperimentArgs),
     Info(info::InfoArgs),
-    Ops(ops::OpsArgs),
-    Report(report::ReportArgs),
-    Stability(stability::StabilityArgs),
-    Step(step::StepArgs),
-    Completions(shell::CompletionsArgs),
-    Man(shell::ManArgs),
+    #[cfg(feature = "cli")]
+    #[command(flatten)]
+    Lab(lab::Command),
 }
 
 /// What ends a command early: what to say, and the exit status that says whose fault it is.
@@ -120,20 +129,13 @@ pub fn main() -> ExitCode {
     };
     let result = match arguments.command {
         Command::Render(args) => render::run(&args, &party),
-        Command::Accuracy(args) => accuracy::run(&args, &party),
-        Command::Experiment(args) => experiment::run(&args, &party),
-        Command::Stability(args) => stability::run(&args, &party),
+        #[cfg(feature = "cli")]
+        Command::Lab(command) => command.run(&party),
         _ if !party.is_alone() => Err(for_one_process()),
-        Command::Plan(args) => plan::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Make(args) => make::run(&args),
         Command::Diff(args) => diff::run(&args),
         Command::Info(args) => info::run(&args),
-        Command::Ops(args) => ops::run(&args),
-        Command::Report(args) => report::run(&args),
-        Command::Step(args) => step::run(&args),
-        Command::Completions(args) => shell::completions(&args),
-        Command::Man(args) => shell::man(&args),
     };
     result.unwrap_or_else(|failure| failure.tell())
 }
