@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use crate::program::rayo;
 use tempfile::TempDir;
@@ -60,6 +61,13 @@ fn spans(document: &str) -> Vec<String> {
     let text = text(document);
     let prose: String = text.split("```").step_by(2).collect();
     prose.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// The pictures and files that a document leads to.
+fn links(document: &str) -> Vec<String> {
+    let text = text(document);
+    let links = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap().to_owned());
+    links.filter(|link| !link.contains("://")).collect()
 }
 
 fn help(subcommand: &[&str]) -> String {
@@ -227,15 +235,23 @@ fn every_path_that_a_document_names_exists() {
             }
         }
         let folder = Path::new(document).parent().unwrap().to_owned();
-        for link in text(document).split("](").skip(1).map(|rest| rest.split(')').next().unwrap().to_owned()) {
-            if !link.contains("://") {
-                let path: PathBuf = folder.join(&link);
-                assert!(root().join(&path).exists(), "{document} links to {link}, which is not there");
-                checked += 1;
-            }
+        for link in links(document) {
+            let path: PathBuf = folder.join(&link);
+            assert!(root().join(&path).exists(), "{document} links to {link}, which is not there");
+            checked += 1;
         }
     }
     assert!(checked > 50, "only {checked} paths were found");
+}
+
+#[test]
+fn the_package_has_all_that_its_readme_shows_and_leads_to() {
+    let arguments = ["package", "--list", "--allow-dirty", "--offline"];
+    let list = Command::new(env!("CARGO")).args(arguments).current_dir(root()).output().unwrap();
+    let files = String::from_utf8(list.stdout).unwrap();
+    for link in links("README.md") {
+        assert!(files.lines().any(|file| file == link), "the package has no {link}: {files}");
+    }
 }
 
 #[test]
