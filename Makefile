@@ -1,7 +1,7 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build mpi demo install uninstall test test-all test-mpi bench images counts accuracy stability leaving-out complexity map clean
+.PHONY: help setup build mpi demo install uninstall test test-all test-mpi toolchains bench images counts accuracy stability leaving-out complexity map clean
 
 # Where everything that is built and rendered goes: here, or where CARGO_TARGET_DIR says, so that this folder may be read-only.
 target := $(abspath $(or $(CARGO_TARGET_DIR),target))
@@ -70,6 +70,9 @@ test-all: test ## The same with every case of the slow tests, of which `make tes
 test-mpi: mpi ## Run the lints and the tests of what several processes do
 	$(cargo) clippy --release --locked --all-targets --features mpi -- -D warnings
 	$(cargo) test --release --locked --features mpi --lib --test mpi
+
+toolchains: build ## Build with every NASM and C compiler of Debian's suites, and run on the CPUs that qemu-user plays
+	@$(if $(NASM),,$(unpacked_nasm)) scripts/toolchains.sh $(strict)
 
 bench: setup ## Run the micro benches
 	$(cargo) bench --locked

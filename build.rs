@@ -85,6 +85,24 @@ mod native {
     const FAST: &str = "-ffast-math";
     /// gcc would make one branch of several selections that ask the same, and then find no lanes.
     const NO_BRANCHES: &str = "-fno-thread-jumps";
+    const V3: &str = "-march=x86-64-v3";
+    const V4: &str = "-march=x86-64-v4";
+    /// What these two are, the first eight of them the former, for compilers that do not know their names, as gcc 10.
+    const EXTENSIONS: [&str; 13] = [
+        "-mavx2",
+        "-mbmi",
+        "-mbmi2",
+        "-mf16c",
+        "-mfma",
+        "-mlzcnt",
+        "-mmovbe",
+        "-mpopcnt",
+        "-mavx512f",
+        "-mavx512bw",
+        "-mavx512cd",
+        "-mavx512dq",
+        "-mavx512vl",
+    ];
 
     struct Rung {
         name: &'static str,
@@ -118,9 +136,11 @@ mod native {
         println!("cargo::rerun-if-changed=asm");
         println!("cargo::rerun-if-changed=src/kernels/c");
         println!("cargo::rerun-if-env-changed=NASM");
+        println!("cargo::rerun-if-env-changed=RAYO_STRICT");
 
-        let assembled = assemble(out);
+        // A compiler that cannot be used is found in no time.
         let compiled = if cfg!(feature = "c") { compile(out) } else { Vec::new() };
+        let assembled = assemble(out);
         let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
         if objects.is_empty() {
             return;
@@ -169,7 +189,10 @@ mod native {
     #[cfg(feature = "asm")]
     fn assemble_unit(out: &Path, unit: &str) -> PathBuf {
         let mut nasm = nasm_rs::Build::new();
-        nasm.min_version(2, 15, 0).include("asm").flag("-Wall").flag("-Werror").debug(false);
+        nasm.min_version(2, 15, 0).include("asm").debug(false);
+        if strict() {
+            nasm.flag("-Wall").flag("-Werror");
+        }
         let listing = out.join(format!("{unit}.lst"));
         if cfg!(feature = "lab") {
             nasm.flag("-Lm").flag("-l").flag(listing.to_str().expect("Cargo's paths are UTF-8"));
@@ -180,7 +203,8 @@ mod native {
             let ended = error.contains("exit status");
             fail(
                 if ended {
-                    "NASM refused a kernel: see its words in the output of the build script"
+                    "NASM refused a kernel, for which see its words in the output of the build script: name another one, \
+                        2.15 or newer, in the variable NASM"
                 } else {
                     NASM_MISSING
                 },
@@ -202,10 +226,21 @@ mod native {
         object.clone()
     }
 
+    /// Whether a warning is an error: not where a user builds, whose tools may warn of what ours do not.
+    fn strict() -> bool {
+        env::var("RAYO_STRICT").is_ok_and(|value| value == "1")
+    }
+
     /// The compiler as the paper uses it.
     fn compiler(out: &Path) -> cc::Build {
         let mut c = cc::Build::new();
-        c.opt_level(3).debug(false).std("c11").include(out).warnings(true).extra_warnings(true);
+        c.opt_level(3)
+            .debug(false)
+            .std("c11")
+            .include(out)
+            .warnings(true)
+            .extra_warnings(true)
+            .warnings_into_errors(strict());
         c
     }
 
@@ -216,14 +251,20 @@ mod native {
         let compiler = c.try_get_compiler().unwrap_or_else(|error| fail(CC_MISSING, &error.to_string()));
         let objects = c.try_compile_intermediates().unwrap_or_else(|error| {
             fail(
-                if compiler.path().exists() { "the C compiler refused the paper's C" } else { CC_MISSING },
+                if compiler.path().exists() {
+                    "the C compiler refused the paper's C: name another one in the variable CC"
+                } else {
+                    CC_MISSING
+                },
                 &error.to_string(),
             )
         });
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
         // The flags that matter to a figure; paths do not, and are this machine's own.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
-        let flags: Vec<_> = flags.filter(|flag| flag.starts_with('-') && flag != "-I" && !flag.contains('/')).collect();
+        let flags: Vec<_> = flags
+            .filter(|flag| flag.starts_with('-') && !matches!(&**flag, "-I" | "-Werror") && !flag.contains('/'))
+            .collect();
         println!("cargo::rustc-env=RAYO_CFLAGS={}", flags.join(" "));
         objects
     }
@@ -249,13 +290,18 @@ mod native {
         writeln!(list, "    most {LADDER_MOST};").unwrap();
         for Rung { name, source, level, flags } in RUNGS {
             let mut c = compiler(out);
-            let march = match level {
-                Level::Base => None,
-                Level::Sse41 => Some("-msse4.1"),
-                Level::V3 => Some("-march=x86-64-v3"),
-                Level::V4 => Some("-march=x86-64-v4"),
+            let supported = |flag: &&str| c.is_flag_supported(flag).unwrap_or(false);
+            let machine: &[&str] = match level {
+                Level::Base => &[],
+                Level::Sse41 => &["-msse4.1"],
+                Level::V3 if supported(&V3) => &[V3],
+                Level::V4 if supported(&V4) => &[V4],
+                Level::V3 => &EXTENSIONS[..8],
+                Level::V4 => &EXTENSIONS,
             };
-            let flags: Vec<_> = march.into_iter().chain(flags.iter().copied()).collect();
+            // Of flags that tune, those that this compiler has.
+            let flags = flags.iter().filter(|flag| flag.starts_with("-D") || supported(flag));
+            let flags: Vec<_> = machine.iter().chain(flags).copied().collect();
             for flag in &flags {
                 c.flag(flag);
             }

@@ -25,7 +25,7 @@
 
 %assign CHAIN_LINKS 8                   ; operations in a round
 
-section .rodata align=64
+section RODATA align=64
 align 16
 vector_a:   dd 0.5, -0.75, 1.25, 0.0
 vector_b:   dd 1.5, 0.625, -0.25, 0.0
@@ -33,21 +33,21 @@ scalar:     dd 0.875, 0.0, 0.0, 0.0
 ray:        dd 0.0625, -0.125, 1.0, 0.0
 sphere:
 istruc Sphere
-    at .centre, dd 0.25, -0.5, 4.0, 0.0
-    at .colour, dd 1.0, 0.5, 0.25, 0.0
-    at .radius, dd 1.5
+    at Sphere.centre, dd 0.25, -0.5, 4.0, 0.0
+    at Sphere.colour, dd 1.0, 0.5, 0.25, 0.0
+    at Sphere.radius, dd 1.5
 iend
 triangle:
 istruc Triangle
-    at .v1,     dd -1.0, -1.0, 3.0, 0.0
-    at .v2,     dd 1.0, -1.0, 3.5, 0.0
-    at .v3,     dd 0.25, 1.0, 4.0, 0.0
-    at .colour, dd 1.0, 0.5, 0.25, 0.0
+    at Triangle.v1, dd -1.0, -1.0, 3.0, 0.0
+    at Triangle.v2, dd 1.0, -1.0, 3.5, 0.0
+    at Triangle.v3, dd 0.25, 1.0, 4.0, 0.0
+    at Triangle.colour, dd 1.0, 0.5, 0.25, 0.0
 iend
 light:
 istruc Light
-    at .position, dd 3.0, 5.0, -2.0, 0.0
-    at .radiance, dd 0.75, 0.5, 0.25, 0.0
+    at Light.position, dd 3.0, 5.0, -2.0, 0.0
+    at Light.radiance, dd 0.75, 0.5, 0.25, 0.0
 iend
 point:      dd 0.25, -0.5, 2.5, 0.0
 normal:     dd 0.0, 0.6, -0.8, 0.0

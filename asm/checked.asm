@@ -21,7 +21,7 @@
 %assign MXCSR_CONTROL   0xffc0          ; all but the sticky exception flags
 %assign DIRECTION_FLAG  1 << 10
 
-section .rodata align=64
+section RODATA align=64
 junk:       dq 0x1b0b1e5_0badf00d, 0x2b0b1e5_0badf00d, 0x3b0b1e5_0badf00d   ; rbx, rbp, r12
             dq 0x4b0b1e5_0badf00d, 0x5b0b1e5_0badf00d, 0x6b0b1e5_0badf00d   ; r13, r14, r15
 canary:     dq 0xcafe_0dd_ca7_5eed

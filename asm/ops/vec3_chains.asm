@@ -104,7 +104,7 @@ END_CHAIN CHAIN_LINKS
 %macro PACKET_CHAINS 0
 %assign ESTIMATE 0
 
-section .rodata align=64
+section RODATA align=64
 align 64
 PACKET(chain_a):
     times LANES DE 0.5

@@ -44,13 +44,15 @@ impl Isa {
         cfg!(rayo_asm)
     }
 
-    /// Whether this build has its kernels, the CPU runs them, and the operating system saves their registers.
+    /// Whether this build has its kernels, the CPU runs them, each instruction being asked for, and the operating system saves their registers.
     pub fn usable(self) -> bool {
         self.built()
             && match self {
-                Isa::Sse41 => detected!("sse4.1"),
-                Isa::Avx2 => detected!("avx2" "fma"),
-                Isa::Avx512 => detected!("avx512f" "avx512vl" "avx512dq" "avx512bw" "bmi2" "popcnt"),
+                Isa::Sse41 => detected!("sse3" "ssse3" "sse4.1"),
+                Isa::Avx2 => detected!("avx" "avx2" "fma"),
+                Isa::Avx512 => {
+                    detected!("avx" "avx2" "fma" "bmi1" "bmi2" "popcnt" "avx512f" "avx512vl" "avx512dq" "avx512bw")
+                }
             }
     }
 }

@@ -22,8 +22,16 @@ pub fn tsc_start() -> u64 {
 #[inline]
 pub fn tsc_stop() -> u64 {
     use std::arch::x86_64::{__rdtscp, _mm_lfence};
+    use std::sync::LazyLock;
+    static HAS_RDTSCP: LazyLock<bool> = LazyLock::new(|| {
+        let features = raw_cpuid::CpuId::new().get_extended_processor_and_feature_identifiers();
+        features.is_some_and(|features| features.has_rdtscp())
+    });
+    if !*HAS_RDTSCP {
+        return tsc_start();
+    }
     let mut core = 0;
-    // SAFETY: as in tsc_start; `core` is ours to write.
+    // SAFETY: the CPU has the instruction, as just asked; else as in tsc_start. `core` is ours to write.
     unsafe {
         let now = __rdtscp(&mut core);
         _mm_lfence();

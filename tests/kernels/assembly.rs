@@ -17,7 +17,7 @@ use rayo::kernels::{self, OBJECTS};
 /// What a unit of kernels may be made of.
 struct Unit {
     name: &'static str,
-    /// Beyond what every x86-64 CPU has.
+    /// Beyond what every x86-64 CPU has: what `Isa::usable` asks for.
     features: &'static [CpuidFeature],
     /// Whether all of its vector instructions are VEX or EVEX encoded, or none.
     vex: bool,

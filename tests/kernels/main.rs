@@ -12,6 +12,8 @@ mod assembly;
 #[cfg(unix)]
 mod calling_convention;
 #[cfg(feature = "lab")]
+mod formats;
+#[cfg(feature = "lab")]
 mod operations;
 #[cfg(feature = "lab")]
 mod step_model;

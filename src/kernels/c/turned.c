@@ -57,9 +57,9 @@ static inline void meet_triangle(block *restrict b, float y, float z, const tria
         float across = x * n.x + y * n.y + z * n.z;
         float t = constant / (across == 0 ? -constant : across);
         float px = t * x, py = t * y, pz = t * z;
-        int inside = (side(v1, v2, v3, px, py, pz) >= 0) & (side(v2, v3, v1, px, py, pz) >= 0) &
-                      (side(v3, v1, v2, px, py, pz) >= 0);
-        int hit = inside & (t > 0) & (t < b->nearest[j]);
+        float side1 = side(v1, v2, v3, px, py, pz), side2 = side(v2, v3, v1, px, py, pz);
+        float side3 = side(v3, v1, v2, px, py, pz);
+        int hit = (side1 >= 0) & (side2 >= 0) & (side3 >= 0) & (t > 0) & (t < b->nearest[j]);
         b->nearest[j] = choose(hit, t, b->nearest[j]);
         b->nx[j] = choose(hit, n.x, b->nx[j]);
         b->ny[j] = choose(hit, n.y, b->ny[j]);
