@@ -975,10 +975,9 @@ impl Triangle {
     fn new(vertices: [DVec3; 3], unit: f64, grid: &Grid<f64>) -> Result<(Self, DVec3), Omission> {
         let [v1, v2, v3] = geometry::near_corner_first(vertices);
         let n = geometry::triangle_plane([v1, v2, v3]);
-        let volume = v1.dot(n);
-        if volume.is_nan() || volume.abs() <= 4.0 * f64::EPSILON * v1.abs().dot(n.abs()) {
+        let Some(volume) = geometry::triangle_volume([v1, v2, v3]) else {
             return Err(if geometry::has_no_area([v1, v2, v3]) { Omission::NoArea } else { Omission::EdgeOn });
-        }
+        };
         let edges = [(v1, v2), (v2, v3), (v3, v1)].map(|(v, w)| v.cross(w) * volume.signum());
         let plane = n / volume;
         // From the camera, P = t d is as exact as from a vertex that is as far from P as the camera is.

@@ -470,12 +470,16 @@ fn extent(scene: &Scene) -> f64 {
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// Triangles with the near corner first of those that have one; see [`geometry::near_corner_first`].
+/// Triangles with the near corner first of those that have one (see [`geometry::near_corner_first`]), and without area those whose
+/// planes pass through the camera although rounded sides hide it from the kernels.
 fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
-    if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0) {
+    if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(triangle)) {
         let turned = |triangle: &Triangle| {
             let mut turned = *triangle;
             turned.vertices.rotate_left(near_corner(triangle.vertices));
+            if is_edge_on(triangle) {
+                turned.vertices[2] = turned.vertices[0];
+            }
             turned
         };
         triangles.iter().map(turned).collect()
@@ -487,10 +491,16 @@ fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
 /// The same of those that share their corners.
 fn faces_turned_round(faces: &Faces) -> Cow<'_, Faces> {
     let mut turned = Cow::Borrowed(faces);
-    if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0) {
+    if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(&triangle)) {
         turned.to_mut().turn(near_corner);
+        let edge_on = faces.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle));
+        edge_on.for_each(|(face, _)| turned.to_mut().collapse(face));
     }
     turned
+}
+
+fn is_edge_on(triangle: &Triangle) -> bool {
+    geometry::is_edge_on(triangle.vertices.map(|v| v.as_dvec3()))
 }
 
 /// Which corner is to come first.

@@ -70,20 +70,22 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
 /// A corner is near if it is nearer than this share of the farthest one's distance.
 pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 
-/// Turned round, so that a corner that is [near](NEAR_CORNER) comes first: its product with the normal is the triangle's
-/// volume as any other's is, and the terms of a farther one's would cancel.
-pub fn near_corner_first([v1, v2, v3]: [DVec3; 3]) -> [DVec3; 3] {
-    match near_corner([v1, v2, v3]) {
-        1 => [v2, v3, v1],
-        2 => [v3, v1, v2],
-        _ => [v1, v2, v3],
-    }
+/// Turned round, so that the nearest corner comes first: its product with the normal is the triangle's volume as any other's
+/// is, and the terms of a farther one's would cancel.
+pub fn near_corner_first(mut corners: [DVec3; 3]) -> [DVec3; 3] {
+    corners.rotate_left(nearest_corner(corners, 1.0));
+    corners
 }
 
-/// Which corner then comes first: 0, 1 or 2.
+/// Which corner comes first where one is [near](NEAR_CORNER), and otherwise 0.
 pub fn near_corner(corners: [DVec3; 3]) -> usize {
+    nearest_corner(corners, NEAR_CORNER)
+}
+
+/// Which corner is the nearest, if it is within a share of the farthest one's distance, and otherwise 0.
+fn nearest_corner(corners: [DVec3; 3], share: f64) -> usize {
     let [one, two, three] = corners.map(|v| v.abs().max_element());
-    let near = NEAR_CORNER * one.max(two).max(three);
+    let near = share * one.max(two).max(three);
     if two < near && two < one && two <= three {
         1
     } else if three < near && three < one && three < two {
@@ -99,10 +101,21 @@ const SLIVER: f64 = 1e-2;
 /// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
 /// the triangle has no area, or its plane passes through the camera.
 pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
-    let (n, [v1, ..]) = (triangle_plane(vertices), near_corner_first(vertices));
+    let (n, [v1, v2, v3]) = (triangle_plane(vertices), near_corner_first(vertices));
     let volume = v1.dot(n);
+    let (a, b) = (v1 - v2, v1 - v3);
+    // Of sides that are rounded n has no more digits than the products that cancel in it.
+    let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
+    let size = if exact { n } else { DVec3::splat(a.abs().max_element() * b.abs().max_element()) };
     // What is 0 but for the rounding is 0.
-    (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(n.abs())).then_some(volume)
+    (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(size.abs())).then_some(volume)
+}
+
+/// Whether the plane of a triangle passes through the camera as far as its rounded sides tell.
+pub fn is_edge_on(corners: [DVec3; 3]) -> bool {
+    let [one, two, three] = corners.map(|v| v.abs().max_element());
+    let rounded = one.min(two).min(three) < one.max(two).max(three) / (1 << 28) as f64;
+    rounded && triangle_volume(corners).is_none()
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::diagnostic::printable;
-use super::{Faces, Scene};
+use super::{Faces, Scene, ToCamera};
 
 /// Triangles that share their corners.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -163,7 +163,7 @@ impl Mesh {
 
     /// Its triangles, moved by `map` in f64 and rounded once, in one colour; nothing where a corner leaves the range of
     /// f32.
-    pub fn placed(self, map: DAffine3, colour: Vec3) -> Option<Faces> {
+    pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
         Faces::new(self.vertices, self.triangles, colour).moved(map).ok()
     }
 

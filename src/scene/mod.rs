@@ -36,9 +36,9 @@ pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
-pub use view::{Setting, View, ViewError};
+pub use view::{Setting, ToCamera, View, ViewError};
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use crate::reference::geometry;
 
@@ -76,10 +76,10 @@ impl Light {
 impl Faces {
     /// Moved by `map` in f64 and rounded once; those of no area keep none. Where a corner leaves the range of f32, the number
     /// of the first face that has one.
-    fn moved(mut self, map: DAffine3) -> Result<Self, usize> {
+    fn moved(mut self, map: ToCamera) -> Result<Self, usize> {
         let without_area = self.without_area();
-        if map != DAffine3::IDENTITY {
-            let place = |vertex: &mut Vec3| *vertex = map.transform_point3(vertex.as_dvec3()).as_vec3();
+        if map != ToCamera::IDENTITY {
+            let place = |vertex: &mut Vec3| *vertex = map.point(vertex.as_dvec3()).as_vec3();
             self.vertices_mut().iter_mut().for_each(place);
         }
         // Those that no face has may be anywhere.

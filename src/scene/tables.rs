@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -12,7 +12,7 @@ use super::mesh::{Mesh, Placement};
 use super::open::no_area_of_mesh;
 use super::opened::NoArea;
 use super::parse::{Problem, Rule};
-use super::view::{View, ViewError};
+use super::view::{ToCamera, View, ViewError};
 use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
 use crate::reference::geometry;
 
@@ -167,7 +167,7 @@ impl Reader<'_> {
             let colour = self.colour(&fields);
             let vertices = self.vertices(&fields);
             let moved = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
-            let triangle = if to_camera == DAffine3::IDENTITY {
+            let triangle = if to_camera == ToCamera::IDENTITY {
                 Triangle { colour, vertices: moved }
             } else {
                 Triangle::of_moved(colour, geometry::has_no_area(vertices.map(double)), moved)
@@ -183,7 +183,7 @@ impl Reader<'_> {
             let placement = self.placement(&fields);
             let file = self.text(&fields, "file", "the name of a mesh file: .obj, .ply or .stl");
             if let Some(file) = file.filter(|_| self.notes.is_empty()) {
-                let map = to_camera * placement.to_world();
+                let map = to_camera.of_placed(&placement);
                 let placed = self.mesh(&fields, file, map, colour, &mut told).unwrap_or_default();
                 warnings.extend(no_area_of_mesh(&self.folder.join(file), &placed));
                 if !faces.append(placed) {
@@ -224,10 +224,10 @@ impl Reader<'_> {
     }
 
     /// The focal distance, the film's diagonal, and the map from the world to the camera's frame.
-    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, DAffine3) {
+    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
-            return (FOCAL, FILM, DAffine3::IDENTITY);
+            return (FOCAL, FILM, ToCamera::IDENTITY);
         };
         let focal = self.number_or(&fields, "focal", Rule::Positive, FOCAL);
         let film = self.number_or(&fields, "film", Rule::Positive, FILM);
@@ -237,7 +237,7 @@ impl Reader<'_> {
         let look_at = self.point(&fields, "look_at", Rule::Any).map_or(position + at_rest.look_at, double);
         let up = self.point(&fields, "up", Rule::Any).map_or(at_rest.up, double);
         if self.notes.len() > before {
-            return (focal, film, DAffine3::IDENTITY);
+            return (focal, film, ToCamera::IDENTITY);
         }
         let map = View { position, look_at, up }.to_camera().unwrap_or_else(|why| {
             let (key, expected) = match why {
@@ -245,7 +245,7 @@ impl Reader<'_> {
                 _ => ("look_at", "a point other than the camera's position"),
             };
             self.note(fields.span(key), &why.to_string(), expected);
-            DAffine3::IDENTITY
+            ToCamera::IDENTITY
         });
         (focal, film, map)
     }
@@ -272,7 +272,7 @@ impl Reader<'_> {
         &mut self,
         fields: &Fields<'_>,
         file: &str,
-        map: DAffine3,
+        map: ToCamera,
         colour: Vec3,
         told: &mut Vec<String>,
     ) -> Option<Faces> {
@@ -321,11 +321,11 @@ impl Reader<'_> {
     }
 
     /// A point in the camera's frame, rounded once.
-    fn moved(&mut self, fields: &Fields<'_>, key: &str, to_camera: DAffine3, point: Point) -> Vec3 {
-        if to_camera == DAffine3::IDENTITY {
+    fn moved(&mut self, fields: &Fields<'_>, key: &str, to_camera: ToCamera, point: Point) -> Vec3 {
+        if to_camera == ToCamera::IDENTITY {
             return single(point);
         }
-        let moved = to_camera.transform_point3(double(point)).as_vec3();
+        let moved = to_camera.point(double(point)).as_vec3();
         if !moved.is_finite() {
             let message = format!("{} leaves the range of f32, seen from the camera", fields.name(key));
             self.note(fields.span(key), &message, "coordinates within 3.4e38");

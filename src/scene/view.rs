@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use super::mesh::{Mesh, MeshFormat};
+use super::mesh::{Mesh, MeshFormat, Placement};
 use super::{Camera, Light, Scene, Triangle};
 
 /// A camera's place in the world, whose axes are the paper's: at rest x points to the right, y up, and z away.
@@ -14,6 +14,36 @@ pub struct View {
     pub look_at: DVec3,
     /// What points upwards in the picture, as far as the direction of view lets it.
     pub up: DVec3,
+}
+
+/// The map from a world, or from what is placed in it, to the camera's frame: p becomes `linear` (p - `position`).
+///
+/// What is near to the camera keeps its digits however far both are from the origin: the difference is rounded once, by 2^-53 of
+/// itself at most, and its product with a rotation by some 2^-51 of its length; a translation of `linear` times `position` would be
+/// rounded by 2^-53 of that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToCamera {
+    linear: DMat3,
+    position: DVec3,
+}
+
+impl ToCamera {
+    /// Everything where it is.
+    pub const IDENTITY: ToCamera = ToCamera { linear: DMat3::IDENTITY, position: DVec3::ZERO };
+
+    /// The place of a point, seen from the camera.
+    pub fn point(&self, point: DVec3) -> DVec3 {
+        self.linear * (point - self.position)
+    }
+
+    /// The map from what is placed in the world so.
+    pub fn of_placed(&self, placement: &Placement) -> ToCamera {
+        let DAffine3 { matrix3, translation } = placement.to_world();
+        let (scale, away) = (placement.scale.to_array(), self.position - translation);
+        // The columns are those of a rotation, each times a factor.
+        let position = DVec3::from([0, 1, 2].map(|i| (matrix3.col(i) / scale[i]).dot(away) / scale[i]));
+        ToCamera { linear: self.linear * matrix3, position }
+    }
 }
 
 /// Why nothing can be seen from a view.
@@ -34,17 +64,17 @@ impl View {
     /// At the origin, looking along +z: the paper's camera.
     pub const AT_REST: View = View { position: DVec3::ZERO, look_at: DVec3::Z, up: DVec3::Y };
 
-    /// The map from the world to the camera's frame: a rotation and a translation.
+    /// The map from the world to the camera's frame.
     ///
     /// # Errors
     /// Where there is no direction to look in, or `up` does not tell which way is up in the picture.
-    pub fn to_camera(self) -> Result<DAffine3, ViewError> {
+    pub fn to_camera(self) -> Result<ToCamera, ViewError> {
         let forward = (self.look_at - self.position).try_normalize().ok_or(ViewError::Direction)?;
         let up = self.up.try_normalize().ok_or(ViewError::Up)?;
         // An angle of less than about 1e-6 would leave little of the direction to the right.
         let right = Some(up.cross(forward)).filter(|it| it.length() > 1e-6).ok_or(ViewError::Up)?.normalize();
         let rows = DMat3::from_cols(right, forward.cross(right), forward).transpose();
-        Ok(DAffine3::from_mat3_translation(rows, -(rows * self.position)))
+        Ok(ToCamera { linear: rows, position: self.position })
     }
 
     /// A view of points from the front, the right and above, as near as `camera` sees all of them with some room around;
@@ -55,7 +85,7 @@ impl View {
         let up = DVec3::Y;
         let eye = DVec3::new(0.55, 0.5, -1.0).normalize();
         let around = View { position: eye, look_at: DVec3::ZERO, up };
-        let turn = around.to_camera().expect("a view from the front").matrix3;
+        let turn = around.to_camera().expect("a view from the front").linear;
         let turned = |point: &Vec3| turn * to_world.transform_point3(point.as_dvec3());
         let nowhere = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let both = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
@@ -127,10 +157,10 @@ impl Scene {
         let to_camera = view.to_camera()?;
         let mut scene = self.clone();
         // Zeros keep their signs.
-        if to_camera == DAffine3::IDENTITY {
+        if to_camera == ToCamera::IDENTITY {
             return Ok(scene);
         }
-        let moved = |point: Vec3| to_camera.transform_point3(point.as_dvec3()).as_vec3();
+        let moved = |point: Vec3| to_camera.point(point.as_dvec3()).as_vec3();
         let beyond = |thing, i, point| ViewError::Range(format!("{thing} {}'s {point}", i + 1));
         for (i, light) in scene.lights.iter_mut().enumerate() {
             light.position = moved(light.position);
@@ -160,7 +190,7 @@ impl Scene {
 /// The way from a mesh alone to a scene: how it stands in the world, and from where it is seen.
 pub struct Setting {
     /// The mesh in the world.
-    pub placement: super::mesh::Placement,
+    pub placement: Placement,
     /// The camera.
     pub view: View,
     /// The place of the one light, which is white.
@@ -177,15 +207,15 @@ impl Setting {
         let view = View::framing(&mesh.used(), to_world, camera);
         let to_camera = view.to_camera().ok()?;
         let away = view.position.distance(view.look_at);
-        let light = to_camera.inverse().transform_point3(DVec3::new(-0.8, 1.0, -0.3) * away);
+        let light = view.position + to_camera.linear.transpose() * (DVec3::new(-0.8, 1.0, -0.3) * away);
         light.as_vec3().is_finite().then_some(Setting { placement, view, light })
     }
 
     /// The scene of this mesh, in one colour, in the camera's frame; nothing where it leaves the range of f32.
     pub fn scene(&self, mesh: Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
         let to_camera = self.view.to_camera().ok()?;
-        let faces = mesh.placed(to_camera * self.placement.to_world(), colour)?;
-        let position = to_camera.transform_point3(self.light).as_vec3();
+        let faces = mesh.placed(to_camera.of_placed(&self.placement), colour)?;
+        let position = to_camera.point(self.light).as_vec3();
         let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
         Some(Scene { name, camera, lights, spheres: Vec::new(), triangles: Vec::new(), faces })
     }
@@ -193,7 +223,7 @@ impl Setting {
 
 #[cfg(test)]
 mod tests {
-    use super::super::many;
+    use super::super::{Rng, many};
     use super::*;
 
     #[test]
@@ -224,6 +254,36 @@ mod tests {
             assert_eq!(*seen, Light { position: expected(light.position), ..*light });
         }
         assert_eq!((seen.camera, &seen.name), (scene.camera, &scene.name));
+    }
+
+    #[test]
+    fn what_is_placed_in_a_world_keeps_its_digits_however_far_both_are_from_the_origin() {
+        let position = DVec3::new(1.5, -2.25, 0.5);
+        let view = View { position, look_at: DVec3::new(0.5, 0.0, 4.0), up: DVec3::Y };
+        let (scale, rotate) = (DVec3::new(0.3, -2.0, 1e-3), DVec3::new(20.0, 90.0, -130.0));
+        let placed = |by: f64| {
+            let away = DVec3::splat(by);
+            let view = View { position: position + away, look_at: view.look_at + away, ..view };
+            view.to_camera().unwrap().of_placed(&Placement { scale, rotate, translate: away - 3.0 })
+        };
+        let point = DVec3::new(0.1, 2.0, -300.0);
+        let in_world = Placement { scale, rotate, translate: DVec3::splat(-3.0) }.to_world().transform_point3(point);
+        let expected = view.to_camera().unwrap().point(in_world);
+        assert!(placed(0.0).point(point).distance(expected) < 1e-14 * expected.length());
+        for exponent in 10..51 {
+            assert_eq!(placed(2f64.powi(exponent)), placed(0.0), "2^{exponent}");
+        }
+    }
+
+    #[test]
+    fn corners_on_one_line_have_no_area_however_f32_rounds_their_sides() {
+        let mut rng = Rng::new(1);
+        let mut whole = || (1 + rng.next_u64() % 4095) as f32;
+        for _ in 0..10_000 {
+            let along = Vec3::from_array([(); 3].map(|()| whole()));
+            let vertices = [1.0 / 4096.0, whole(), whole()].map(|factor| factor * along);
+            assert!(Triangle { colour: Vec3::ONE, vertices }.has_no_area(), "{vertices:?}");
+        }
     }
 
     #[test]

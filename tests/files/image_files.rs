@@ -40,15 +40,16 @@ fn expected(format: Format, width: u32, height: u32) -> Picture {
     Picture::new(width, height, pixels)
 }
 
-/// A pixel as Radiance's format holds it: 8 bits of each channel, cut off below the largest one's first.
+/// A pixel as Radiance's format holds it: 8 bits of each channel, rounded below the largest one's first.
 fn rgbe(pixel: [f32; 3]) -> [f32; 3] {
-    let pixel = pixel.map(|value| value.clamp(0.0, 2.0_f32.powi(126)));
+    let pixel = pixel.map(|value| value.clamp(0.0, 255.0 * 2.0_f32.powi(119)));
     let largest = pixel.into_iter().fold(0.0, f32::max);
     if largest < f32::MIN_POSITIVE {
         return [0.0; 3];
     }
-    let unit = 2.0_f64.powi(f64::from(largest).log2().floor() as i32 + 1 - 8);
-    pixel.map(|value| ((f64::from(value) / unit).floor() * unit) as f32)
+    let mut unit = 2.0_f64.powi(f64::from(largest).log2().floor() as i32 + 1 - 8);
+    unit *= if f64::from(largest) / unit >= 255.5 { 2.0 } else { 1.0 };
+    pixel.map(|value| ((f64::from(value) / unit).round() * unit) as f32)
 }
 
 /// Writes all rows of the above, `band` rows per call.
@@ -135,14 +136,22 @@ fn every_band_height_gives_the_same_bytes() {
 fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.hdr");
-    let mut writer = ImageWriter::create(&path, Format::Hdr, 2, 2).unwrap();
+    let mut writer = ImageWriter::create(&path, Format::Hdr, 2, 3).unwrap();
     let (inf, tiny) = (f32::INFINITY, 1e-40);
-    let rows = [[inf, 1.0, 0.0], [tiny; 3], [-inf, -1.0, 0.0], [f32::NAN, 0.5, 0.25]];
+    let rows = [
+        [inf, 1.0, 0.0],
+        [tiny; 3],
+        [-inf, -1.0, 0.0],
+        [f32::NAN, 0.5, 0.25],
+        [1.5e38, 0.0, 0.0],
+        [1023.99994, 2.0, 510.0],
+    ];
     writer.write_f32x3(&rows).unwrap();
     writer.finish().unwrap();
     let Pixels::Rgb32F(pixels) = read(&path).unwrap().pixels else { panic!("floats") };
-    assert!(pixels[0][0] > 8e37 && pixels[0][0].is_finite(), "{pixels:?}");
-    assert_eq!(pixels[1..], [[0.0; 3], [0.0; 3], [0.0, 0.5, 0.25]]);
+    assert_eq!(pixels[0][0], 255.0 * 2f32.powi(119));
+    assert_eq!(pixels[1..4], [[0.0; 3], [0.0; 3], [0.0, 0.5, 0.25]]);
+    assert_eq!(pixels[4..], [rgbe([1.5e38, 0.0, 0.0]), [1024.0, 0.0, 512.0]]);
 }
 
 #[test]

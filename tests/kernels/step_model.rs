@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::extent;
 use crate::kernel_cases::{Input, Numbers, call, implementations, seed, sphere};
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use object::{Object, ObjectSection, ObjectSymbol};
 use rayo::experiments::step::model::{Check, Element, Float, Number, Operation, Place, What, model};
 use rayo::experiments::step::shadow::{Shadow, StepError};
@@ -18,7 +18,8 @@ use rayo::measure::instructions;
 use rayo::measure::source::Unit;
 use rayo::reference::exact::{self, Exact, Vector};
 use rayo::render::{Engine, Film, PixelFormat};
-use rayo::scene::{self, Camera, Rng, Scene, many};
+use rayo::scene::mesh::Placement;
+use rayo::scene::{self, Camera, Rng, Scene, ToCamera, many};
 
 /// Instructions of one recording.
 const MOST: usize = 20_000;
@@ -124,8 +125,8 @@ fn scenes() -> Vec<(String, Scene)> {
         .map(|(spheres, triangles)| (format!("{spheres} spheres, {triangles} triangles"), many(spheres, triangles, 7)));
     let mut of_mesh = scene::many(1, 1, 7);
     let mesh = scene::mesh::shapes::icosphere(80, 0.2, 7);
-    let away = DAffine3::from_translation(DVec3::new(0.2, 0.1, 4.0));
-    assert!(of_mesh.faces.append(mesh.placed(away, Vec3::ONE).unwrap()));
+    let away = Placement { translate: DVec3::new(0.2, 0.1, 4.0), ..Placement::IDENTITY };
+    assert!(of_mesh.faces.append(mesh.placed(ToCamera::IDENTITY.of_placed(&away), Vec3::ONE).unwrap()));
     read.chain(many).chain([("a mesh".to_owned(), of_mesh)]).collect()
 }
 

@@ -2,10 +2,11 @@
 
 use crate::contenders::{Contender, Truth, contenders, film, levels};
 use crate::extent;
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use rayo::plan::{Keep, Omission, Report};
 use rayo::render::{Counted, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
-use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle, View, many};
+use rayo::scene::mesh::Placement;
+use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
@@ -86,6 +87,49 @@ fn what_is_left_out_changes_no_byte() {
                     let differing = differing_by_force(&contender, &scene, format);
                     assert_eq!(differing, 0, "{contender}, {format:?}: {spheres}, {triangles}, seed {seed}");
                 }
+            }
+        }
+    }
+}
+
+/// Walls of 8 x 8 pixels before some parts of the tiles, and at many depths behind them what they hide, or not.
+fn behind_walls(seed: u64) -> Scene {
+    let camera = camera(192, 96);
+    let (grid, mut rng) = (camera.grid::<f64>(), Rng::new(seed));
+    let mut scene = Scene { camera, ..many(0, 0, seed) };
+    let mut add = |first: [f64; 2], side: f64, depth: f64, rng: &mut Rng| {
+        let at = |x: f64, y: f64| {
+            let (x, y) = ((first[0] + x * side) * grid.step, (first[1] + y * side) * grid.step);
+            (depth / grid.focal * DVec3::new(x - grid.half_width, grid.half_height - y, grid.focal)).as_vec3()
+        };
+        let colour = Vec3::from_array([(); 3].map(|()| rng.between(0.1, 1.0)));
+        let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+        scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|of| Triangle { colour, vertices: of.map(|i| corners[i]) }));
+        let radius = 0.4 * side * grid.step * depth / grid.focal;
+        scene.spheres.push(Sphere { radius: radius as f32, colour, centre: (1.0 + rng.next_f32()) * at(0.5, 0.5) });
+    };
+    for (row, column) in (0..12).flat_map(|row| (0..24).map(move |column| (row, column))) {
+        if rng.next_u64() % 4 > 0 {
+            let depth = rng.between(1.0, 1.2).into();
+            add([f64::from(column) * 8.0, f64::from(row) * 8.0], 8.0, depth, &mut rng);
+        }
+    }
+    for _ in 0..1500 {
+        let first = [rng.between(0.0, 188.0), rng.between(0.0, 92.0)].map(f64::from);
+        let (side, depth) = (rng.between(1.0, 9.0).into(), rng.between(2.0, 20.0).into());
+        add(first, side, depth, &mut rng);
+    }
+    scene
+}
+
+#[test]
+fn what_is_behind_parts_of_a_tile_is_seen_between_them() {
+    for seed in 1..4 {
+        let scene = behind_walls(seed);
+        for contender in packets() {
+            for format in FORMATS {
+                let differing = differing_by_force(&contender, &scene, format);
+                assert_eq!(differing, 0, "{contender}, {format:?}: seed {seed}");
             }
         }
     }
@@ -235,9 +279,9 @@ fn fine(triangles: u64, camera: Camera) -> Scene {
 fn what_shares_its_corners_is_seen_as_what_has_its_own() {
     let mut joined = scattered(40, 60, 8, camera(200, 150));
     for (place, count, colour) in [(3.6, 9000, Vec3::ONE), (2.9, 320, Vec3::new(1.0, 0.25, 0.0)), (3.4, 80, Vec3::Y)] {
-        let map = DAffine3::from_translation(DVec3::new(0.1, 0.5 - place / 8.0, place));
+        let placement = Placement { translate: DVec3::new(0.1, 0.5 - place / 8.0, place), ..Placement::IDENTITY };
         let mesh = scene::mesh::shapes::icosphere(count, 0.3, 5);
-        assert!(joined.faces.append(mesh.placed(map, colour).unwrap()));
+        assert!(joined.faces.append(mesh.placed(ToCamera::IDENTITY.of_placed(&placement), colour).unwrap()));
     }
     // A wall twice, of which the first wins; a corner near the camera, which is to come first; and what f32 does not hold.
     let wall = [(-9.0, -9.0), (9.0, -9.0), (0.0, 9.0)].map(|(x, y)| Vec3::new(x, y, 4.0));

@@ -54,9 +54,9 @@ pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
 pub(super) enum Form {
     /// Kernels in f32, or f64 if those are asked for.
     Narrow,
-    /// Kernels in f64.
+    /// Kernels in f64, or none.
     Wide,
-    /// No kernel.
+    /// No kernel; its 1/t is a number in f32.
     RayByRay,
 }
 
@@ -93,7 +93,7 @@ impl Forms {
             && brightest.is_sign_positive()
             && light::is_in_f32(f64::from(brightest) * self.radiance)
             && self.grid.step >= 1.0 / (1 << 20) as f64
-            && self.grid.focal >= 1.0 / 1024.0
+            && (1.0 / 1024.0..=(1 << 20) as f64).contains(&self.grid.focal)
     }
 
     /// For spheres of which these are the extremes: those whose 1/t cannot exceed this are narrow for sure. Below 0
@@ -124,7 +124,11 @@ impl Forms {
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
         let power = c.dot(c);
         if !(c.z >= FRONT && power < f64::INFINITY) {
-            return Form::RayByRay;
+            // Its walls, the nearer one no nearer than rounding tells.
+            let [near, far] = [(power.sqrt() - 1.0).abs().max(f64::EPSILON), power.sqrt() + 1.0];
+            let in_f32 =
+                self.extent() / (radius * near) <= MOST_OVER_A_TILE && radius * far <= self.extent() * MOST_OVER_A_TILE;
+            return if in_f32 { Form::RayByRay } else { Form::Wide };
         }
         let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
         seen.most = bounded(near);
@@ -227,9 +231,9 @@ fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
     4.0 * tx.abs() * x + 5.0 * ty.abs() * y
 }
 
-/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`].
+/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`]: infinity where that is beyond f32.
 fn bounded(near: f64) -> f32 {
-    (near as f32).clamp(f32::MIN_POSITIVE, Seen::ANY.next_down())
+    if near < Seen::ANY.into() { (near as f32).clamp(f32::MIN_POSITIVE, Seen::ANY.next_down()) } else { f32::INFINITY }
 }
 
 #[cfg(test)]

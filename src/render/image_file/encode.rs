@@ -217,8 +217,24 @@ impl Hdr {
     const HEADER_END: &[u8] = b"\n\n-Y 1 +X ";
     /// Below this a pixel is black: the exponent has 8 bits.
     const SMALLEST: f32 = f32::MIN_POSITIVE;
-    /// The largest power of two that the exponent holds, so that nothing is rounded up beyond it.
-    const LARGEST: f32 = 8.507_059e37;
+    /// The largest number that it holds: 255/256 of 2^127.
+    const LARGEST: f32 = 255.0 * (1_u128 << 119) as f32;
+
+    /// The numbers of 8 bits times a power of two that are nearest to a pixel's. The encoder cuts off what else there is, and
+    /// its logarithm takes what is next to a power of two for that.
+    fn rounded(pixel: [f32; 3]) -> [f32; 3] {
+        let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
+        let most = |of: [f32; 3]| of.into_iter().fold(0.0, f32::max);
+        if most(channels) < Self::SMALLEST {
+            return [0.0; 3];
+        }
+        let in_units_of = |most: f32| {
+            let unit = f32::from_bits(most.to_bits() & f32::INFINITY.to_bits()) / 128.0;
+            channels.map(|value| (value / unit).round() * unit)
+        };
+        // The greatest may have become a power of two.
+        in_units_of(most(in_units_of(most(channels))))
+    }
 }
 
 impl Encode for Hdr {
@@ -226,11 +242,7 @@ impl Encode for Hdr {
         let (mut row, mut encoded, mut part) = (Vec::new(), Vec::new(), Vec::new());
         for pixels in rows.chunks_exact(self.width) {
             row.clear();
-            row.extend(pixels.iter().map(|pixel| {
-                let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
-                let seen = channels.iter().any(|value| *value >= Self::SMALLEST);
-                Rgb(if seen { channels } else { [0.0; 3] })
-            }));
+            row.extend(pixels.iter().map(|pixel| Rgb(Self::rounded(*pixel))));
             encoded.clear();
             HdrEncoder::new(&mut encoded).encode(&row, self.width, 1).map_err(io::Error::other)?;
             let header = encoded.windows(Self::HEADER_END.len()).position(|window| window == Self::HEADER_END);
