@@ -498,6 +498,17 @@ impl<E: Element> TileBuffers<E> {
         window.rows.clone().map(row).sum::<u32>().into()
     }
 
+    /// Makes those pixels of a window that are nobody's `rest`, for kernels of so many lanes.
+    pub fn fill_rest<P: Copy>(&self, lanes: usize, window: &TileWindow, rest: P, out: TileOut<'_, P>) {
+        let across = lanes.min(4);
+        for (row, out) in window.rows.clone().zip(out.pixels[out.first..].chunks_mut(out.width)) {
+            let blocks = self.tile.who[Self::index(lanes, 0, row as usize)..].chunks(lanes);
+            for (who, out) in blocks.zip(out[..window.columns as usize].chunks_mut(across)) {
+                out.iter_mut().zip(who).filter(|(_, who)| **who == E::ZERO).for_each(|(out, _)| *out = rest);
+            }
+        }
+    }
+
     /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
     pub fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());

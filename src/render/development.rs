@@ -79,15 +79,8 @@ impl<'a> Developed<'a> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    /// Develops the pixels of all rows, or those of them at `edges`, with how the tracer traces; what that says of hits, in
-    /// sum.
-    fn develop<P: Pixel>(
-        &self,
-        rows: Range<u32>,
-        edges: Option<&Edges>,
-        out: &mut [P],
-        trace: impl Fn(Range<u32>, FilmMut<'_>) -> Option<Counted>,
-    ) -> Option<Counted> {
+    /// Develops the pixels of all rows, or those of them at `edges`; what the tracer says of hits, in sum.
+    fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let Development { samples, background, exposure, .. } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
@@ -96,6 +89,13 @@ impl<'a> Developed<'a> {
         let together = (self.together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
         let mut light = self.spare.lock().expect(UNPOISONED).pop().unwrap_or_default();
         light.resize(light.len().max(of_row * together), Vec4::from([0.0; 4]));
+        let [x, y, z] = background;
+        let wanted = |rows: Range<u32>, columns: Range<u32>| {
+            let Some(edges) = edges else { return rows };
+            let of = |range: Range<u32>| range.start / samples..range.end.div_ceil(samples);
+            let at_edges = edges.within(of(rows.clone()), of(columns));
+            rows.start.max(at_edges.start * samples)..rows.end.min(at_edges.end * samples)
+        };
         let mut counted = Some(Counted::default());
         for (first, out) in rows.clone().step_by(together).zip(out.chunks_mut(together * self.width)) {
             let some = first..rows.end.min(first + together as u32);
@@ -103,14 +103,8 @@ impl<'a> Developed<'a> {
                 continue;
             }
             let light = &mut light[..of_row * some.len()];
-            let of_some = trace(self.samples(some.clone()), FilmMut::F32x4(light));
+            let of_some = self.tracer.light(self.samples(some.clone()), &wanted, Vec4::new(x, y, z), light);
             counted = counted.zip(of_some).map(|(sum, of_some)| sum + of_some);
-            if background != [0.0; 3] {
-                let [x, y, z] = background;
-                let missed = self.tracer.hits(self.samples(some.clone())).into_iter().zip(&mut *light);
-                let missed = missed.filter(|(hit, _)| hit.is_none());
-                missed.for_each(|(_, light)| *light = Vec4::from([x, y, z, 0.0]));
-            }
             for ((row, out), light) in some.zip(out.chunks_mut(self.width)).zip(light.chunks(of_row)) {
                 let pixel = |column| self.pixel(scale, sum(light, across, column, samples as usize));
                 match edges {
@@ -151,17 +145,7 @@ impl<'a> Developed<'a> {
             FilmMut::F32x3(out) => plain.rows(rows.clone(), Pixel::film(out)),
             FilmMut::F32x4(out) => plain.rows(rows.clone(), Pixel::film(out)),
         }
-        let samples = self.development.samples;
-        let wanted = |rows: Range<u32>, columns: Range<u32>| {
-            let of = |range: Range<u32>| range.start / samples..range.end.div_ceil(samples);
-            let at_edges = edges.within(of(rows.clone()), of(columns));
-            rows.start.max(at_edges.start * samples)..rows.end.min(at_edges.end * samples)
-        };
-        let trace = |rows, out: FilmMut<'_>| {
-            self.tracer.rows_where(rows, &wanted, out);
-            None
-        };
-        with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out, trace));
+        with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out));
     }
 
     /// How many rows of pixels, from a multiple of it on, have whole tiles of samples.
@@ -206,16 +190,12 @@ impl Tracer for Developed<'_> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        let trace = |rows, out: FilmMut<'_>| {
-            self.tracer.rows(rows, out);
-            None
-        };
         match &self.plain {
             Some(plain) => self.rows_along_edges(plain, rows, out),
             None if self.development == Development::default() && self.tracer.writes(out.format()) => {
                 self.tracer.rows(rows, out);
             }
-            None => with_pixels!(FilmMut(out) = out => _ = self.develop(rows, None, out, trace)),
+            None => with_pixels!(FilmMut(out) = out => _ = self.develop(rows, None, out)),
         }
     }
 
@@ -252,15 +232,14 @@ impl Tracer for Developed<'_> {
             self.rows(rows, out);
             return None;
         }
-        let trace = |rows, out: FilmMut<'_>| self.tracer.counted_rows(rows, out);
-        with_pixels!(FilmMut(out) = out => self.develop(rows, None, out, trace))
+        with_pixels!(FilmMut(out) = out => self.develop(rows, None, out))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::{Engine, Film, level};
+    use crate::render::{Engine, Film, Wanted, level};
     use crate::scene::{Scene, many};
 
     fn light(scene: &Scene, development: Development, rows: Range<u32>) -> Vec<[f32; 3]> {
@@ -344,16 +323,58 @@ mod tests {
         assert_eq!(light(&scene, development, 7..20), whole[7 * 48..20 * 48]);
     }
 
+    /// A tracer that is not to look twice.
+    struct Once<'a>(&'a dyn Tracer);
+
+    impl Tracer for Once<'_> {
+        fn writes(&self, format: PixelFormat) -> bool {
+            self.0.writes(format)
+        }
+        fn rows_together(&self) -> u32 {
+            self.0.rows_together()
+        }
+        fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+            self.0.rows(rows, out);
+        }
+        fn hits(&self, _: Range<u32>) -> Vec<Option<Found>> {
+            panic!("hits take as long as the picture");
+        }
+        fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+            self.0.light(rows, wanted, background, out)
+        }
+    }
+
     #[test]
-    fn the_background_is_where_no_ray_hits_and_exposure_doubles_with_each_stop() {
-        let scene = Scene { lights: Vec::new(), ..scene() };
-        let background = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
-        let hits = Engine::Rust.prepare(None, &scene).unwrap().hits(0..36);
-        let pixels = light(&scene, background, 0..36);
-        // An object that no light reaches is black, and no background.
-        assert!(hits.iter().any(Option::is_some) && hits.iter().any(Option::is_none));
-        for (hit, pixel) in hits.iter().zip(pixels) {
-            assert_eq!(pixel, if hit.is_some() { [0.0; 3] } else { [1.0, 2.0, 4.0] });
+    fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
+        let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
+        for (objects, lights) in [(20, 3), (20, 0), (3, 2), (1, 1)] {
+            let scene = many(objects, objects, lights);
+            let scene = Scene { camera: scene.camera.sized(77, 36).unwrap(), ..scene };
+            for (engine, precision) in
+                Engine::ALL.iter().flat_map(|engine| engine.precisions().iter().map(|p| (*engine, *p)))
+            {
+                if !engine.usable() {
+                    continue;
+                }
+                let tracer = engine.prepare(Some(precision), &scene).unwrap();
+                // These are what the paper has them be.
+                let twice = ["c", "paper"].contains(&engine.name());
+                let once = Once(tracer.as_ref());
+                let tracer = if twice { tracer.as_ref() } else { &once };
+                let picture = |background| {
+                    let development = Development { background, ..development };
+                    let mut out = vec![[f32::NAN; 3]; 77 * 36];
+                    Developed::new(tracer, &scene.camera, development).rows(0..36, FilmMut::F32x3(&mut out));
+                    out
+                };
+                let [black, over] = [[0.0; 3], development.background].map(picture);
+                let hits = engine.prepare(Some(precision), &scene).unwrap().hits(0..36);
+                assert!(hits.iter().any(Option::is_some) && hits.iter().any(Option::is_none));
+                for (hit, (black, over)) in hits.iter().zip(black.iter().zip(over)) {
+                    // An object that no light reaches is black, and no background.
+                    assert_eq!(over, if hit.is_some() { *black } else { [1.0, 2.0, 4.0] }, "{engine}, {objects}");
+                }
+            }
         }
     }
 

@@ -44,6 +44,8 @@ pub use truth::{TrueHit, TruePixel, Truth};
 
 use std::ops::Range;
 
+use crate::kernels::Vec4;
+
 /// Why no lock of this layer is poisoned.
 const UNPOISONED: &str = "nothing panics while it is locked";
 
@@ -66,10 +68,16 @@ pub trait Tracer: Sync {
     /// Where `out` is not as long as the rows, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
 
-    /// The same, but pixels that are not `wanted` may be left as they are.
-    fn rows_where(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>) {
+    /// As [`counted_rows`](Self::counted_rows), in four floats, for those who develop them: where no ray hits there is
+    /// `background`, and pixels that are not `wanted` may be left as they are.
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
         let _ = wanted;
-        self.rows(rows, out);
+        let counted = self.counted_rows(rows.clone(), FilmMut::F32x4(out));
+        if background != Vec4::default() {
+            let missed = self.hits(rows).into_iter().zip(out).filter(|(hit, _)| hit.is_none());
+            missed.for_each(|(_, out)| *out = background);
+        }
+        counted
     }
 
     /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.

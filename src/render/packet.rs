@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::plan::PacketPlan;
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted};
 use crate::kernels::sys;
 use crate::kernels::{
     Bodies, Element, Emit, F32x3, InRow, InsideSpan, LIT_ROWS, LitBodies, LitPlanes, LitRow, LitRows, Narrow, NearSpan,
@@ -525,6 +525,17 @@ impl<E: Element> Tracer for PacketTracer<E> {
         });
     }
 
+    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        self.rows(rows.clone(), FilmMut::F32x4(out));
+        if background != Vec4::default() {
+            self.each_gap(rows.clone(), &mut |row, gap| {
+                let start = (row - rows.start) as usize * self.width;
+                out[start + gap.start as usize..start + gap.end as usize].fill(background);
+            });
+        }
+        None
+    }
+
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         rows.flat_map(|row| match &self.wide {
             Some(wide) if self.plan.is_wide(row) => wide.found(row..row + 1),
@@ -534,6 +545,9 @@ impl<E: Element> Tracer for PacketTracer<E> {
     }
 
     fn count(&self, rows: Range<u32>) -> Counted {
-        Counted { rays: (rows.len() * self.width) as u64, hits: self.count_hits(rows) }
+        let rays = (rows.len() * self.width) as u64;
+        let mut missed = 0;
+        self.each_gap(rows, &mut |_, gap| missed += gap.len() as u64);
+        Counted { rays, hits: rays - missed }
     }
 }

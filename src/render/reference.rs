@@ -5,7 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::film::with_pixels;
-use super::{Distance, FilmMut, Found, Pixel, PixelFormat, Tracer};
+use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
+use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene};
 
@@ -99,7 +100,11 @@ impl ReferenceTracer {
 
     /// The linear colour of a pixel, not clamped.
     pub fn colour(&self, row: u32, col: u32) -> DVec3 {
-        let Some(Hit { object, t }) = self.hit(row, col) else { return DVec3::ZERO };
+        self.colour_of_hit(row, col).unwrap_or(DVec3::ZERO)
+    }
+
+    fn colour_of_hit(&self, row: u32, col: u32) -> Option<DVec3> {
+        let Hit { object, t } = self.hit(row, col)?;
         let p = t * self.ray(row, col);
         let n = self.normal(object, p);
         let (colour, cosine): (DVec3, Box<dyn Fn(DVec3) -> f64>) = match object {
@@ -108,7 +113,7 @@ impl ReferenceTracer {
                 (self.triangles[i].colour, Box::new(move |light| geometry::lambert_two_sided(light, p, n)))
             }
         };
-        self.lights.iter().map(|light| cosine(light.position) * light.radiance * colour).sum()
+        Some(self.lights.iter().map(|light| cosine(light.position) * light.radiance * colour).sum())
     }
 }
 
@@ -123,6 +128,12 @@ impl Tracer for ReferenceTracer {
         with_pixels!(FilmMut(out) = out => {
             out.iter_mut().zip(pixels).for_each(|(out, colour)| *out = Pixel::of_colour(colour));
         });
+    }
+
+    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour_of_hit(row, col)));
+        out.iter_mut().zip(pixels).for_each(|(out, colour)| *out = colour.map_or(background, Pixel::of_colour));
+        None
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

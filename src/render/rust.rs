@@ -6,7 +6,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
-use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted};
+use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{self, Grid, Object, Scene};
 
@@ -149,11 +150,22 @@ impl RustTracer {
         }
     }
 
-    fn pixel(&self, d: Vec3A) -> Vec3A {
-        match self.hit(d) {
-            Some(Hit { object: Object::Triangle(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).abs()),
-            Some(Hit { object: Object::Sphere(_), p, n, colour, .. }) => self.shade(p, colour, |l| l.dot(n).max(0.0)),
-            None => Vec3A::ZERO,
+    /// The light of a ray that hits something.
+    fn pixel(&self, d: Vec3A) -> Option<Vec3A> {
+        let Hit { object, p, n, colour, .. } = self.hit(d)?;
+        Some(match object {
+            Object::Triangle(_) => self.shade(p, colour, |l| l.dot(n).abs()),
+            Object::Sphere(_) => self.shade(p, colour, |l| l.dot(n).max(0.0)),
+        })
+    }
+
+    fn trace(&self, rows: Range<u32>, background: Vec4, out: &mut [Vec4]) {
+        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
+        for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
+            for (col, out) in (0..self.width).zip(out) {
+                let light = self.pixel(self.grid.ray(row, col).into());
+                *out = light.map_or(background, |light| GlamVec4::from((light, 0.0)).to_array().into());
+            }
         }
     }
 
@@ -170,12 +182,12 @@ impl Tracer for RustTracer {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let FilmMut::F32x4(out) = out else { panic!("the engine `rust` writes floats") };
-        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
-        for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
-            for (col, out) in (0..self.width).zip(out) {
-                *out = GlamVec4::from((self.pixel(self.grid.ray(row, col).into()), 0.0)).to_array().into();
-            }
-        }
+        self.trace(rows, Vec4::default(), out);
+    }
+
+    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        self.trace(rows, background, out);
+        None
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

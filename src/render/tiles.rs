@@ -162,55 +162,63 @@ struct SphereLooks<E> {
     records: SphereRecords<E>,
 }
 
+/// What there is to do about pixels that nobody has, and about the others.
+struct Misses<P> {
+    /// What those pixels become; None: black.
+    rest: Option<P>,
+    /// How many the others are so far, if they are counted.
+    hits: Option<u64>,
+}
+
 /// Is told who is nearest so far.
 type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Traces the tiles of rows that are `wanted`; at how many pixels there is something, where that is to be `counted`.
-    fn trace_film(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
-        let pixels = rows.len() * self.plan.camera().width() as usize;
-        assert_eq!(out.len(), pixels, "the film must have the size of the rows");
-        let mut hits = counted.then_some(0);
+    /// Traces rows; at how many pixels there is something, where that is to be `counted`.
+    fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
+        let (wanted, hits): (&Wanted<'_>, _) = (&|rows, _| rows, counted.then_some(0));
         match out {
-            FilmMut::F32x4(out) => self.trace(rows, wanted, out, &mut hits),
-            FilmMut::F32x3(out) => self.trace_three(rows, wanted, out, &self.packets.narrow_f32x3, &mut hits),
-            FilmMut::Rgba8(out) => self.trace(rows, wanted, out, &mut hits),
-            FilmMut::Rgb8(out) => self.trace_three(rows, wanted, out, &self.packets.narrow_rgb8, &mut hits),
+            FilmMut::F32x4(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
+            FilmMut::F32x3(out) => self.trace_three::<_, Vec4>(rows, out, &self.packets.narrow_f32x3, hits),
+            FilmMut::Rgba8(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
+            FilmMut::Rgb8(out) => self.trace_three::<_, Rgba8>(rows, out, &self.packets.narrow_rgb8, hits),
         }
-        hits
     }
 
+    /// Traces the tiles of rows that are `wanted`; the hits, if they are counted.
     fn trace<P: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
         wanted: &Wanted<'_>,
         out: &mut [P],
-        hits: &mut Option<u64>,
-    ) {
+        mut misses: Misses<P>,
+    ) -> Option<u64> {
         let width = self.plan.camera().width() as usize;
+        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
         let mut scratches = self.scratches();
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
-            self.trace_tile(tile, window, out, &mut scratches, hits);
+            self.trace_tile(tile, window, out, &mut scratches, &mut misses);
         });
         self.put_back(scratches);
+        misses.hits
     }
 
     /// Three channels, a tile of four channels after another.
     fn trace_three<P, Four: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
-        wanted: &Wanted<'_>,
         out: &mut [P],
         narrow: &Narrow<Four, P>,
-        hits: &mut Option<u64>,
-    ) {
+        hits: Option<u64>,
+    ) -> Option<u64> {
         let width = self.plan.camera().width() as usize;
-        let mut scratches = self.scratches();
+        assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
+        let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
-        self.each_wanted(rows.clone(), wanted, |tile, window| {
+        self.each_tile(rows.clone(), |tile, window| {
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
-            self.trace_tile(tile, window, own, &mut scratches, hits);
+            self.trace_tile(tile, window, own, &mut scratches, &mut misses);
             let columns = window.columns as usize;
             let out = out[first_pixel(window, &rows, width)..].chunks_mut(width);
             for (four, out) in four.chunks(TILE_WIDTH).zip(out).take(window.rows.len()) {
@@ -218,6 +226,7 @@ impl<E: Element> TileTracer<'_, E> {
             }
         });
         self.put_back(scratches);
+        misses.hits
     }
 
     fn scratches(&self) -> Scratches<E> {
@@ -235,13 +244,13 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         out: TileOut<'_, P>,
         (scratch, wide_scratch): &mut Scratches<E>,
-        hits: &mut Option<u64>,
+        misses: &mut Misses<P>,
     ) {
         match &self.wide {
             Some(wide) if self.plan.is_wide(tile) => {
-                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), hits);
+                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses);
             }
-            _ => self.trace_own(tile, window, out, scratch, hits),
+            _ => self.trace_own(tile, window, out, scratch, misses),
         }
     }
 
@@ -342,7 +351,7 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
-        hits: &mut Option<u64>,
+        misses: &mut Misses<P>,
     ) {
         let weighted = P::weighted(&self.plan);
         let (_, rays) = self.plan.view(tile);
@@ -363,15 +372,22 @@ impl<E: Element> TileTracer<'_, E> {
         let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
         if !self.find_nearest(tile, window, by_force, weighted, scratch) {
             for row in 0..window.rows.len() {
-                P::fill(self, &mut pixels[first + row * width..][..window.columns as usize]);
+                let out = &mut pixels[first + row * width..][..window.columns as usize];
+                match misses.rest {
+                    Some(rest) => out.fill(rest),
+                    None => P::fill(self, out),
+                }
             }
             return;
         }
         let Scratch { buffers, looks, shades, .. } = scratch;
-        if let Some(hits) = hits {
+        if let Some(hits) = &mut misses.hits {
             *hits += buffers.count_hits(self.kernels.lanes, window);
         }
         shade(buffers, shades, looks);
+        if let Some(rest) = misses.rest {
+            buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
+        }
         if looks.seen.iter().any(|sphere| sphere.most == Seen::ANY) {
             self.shade_odd(&looks.seen, buffers, window, TileOut { pixels, first, width });
         }
@@ -720,15 +736,17 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        self.rows_where(rows, &|rows, _| rows, out);
+        self.trace_film(rows, out, false);
     }
 
-    fn rows_where(&self, rows: Range<u32>, wanted: &Wanted<'_>, out: FilmMut<'_>) {
-        self.trace_film(rows, wanted, out, false);
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let (rays, rest) = (out.len() as u64, Some(background).filter(|light| *light != Vec4::default()));
+        let hits = self.trace(rows, wanted, out, Misses { rest, hits: Some(0) });
+        hits.map(|hits| Counted { rays, hits })
     }
 
     fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         let rays = out.len() as u64;
-        self.trace_film(rows, &|rows, _| rows, out, true).map(|hits| Counted { rays, hits })
+        self.trace_film(rows, out, true).map(|hits| Counted { rays, hits })
     }
 }

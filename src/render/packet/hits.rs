@@ -63,24 +63,29 @@ impl<E: Element> UseRecord<E> for Asked<'_, E> {
 }
 
 impl<E: Element> PacketTracer<E> {
-    /// At how many pixels of `rows` it finds something, without a trace: every pixel of a span is a hit.
-    pub(super) fn count_hits(&self, rows: Range<u32>) -> u64 {
+    /// Says of each row of `rows` which of its pixels no ray hits, run by run and without a trace: every pixel of a span is a
+    /// hit.
+    pub(super) fn each_gap(&self, rows: Range<u32>, say: &mut dyn FnMut(u32, Range<u32>)) {
         let seen = self.plan.seen_in(&rows);
         let mut in_row = RowSpans::default();
-        let count = |row| match &self.wide {
-            Some(wide) if self.plan.is_wide(row) => wide.count_hits(row..row + 1),
-            _ => {
-                self.plan.spans_in(row, &seen, &mut in_row);
-                in_row.spans.sort_unstable_by_key(|span| span.start);
-                let (mut hits, mut done) = (0, 0);
-                for span in &in_row.spans {
-                    hits += u64::from(span.end.saturating_sub(span.start.max(done)));
-                    done = done.max(span.end);
-                }
-                hits
+        for row in rows {
+            if let Some(wide) = self.wide.as_ref().filter(|_| self.plan.is_wide(row)) {
+                wide.each_gap(row..row + 1, say);
+                continue;
             }
-        };
-        rows.map(count).sum()
+            self.plan.spans_in(row, &seen, &mut in_row);
+            in_row.spans.sort_unstable_by_key(|span| span.start);
+            let mut done = 0;
+            for span in &in_row.spans {
+                if done < span.start {
+                    say(row, done..span.start);
+                }
+                done = done.max(span.end);
+            }
+            if done < self.width as u32 {
+                say(row, done..self.width as u32);
+            }
+        }
     }
 
     /// As [`super::super::Tracer::hits`].
