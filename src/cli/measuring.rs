@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::{Failure, convert, json, say};
 use crate::kernels::sys;
+use crate::plan::on_all_cores;
 
 /// The file appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
@@ -37,7 +38,7 @@ pub fn pin() -> Option<usize> {
 
 /// The same where all threads find the truth before it is measured: those are started first, or they would share its core.
 pub fn start_threads_and_pin() {
-    rayon::broadcast(|_| ());
+    on_all_cores(0, drop);
     pin();
 }
 

@@ -47,7 +47,7 @@ use serde::Serialize;
 use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
-use crate::kernels::Isa;
+use crate::kernels::{Isa, memory};
 use crate::render::remove_unfinished;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
@@ -118,6 +118,7 @@ fn unprinted(error: &io::Error) -> Failure {
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
+    memory::before_the_end(remove_unfinished);
     let party = Party::join();
     if let Err(failure) = party.is_one_build() {
         return failure.tell();

@@ -11,7 +11,6 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::PictureError;
@@ -19,7 +18,7 @@ use crate::kernels::Isa;
 use crate::measure::names::{self, Name};
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
-use crate::plan::{Keep, Omission};
+use crate::plan::{Keep, Omission, on_all_cores};
 use crate::render::{Engine, EngineError, Film, PixelFormat, Plan, Precision, Purpose, Tracer, Truth};
 use crate::scene::Scene;
 use errors::{Errors, Expected, Tally};
@@ -228,8 +227,9 @@ pub struct Judged {
 pub fn expect(scene: &Scene) -> Vec<Expected> {
     let camera = scene.camera;
     let truth = Truth::new(scene);
-    let in_row = |row| (0..camera.width()).map(|col| Expected::from(&truth.pixel(row, col))).collect::<Vec<_>>();
-    (0..camera.height()).into_par_iter().flat_map_iter(in_row).collect()
+    let pixel = |row, col| Expected::from(&truth.pixel(row, col));
+    let in_row = |row| (0..camera.width()).map(|col| pixel(row as u32, col)).collect::<Vec<_>>();
+    on_all_cores(camera.height() as usize, in_row).into_iter().flatten().collect()
 }
 
 /// What a tracer's picture is worth: its `height` rows in a format against what is `expected`, by a tally that has nothing
@@ -254,7 +254,8 @@ pub fn errors_of(
 pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, PictureError> {
     let camera = scene.camera;
     let expected = expect(scene);
-    let judged = contenders.par_iter().map(|contender| {
+    let judged = on_all_cores(contenders.len(), |i| {
+        let contender = &contenders[i];
         let tracer = contender.prepare(scene)?;
         let entries = contender.entries(tracer.as_ref()).into_iter().map(|entry| {
             let tally = Tally::new(contender.precision, contender.engine.rays_in_f64())
@@ -264,7 +265,7 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Pic
         });
         entries.collect::<Result<Vec<_>, PictureError>>()
     });
-    Ok(judged.collect::<Result<Vec<_>, PictureError>>()?.concat())
+    Ok(judged.into_iter().collect::<Result<Vec<_>, PictureError>>()?.concat())
 }
 
 /// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on

@@ -361,26 +361,26 @@ pub static FEEDBACK: Chain = kernel!("rayo_feedback_latency");
 
 /// An element type that has operations on packets.
 pub trait PacketElement: Element {
-    /// Those of an ISA, whether this CPU runs it or not.
+    /// See [`packet_ops`].
     #[doc(hidden)]
-    fn table(isa: Isa) -> &'static [PacketOp<Self>];
+    fn table(isa: Isa) -> Option<&'static [PacketOp<Self>]>;
 }
 
 impl PacketElement for f32 {
-    fn table(isa: Isa) -> &'static [PacketOp<f32>] {
-        &SINGLE[isa as usize]
+    fn table(isa: Isa) -> Option<&'static [PacketOp<f32>]> {
+        isa.usable().then_some(&SINGLE[isa as usize])
     }
 }
 
 impl PacketElement for f64 {
-    fn table(isa: Isa) -> &'static [PacketOp<f64>] {
-        &DOUBLE[isa as usize]
+    fn table(isa: Isa) -> Option<&'static [PacketOp<f64>]> {
+        isa.usable().then_some(&DOUBLE[isa as usize])
     }
 }
 
 /// The packet operations of an ISA. None where the CPU or the operating system does not run it.
 pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> {
-    isa.usable().then(|| E::table(isa))
+    E::table(isa)
 }
 
 /// The symbols of all packet operations in this build, whether this CPU runs them or not.

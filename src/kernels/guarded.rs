@@ -83,8 +83,9 @@ impl<T: Plain> Drop for Guarded<T> {
 
 /// Whether a copy of this process comes back from `action`; false where a fault ends it.
 ///
-/// `action` must only compute: in the copy no other thread runs, so that a lock may never be released.
-pub fn survives(action: impl FnOnce()) -> io::Result<bool> {
+/// # Safety
+/// `action` only computes: in the copy no other thread runs, so that a lock may never be released.
+pub unsafe fn survives(action: impl FnOnce()) -> io::Result<bool> {
     // SAFETY: the child does nothing but `action`, which by this function's contract computes only, and _exit.
     match unsafe { libc::fork() } {
         -1 => Err(io::Error::last_os_error()),

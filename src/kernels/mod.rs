@@ -18,6 +18,7 @@ mod isa;
 mod kernel;
 #[cfg(feature = "lab")]
 pub mod ladder;
+pub mod memory;
 mod objects;
 mod packet;
 mod paper;
@@ -52,9 +53,8 @@ pub use records::{
 };
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 pub use tiles::{
-    Bounded, Bounds, Extremes, Farthest, InTile, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
-    SphereLooks, SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow,
-    Triangles, Visible,
+    Bounded, Bounds, Extremes, Farthest, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile, SphereLooks,
+    SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow, Triangles, Visible,
 };
 pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};

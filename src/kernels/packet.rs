@@ -93,7 +93,8 @@ kinds! {
             assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());
             for row in 0..count {
                 let (start, end) = (rows.start[row].to_f64(), rows.end[row].to_f64());
-                assert!(start >= 0.0 && end <= width as f64, "columns {start} to {end} of {width}");
+                let columns = 0.0..=width as f64;
+                assert!(start >= 0.0 && columns.contains(&end), "columns {start} to {end} of {width}");
             }
             enter([reads(sphere), reads(rows), count as u64, writes(out), width as u64, streaming.into()]);
         }
@@ -105,7 +106,7 @@ kinds! {
     /// Writes the pixels of the row from `start` on to `out`, as many as there are.
     fn call(row: &mut Row<E>, start: usize, out: &mut [P]); |enter| {
         if !out.is_empty() {
-            let [first, pixels, stride] = row.part(start..start + out.len());
+            let [first, pixels, stride] = row.part(start..start.saturating_add(out.len()));
             enter([first, stride, writes(out), pixels, 0, 0]);
         }
     }
@@ -184,8 +185,10 @@ pub struct Row<E> {
 impl<E: Element> Row<E> {
     /// For `width` pixels.
     pub fn new(width: usize) -> Self {
-        let stride = (width + MOST_LANES).next_multiple_of(MOST_LANES);
-        Row { elements: vec![E::ZERO; 5 * stride], stride }
+        let stride = width.checked_add(MOST_LANES).and_then(|width| width.checked_next_multiple_of(MOST_LANES));
+        let elements = stride.and_then(|stride| stride.checked_mul(5));
+        let (stride, elements) = stride.zip(elements).expect("a row that memory can hold");
+        Row { elements: vec![E::ZERO; elements], stride }
     }
 
     /// Forgets the pixels of `x`: nobody, black, infinitely far.
@@ -203,7 +206,7 @@ impl<E: Element> Row<E> {
     /// Where the first of the pixels `x` is, how many there are, and the bytes from plane to plane: for kernels, which touch five
     /// planes from there, each up to a packet past the last pixel.
     fn part(&mut self, x: Range<usize>) -> [u64; 3] {
-        assert!(x.end + MOST_LANES <= self.stride, "the pixels must be in the row");
+        assert!(x.end <= self.stride - MOST_LANES, "the pixels must be in the row");
         [writes(&mut self.elements[x.start..]), x.len() as u64, (self.stride * size_of::<E>()) as u64]
     }
 }

@@ -16,6 +16,9 @@ mod recording;
 use std::fmt;
 use std::ops::Range;
 
+use super::code::code_at;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+use super::memory::try_reserve;
 use imp::Recorder;
 pub use recording::{Recording, State, Step, Touched, Visit};
 
@@ -38,8 +41,14 @@ pub enum Unavailable {
         /// Traps that came.
         counted: u64,
     },
-    /// The traps ceased before the end: what was called, or the hypervisor, cleared the flag.
+    /// The traps ceased before the end: what was called starts a thread or a process, which would inherit the flag and die of it,
+    /// or blocks the signal or takes it; or it, or the hypervisor, cleared the flag.
     Lost,
+    /// There is no memory for what is to be recorded.
+    Memory {
+        /// How much was asked for.
+        bytes: usize,
+    },
     /// The operating system refused the handler.
     Handler {
         /// Its error number.
@@ -60,7 +69,11 @@ impl fmt::Display for Unavailable {
             Unavailable::Inexact { executed, counted } => {
                 write!(f, "the trap flag is not exact here: {counted} traps for {executed} instructions")
             }
-            Unavailable::Lost => f.write_str("the traps ceased before the end: something cleared the trap flag"),
+            Unavailable::Lost => f.write_str(
+                "the traps ceased before the end: what is counted starts a thread or a process, or something cleared the \
+                 trap flag",
+            ),
+            Unavailable::Memory { bytes } => write!(f, "there is no memory for {bytes} bytes of what is recorded"),
             Unavailable::Handler { errno } => {
                 let error = std::io::Error::from_raw_os_error(*errno);
                 write!(f, "the handler of SIGTRAP could not be installed: {error}")
@@ -115,10 +128,10 @@ pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Re
 /// Where single-stepping is not available or not exact.
 ///
 /// # Panics
-/// As [`count_instructions`].
+/// As [`count_instructions`], and where `watched` is no code of this process.
 pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, bool), Unavailable> {
     imp::self_test()?;
-    let mut recorder = Recorder::of_visits(watched, most);
+    let mut recorder = Recorder::of_visits(check_code(watched), most)?;
     imp::run(0, 0, Some(&mut recorder), action)?;
     Ok(recorder.into_visits())
 }
@@ -130,7 +143,7 @@ pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> R
 /// Where single-stepping is not available or not exact.
 ///
 /// # Panics
-/// As [`count_instructions`].
+/// As [`visits`].
 pub fn record(
     watched: &[Range<usize>],
     wanted: &[Range<u64>],
@@ -138,9 +151,25 @@ pub fn record(
     action: impl FnOnce(),
 ) -> Result<Recording, Unavailable> {
     imp::self_test()?;
-    let mut recorder = Recorder::of_moments(watched, wanted, most);
+    let mut recorder = Recorder::of_moments(check_code(watched), wanted, most)?;
     imp::run(0, 0, Some(&mut recorder), action)?;
     Ok(recorder.into_recording())
+}
+
+/// That there is code in all these ranges, which the handler reads.
+fn check_code(watched: &[Range<usize>]) -> &[Range<usize>] {
+    let is_code = |range: &Range<usize>| code_at(range.start).is_some_and(|code| range.len() <= code.len());
+    assert!(watched.iter().all(is_code), "code of this process");
+    watched
+}
+
+/// Room for so many of what is to be kept, since the handler takes no memory.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
+    let mut room = Vec::new();
+    let bytes = most.saturating_mul(size_of::<T>());
+    try_reserve(&mut room, most).map_err(|_| Unavailable::Memory { bytes })?;
+    Ok(room)
 }
 
 /// What one run counted.
@@ -243,6 +272,11 @@ mod imp {
             unsafe { store_all_but_one(rip as *const u8, registers) };
             return;
         }
+        // SAFETY: as above.
+        if unsafe { parts_with_traps(rip as *const u8, registers) } {
+            registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
+            return;
+        }
         s.current.store(rip, Relaxed);
         let recorder = s.recorder.load(Relaxed);
         // SAFETY: it outlives the stepping, in which only this handler touches it; and the context is that of a trap.
@@ -272,6 +306,25 @@ mod imp {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
             s.stopped.store(stop, Relaxed);
         }
+    }
+
+    /// Whether the instruction is a system call after which a trap would end a process: one that starts a thread or a process,
+    /// which has the flag too, or changes what becomes of the signal.
+    ///
+    /// # Safety
+    /// An instruction begins at `code`.
+    unsafe fn parts_with_traps(code: *const u8, registers: &[libc::greg_t; 23]) -> bool {
+        // SAFETY: an instruction has at least one byte, and one that begins with 0f has a second.
+        let calls_system = unsafe { *code == 0x0f && *code.add(1) == 0x05 };
+        let [call, first] = [libc::REG_RAX, libc::REG_RDI].map(|register| registers[register as usize]);
+        calls_system
+            && match call {
+                libc::SYS_clone | libc::SYS_clone3 | libc::SYS_fork | libc::SYS_vfork | libc::SYS_rt_sigprocmask => {
+                    true
+                }
+                libc::SYS_rt_sigaction => first == i64::from(libc::SIGTRAP),
+                _ => false,
+            }
     }
 
     /// Whether the instruction has a repeat prefix: then a trap that finds it again is its next iteration.
@@ -476,12 +529,12 @@ mod imp {
     pub struct Recorder;
 
     impl Recorder {
-        pub fn of_visits(_: &[Range<usize>], _: usize) -> Self {
-            Recorder
+        pub fn of_visits(_: &[Range<usize>], _: usize) -> Result<Self, Unavailable> {
+            Ok(Recorder)
         }
 
-        pub fn of_moments(_: &[Range<usize>], _: &[Range<u64>], _: usize) -> Self {
-            Recorder
+        pub fn of_moments(_: &[Range<usize>], _: &[Range<u64>], _: usize) -> Result<Self, Unavailable> {
+            Ok(Recorder)
         }
 
         pub fn into_visits(self) -> (Vec<Visit>, bool) {

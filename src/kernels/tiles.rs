@@ -18,6 +18,9 @@ const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 /// Its squares whose farthest pixel is known.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
+/// The greatest number of an object of a tile: f32 has every integer up to here.
+const MOST_ID: usize = 1 << 24;
+
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
 
@@ -50,7 +53,7 @@ kinds! {
         view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, seen: &mut [Seen],
     ) -> Option<(usize, Extremes)>; |enter| {
         assert!(seen.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
-        assert!(first_id as usize + objects.len() <= 1 << 24, "f32 has every number up to here");
+        assert!(first_id as usize + objects.len() <= MOST_ID, "f32 has every number up to here");
         if objects.is_empty() {
             return None;
         }
@@ -143,14 +146,15 @@ kinds! {
         if let Facets::Joined(faces) = facets {
             faces.paint(seen, [&mut turned.red, &mut turned.green, &mut turned.blue]);
         }
+        let last_id = last_id(first_id, seen.len());
         // The last packet writes as many as it has lanes.
+        let past = for_each(last_id + 1 + MOST_SET_UP, lights.len());
         let before = first_id * lights.len();
-        let past = before + (seen.len() + MOST_SET_UP) * lights.len();
         if shades.len() < past {
             shades.resize(past, TileShade::ZERO);
         }
         buffers.triangles.count = seen.len();
-        buffers.most = buffers.most.max(first_id + seen.len() - 1);
+        buffers.most = buffers.most.max(last_id);
         let [objects, vertices] = facets.addresses();
         let task = SetupTask {
             objects,
@@ -180,8 +184,8 @@ kinds! {
         // There is room for a chunk, and so for the last packet of one.
         let Chunk { turned, planes, count } = &mut buffers.spheres;
         let task = SetupTask { planes: writes(&mut **planes), first_id: first_id as u64, ..spheres.task(turned) };
+        buffers.most = buffers.most.max(last_id(first_id, task.count as usize));
         *count = task.count as usize;
-        buffers.most = buffers.most.max(first_id + *count - 1);
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
@@ -196,7 +200,7 @@ kinds! {
     ); |enter| {
         let mut turned = Balls::ZERO;
         let task = spheres.task(&mut turned);
-        records.hold(first + task.count as usize, lights.len());
+        records.hold(first.saturating_add(task.count as usize), lights.len());
         let before = first * lights.len();
         let task = SetupTask {
             planes: writes(&mut records.spheres[first..]),
@@ -260,13 +264,12 @@ kinds! {
         let (objects, count) = (buffers.most + 1, lights.len());
         // Spheres that no kernel traces may be more than have a pixel.
         let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
-        assert!(triangle_count == 0 || shades.len() >= objects * count);
-        assert!(lits.len() >= spheres.len() * count && shorts.len() >= spheres.len() * count);
-        assert!(objects * count * size_of::<TileShade<E>>() <= u32::MAX as usize, "offsets have 32 bits");
+        let shade_count = for_each(objects, count);
+        assert!(triangle_count == 0 || shades.len() >= shade_count);
+        assert!(lits.len().min(shorts.len()) >= for_each(spheres.len(), count));
+        assert!(shade_count <= u32::MAX as usize / size_of::<TileShade<E>>(), "offsets have 32 bits");
         assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
-        let rows = window.rows.len();
-        assert!(window.columns as usize <= out.width);
-        assert!(out.first + (rows - 1) * out.width + window.columns as usize <= out.pixels.len());
+        out.check(window);
         let task = ShadeTask {
             tile: reads(&*buffers.tile),
             shades: reads(shades),
@@ -279,7 +282,8 @@ kinds! {
             lits: reads(lits),
             shorts: reads(shorts),
             out: writes(&mut out.pixels[out.first..]),
-            pitch: (out.width * size_of::<P>()) as u64,
+            // Of a single row no kernel asks.
+            pitch: out.width.wrapping_mul(size_of::<P>()) as u64,
             column: window.column.into(),
             row: window.row.into(),
             end_column: window.columns.into(),
@@ -288,6 +292,18 @@ kinds! {
         };
         enter([reads(rays), reads(&task), 0, 0, 0, 0]);
     }
+}
+
+/// The number of the last of so many objects of a tile, at least one, from number `first` on.
+fn last_id(first: usize, count: usize) -> usize {
+    let last = first.saturating_add(count - 1);
+    assert!(last <= MOST_ID, "f32 has no number for object {last} of a tile");
+    last
+}
+
+/// Records for so many objects, `lights` for each.
+fn for_each(objects: usize, lights: usize) -> usize {
+    objects.checked_mul(lights).expect("as many records as memory can hold")
 }
 
 /// The extremes of a scene's objects. What is not a number, and a negative colour or radius, is among them for sure.
@@ -391,7 +407,8 @@ pub struct Chunk<T, P> {
     count: usize,
 }
 
-/// What the objects of a kind become in a tile.
+/// What the objects of a kind become in a tile. Kernels alone may ask, since who has a tile could give it another's objects: the
+/// trait has no name outside.
 pub trait InTile: Sized {
     /// Its numbers.
     type Element: Element;
@@ -475,17 +492,17 @@ impl<E: Element> TileBuffers<E> {
     }
 
     /// Makes a pixel the object's number `who`, with this 1/t, unless something as near is there.
-    pub fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, who: usize) {
+    pub(crate) fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, who: usize) {
         let i = Self::index(lanes, column, row);
         if near.to_f64() > self.tile.near[i].to_f64() {
+            self.most = self.most.max(last_id(who, 1));
             self.tile.near[i] = near;
             self.tile.who[i] = E::from_f64(who as f64);
-            self.most = self.most.max(who);
         }
     }
 
     /// How many pixels of a window have somebody, for kernels of so many lanes.
-    pub fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
+    pub(crate) fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
         // As wide as what is compared, so that registers hold as many.
         let somebody = |who: &E| u32::from(*who != E::ZERO);
         if (window.rows.len(), window.columns as usize) == (TILE_HEIGHT, TILE_WIDTH) {
@@ -510,7 +527,7 @@ impl<E: Element> TileBuffers<E> {
     }
 
     /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
-    pub fn mark_owners(&self, owners: &mut [bool]) {
+    pub(crate) fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());
         // To integers many at a time: one by one that takes longer than all else here.
         for who in self.tile.who.as_chunks::<16>().0 {
@@ -519,8 +536,11 @@ impl<E: Element> TileBuffers<E> {
     }
 
     /// Gives everyone who has a pixel another number, below `end`: the one at the place of the present one.
-    pub fn renumber(&mut self, numbers: &[u32], end: usize) {
-        assert!(self.most < numbers.len());
+    pub(crate) fn renumber(&mut self, numbers: &[u32], end: usize) {
+        assert!(self.most < numbers.len() && end > 0);
+        // First of all, since a number past the end leaves this half done. What is set up has the old numbers.
+        self.most = self.most.max(last_id(end - 1, 1));
+        (self.triangles.count, self.spheres.count) = (0, 0);
         for who in &mut self.tile.who {
             let number = numbers[who.to_index() as usize];
             assert!((number as usize) < end);
@@ -615,14 +635,14 @@ pub struct SphereRecords<E> {
 
 impl<E: Element> SphereRecords<E> {
     /// Room for so many spheres and so many lights for each. It grows by itself, but copies what is there.
-    pub fn hold(&mut self, spheres: usize, lights: usize) {
+    pub(crate) fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);
         }
         // The last packet writes as many as it has lanes.
-        grow(&mut self.spheres, spheres + MOST_SET_UP);
+        grow(&mut self.spheres, spheres.saturating_add(MOST_SET_UP));
         // As many as there are records, whatever they were made for.
-        let lits = self.spheres.len() * lights;
+        let lits = for_each(self.spheres.len(), lights);
         grow(&mut self.lits, lits);
         grow(&mut self.shorts, lits);
     }
@@ -653,4 +673,45 @@ pub struct TileOut<'a, P> {
     pub first: usize,
     /// Pixels from row to row.
     pub width: usize,
+}
+
+impl<P> TileOut<'_, P> {
+    /// That the pixels of a window, which is not empty, are there.
+    fn check(&self, window: &TileWindow) {
+        let columns = window.columns as usize;
+        assert!(columns <= self.width, "rows of {} pixels", self.width);
+        let past = (window.rows.len() - 1).checked_mul(self.width).and_then(|rows| rows.checked_add(columns));
+        let past = past.and_then(|past| past.checked_add(self.first));
+        assert!(past.is_some_and(|past| past <= self.pixels.len()), "a window past the last pixel");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    use super::*;
+
+    #[test]
+    fn no_number_of_a_tile_is_beyond_what_kernels_are_told_is_the_greatest() {
+        type Change = fn(&mut TileBuffers<f32>);
+        let changes: [(&str, Change, usize); 5] = [
+            ("a number that f32 has not", |buffers| buffers.nearest(4, 1, 0, 1.0, MOST_ID + 1), 1),
+            ("the last number that there is", |buffers| buffers.nearest(4, 1, 0, 1.0, usize::MAX), 1),
+            ("new numbers of which one is past the end", |buffers| buffers.renumber(&[5000, 9000], 6000), 5999),
+            ("new numbers of which f32 has not all", |buffers| buffers.renumber(&[0, 1], MOST_ID + 2), 1),
+            ("new numbers of which there is none", |buffers| buffers.renumber(&[0, 1], 0), 1),
+        ];
+        for (what, change, most) in changes {
+            let mut buffers = TileBuffers::<f32>::default();
+            buffers.nearest(4, 0, 0, 1.0, 1);
+            assert!(catch_unwind(AssertUnwindSafe(|| change(&mut buffers))).is_err(), "{what}");
+            assert_eq!(buffers.most, most, "{what}");
+        }
+        let mut buffers = TileBuffers::<f32>::default();
+        (buffers.triangles.count, buffers.spheres.count) = (1, 1);
+        buffers.nearest(4, 0, 0, 1.0, 3);
+        buffers.renumber(&[0, 0, 0, 1], 2);
+        assert_eq!((buffers.most, buffers.triangles.count, buffers.spheres.count), (1, 0, 0), "set up by old numbers");
+    }
 }

@@ -15,8 +15,8 @@ pub struct Shape {
     pub out_numbers: usize,
 }
 
-/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them.
-#[derive(Clone, Copy)]
+/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them. It is no `Copy`,
+/// since who owned one could change the lengths that the kernel goes by.
 pub struct PacketOp<E> {
     /// The operation's name, as in [`AosKernels`](super::AosKernels).
     pub name: &'static str,

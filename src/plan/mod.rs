@@ -15,7 +15,7 @@ pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
-pub use team::Team;
+pub use team::{Team, on_all_cores};
 pub use tile_report::TileSurvey;
 pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};
 

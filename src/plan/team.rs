@@ -3,9 +3,10 @@
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 /// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
@@ -100,6 +101,16 @@ impl Team {
         if let Some(others) = &self.others {
             others.spawn_broadcast(|_| linger());
         }
+    }
+}
+
+/// What `work` makes of each number below `count`, in their order, by a thread for each core; by the calling one alone where
+/// others cannot be started. They are started the first time, and stay.
+pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
+    static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    match ALL.get_or_init(|| ThreadPoolBuilder::new().build().ok()) {
+        Some(all) => all.install(|| (0..count).into_par_iter().map(work).collect()),
+        None => (0..count).map(work).collect(),
     }
 }
 

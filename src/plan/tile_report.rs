@@ -1,15 +1,14 @@
 //! What tiles keep and leave out, counted: the lines of `rayo plan` for scenes of many objects.
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::light::is_dark;
 use super::omission::{Omission, Switch};
 use super::report::{ByTiles, Kept, LeftOut, Report};
+use super::team::on_all_cores;
 use super::tiles::{FEWEST_OBJECTS, Tiles, covered};
 use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
 use crate::reference::geometry;
 use crate::scene::{Grid, Sphere, Triangle};
+use glam::DVec3;
 
 /// What is known of a picture once the nearest of each tile has been found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -122,17 +121,20 @@ impl Counts {
 
     /// Of all `objects`: `unseen` says why one without pixels is left out, `why` whether one with some is.
     fn of<T>(
-        objects: impl IndexedParallelIterator<Item = T>,
+        count: usize,
+        object: impl Fn(usize) -> T + Sync,
         bounds: &PixelBounds,
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
-        let objects = objects.zip(&bounds.columns).zip(&bounds.rows);
-        let add = |sum: Counts, ((object, columns), rows): ((T, &u32), &u32)| match covered(*columns, *rows) {
-            0 => sum.one(Some(unseen(&object)), 0),
-            covered => sum.one(why(&object), covered),
+        /// As many as a thread takes at a time.
+        const TOGETHER: usize = 1 << 12;
+        let add = |sum: Counts, i: usize| match covered(bounds.columns[i], bounds.rows[i]) {
+            0 => sum.one(Some(unseen(&object(i))), 0),
+            covered => sum.one(why(&object(i)), covered),
         };
-        objects.fold(Counts::default, add).reduce(Counts::default, Counts::and)
+        let some = |part: usize| (part * TOGETHER..count.min((part + 1) * TOGETHER)).fold(Counts::default(), add);
+        on_all_cores(count.div_ceil(TOGETHER), some).into_iter().fold(Counts::default(), Counts::and)
     }
 }
 
@@ -141,13 +143,15 @@ impl Report {
     pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
         let (scene, frustum) = (tiles.scene(), tiles.frustum());
         let spheres = Counts::of(
-            scene.spheres.par_iter().copied(),
+            scene.spheres.len(),
+            |i| scene.spheres[i],
             &tiles.sphere_bounds(),
             |sphere| frustum.unseen_sphere(sphere),
             |_| None,
         );
         let triangles = Counts::of(
-            (0..scene.triangle_count()).into_par_iter().map(|i| scene.triangle(i)),
+            scene.triangle_count(),
+            |i| scene.triangle(i),
             &tiles.triangle_bounds(),
             |triangle| frustum.unseen_triangle(triangle),
             never_hit,

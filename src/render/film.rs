@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::kernels::Vec4;
+use crate::kernels::memory::try_reserve;
 
 /// What a pixel is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -206,7 +207,7 @@ impl Film {
     fn filled(format: PixelFormat, pixels: usize) -> Result<Self, TryReserveError> {
         fn filled<T: Clone>(pixels: usize, value: T) -> Result<Vec<T>, TryReserveError> {
             let mut film = Vec::new();
-            film.try_reserve_exact(pixels)?;
+            try_reserve(&mut film, pixels)?;
             film.resize(pixels, value);
             Ok(film)
         }

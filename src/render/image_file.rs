@@ -147,6 +147,15 @@ pub enum ImageError {
         /// What it has.
         what: &'static str,
     },
+    /// There is no memory for its pixels.
+    #[error("{path} has {width}x{height} pixels, and there is no memory for {bytes} bytes of them", path = path.display())]
+    Memory {
+        path: PathBuf,
+        width: u32,
+        height: u32,
+        /// How much was asked for.
+        bytes: usize,
+    },
     /// More pixels than are read into memory.
     #[error("{path} has {width}x{height} pixels, more than the {limit} MiB of memory allowed for one picture: \
         compare a part of it", path = path.display(), limit = read::MAX_BYTES >> 20)]

@@ -6,7 +6,6 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
@@ -14,7 +13,7 @@ use crate::kernels::{
     CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
     SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted};
+use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene};
 
@@ -338,7 +337,9 @@ impl<E: Element> TileTracer<'_, E> {
     fn each_wanted(&self, rows: Range<u32>, wanted: &Wanted<'_>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         self.each_tile(rows, |tile, window| {
             let TileWindow { column, row, columns, .. } = *window;
-            let rows = wanted(row + window.rows.start..row + window.rows.end, column..column + columns);
+            let all = row + window.rows.start..row + window.rows.end;
+            let rows = wanted(all.clone(), column..column + columns);
+            let rows = rows.start.max(all.start)..rows.end.min(all.end);
             if !rows.is_empty() {
                 say(tile, &TileWindow { rows: rows.start - row..rows.end - row, ..*window });
             }
@@ -705,8 +706,8 @@ fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
 impl<E: Element> PacketPlan for TileTracer<'_, E> {
     fn report(&self, _: &Scene, bytes: bool) -> Report {
         let height = self.plan.camera().height();
-        let starts = (0..height).into_par_iter().step_by(TILE_HEIGHT);
-        let surveys = starts.map(|start| {
+        let surveys = on_all_cores((height as usize).div_ceil(TILE_HEIGHT), |down| {
+            let start = (down * TILE_HEIGHT) as u32;
             let rows = start..height.min(start + TILE_HEIGHT as u32);
             self.ask_both(
                 |own| self.survey(rows.clone(), own),
@@ -714,7 +715,7 @@ impl<E: Element> PacketPlan for TileTracer<'_, E> {
                 TileSurvey::and,
             )
         });
-        let survey = surveys.reduce(TileSurvey::default, TileSurvey::and);
+        let survey = surveys.into_iter().fold(TileSurvey::default(), TileSurvey::and);
         Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
     }
 }

@@ -2,7 +2,7 @@
 
 mod executed {
     use rayo::kernels::harness::KNOWN;
-    use rayo::kernels::step::{count_function, count_instructions};
+    use rayo::kernels::step::{Unavailable, count_function, count_instructions};
 
     #[test]
     fn single_stepping_counts_known_functions_exactly() {
@@ -53,6 +53,16 @@ mod executed {
                 });
             }
         });
+    }
+
+    #[test]
+    fn what_starts_a_thread_or_a_process_lives_and_is_not_counted() {
+        let thread: fn() = || std::thread::spawn(|| ()).join().unwrap();
+        let process: fn() = || assert!(std::process::Command::new("true").status().unwrap().success());
+        for start in [thread, process] {
+            assert_eq!(count_instructions(start), Err(Unavailable::Lost));
+        }
+        assert!(count_instructions(|| ()).unwrap() > 0);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels, seed};
 use glam::Vec3;
-use rayo::kernels::harness::{BROKEN, Guarded, Side, broken_read, broken_write, survives, without_denormals};
+use rayo::kernels::harness::{self, BROKEN, Guarded, Side, broken_read, broken_write, without_denormals};
 use rayo::kernels::{
     Bodies, BoundsView, CHUNK, ColourRun, Depth, Element, Emit, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
     Frame, Hits, InRow, InsideSpan, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight,
@@ -21,6 +21,12 @@ use rayo::reference::tile::{hides, middle, parts};
 use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
+
+/// Whether a copy of this process comes back from a call of kernels.
+pub(crate) fn survives(call: impl FnOnce()) -> std::io::Result<bool> {
+    // SAFETY: kernels only compute.
+    unsafe { harness::survives(call) }
+}
 
 /// Inputs that take each way through an operation: intersections hit and miss, from outside and inside.
 fn inputs(op: OpRef, rng: &mut Rng) -> Vec<Input> {

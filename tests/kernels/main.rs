@@ -15,6 +15,8 @@ mod calling_convention;
 mod formats;
 #[cfg(feature = "lab")]
 mod operations;
+#[cfg(unix)]
+mod safe_calls;
 #[cfg(feature = "lab")]
 mod step_model;
 mod tile_spheres;

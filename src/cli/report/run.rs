@@ -19,6 +19,7 @@ use crate::experiments::stability::limits::Limits;
 use crate::experiments::step::{self, Ray};
 use crate::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
 use crate::measure::TscClock;
+use crate::plan::on_all_cores;
 use crate::render::{Engine, Plan, Purpose};
 use crate::scene::families::FAMILIES;
 
@@ -83,7 +84,7 @@ impl Course {
 pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     let total: f64 = Stage::ALL.map(seconds).iter().map(|(few, many)| if quick { few } else { many }).sum();
     // Threads that were started after this one is pinned would share its core.
-    rayon::broadcast(|_| ());
+    on_all_cores(0, drop);
     let mut prepared = run::prepare(&Party::ALONE)?;
     announce(total, (!quick).then_some("--quick"));
     let bar = bar(total as u64);

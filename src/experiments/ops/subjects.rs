@@ -224,7 +224,7 @@ pub fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
 /// An operation on one packet of f32, all lanes alike.
 fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
     let ops = packet_ops::<f32>(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
-    let op = *ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
+    let op = ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
     let lanes = op.lanes;
     let spread = |values: [f32; 3]| values.iter().flat_map(|&value| vec![value; lanes]).collect::<Vec<_>>();
     let cases: Vec<_> = match op.name {

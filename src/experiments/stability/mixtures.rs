@@ -18,14 +18,13 @@ use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::experiments::PictureError;
 use crate::experiments::accuracy::Contender;
 use crate::experiments::accuracy::errors::margin_of;
 use crate::measure::Machine;
-use crate::plan::Keep;
+use crate::plan::{Keep, on_all_cores};
 use crate::render::{
     Colour, Distance, Film, Found, PixelFormat, Plan, Precision, Purpose, Tracer, TrueHit, TruePixel, Truth, level,
 };
@@ -99,7 +98,7 @@ pub fn judge_mixtures(
     count: usize,
     proceed: &(dyn Fn() -> bool + Sync),
 ) -> Result<Mixtures, PictureError> {
-    let judged = (0..count).into_par_iter().map(|i| {
+    let judged = on_all_cores(count, |i| {
         if !proceed() {
             return Ok(None);
         }
@@ -108,7 +107,7 @@ pub fn judge_mixtures(
         let counts = [scene.spheres.len(), scene.triangles.len(), scene.lights.len()];
         Ok(Some(Failing { seed, kinds, counts, failures: failures(&scene, contenders)? }))
     });
-    let judged: Vec<Failing> = judged.collect::<Result<Vec<_>, PictureError>>()?.into_iter().flatten().collect();
+    let judged: Vec<Failing> = judged.into_iter().filter_map(Result::transpose).collect::<Result<_, PictureError>>()?;
     Ok(Mixtures {
         machine: Machine::this(),
         seed,

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::side;
@@ -11,7 +10,7 @@ use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
 use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
 use crate::measure::names::{self, Name};
 use crate::measure::statistics::median;
-use crate::plan::{InUnits, sphere_hit, triangle_hit};
+use crate::plan::{InUnits, on_all_cores, sphere_hit, triangle_hit};
 use crate::reference::exact::{self, Meeting, Ray, Split};
 use crate::render::{Colour, Distance, Found, Precision};
 use crate::scene::families::{Family, Level};
@@ -180,7 +179,7 @@ impl Shape {
             };
             Expected { hit: hit.as_ref().map(target), margin }
         };
-        rays.par_iter().map(expected).collect()
+        on_all_cores(rays.len(), |i| expected(&rays[i]))
     }
 }
 

@@ -8,6 +8,7 @@ use iced_x86::{Decoder, DecoderOptions, Instruction, Mnemonic, OpKind, Register}
 
 use super::imp::TRAP_FLAG;
 use super::recording::{Moment, Recording, State, Touched, Visit};
+use super::{Unavailable, room};
 
 /// The components of the extended state beyond SSE, by their numbers in XCR0.
 const UPPER_YMM: u32 = 2;
@@ -52,21 +53,21 @@ struct Moments {
 }
 
 impl Recorder {
-    pub fn of_visits(watched: &[Range<usize>], most: usize) -> Self {
-        Recorder { watched: watched.into(), executed: 0, keeps: Keeps::Visits(Vec::with_capacity(most)) }
+    pub fn of_visits(watched: &[Range<usize>], most: usize) -> Result<Self, Unavailable> {
+        Ok(Recorder { watched: watched.into(), executed: 0, keeps: Keeps::Visits(room(most)?) })
     }
 
-    pub fn of_moments(watched: &[Range<usize>], wanted: &[Range<u64>], most: usize) -> Self {
+    pub fn of_moments(watched: &[Range<usize>], wanted: &[Range<u64>], most: usize) -> Result<Self, Unavailable> {
         let keeps = Keeps::Moments(Moments {
             wanted: wanted.into(),
             most,
             // What follows the last of each row of them is kept too.
-            kept: Vec::with_capacity(most + 1),
+            kept: room(most.saturating_add(1))?,
             left_out: 0,
             running: None,
             offsets: [UPPER_YMM, MASKS, UPPER_ZMM, HIGH_ZMM].map(offset_of),
         });
-        Recorder { watched: watched.into(), executed: 0, keeps }
+        Ok(Recorder { watched: watched.into(), executed: 0, keeps })
     }
 
     /// What was executed, and whether it is all.
@@ -251,7 +252,7 @@ fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize
     let stack = general[4];
     match instruction.mnemonic() {
         // These have an address, and touch nothing there.
-        Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 => return None,
+        Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 | Mnemonic::Prefetcht1 => return None,
         Mnemonic::Push | Mnemonic::Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
         Mnemonic::Pop | Mnemonic::Ret => return Some((stack, WORD)),
         _ => {}

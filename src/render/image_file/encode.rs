@@ -3,6 +3,7 @@
 use super::png::{PngJoin, PngParts};
 use super::threaded::{ExrParts, Threaded, TiffParts};
 use super::{Extent, Format};
+use crate::kernels::memory::try_reserve;
 use crate::render::output::Sink;
 use image::Rgb;
 use image::codecs::hdr::HdrEncoder;
@@ -265,7 +266,7 @@ struct Qoi {
 impl Join for Qoi {
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         if self.pixels.is_empty() {
-            self.pixels.try_reserve_exact(whole_bytes(self.size.0, self.size.1) as usize)?;
+            try_reserve(&mut self.pixels, whole_bytes(self.size.0, self.size.1) as usize)?;
         }
         self.pixels.extend_from_slice(&part);
         Ok(())

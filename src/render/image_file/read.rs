@@ -3,8 +3,11 @@
 use super::ImageError;
 use super::exr::ExrDecoder;
 use super::pfm::PfmDecoder;
+use super::png::PngDecoder;
+use crate::kernels::Plain;
+use crate::kernels::memory::try_reserve;
 use crate::measure::picture::{Picture, Pixels};
-use image::codecs::{hdr::HdrDecoder, png::PngDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
+use image::codecs::{hdr::HdrDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
 use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
 use image::{ColorType, ImageDecoder, ImageFormat, Limits};
 use std::cell::Cell;
@@ -203,10 +206,9 @@ fn by_magic(
     let by_deflate = length.saturating_mul(DEFLATE_EXPANSION);
     Ok(match magic {
         Magic::Png => {
-            let mut limits = Limits::default();
             // Rows and what stands beside the pixels.
-            limits.max_alloc = Some(by_deflate.saturating_add(1 << 20).min(MAX_BYTES));
-            (Box::new(PngDecoder::with_limits(reader, limits)?), by_deflate.saturating_mul(8) / png_bits)
+            let most = by_deflate.saturating_add(1 << 20).min(MAX_BYTES);
+            (Box::new(PngDecoder::new(reader, most as usize)?), by_deflate.saturating_mul(8) / png_bits)
         }
         Magic::Exr => {
             let decoder = ExrDecoder::new(reader, length)?;
@@ -321,16 +323,25 @@ fn tiff_values_fit(reader: &mut (impl Read + Seek), length: u64) -> io::Result<b
     Ok(true)
 }
 
+/// So many values of 0, made of the pixels of a decoder's picture.
+fn zeros<T: Plain>(path: &Path, (width, height): (u32, u32), count: usize) -> Result<Vec<T>, ImageError> {
+    let (mut values, bytes) = (Vec::new(), count * size_of::<T>());
+    try_reserve(&mut values, count).map_err(|_| ImageError::Memory { path: path.into(), width, height, bytes })?;
+    values.resize(count, T::ZERO);
+    Ok(values)
+}
+
 fn floats(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageError> {
-    let color = decoder.color_type();
-    let mut bytes = vec![0; decoder.total_bytes() as usize];
+    let (color, of) = (decoder.color_type(), decoder.dimensions());
+    let mut bytes = zeros(path, of, decoder.total_bytes() as usize)?;
     decoder.read_image(&mut bytes).map_err(|error| malformed(path, error))?;
-    let values = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|&bytes| f32::from_ne_bytes(bytes)).collect::<Vec<_>>();
     let size = usize::from(color.bytes_per_pixel());
-    let mut pixels = Vec::with_capacity(bytes.len() / size);
-    for pixel in bytes.chunks_exact(size) {
-        match values(pixel)[..] {
-            [r, g, b] | [r, g, b, 1.0] => pixels.push([r, g, b]),
+    let mut pixels = zeros(path, of, bytes.len() / size)?;
+    for (pixel, bytes) in pixels.iter_mut().zip(bytes.chunks_exact(size)) {
+        let value = |bytes: &[u8; 4]| f32::from_ne_bytes(*bytes);
+        match bytes.as_chunks().0 {
+            [r, g, b] => *pixel = [r, g, b].map(value),
+            [r, g, b, alpha] if value(alpha) == 1.0 => *pixel = [r, g, b].map(value),
             _ => return Err(ImageError::Unsupported { path: path.into(), what: "transparency" }),
         }
     }
@@ -338,23 +349,28 @@ fn floats(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageEr
 }
 
 fn levels(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageError> {
-    let color = decoder.color_type();
+    let (color, of) = (decoder.color_type(), decoder.dimensions());
     let bytes_of_all = decoder.total_bytes() as usize;
     if color == ColorType::Rgb8 {
-        let mut pixels = vec![[0; 3]; bytes_of_all / 3];
+        let mut pixels = zeros::<[u8; 3]>(path, of, bytes_of_all / 3)?;
         decoder.read_image(pixels.as_flattened_mut()).map_err(|error| malformed(path, error))?;
         return Ok(Pixels::Rgb8(pixels));
     }
-    let mut bytes = vec![0; bytes_of_all];
+    let mut bytes = zeros(path, of, bytes_of_all)?;
     decoder.read_image(&mut bytes).map_err(|error| malformed(path, error))?;
     if color.has_alpha() && bytes.chunks_exact(color.bytes_per_pixel().into()).any(|pixel| pixel.last() != Some(&255)) {
         return Err(ImageError::Unsupported { path: path.into(), what: "transparency" });
     }
-    Ok(Pixels::Rgb8(match color {
-        ColorType::L8 => bytes.into_iter().map(|grey| [grey; 3]).collect(),
-        ColorType::La8 => bytes.as_chunks().0.iter().map(|&[grey, _]| [grey; 3]).collect(),
-        _ => bytes.as_chunks().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
-    }))
+    let size = usize::from(color.bytes_per_pixel());
+    let mut pixels = zeros(path, of, bytes.len() / size)?;
+    for (pixel, bytes) in pixels.iter_mut().zip(bytes.chunks_exact(size)) {
+        *pixel = match *bytes {
+            [grey] | [grey, _] => [grey; 3],
+            [r, g, b, ..] => [r, g, b],
+            [] => unreachable!("a pixel has a channel"),
+        };
+    }
+    Ok(Pixels::Rgb8(pixels))
 }
 
 /// A decoder's error in our words where it is about reading.

@@ -33,7 +33,8 @@ pub(super) struct Threaded {
 impl Threaded {
     fn new(write: impl FnOnce(Receiver<Vec<u8>>) -> io::Result<()> + Send + 'static) -> io::Result<Self> {
         let (parts, receiver) = sync_channel(1);
-        let thread = thread::Builder::new().name("writer".into()).spawn(move || write(receiver))?;
+        let unstarted = |error| io::Error::other(format!("the thread that encodes it cannot be started: {error}"));
+        let thread = thread::Builder::new().name("writer".into()).spawn(move || write(receiver)).map_err(unstarted)?;
         Ok(Threaded { parts: Some(parts), thread: Some(thread) })
     }
 

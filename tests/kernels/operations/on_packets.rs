@@ -249,6 +249,6 @@ fn triangles_that_share_an_edge_leave_no_crack() {
 #[test]
 #[should_panic(expected = "whole packets")]
 fn parts_of_packets_are_refused() {
-    let op = packet_ops::<f32>(Isa::Sse41).expect("every CPU that runs these tests has SSE4.1")[0];
+    let op = &packet_ops::<f32>(Isa::Sse41).expect("every CPU that runs these tests has SSE4.1")[0];
     op.call(&mut [0.0; 12], &[0.0; 12], &[0.0; 11]);
 }
