@@ -73,7 +73,8 @@ pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 /// Turned round, so that the nearest corner comes first: its product with the normal is the triangle's volume as any other's
 /// is, and the terms of a farther one's would cancel.
 pub fn near_corner_first(mut corners: [DVec3; 3]) -> [DVec3; 3] {
-    corners.rotate_left(nearest_corner(corners, 1.0));
+    let nearest = nearest_corner(corners, 1.0);
+    corners.rotate_left(nearest);
     corners
 }
 
