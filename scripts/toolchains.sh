@@ -11,10 +11,11 @@ set -eu
 cd "$(dirname "$0")/.."
 
 strict=${1:-}
-home=$(realpath -m "${CARGO_TARGET_DIR:-target}")/toolchains
-rayo=${CARGO_TARGET_DIR:-target}/release/rayo
+target=${CARGO_TARGET_DIR:-target}
+case $target in /*) ;; *) target=$PWD/$target ;; esac
+home=$target/toolchains
+rayo=$target/release/rayo
 lacking=
-export RAYO_STRICT=1
 
 say() { printf '%s\n' "$*"; }
 lacks() { say "  not tried: $*"; lacking="$lacking
@@ -136,7 +137,7 @@ say "Building with every NASM, whose listing names the source of each instructio
 for suite in $suites; do
     [ -e "$home/$suite/unpacked" ] || continue
     for compiler in $(compilers "$suite"); do
-        NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked --lib --target-dir "$home/cargo" \
+        RAYO_STRICT=1 NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked --lib --target-dir "$home/cargo" \
             --no-default-features --features asm,c,lab </dev/null || fail "$compiler and the NASM of Debian $suite do not build the library"
     done
 done

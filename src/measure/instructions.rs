@@ -1,12 +1,13 @@
 //! Instructions of built code, decoded and counted: of a symbol of an object, or of a function of this process.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use iced_x86::{
     Decoder, DecoderOptions, FlowControl, Formatter, InstructionInfoFactory, IntelFormatter, MemorySizeOptions,
     Mnemonic, OpAccess, OpKind,
 };
-use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
+use object::{Object, ObjectSection, ObjectSymbol, SectionIndex, SymbolKind};
 use serde::{Deserialize, Serialize};
 
 use crate::kernels;
@@ -79,20 +80,58 @@ pub struct Function {
 pub fn functions() -> Vec<Function> {
     let of_object = |(object, data): &(&'static str, &'static [u8])| {
         let Ok(file) = object::File::parse(*data) else { return Vec::new() };
-        let mut functions: Vec<_> = file
-            .symbols()
-            .filter(|symbol| symbol.is_definition() && symbol.size() > 0 && symbol.kind() == SymbolKind::Text)
-            .filter_map(|symbol| Some((symbol.section_index()?, symbol.address(), symbol.size(), symbol.name().ok()?)))
-            .collect();
-        functions.sort_by_key(|(section, address, ..)| (section.0, *address));
-        let function = |&(_, _, size, symbol): &(_, _, u64, &str)| Function {
-            object,
-            symbol: symbol.to_owned(),
-            bytes: size as usize,
-        };
-        functions.iter().map(function).collect()
+        let functions = places(&file).into_iter();
+        functions.map(|place| Function { object, symbol: place.symbol.to_owned(), bytes: place.bytes.len() }).collect()
     };
     kernels::OBJECTS.iter().flat_map(of_object).collect()
+}
+
+/// Where a function of an object is.
+struct Place<'a> {
+    symbol: &'a str,
+    section: SectionIndex,
+    /// In its section.
+    bytes: Range<usize>,
+}
+
+/// All of an object, by their addresses. ELF says how long a function is. Elsewhere it ends at its label `.end`, as those in
+/// assembly do, or else before the next one, with what fills the room between them.
+fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
+    let is_elf = file.format() == object::BinaryFormat::Elf;
+    let mut ends = HashMap::new();
+    let mut places: Vec<_> = Vec::new();
+    for symbol in file.symbols().filter(|symbol| symbol.is_definition()) {
+        let (Ok(name), Some(index)) = (symbol.name(), symbol.section_index()) else { continue };
+        let Ok(section) = file.section_by_index(index) else { continue };
+        let start = (symbol.address() - section.address()) as usize;
+        let end = if is_elf { start + symbol.size() as usize } else { section.size() as usize };
+        let is_function = match is_elf {
+            true => symbol.kind() == SymbolKind::Text && symbol.size() > 0,
+            false => symbol.is_global() && section.kind() == object::SectionKind::Text,
+        };
+        if is_function {
+            places.push(Place { symbol: undecorated(file, name), section: index, bytes: start..end });
+        } else if let Some(of) = name.strip_suffix(".end") {
+            ends.insert(of, start);
+        }
+    }
+    places.sort_by_key(|place| (place.section.0, place.bytes.start));
+    if !is_elf {
+        let next = places.iter().skip(1).map(|next| Some((next.section, next.bytes.start))).chain([None]);
+        for (place, next) in places.iter_mut().zip(next.collect::<Vec<_>>()) {
+            let next = next.filter(|(section, _)| *section == place.section).map(|(_, start)| start);
+            if let Some(end) = ends.get(place.symbol).copied().or(next) {
+                place.bytes.end = end;
+            }
+        }
+    }
+    places
+}
+
+/// A symbol as it is in the source: Mach-O's names begin with an underscore, and ELF's local ones as `asm/include/isa.inc` says.
+fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
+    let prefix = if file.format() == object::BinaryFormat::MachO { "_" } else { ".L" };
+    symbol.strip_prefix(prefix).unwrap_or(symbol)
 }
 
 /// The instructions of a function.
@@ -143,17 +182,17 @@ impl Code {
         kernels::OBJECTS.iter().find_map(|(_, data)| Code::in_object(data, symbol))
     }
 
-    /// The function `symbol` of the ELF object `data`, its length being that of the symbol.
+    /// The function `symbol` of the object `data`.
     pub fn in_object(data: &[u8], symbol: &str) -> Option<Code> {
         let file = object::File::parse(data).ok()?;
-        let function = file.symbols().find(|s| s.name() == Ok(symbol) && s.is_definition())?;
-        let section = file.section_by_index(function.section_index()?).ok()?;
-        let start = function.address() as usize - section.address() as usize;
-        let bytes = section.data().ok()?.get(start..start + function.size() as usize)?;
+        let Place { section, bytes: Range { start, end }, .. } =
+            places(&file).into_iter().find(|of| of.symbol == symbol)?;
+        let section = file.section_by_index(section).ok()?;
+        let bytes = section.data().ok()?.get(start..end)?;
         let label = |name: &str| {
-            let name = format!(".L{symbol}.{name}");
-            let label = file.symbols().find(|s| s.name() == Ok(&name))?;
-            Some((label.address() - function.address()) as usize)
+            let name = format!("{symbol}.{name}");
+            let label = file.symbols().find(|s| s.name().is_ok_and(|label| undecorated(&file, label) == name))?;
+            ((label.address() - section.address()) as usize).checked_sub(start)
         };
         let mut code = Code {
             symbol: symbol.into(),
@@ -181,7 +220,7 @@ impl Code {
                 _ => target.name().ok().map(str::to_owned),
             };
             let Some(name) = name.filter(|name| !name.is_empty()) else { continue };
-            let name = name.strip_prefix(".L").unwrap_or(&name);
+            let name = undecorated(&file, &name);
             instruction.text = match (instruction.text.find('['), instruction.text.find(']')) {
                 (Some(open), Some(close)) => {
                     format!("{}{name}{}", &instruction.text[..=open], &instruction.text[close..])
