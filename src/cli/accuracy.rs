@@ -11,7 +11,7 @@ use clap::Args;
 
 use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
 use super::party::Party;
-use super::{Failure, print_result};
+use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
 use crate::experiments::accuracy::{self, AccuracyReport, Measured, plot, subjects};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
@@ -93,7 +93,7 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     let contenders = accuracy::contenders_and_options();
     party.run_alike(&contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
-    let stop = party.agree(party.stop_on_ctrl_c())?;
+    let stop = party.agree(party.stop_on_signals())?;
     let machine = Machine::this();
     let (tsc, mut wall) = (TscClock::new(), WallClock::new());
     party.start_threads_and_pin();
@@ -121,7 +121,9 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     let (page, csv) = (markdown::text(&document), table::csv(&document));
     let texts = [("accuracy.md", page), ("table.csv", csv), ("accuracy.svg", figure)];
     write_results(&args.out, ("results.json", &document), texts)?;
-    print_result(args.json, &document, || table::text(&document, subjects.len() <= FEW))?;
+    // On paper as on a terminal.
+    let columns = terminal_width().unwrap_or(120);
+    print_result(args.json, &document, || fit::fit(&table::text(&document, subjects.len() <= FEW), columns))?;
     tell_whether(document.complete);
     Ok(ExitCode::SUCCESS)
 }

@@ -8,15 +8,15 @@ use clap::Args;
 use glam::Vec3;
 
 use super::view::{open, tell};
-use super::{Failure, colour_on_stderr, remove_part_files_on_signals, say};
+use super::{Failure, colour_on_stderr, keep_apart, remove_part_files_on_signals, say};
 use crate::render::{Existing, OutputError, OutputFile};
-use crate::scene::{Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting};
+use crate::scene::{Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting, shown};
 
 /// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
 ///
 /// A mesh becomes a scene with a camera that sees all of it and one light; as .toml it refers to the mesh file. A scene
 /// becomes a mesh of its triangles. What the new format cannot hold is lost with a warning. PLY and STL are written in
-/// binary.
+/// binary; PLY has a colour for each face then, OBJ for each vertex, and STL none.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo convert scenes/meshes/rock.ply rock.toml
@@ -40,6 +40,7 @@ const MANY_TABLES: usize = 50_000;
 /// Converts the file.
 pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let ConvertArgs { input, output, quiet } = args;
+    keep_apart(output, [&**input])?;
     let to = format(output)?;
     remove_part_files_on_signals()?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
@@ -48,7 +49,11 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
         (SceneFormat::Mesh(from), SceneFormat::Mesh(to)) => {
             let mesh = Mesh::read(input).map_err(unread)?;
             if mesh.polygons > 0 && !quiet {
-                say(&format!("{}: faces of more than three corners were cut into triangles", input.display()));
+                say(&format!("{}: faces of more than three corners were cut into triangles", shown(input)));
+            }
+            mesh.notes.iter().filter(|_| !quiet).for_each(|note| say(&format!("{}: {note}", shown(input))));
+            if to == MeshFormat::Stl && !mesh.colours.is_empty() {
+                say(&format!("warning: {}: {to} has no place for the triangles' colours", shown(output)));
             }
             if (from == MeshFormat::Stl) != (to == MeshFormat::Stl) && !quiet {
                 say(&format!("coordinates stay as they are, though {from} and {to} files differ in which way is up"));
@@ -75,20 +80,20 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
 /// The format that a name asks for.
 pub(super) fn format(path: &Path) -> Result<SceneFormat, Failure> {
     SceneFormat::from_path(path).ok_or_else(|| {
-        let path = path.display();
+        let path = shown(path);
         Failure::input(format!("{path}: the name of a scene or a mesh must end in .in, .toml, .obj, .ply or .stl"))
     })
 }
 
 /// Writes a scene in a format, with a warning of what that cannot hold.
 pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Result<(), Failure> {
-    let warn = |what: &str| say(&format!("warning: {}: {what}", path.display()));
+    let warn = |what: &str| say(&format!("warning: {}: {what}", shown(path)));
     match format {
         SceneFormat::Toml => {
             let (spheres, triangles) = (scene.spheres.len(), scene.triangle_count());
             let text = scene.to_toml();
             if text.len() as u64 > MAX_TOML {
-                let (path, limit) = (path.display(), MAX_TOML >> 20);
+                let (path, limit) = (shown(path), MAX_TOML >> 20);
                 return Err(Failure::input(format!(
                     "{path}: {triangles} triangles and {spheres} spheres are more than the {limit} MiB of TOML that can \
                      be read again: write them as .in, or triangles as a mesh that a scene names"
@@ -109,7 +114,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
         }
         SceneFormat::Mesh(format) => {
             if scene.triangle_count() == 0 {
-                let path = path.display();
+                let path = shown(path);
                 return Err(Failure::input(format!(
                     "{path}: the scene has no triangles, and {format} holds nothing else: write it as .in or .toml"
                 )));
@@ -119,7 +124,8 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
                 1 => Some(format!("1 {one}")),
                 count => Some(format!("{count} {many}")),
             };
-            let coloured = scene.all_triangles().any(|triangle| triangle.colour != Vec3::ONE);
+            let coloured =
+                format == MeshFormat::Stl && scene.all_triangles().any(|triangle| triangle.colour != Vec3::ONE);
             let parts = [
                 count(scene.spheres.len(), "sphere", "spheres"),
                 count(scene.lights.len(), "light", "lights"),
@@ -159,7 +165,7 @@ fn reference(mesh: &Path, scene: &Path) -> Result<String, Failure> {
     let relative: PathBuf = up.chain(mesh.components().skip(shared)).collect();
     let parts: Option<Vec<_>> = relative.iter().map(|part| part.to_str()).collect();
     let parts = parts.ok_or_else(|| {
-        Failure::input(format!("{}: a name that is not UTF-8 cannot be written to a scene", mesh.display()))
+        Failure::input(format!("{}: a name that is not UTF-8 cannot be written to a scene", shown(mesh)))
     })?;
     Ok(parts.join("/"))
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use crate::render::{Development, Format};
-use crate::scene::Scene;
+use crate::scene::{Scene, shown};
 
 /// Samples of a pixel in each direction.
 const MOST_SAMPLES: u32 = 16;
@@ -58,7 +58,7 @@ impl DevelopmentArgs {
         if self.srgb && !format.is_8bit() {
             return Err(Failure::input(format!(
                 "{}: --srgb is for formats with 8 bits, and this one has linear floats: leave it out, or name a .png",
-                path.display()
+                shown(path)
             )));
         }
         let plain = Development::default();

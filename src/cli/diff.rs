@@ -1,12 +1,12 @@
 //! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
 
-use super::{Document, Failure};
+use super::{Failure, keep_apart, print_result};
 use crate::measure::compare::{self, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Format, ImageError, ImageFile, ImageWriter, is_standard_output};
+use crate::scene::shown;
 use clap::Args;
 use serde::Serialize;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use thiserror::Error;
@@ -41,7 +41,7 @@ enum DiffError {
     #[error(transparent)]
     Read(ImageError),
     /// The images have nothing to compare.
-    #[error("cannot compare {} with {}: {error}", .a.display(), .b.display())]
+    #[error("cannot compare {} with {}: {error}", shown(.a), shown(.b))]
     Compare {
         /// The first image's path.
         a: PathBuf,
@@ -51,7 +51,7 @@ enum DiffError {
         error: CompareError,
     },
     /// `-o` names no format for a picture of differences.
-    #[error("{}: the picture of differences has 8 bits; name it .png or .ppm", .0.display())]
+    #[error("{}: the picture of differences has 8 bits; name it .png or .ppm", shown(.0))]
     FloatOutput(PathBuf),
     /// `-o` has no known extension.
     #[error(transparent)]
@@ -62,9 +62,6 @@ enum DiffError {
     /// The picture of the differences could not be written.
     #[error(transparent)]
     Write(ImageError),
-    /// The result could not be printed.
-    #[error("cannot write the result: {0}")]
-    Print(io::Error),
 }
 
 /// Compares the images, prints the result to standard output, and returns the verdict as exit code 0 or 1.
@@ -72,15 +69,27 @@ enum DiffError {
 /// # Errors
 /// If there is no verdict.
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
-    let agree = diff(args, &mut io::stdout().lock()).map_err(|error| match error {
-        DiffError::Write(_) | DiffError::Print(_) => Failure::output(error),
+    if let Some(output) = &args.output {
+        keep_apart(output, [&args.a, &args.b].map(|path| &**path))?;
+    }
+    let (comparison, text) = diff(args).map_err(|error| match error {
+        DiffError::Write(_) => Failure::output(error),
         _ => Failure::input(error),
     })?;
-    Ok(if agree { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    let within_tolerance = comparison.largest <= args.tolerance;
+    let verdict = Verdict {
+        a: args.a.to_string_lossy(),
+        b: args.b.to_string_lossy(),
+        tolerance: args.tolerance,
+        within_tolerance,
+        comparison,
+    };
+    print_result(args.json, &verdict, || text)?;
+    Ok(if within_tolerance { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// Does what [`run`] does, printing to `out`: whether the largest difference is within the tolerance.
-fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
+/// Compares the images, in numbers and in words, and writes the picture of their differences.
+fn diff(args: &DiffArgs) -> Result<(Comparison, String), DiffError> {
     // Before any work: a name that no picture can be written to.
     let output = args.output.as_deref().map(|path| Ok((path, output_format(path)?))).transpose()?;
     let incomparable = |error| DiffError::Compare { a: args.a.clone(), b: args.b.clone(), error };
@@ -96,30 +105,11 @@ fn diff(args: &DiffArgs, out: &mut impl Write) -> Result<bool, DiffError> {
         let difference = compare::difference_image(&a, &b).map_err(incomparable)?;
         write_picture(path, format, &difference).map_err(DiffError::Write)?;
     }
-
-    let within_tolerance = comparison.largest <= args.tolerance;
-    if args.json {
-        let content = &Verdict {
-            a: args.a.to_string_lossy(),
-            b: args.b.to_string_lossy(),
-            tolerance: args.tolerance,
-            within_tolerance,
-            comparison,
-        };
-        serde_json::to_writer_pretty(&mut *out, &Document { schema: 1, content })
-            .map_err(io::Error::from)
-            .and_then(|()| writeln!(out))
-    } else {
-        print(&comparison, &a, &b, out).and_then(|()| match output {
-            Some((path, _)) => {
-                writeln!(out, "{}: the differences, white where they are largest", path.display())
-            }
-            None => Ok(()),
-        })
+    let mut text = words(&comparison, &a, &b);
+    if let Some((path, _)) = output {
+        text += &format!("{}: the differences, white where they are largest\n", shown(path));
     }
-    .and_then(|()| out.flush())
-    .map_err(DiffError::Print)?;
-    Ok(within_tolerance)
+    Ok((comparison, text))
 }
 
 /// What `--json` prints; the fields of the comparison are not nested.
@@ -153,35 +143,28 @@ fn write_picture(path: &Path, format: Format, picture: &Picture) -> Result<(), I
 }
 
 /// The result in words: one line, or three if something differs.
-fn print(comparison: &Comparison, a: &Picture, b: &Picture, out: &mut impl Write) -> io::Result<()> {
+fn words(comparison: &Comparison, a: &Picture, b: &Picture) -> String {
     let &Comparison { width, height, unit, differing, off_by_1, off_by_2, infinite, largest, .. } = comparison;
     let Some((x, y)) = comparison.largest_at else {
-        return writeln!(out, "identical: {width}x{height} pixels");
+        return format!("identical: {width}x{height} pixels\n");
     };
     let pixels = u64::from(width) * u64::from(height);
     let share = 100.0 * differing as f64 / pixels as f64;
-    write!(out, "{differing} of {pixels} pixels differ ({share:.3} %)")?;
-    let (name, level) = match unit {
-        Unit::Levels => (" levels", " levels"),
-        Unit::Linear => {
-            write!(out, ", {off_by_1} by 1/255 or more")?;
-            ("", "/255")
-        }
+    let (by_1, name, level) = match unit {
+        Unit::Levels => (String::new(), " levels", " levels"),
+        Unit::Linear => (format!(", {off_by_1} by 1/255 or more"), "", "/255"),
     };
-    write!(out, ", {off_by_2} by 2{level} or more")?;
-    if infinite > 0 {
-        write!(out, ", {infinite} where one is not a number or infinite")?;
-    }
-    writeln!(out)?;
+    let infinite =
+        if infinite > 0 { format!(", {infinite} where one is not a number or infinite") } else { String::new() };
     let index = y as usize * width as usize + x as usize;
-    writeln!(
-        out,
-        "largest difference {largest}{name} at ({x}, {y}): {} against {}",
-        describe(a, index),
-        describe(b, index)
-    )?;
+    let (of_a, of_b) = (describe(a, index), describe(b, index));
     let (mean, rms) = (short(comparison.mean), short(comparison.rms));
-    writeln!(out, "mean {mean}{name}, RMS {rms}{name}, PSNR {:.2} dB", comparison.psnr)
+    format!(
+        "{differing} of {pixels} pixels differ ({share:.3} %){by_1}, {off_by_2} by 2{level} or more{infinite}\n\
+         largest difference {largest}{name} at ({x}, {y}): {of_a} against {of_b}\n\
+         mean {mean}{name}, RMS {rms}{name}, PSNR {:.2} dB\n",
+        comparison.psnr
+    )
 }
 
 /// Some three digits that mean something.

@@ -16,23 +16,28 @@ pub fn fit(text: &str, width: usize) -> String {
     fitted
 }
 
-/// As many columns beside the first as fit, and below them the first again with the next.
+/// As many columns beside those of words as fit, and below them these again with the next. Words are in the columns before
+/// those of numbers, as far as they leave half of the width, and at least in the first.
 fn table(fitted: &mut String, lines: &[&str], width: usize) {
     let lines: Vec<Vec<char>> = lines.iter().map(|line| line.chars().collect()).collect();
     // Where the columns begin, and the end: the rule has a bar there and nowhere else, and the others stand below it.
     let bars: Vec<_> = (0..lines[1].len()).filter(|at| lines[1][*at] == '|').collect();
     let columns: Vec<_> = bars.windows(2).map(|bars| bars[0]..bars[1]).collect();
-    let [first, others @ ..] = &columns[..] else { return };
-    let mut rest = others;
+    let mut words = 0;
+    let of_words = columns.iter().take_while(|column| {
+        words += column.len();
+        lines[1][column.end - 1] != ':' && words <= width / 2
+    });
+    let (first, mut rest) = columns.split_at(of_words.count().max(1));
     while !rest.is_empty() {
-        let mut taken = first.len() + 1;
+        let mut taken = first.iter().map(|column| column.len()).sum::<usize>() + 1;
         let fitting = rest.iter().take_while(|column| {
             taken += column.len();
             taken <= width
         });
         let (now, later) = rest.split_at(fitting.count().max(1));
         for line in &lines {
-            let cells = [first].into_iter().chain(now).flat_map(|column| &line[column.clone()]);
+            let cells = first.iter().chain(now).flat_map(|column| &line[column.clone()]);
             fitted.extend(cells.chain(&['|', '\n']));
         }
         *fitted += if later.is_empty() { "" } else { "\n" };

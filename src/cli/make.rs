@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::convert::{format, picture_name, write, write_scene};
 use super::{Failure, print_result, remove_part_files_on_signals, say};
 use crate::scene::mesh::shapes::{self, MOST_TRIANGLES};
-use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting};
+use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting, shown};
 
 /// Make a mesh of about so many triangles
 ///
@@ -96,7 +96,7 @@ pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
     if *json {
         print_result(true, &Report { shape: name, triangles: made, vertices, seed: *seed }, String::new)?;
     } else if !quiet {
-        say(&format!("{}: {name} of {made} triangles and {vertices} vertices", output.display()));
+        say(&format!("{}: {name} of {made} triangles and {vertices} vertices", shown(output)));
     }
     Ok(ExitCode::SUCCESS)
 }

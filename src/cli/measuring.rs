@@ -9,9 +9,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::{Failure, convert, json, say};
+use super::{Failure, convert, json, listen_once, say, signals};
 use crate::kernels::sys;
 use crate::plan::on_all_cores;
+use crate::scene::shown;
 
 /// The file appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
@@ -49,16 +50,15 @@ pub fn tell_whether(complete: bool) {
     }
 }
 
-/// Set when the user asks for an end; a second time ends the process at once.
-pub fn stop_on_ctrl_c() -> Result<Arc<AtomicBool>, Failure> {
+/// Set when a signal asks for an end; a second one ends the process at once.
+pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let seen = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
+    listen_once(move || {
         if seen.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+            signals::exit();
         }
-    })
-    .map_err(|error| Failure::output(format!("cannot listen for Ctrl-C: {error}")))?;
+    })?;
     Ok(stop)
 }
 
@@ -97,7 +97,7 @@ pub fn bar_style(rest: &str) -> ProgressStyle {
 /// Where the files go.
 pub fn create_directory(path: &Path) -> Result<(), Failure> {
     fs::create_dir_all(path).map_err(|error| {
-        let path = path.display();
+        let path = shown(path);
         Failure::output(format!("cannot create the directory {path}: {error}; name another one with --out"))
     })
 }

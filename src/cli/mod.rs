@@ -30,6 +30,7 @@ mod render;
 mod report;
 #[cfg(feature = "cli")]
 mod shell;
+mod signals;
 #[cfg(feature = "cli")]
 mod stability;
 #[cfg(feature = "cli")]
@@ -39,7 +40,9 @@ mod table;
 mod view;
 
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
@@ -47,8 +50,10 @@ use serde::Serialize;
 use terminal_size::{Height, Width, terminal_size_of};
 
 use self::party::Party;
+use crate::kernels::sys::is_standard_output_open;
 use crate::kernels::{Isa, memory};
 use crate::render::remove_unfinished;
+use crate::scene::shown;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
@@ -111,14 +116,23 @@ fn require_assembly(what: &str) -> Result<(), Failure> {
     )))
 }
 
-/// Standard output is closed or full.
-fn unprinted(error: &io::Error) -> Failure {
-    Failure::output(format!("cannot write to standard output: {error}"))
+/// Refuses a file to write that is one of those to read, which it would replace.
+fn keep_apart<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
+    let canonical = output.canonicalize().ok().filter(|path| path.is_file());
+    let is_output = |input: &&Path| canonical.is_some() && input.canonicalize().ok() == canonical;
+    match inputs.into_iter().find(is_output) {
+        Some(_) => {
+            let path = shown(output);
+            Err(Failure::input(format!("{path} is what is read, and would be replaced: name another file")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
     memory::before_the_end(remove_unfinished);
+    signals::survive_file_size_limit();
     let party = Party::join();
     if let Err(failure) = party.is_one_build() {
         return failure.tell();
@@ -143,11 +157,14 @@ pub fn main() -> ExitCode {
 
 /// Help and versions are results; everything else that is no command is bad usage.
 fn help_or_usage(message: &clap::Error) -> ExitCode {
-    let printed = message.print();
-    match u8::try_from(message.exit_code()) {
-        Ok(0) => printed.map_or_else(|error| unprinted(&error).tell(), |()| ExitCode::SUCCESS),
-        status => ExitCode::from(status.unwrap_or(2)),
+    if message.exit_code() == 0 {
+        let text = message.render();
+        let text = if colour_on_stdout() { text.ansi().to_string() } else { text.to_string() };
+        return write_out(text.as_bytes()).map_or_else(|failure| failure.tell(), |()| ExitCode::SUCCESS);
     }
+    // Nothing is lost if nobody listens.
+    let _ = message.print();
+    ExitCode::from(u8::try_from(message.exit_code()).unwrap_or(2))
 }
 
 /// Diagnostics with a look of their own begin with "error" already.
@@ -159,18 +176,19 @@ fn with_prefix(message: &str) -> String {
     }
 }
 
-/// From here on SIGINT, SIGTERM and SIGHUP end the process without leaving the hidden files that it is writing.
-///
-/// Where somebody has had one of them ignored (a job in the background, nohup), all stay as they are.
+/// From here on the signals that end the process do so without leaving the hidden files that it is writing.
 fn remove_part_files_on_signals() -> Result<(), Failure> {
-    let set = ctrlc::try_set_handler(|| {
+    let end = || {
         remove_unfinished();
-        std::process::exit(130);
-    });
-    match set {
-        Ok(()) | Err(ctrlc::Error::MultipleHandlers) => Ok(()),
-        Err(error) => Err(Failure::output(format!("cannot listen for signals: {error}"))),
-    }
+        signals::exit()
+    };
+    listen_once(end)
+}
+
+/// Listens for signals, unless somebody does so already.
+fn listen_once(heard: impl FnMut() + Send + 'static) -> Result<(), Failure> {
+    static LISTENING: OnceLock<()> = OnceLock::new();
+    if LISTENING.set(()).is_ok() { signals::listen(heard).map_err(Failure::output) } else { Ok(()) }
 }
 
 fn colour_on_stderr() -> bool {
@@ -203,8 +221,31 @@ fn silence() {
 fn say(text: &str) {
     if !SILENT.load(Ordering::Relaxed) {
         // Nothing is lost if nobody listens.
-        let _ = writeln!(io::stderr(), "{text}");
+        let _ = writeln!(io::stderr(), "{}", harmless(text));
     }
+}
+
+/// Text without control characters but ends of lines and the styles of terminals, whatever files it was made of.
+fn harmless(text: &str) -> String {
+    let mut rest = text;
+    let mut kept = String::with_capacity(text.len());
+    while let Some(c) = rest.chars().next() {
+        let after = rest
+            .strip_prefix("\u{1b}[")
+            .map(|style| style.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+        let length = match after.and_then(|after| after.strip_prefix('m')) {
+            Some(after) => rest.len() - after.len(),
+            None => c.len_utf8(),
+        };
+        let (piece, after) = rest.split_at(length);
+        match piece {
+            "\n" | "\t" => kept.push_str(piece),
+            _ if length == c.len_utf8() && c.is_control() => kept.extend(c.escape_default()),
+            _ => kept.push_str(piece),
+        }
+        rest = after;
+    }
+    kept
 }
 
 /// A JSON document: the number of its schema, and then what it says.
@@ -225,7 +266,7 @@ fn print_result(as_json: bool, result: &impl Serialize, text: impl FnOnce() -> S
     if !as_json {
         return print(&text());
     }
-    writeln!(io::stdout().lock(), "{}", json(result)?).map_err(|error| unprinted(&error))
+    write_out(format!("{}\n", json(result)?).as_bytes())
 }
 
 /// The columns and lines of standard output, if that is a terminal.
@@ -241,10 +282,21 @@ fn terminal_width() -> Option<usize> {
 
 /// Prints text to standard output, and to a terminal so that it fits.
 fn print(text: &str) -> Result<(), Failure> {
-    let fitted = terminal_width().map(|width| fit::fit(text, width));
-    let text = fitted.as_deref().unwrap_or(text);
+    let text = harmless(text);
+    let text = terminal_width().map_or_else(|| text.clone(), |width| fit::fit(&text, width));
+    write_out(text.as_bytes())
+}
+
+/// Writes to standard output. Who has stopped reading has read enough.
+fn write_out(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| unprinted(&error))
+    let opened = if is_standard_output_open() { Ok(()) } else { Err(io::Error::other("it is closed")) };
+    match opened.and_then(|()| out.write_all(bytes)).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::output(format!("cannot write to standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use indicatif::ProgressDrawTarget;
 #[cfg(feature = "mpi")]
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::measuring::{start_threads_and_pin, stop_on_ctrl_c};
+use super::measuring::{start_threads_and_pin, stop_on_signals};
 use super::render::failure;
 use super::{Failure, remove_part_files_on_signals};
 #[cfg(feature = "mpi")]
@@ -53,9 +53,9 @@ impl Party {
     }
 
     /// Set when the user asks for an end. That ends all ranks at once, since MPI gives them no time for what they have begun.
-    pub fn stop_on_ctrl_c(&self) -> Result<Arc<AtomicBool>, Failure> {
+    pub fn stop_on_signals(&self) -> Result<Arc<AtomicBool>, Failure> {
         if self.is_alone() {
-            return stop_on_ctrl_c();
+            return stop_on_signals();
         }
         remove_part_files_on_signals()?;
         Ok(Arc::default())

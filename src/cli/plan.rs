@@ -10,12 +10,12 @@ use serde::Serialize;
 use super::engine::EngineArgs;
 use super::measuring::{bar, pin};
 use super::view::{ViewArgs, tell};
-use super::{Failure, convert, print_result};
+use super::{Failure, convert, keep_apart, print_result};
 use crate::experiments::ablation::{self, Ablation, Timed, plot};
 use crate::measure::{TscClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
-use crate::scene::Camera;
+use crate::scene::{Camera, shown};
 
 /// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
 const PATIENCE: f64 = 10.0;
@@ -129,6 +129,9 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     if args.json && args.scenes.len() > 1 {
         return Err(Failure::input("--json prints one document, of one scene: name one, or leave it out"));
     }
+    if let Some(figure) = &args.figure {
+        keep_apart(figure, args.scenes.iter().map(|scene| &**scene))?;
+    }
     let mut worth = Vec::new();
     for (number, path) in args.scenes.iter().enumerate() {
         let (of, report, ablation) = plan(args, path)?;
@@ -137,7 +140,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
             format!("{gap}{}", of.text(&report, ablation.as_ref()))
         })?;
         if let Some(ablation) = ablation {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let name = shown(path.file_name().unwrap_or_default());
             let lines = report.left_out.iter().map(|line| line.what).zip(ablation.worth);
             worth.push((name, lines.chain([("all that --keep-all keeps", ablation.keep_all)]).collect()));
         }
@@ -224,7 +227,7 @@ impl Of<'_> {
         let (width, height) = (camera.width(), camera.height());
         let mut text = format!(
             "{}: {width}x{height} by {engine} in {precision}, written as {}\n{}\n",
-            path.display(),
+            shown(path),
             format.name(),
             report.lines().join("\n")
         );

@@ -1,6 +1,5 @@
 //! `rayo render --preview`: a scene's picture in the terminal, traced at the terminal's own resolution.
 
-use std::io::{self, Write};
 use std::ops::Range;
 use std::time::Instant;
 
@@ -8,10 +7,10 @@ use anstyle::{Color, Reset, RgbColor, Style};
 use anstyle_lossy::rgb_to_xterm;
 
 use super::render::failure;
-use super::{Failure, colour_on_stdout, say, terminal_size, unprinted};
+use super::{Failure, colour_on_stdout, say, terminal_size, write_out};
 use crate::plan::Keep;
 use crate::render::{Developed, Development, Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Scene, printable};
 
 /// Columns and lines of what is no terminal.
 const PAGE: (usize, usize) = (80, 24);
@@ -49,8 +48,7 @@ impl Preview {
         scene.camera = whole;
         let (pixels, width) = (pixels?, camera.width() as usize);
         let text = if colour_on_stdout() { blocks(&pixels, width, true_colour()) } else { letters(&pixels, width) };
-        let mut out = io::stdout().lock();
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|error| unprinted(&error))
+        write_out(text.as_bytes())
     }
 
     /// Red, green and blue of these rows' pixels.
@@ -67,7 +65,8 @@ impl Preview {
         let clock = Instant::now();
         frame.trace(rows.clone(), film.as_mut(), &|_| ());
         if !self.quiet {
-            let (name, width, height, samples) = (&scene.name, camera.width(), rows.len(), development.samples);
+            let (name, width, height, samples) =
+                (printable(&scene.name), camera.width(), rows.len(), development.samples);
             let time = clock.elapsed();
             say(&format!("{name}: {width}x{height}, {samples}x{samples} samples by {engine}, traced in {time:.1?}"));
         }

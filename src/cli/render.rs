@@ -18,13 +18,13 @@ use super::measuring::bar_style;
 use super::party::Party;
 use super::preview::Preview;
 use super::view::{ViewArgs, tell};
-use super::{Failure, print_result, remove_part_files_on_signals, say};
+use super::{Failure, keep_apart, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
     Counted, Developed, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan, Precision,
     Purpose, RenderError, Settings, Stats, Tracer, is_standard_output,
 };
-use crate::scene::Scene;
+use crate::scene::{Scene, printable, shown};
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -146,14 +146,14 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
         } else {
             format!(
                 "several scenes have several pictures, and there is no directory {}: create it first",
-                directory.display()
+                shown(directory)
             )
         }));
     }
     let mut status = ExitCode::SUCCESS;
     for scene in &args.scenes {
         if let Err(mut failure) = render_one(args, party, scene, chosen, &mut written) {
-            let name = scene.display().to_string();
+            let name = shown(scene);
             if !failure.message.contains(&name) {
                 failure.message = format!("{name}: {}", failure.message);
             }
@@ -183,18 +183,18 @@ fn can_be_shown(args: &RenderArgs, party: &Party, to_standard_output: bool) -> R
 fn render_one(
     args: &RenderArgs,
     party: &Party,
-    scene: &Path,
+    scene_path: &Path,
     (engine, precision): (Engine, Option<Precision>),
     written: &mut BTreeSet<PathBuf>,
 ) -> Result<(), Failure> {
     let clock = Instant::now();
     let open = || {
-        let mut scene = tell(args.view.open(scene)?, args.quiet);
+        let mut scene = tell(args.view.open(scene_path)?, args.quiet);
         scene.camera = args.view.camera(&scene.camera)?;
         Ok(scene)
     };
     #[cfg(feature = "mpi")]
-    let mut scene = party.scene(scene, args.broadcast, open)?;
+    let mut scene = party.scene(scene_path, args.broadcast, open)?;
     #[cfg(not(feature = "mpi"))]
     let mut scene = open()?;
     let (camera, parse) = (scene.camera, clock.elapsed());
@@ -222,11 +222,12 @@ fn render_one(
     }
     let (path, format) = output(args, &scene)?;
     if written.contains(&path) {
-        let path = path.display();
+        let path = shown(path);
         return Err(Failure::input(format!(
             "its picture is {path}, as is that of a scene before it: render it in a call of its own"
         )));
     }
+    keep_apart(&path, [scene_path])?;
     let development = args.development.of(&path, format)?;
     if let Some(preview) = &preview {
         preview.show(&mut scene)?;
@@ -286,7 +287,7 @@ fn render_one(
         print_result(args.json, &report, || report.text())?;
     } else if !args.quiet {
         let (width, height) = (camera.width(), rows.len());
-        say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", path.display(), stats.trace));
+        say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", shown(&path), stats.trace));
     }
     written.insert(path);
     Ok(())
@@ -314,12 +315,17 @@ fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure
 
 /// What is left of a scene's image name without its directories: scenes come from anywhere and must not choose one.
 fn bare_name(name: &str) -> Result<PathBuf, Failure> {
-    let bare = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    if bare.is_empty() || bare == "." || bare == ".." {
-        return Err(Failure::input(format!("the scene's image name `{name}` names no file: name one with -o")));
+    let (shown, bare) = (printable(name), name.rsplit(['/', '\\']).next().unwrap_or_default());
+    if ["", ".", ".."].contains(&bare) || is_standard_output(Path::new(bare)) {
+        return Err(Failure::input(format!("the scene's image name `{shown}` names no file: name one with -o")));
+    }
+    if name.contains(char::is_control) {
+        return Err(Failure::input(format!(
+            "the scene's image name `{shown}` has control characters: name a file with -o"
+        )));
     }
     if bare != name {
-        say(&format!("warning: of the scene's image name `{name}` only `{bare}` is used, in this directory"));
+        say(&format!("warning: of the scene's image name `{shown}` only `{bare}` is used, in this directory"));
     }
     Ok(Path::new(bare).to_path_buf())
 }

@@ -10,8 +10,9 @@ use clap::Args;
 
 use super::experiment::table::summary;
 use super::measuring::{create_directory, write_file};
-use super::{Failure, json, print, require_assembly, say};
+use super::{Failure, json, print, require_assembly, say, signals};
 use crate::experiments::report::Results;
+use crate::scene::shown;
 
 /// Run every experiment and make one page of the results; or make it of results that are there, of one machine or several
 ///
@@ -23,7 +24,7 @@ use crate::experiments::report::Results;
   rayo report --from out/report --out out/again
   rayo report --from desktop laptop --out out/both")]
 pub struct ReportArgs {
-    /// Few runs, small pictures: some minutes
+    /// Few runs, small pictures: about a minute
     #[arg(long, conflicts_with = "from")]
     quick: bool,
     /// Measure nothing: take the results in this directory, which is a machine's. More than one: side by side
@@ -45,16 +46,17 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
         vec![results]
     } else {
         let read = args.from.iter().map(|directory| Results::read(directory)).collect::<Result<Vec<_>, _>>();
-        let read = read.map_err(Failure::input)?;
-        create_directory(&args.out)?;
-        read
+        read.map_err(Failure::input)?
     };
-    let page = page::page(&machines)?;
+    // Figures from elsewhere that cannot be shown are bad input.
+    let page = page::page(&machines)
+        .map_err(|failure| if args.from.is_empty() { failure } else { Failure { status: 2, ..failure } })?;
+    create_directory(&args.out)?;
     write_file(&args.out, "report.html", page.as_bytes())?;
     for (stage, reason) in machines.iter().flat_map(|results| &results.missing) {
         say(&format!("warning: {stage} is not in the report, or not all of it: {reason}"));
     }
     let summaries = machines.iter().filter_map(|results| results.experiment.as_ref()).map(summary);
-    print(&format!("{}\n{}\n", summaries.collect::<Vec<_>>().join("\n"), args.out.join("report.html").display()))?;
-    Ok(if stopped { ExitCode::from(130) } else { ExitCode::SUCCESS })
+    print(&format!("{}\n{}\n", summaries.collect::<Vec<_>>().join("\n"), shown(args.out.join("report.html"))))?;
+    Ok(if stopped { signals::code() } else { ExitCode::SUCCESS })
 }

@@ -1,6 +1,5 @@
 //! `rayo completions` and `rayo man`: what shells and manuals know of the command line.
 
-use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -9,7 +8,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::measuring::{create_directory, write_file};
-use super::{Cli, Failure, unprinted};
+use super::{Cli, Failure, write_out};
 
 /// Print what a shell needs to complete the commands and their options
 #[derive(Debug, Args)]
@@ -38,7 +37,8 @@ pub struct ManArgs {
 pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "rayo", &mut text);
-    print(&text)
+    write_out(&text)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the page, or writes all.
@@ -46,7 +46,10 @@ pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
     let mut command = Cli::command().disable_help_subcommand(true);
     // Names each command as it is called.
     command.build();
-    let Some(directory) = &args.out else { return print(&page(&Man::new(command))?) };
+    let Some(directory) = &args.out else {
+        write_out(&page(&Man::new(command))?)?;
+        return Ok(ExitCode::SUCCESS);
+    };
     create_directory(directory)?;
     let commands: Vec<_> = command.get_subcommands().cloned().collect();
     for command in [command].into_iter().chain(commands) {
@@ -61,10 +64,4 @@ fn page(man: &Man) -> Result<Vec<u8>, Failure> {
     man.render(&mut text).map_err(Failure::output)?;
     // What stands below the help of a command has no name there.
     Ok(String::from_utf8_lossy(&text).replace(".SH EXTRA\nExamples:\n", ".SH EXAMPLES\n").into_bytes())
-}
-
-fn print(text: &[u8]) -> Result<ExitCode, Failure> {
-    let mut out = io::stdout().lock();
-    io::Write::write_all(&mut out, text).map_err(|error| unprinted(&error))?;
-    Ok(ExitCode::SUCCESS)
 }

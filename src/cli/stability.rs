@@ -20,7 +20,7 @@ use crate::experiments::stability::limits::{self, Limits};
 use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot, search};
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
-use crate::scene::{Rng, Scene};
+use crate::scene::{Rng, Scene, shown};
 
 /// The side of the pictures of a search.
 const SEARCH_SIDE: u32 = 48;
@@ -104,7 +104,7 @@ pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     if let Some(count) = args.mixtures {
         return mixtures::run(args, &settings, count);
     }
-    let stop = party.agree(party.stop_on_ctrl_c())?;
+    let stop = party.agree(party.stop_on_signals())?;
     party.start_threads_and_pin();
     announce(stability::forecast(&settings) / party.count() as f64, (!args.quick).then_some("--quick"));
     let bar = bar(settings.families.iter().map(|family| family.levels.len() as u64).sum());
@@ -167,7 +167,7 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
         Some(path) => fs::read_to_string(path)
             .map_err(|error| error.to_string())
             .and_then(|text| Limits::parse(&text))
-            .map_err(|error| Failure::input(format!("{}: {error}", path.display())))?,
+            .map_err(|error| Failure::input(format!("{}: {error}", shown(path))))?,
     };
     Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick, limits })
 }
@@ -181,6 +181,6 @@ fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) 
     let scene = Scene { name: format!("{}-{}.png", family.id, case.index), ..scene };
     write_file(&args.out, "worst.in", scene.to_text().as_bytes())?;
     let path = args.out.join("worst.in");
-    print(&format!("{}: {badness}\n", path.display()))?;
+    print(&format!("{}: {badness}\n", shown(path)))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -11,9 +11,10 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::view::{ViewArgs, tell};
-use super::{Failure, colour_on_stdout, convert, print_result, remove_part_files_on_signals, require_assembly};
+use super::{Failure, colour_on_stdout, convert, keep_apart, print_result, remove_part_files_on_signals, require_assembly};
 use crate::experiments::step::{self, Ray, WatchError};
 use crate::render::{Engine, Precision};
+use crate::scene::shown;
 
 /// Watch one ray go through the kernels that trace it, instruction by instruction
 ///
@@ -53,7 +54,7 @@ pub struct StepArgs {
     #[arg(long, value_name = "N", default_value_t = 100_000)]
     steps: usize,
     /// One operation in place of a scene: add, sub, scale, dot, norm, cross or normalise
-    #[arg(long, value_name = "NAME", requires = "a", conflicts_with = "scene")]
+    #[arg(long, value_name = "NAME", conflicts_with = "scene")]
     op: Option<String>,
     /// The first vector of the operation
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "op")]
@@ -137,7 +138,8 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     // The model and the CPU agree, or nothing that follows from the model is to be believed.
     let verdict = if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) };
     if let Some(path) = &args.html {
-        let of = args.scene.as_ref().map_or(String::new(), |scene| scene.display().to_string());
+        keep_apart(path, args.scene.iter().map(|scene| &**scene))?;
+        let of = args.scene.as_ref().map_or(String::new(), |scene| shown(scene));
         remove_part_files_on_signals()?;
         convert::write(path, |out| out.write_all(html::page(&watched, &of, args.error).as_bytes()))?;
         return Ok(verdict);

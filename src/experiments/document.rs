@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::claims::{Claim, Sweep};
 use super::jumps::Jumps;
 use super::ladder::{AgainstCompiler, Explanation, Rung};
-use super::speedup::{ControlRow, Speedup, Timing};
+use super::speedup::{BASELINE, CONTROL, ControlRow, Speedup, Timing};
 use crate::measure::Machine;
 use crate::measure::statistics::Estimate;
 
@@ -79,6 +79,21 @@ impl Experiment {
     /// The sizes that were finished, each with its rows.
     pub fn sizes(&self) -> impl Iterator<Item = &[Timing]> {
         self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
+    }
+
+    /// What keeps the rows from being a table: a size that lacks C or SIMD, or has others than the first one has.
+    pub fn gap(&self) -> Option<String> {
+        let who = |rows: &[Timing]| rows.iter().map(|row| (row.engine, row.output)).collect::<Vec<_>>();
+        let first = who(self.sizes().next().unwrap_or_default());
+        self.sizes().find_map(|rows| {
+            let lacks = [BASELINE, CONTROL].into_iter().find(|name| !rows.iter().any(|row| row.is(name)));
+            let what = match lacks {
+                Some(name) => format!("no {name}"),
+                None if who(rows) != first => "other engines than the first size".into(),
+                None => return None,
+            };
+            Some(format!("in its rows, {}x{} has {what}", rows[0].width, rows[0].height))
+        })
     }
 
     /// In how many runs of all of [`Experiment::rows`] others had the core, of it or of the baseline.

@@ -20,6 +20,7 @@ use super::threads::OnThreads;
 use crate::measure::Machine;
 use crate::measure::names::{self, Name};
 use crate::plan::{Kept, Report as PlanReport};
+use crate::scene::shown;
 
 /// The schema of the documents that this program writes and reads.
 pub const SCHEMA: u64 = 1;
@@ -196,11 +197,11 @@ pub enum ReadError {
     /// Nothing that we know is there.
     #[error(
         "{}: no results are here: name a directory that `rayo report`, `experiment`, `accuracy` or `stability` wrote, or one \
-         that holds those of several", .0.display()
+         that holds those of several", shown(.0)
     )]
     Nothing(PathBuf),
     /// The operating system refused.
-    #[error("cannot read {}: {error}", path.display())]
+    #[error("cannot read {}: {error}", shown(path))]
     Io {
         /// What was read.
         path: PathBuf,
@@ -208,15 +209,26 @@ pub enum ReadError {
         error: io::Error,
     },
     /// No document.
-    #[error("{} is cut short, or no results: {error}", path.display())]
+    #[error("{} is cut short, or no results: {error}", shown(path))]
     Json {
         /// Which file.
         path: PathBuf,
         /// What is wrong.
         error: serde_json::Error,
     },
+    /// A document in which something is missing that every run has.
+    #[error("{} is not whole: {what}", shown(path))]
+    Gap {
+        /// Which file.
+        path: PathBuf,
+        /// Which field.
+        what: String,
+    },
     /// A document of another time.
-    #[error("{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it", path.display())]
+    #[error(
+        "{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it",
+        shown(path)
+    )]
     Schema {
         /// Which file.
         path: PathBuf,
@@ -224,7 +236,7 @@ pub enum ReadError {
         found: String,
     },
     /// Two documents of one experiment, or of two machines.
-    #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", .0.display())]
+    #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", shown(.0))]
     Machines(PathBuf),
 }
 
@@ -296,6 +308,9 @@ impl Results {
                 results.complexity = Some(document);
             }
             () => results = typed(document).map_err(json)?,
+        }
+        if let Some(what) = results.experiment.as_ref().and_then(Experiment::gap) {
+            return Err(ReadError::Gap { path: path.into(), what });
         }
         Ok(results)
     }

@@ -152,6 +152,16 @@ where
     Ok(())
 }
 
+/// What a logarithmic axis of what `of` says can show. One that is empty or endless, as of figures that nobody has measured, would
+/// take for ever.
+pub(super) fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotError> {
+    if range.start > 0.0 && range.start < range.end && range.end / range.start < 1e30 {
+        Ok(range)
+    } else {
+        Err(PlotError(format!("{of} from {:e} to {:e} fit on no axis", range.start, range.end)))
+    }
+}
+
 /// A chart on two logarithmic axes, with what each is of.
 pub(super) fn log_chart<'a, 'b>(
     area: &'a Area<'b>,
@@ -162,7 +172,7 @@ pub(super) fn log_chart<'a, 'b>(
         .margin(12)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d(x.0.log_scale(), y.0.log_scale())?;
+        .build_cartesian_2d(on_axis(x.0, x.1)?.log_scale(), on_axis(y.0, y.1)?.log_scale())?;
     axes(&mut chart, x.1, y.1)?;
     Ok(chart)
 }

@@ -29,13 +29,25 @@ impl Faces {
     ///
     /// # Panics
     /// If one has a vertex that is not there, or there are too many of these.
-    pub fn new(mut vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, colour: Vec3) -> Self {
+    pub fn new(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, colour: Vec3) -> Self {
+        let all = vec![(corners.len(), colour)];
+        Self::coloured(vertices, corners, all)
+    }
+
+    /// Faces of several colours, whose runs follow one another up to the last face.
+    ///
+    /// # Panics
+    /// As [`new`](Self::new), and if the runs do not.
+    pub fn coloured(mut vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, colours: Vec<ColourRun>) -> Self {
         let Some(most) = corners.as_flattened().iter().copied().reduce(u32::max) else { return Faces::default() };
         assert!((most as usize) < vertices.len(), "vertex {most} of {}", vertices.len());
         assert!(vertices.len() <= Self::MOST_VERTICES, "{} vertices are too many", vertices.len());
+        assert!(
+            colours.is_sorted_by(|(a, _), (b, _)| a < b) && colours.last().is_some_and(|run| run.0 == corners.len())
+        );
         vertices.reserve_exact(1);
         vertices.push(Vec3::ZERO);
-        Faces { vertices, colours: vec![(corners.len(), colour)], corners }
+        Faces { vertices, colours, corners }
     }
 
     /// Adds those of `other` after these, unless there would be too many vertices: then these are what they were.

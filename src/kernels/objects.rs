@@ -146,7 +146,10 @@ unsafe impl ObjectList for Facets<'_> {
     fn colours(self) -> impl Iterator<Item = Vec3> {
         let of_faces = match self {
             Facets::Apart(_) => [].iter(),
-            Facets::Joined(part) => part.colours.iter(),
+            Facets::Joined(FacePart { colours, corners, first, .. }) => {
+                let run = |face: usize| colours.partition_point(|(end, _)| *end <= face);
+                colours[run(first)..colours.len().min(run(first + corners.len()) + 1)].iter()
+            }
         };
         of_faces.map(|(_, colour)| *colour)
     }

@@ -56,6 +56,50 @@ pub fn current_core() -> Option<usize> {
     None
 }
 
+/// Whether whoever started this process has a signal ignored, as `nohup` has SIGHUP.
+#[cfg(unix)]
+pub fn is_ignored(signal: i32) -> bool {
+    // SAFETY: numbers and an address that may be null, for which all bits 0 are a value.
+    let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
+    // SAFETY: no new action is given, and the structure for the old one is ours to write; an unknown signal leaves it as it is.
+    unsafe { libc::sigaction(signal, std::ptr::null(), &mut action) };
+    action.sa_sigaction == libc::SIG_IGN
+}
+
+#[cfg(unix)]
+pub use at_start::is_standard_output_open;
+
+/// Standard output as it was before Rust's runtime opened `/dev/null` in the place of a descriptor that is closed.
+#[cfg(unix)]
+mod at_start {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    static IS_OPEN: AtomicBool = AtomicBool::new(true);
+
+    extern "C" fn look() {
+        // SAFETY: asks for the flags of a descriptor, which need not exist.
+        let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
+        IS_OPEN.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
+    }
+
+    /// What the system calls before main; `look` needs nothing that main would have to prepare.
+    #[used]
+    #[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
+    #[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
+    static LOOK: extern "C" fn() = look;
+
+    /// Whether standard output took anything when the process began. If not, what is printed is lost without an error.
+    pub fn is_standard_output_open() -> bool {
+        IS_OPEN.load(Ordering::Relaxed)
+    }
+}
+
+/// A closed standard output is not known here.
+#[cfg(not(unix))]
+pub fn is_standard_output_open() -> bool {
+    true
+}
+
 /// Lets other threads see what was stored past the cache before what is stored from here on.
 #[cfg(target_arch = "x86_64")]
 pub fn store_fence() {

@@ -55,10 +55,17 @@ pub enum Precision {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
     /// No engine of that name in this build.
-    #[error("there is no engine `{name}`{}; this build has: {}", if *known { " in this build" } else { "" }, available())]
+    #[error(
+        "there is no engine `{name}`{}{}; this build has: {}",
+        if *known { " in this build" } else { "" },
+        near.map_or_else(String::new, |near| format!(", did you mean `{near}`?")),
+        available()
+    )]
     Unknown {
         /// As it was asked for.
         name: String,
+        /// The engine whose name that is but for capitals and marks.
+        near: Option<Engine>,
         /// Whether another build has it.
         known: bool,
     },
@@ -204,7 +211,13 @@ impl FromStr for Engine {
         }
         let engine = Engine::ALL.iter().find(|engine| engine.name() == name);
         let elsewhere = ["c", "paper", "sse41", "avx2", "avx512"];
-        engine.copied().ok_or_else(|| EngineError::Unknown { name: name.into(), known: elsewhere.contains(&name) })
+        let plain = name.replace(|c: char| !c.is_ascii_alphanumeric(), "").to_ascii_lowercase();
+        let near = Engine::ALL.iter().find(|engine| engine.name() == plain).copied();
+        engine.copied().ok_or_else(|| EngineError::Unknown {
+            name: name.into(),
+            near,
+            known: elsewhere.contains(&name),
+        })
     }
 }
 

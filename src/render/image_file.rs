@@ -9,6 +9,7 @@ mod threaded;
 
 use super::output::{self, Destination, Existing, OutputError};
 use super::{Film, PixelFormat};
+use crate::scene::shown;
 pub(super) use encode::Split;
 use encode::{Encode, Join};
 pub use read::{ImageFile, read};
@@ -91,22 +92,22 @@ impl Format {
 #[expect(missing_docs, reason = "path, width and height are what they are called in every variant")]
 pub enum ImageError {
     /// The name ends in an extension that stands for no format.
-    #[error("{path}: the name of an image must end in {}", extensions(), path = path.display())]
+    #[error("{path}: the name of an image must end in {}", extensions(), path = shown(path))]
     UnknownFormat { path: PathBuf },
     /// One side is zero.
     #[error("{path}: an image of {width}x{height} has no pixels to write: give both sides at least 1",
-        path = path.display())]
+        path = shown(path))]
     NoPixels { path: PathBuf, width: u32, height: u32 },
     /// More pixels than are held in memory, in a format that cannot be written row by row.
     #[error("{path}: an image of {width}x{height} takes {need} MiB of memory in this format, which is written as a \
         whole, and {limit} MiB are allowed: name it .png, .tiff, .ppm, .exr or .pfm, which are written row by row",
-        path = path.display(), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
+        path = shown(path), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
     Whole { path: PathBuf, width: u32, height: u32 },
     /// The file could not be begun, written or given its name.
     #[error(transparent)]
     Output(#[from] OutputError),
     /// [`ImageWriter::finish`] was called before all rows had come.
-    #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = path.display())]
+    #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = shown(path))]
     RowsMissing {
         path: PathBuf,
         /// Rows that came.
@@ -115,7 +116,7 @@ pub enum ImageError {
         height: u32,
     },
     /// Opening or reading failed.
-    #[error("cannot read {path}: {error}", path = path.display())]
+    #[error("cannot read {path}: {error}", path = shown(path))]
     Read {
         path: PathBuf,
         /// What the system says.
@@ -123,17 +124,17 @@ pub enum ImageError {
     },
     /// The content begins like no format that can be read.
     #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and QOI \
-        are", path = path.display())]
+        are", path = shown(path))]
     NotAnImage { path: PathBuf },
     /// It begins like an image, but is cut off, damaged or absurd.
-    #[error("{path} is damaged or incomplete: {what}", path = path.display())]
+    #[error("{path} is damaged or incomplete: {what}", path = shown(path))]
     Malformed {
         path: PathBuf,
         /// What is wrong with it.
         what: String,
     },
     /// An image of a kind that the decoders do not know, or not safely.
-    #[error("{path} is of a kind that is not read here: {what}; convert it to PNG or PFM first", path = path.display())]
+    #[error("{path} is of a kind that is not read here: {what}; convert it to PNG or PFM first", path = shown(path))]
     OtherKind {
         path: PathBuf,
         /// What it is.
@@ -141,7 +142,7 @@ pub enum ImageError {
     },
     /// A sound image of a kind that could not be held without loss.
     #[error("{path} has {what}, which would be lost here: convert it to 8-bit RGB or to PFM first",
-        path = path.display())]
+        path = shown(path))]
     Unsupported {
         path: PathBuf,
         /// What it has.
@@ -158,7 +159,7 @@ pub enum ImageError {
     },
     /// More pixels than are read into memory.
     #[error("{path} has {width}x{height} pixels, more than the {limit} MiB of memory allowed for one picture: \
-        compare a part of it", path = path.display(), limit = read::MAX_BYTES >> 20)]
+        compare a part of it", path = shown(path), limit = read::MAX_BYTES >> 20)]
     TooLarge { path: PathBuf, width: u32, height: u32 },
 }
 

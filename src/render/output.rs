@@ -9,6 +9,9 @@ use std::time::{Duration, Instant};
 use tempfile::{NamedTempFile, TempPath};
 use thiserror::Error;
 
+use crate::kernels::sys;
+use crate::scene::shown;
+
 /// What becomes of a file that is there already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
@@ -23,14 +26,14 @@ pub enum Existing {
 #[expect(missing_docs, reason = "path is what it is called in every variant")]
 pub enum OutputError {
     /// There is something of that name, and it must not be replaced.
-    #[error("{path} already exists: add --force to replace it, or name another file", path = path.display())]
+    #[error("{path} already exists: add --force to replace it, or name another file", path = shown(path))]
     Exists { path: PathBuf },
     /// The file to replace is write-protected.
-    #[error("{path} is write-protected: make it writable, or name another file", path = path.display())]
+    #[error("{path} is write-protected: make it writable, or name another file", path = shown(path))]
     ReadOnly { path: PathBuf },
     /// The directory of the file does not exist.
     #[error("cannot write {path}: there is no directory {directory}; create it first",
-        path = path.display(), directory = directory.display())]
+        path = shown(path), directory = shown(directory))]
     NoDirectory {
         path: PathBuf,
         /// The one that is missing.
@@ -38,7 +41,7 @@ pub enum OutputError {
     },
     /// The directory of the file takes no new files.
     #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
-        name one that you may write to", path = path.display(), directory = directory.display())]
+        name one that you may write to", path = shown(path), directory = shown(directory))]
     Directory {
         path: PathBuf,
         /// The one that refuses.
@@ -47,7 +50,7 @@ pub enum OutputError {
         error: io::ErrorKind,
     },
     /// Creating, writing, renaming or closing failed.
-    #[error("cannot write {path}: {error}{}", advice(.error), path = path.display())]
+    #[error("cannot write {path}: {error}{}", advice(.error), path = shown(path))]
     Write {
         path: PathBuf,
         /// What the system says.
@@ -67,8 +70,10 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// A file in the making, written in order: it appears under its name when [`finish`](Self::finish)ed, and until then it
-/// is a hidden file beside the target, which dropping removes.
+/// A file in the making, written in order: it appears under its name when [`finish`](Self::finish)ed. Until then it has no name
+/// at all, so that nothing is left of it however the process ends; where the system has no such files, it is a hidden file
+/// beside the target, which dropping removes. It has the mode and, where that is permitted, the owner of the file that it
+/// replaces; other names (hard links) of that one keep the old content.
 ///
 /// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; what is no regular
 /// file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the name
@@ -132,12 +137,12 @@ pub fn remove_unfinished() {
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// A new file.
-    fn create(path: &Path) -> io::Result<(File, Self)> {
+    /// What `make` puts there.
+    fn create<T>(path: &Path, make: impl FnOnce(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
         let mut paths = unfinished();
-        let file = File::create_new(path)?;
+        let made = make(path)?;
         paths.push(path.into());
-        Ok((file, Unfinished(path.into())))
+        Ok((made, Unfinished(path.into())))
     }
 
     /// A file of another process, which this one may outlive.
@@ -161,13 +166,80 @@ pub(super) struct Destination {
 }
 
 enum End {
-    /// A file beside the target, which takes its name.
-    Rename { temporary: TempPath, target: PathBuf, existing: Existing, _unfinished: Unfinished },
+    /// A file in the target's directory, hidden or still without a name, which takes that of the target.
+    Rename { hidden: Option<Hidden>, target: PathBuf, existing: Existing },
     /// The target itself, which is no file to rename over.
     Nothing,
     /// An anonymous file, which is copied to a target that cannot be written out of order.
     CopyTo(File),
 }
+
+/// A hidden file, which dropping removes.
+struct Hidden {
+    temporary: TempPath,
+    _unfinished: Unfinished,
+}
+
+impl Hidden {
+    /// What `make` puts under a new name in the directory.
+    fn make<T>(directory: &Path, mut make: impl FnMut(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
+        // tempfile's own files are for secrets, which nobody else may read.
+        let made = tempfile::Builder::new()
+            .prefix(".rayo-")
+            .suffix(".part")
+            .make_in(directory, |path| Unfinished::create(path, &mut make))?;
+        let ((made, _unfinished), temporary) = NamedTempFile::into_parts(made);
+        Ok((made, Hidden { temporary, _unfinished }))
+    }
+}
+
+/// A file in a directory that has no name there, and is gone when it is closed without one.
+#[cfg(target_os = "linux")]
+fn nameless(directory: &Path) -> io::Result<File> {
+    use std::os::unix::fs::OpenOptionsExt;
+    let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
+    let file = OpenOptions::new().write(true).custom_flags(flags).open(directory)?;
+    // By this it gets one in the end.
+    fs::symlink_metadata(by_descriptor(&file)).map(|_| file)
+}
+
+#[cfg(target_os = "linux")]
+fn by_descriptor(file: &File) -> String {
+    use std::os::fd::AsRawFd;
+    format!("/proc/self/fd/{}", file.as_raw_fd())
+}
+
+/// Gives such a file a name that is free.
+#[cfg(target_os = "linux")]
+fn give_name(file: &File, path: &Path) -> io::Result<()> {
+    use rustix::fs::{AtFlags, CWD, linkat};
+    Ok(linkat(CWD, by_descriptor(file), CWD, path, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn nameless(_: &Path) -> io::Result<File> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn give_name(_: &File, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Gives a file the mode of the one that it will replace, and its owner and group as far as this process may: all of it is
+/// a wish, since some file systems have neither.
+#[cfg(unix)]
+fn take_after(file: &File, old: &fs::Metadata) {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
+    if file.metadata().is_ok_and(|new| (new.uid(), new.gid()) != (old.uid(), old.gid())) {
+        let _ = fchown(file, Some(old.uid()), Some(old.gid())).or_else(|_| fchown(file, None, Some(old.gid())));
+    }
+    // What a program may do as its owner is not for a picture.
+    let _ = file.set_permissions(fs::Permissions::from_mode(old.mode() & 0o777));
+}
+
+#[cfg(not(unix))]
+fn take_after(_: &File, _: &fs::Metadata) {}
 
 /// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order. `announce` hears the
 /// absolute path of a hidden file before that is made.
@@ -198,7 +270,7 @@ pub fn is_standard_output(path: &Path) -> bool {
 
 /// The extension that stands before `:-`, which gives standard output a format.
 pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
-    path.to_str()?.strip_suffix(":-").map(OsStr::new)
+    path.to_str()?.strip_suffix(":-").filter(|format| !format.contains('/')).map(OsStr::new)
 }
 
 /// The open target, if it is something to write to directly: no regular file, or one reached through a descriptor.
@@ -207,6 +279,9 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     if is_standard_output(path) {
         // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
         use std::os::fd::AsFd;
+        if !sys::is_standard_output_open() {
+            return Err(io::Error::other("standard output is closed"));
+        }
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
     }
     let descriptor = ["/dev/fd", "/dev/stderr", "/proc"].iter().any(|place| path.starts_with(place));
@@ -224,25 +299,33 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
 /// A new file in the target's directory.
 fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> Result<(File, End), OutputError> {
     let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
+    let old = fs::metadata(&target).ok();
     // A rename would not ask whether the old file may be written to.
-    if fs::metadata(&target).is_ok_and(|metadata| metadata.permissions().readonly()) {
+    if old.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
         return Err(OutputError::ReadOnly { path: path.into() });
     }
-    let directory = match target.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    // A file as any other: tempfile's own are for secrets, which nobody else may read.
-    let make = |path: &Path| {
+    let named = |path: &Path| {
         announce(path);
-        Unfinished::create(path)
+        File::create_new(path)
     };
-    let made = tempfile::Builder::new().prefix(".rayo-").suffix(".part").make_in(directory, make);
-    let ((file, _unfinished), temporary) = made.map(NamedTempFile::into_parts).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => OutputError::NoDirectory { path: path.into(), directory: directory.into() },
+    let directory = directory(&target);
+    let made = nameless(directory).map(|file| (file, None)).or_else(|_| {
+        let (file, hidden) = Hidden::make(directory, named)?;
+        Ok((file, Some(hidden)))
+    });
+    let (file, hidden) = made.map_err(|error: io::Error| match error.kind() {
+        io::ErrorKind::NotFound if !directory.is_dir() => {
+            OutputError::NoDirectory { path: path.into(), directory: directory.into() }
+        }
         error => OutputError::Directory { path: path.into(), directory: directory.into(), error },
     })?;
-    Ok((file, End::Rename { temporary, target, existing, _unfinished }))
+    old.iter().for_each(|old| take_after(&file, old));
+    Ok((file, End::Rename { hidden, target, existing }))
+}
+
+/// The directory that a file is in.
+fn directory(target: &Path) -> &Path {
+    target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
 /// Follows symbolic links from `path` to what they end at, which need not exist.
@@ -290,11 +373,15 @@ impl Destination {
                 out.rewind()?;
                 io::copy(&mut out.get_mut().file, &mut target).map(drop)
             }),
-            End::Rename { temporary, target, existing, _unfinished } => match existing {
-                Existing::Replace => temporary.persist(&target),
-                Existing::Keep => temporary.persist_noclobber(&target),
+            End::Rename { hidden, target, existing } => {
+                let name = |path: &Path| give_name(&sink.lock().out.get_ref().file, path);
+                let hidden = hidden.map_or_else(|| Hidden::make(directory(&target), name).map(|made| made.1), Ok)?;
+                match existing {
+                    Existing::Replace => hidden.temporary.persist(&target),
+                    Existing::Keep => hidden.temporary.persist_noclobber(&target),
+                }
+                .map_err(|failed| failed.error)
             }
-            .map_err(|failed| failed.error),
         }
     }
 }

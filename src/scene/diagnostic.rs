@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io::{self, ErrorKind};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
@@ -80,6 +80,12 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
     },
+    /// The file's name and its content are those of no format that is read.
+    #[error("{}", self.render(false))]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file is a mesh, and no good one.
     #[error("{}", self.render(false))]
     Mesh(MeshError),
@@ -132,16 +138,14 @@ impl SceneError {
     /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
-            SceneError::Read { .. } | SceneError::Picture { .. } | SceneError::Mesh(_) => &[],
             SceneError::Invalid { diagnostics, .. } => diagnostics,
+            _ => &[],
         }
     }
 
     /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts what was left out.
     pub fn lines(&self) -> Vec<String> {
         match self {
-            SceneError::Read { path, cause } => vec![unreadable(&path.to_string_lossy(), cause)],
-            SceneError::Picture { path } => vec![picture(&path.to_string_lossy())],
             SceneError::Mesh(error) => vec![error.to_string()],
             SceneError::Invalid { name, diagnostics, more } => {
                 let mut lines: Vec<_> = diagnostics.iter().map(|diagnostic| diagnostic.one_line(name)).collect();
@@ -150,6 +154,7 @@ impl SceneError {
                 }
                 lines
             }
+            _ => vec![self.in_short()],
         }
     }
 
@@ -159,16 +164,8 @@ impl SceneError {
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut parts = Vec::new();
         match self {
-            SceneError::Read { path, cause } => {
-                let message = unreadable(&path.to_string_lossy(), cause);
-                parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
-            }
-            SceneError::Picture { path } => {
-                let message = picture(&path.to_string_lossy());
-                parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
-            }
             SceneError::Mesh(error) => {
-                let path = printable(&error.path.to_string_lossy());
+                let path = shown(&error.path);
                 let title = Level::ERROR.primary_title(error.message.as_str());
                 let place = Origin::path(path.as_str());
                 let place = if let Some(line) = error.line { place.line(line) } else { place };
@@ -184,8 +181,31 @@ impl SceneError {
                     parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
                 }
             }
+            _ => {
+                let message = self.in_short();
+                parts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(message))]));
+            }
         }
         parts.join("\n\n")
+    }
+
+    /// What is said of a file as a whole.
+    fn in_short(&self) -> String {
+        match self {
+            SceneError::Read { path, cause } => unreadable(path, cause),
+            SceneError::Picture { path } => {
+                let path = shown(path);
+                format!(
+                    "`{path}` is a picture, and a scene is expected: `-o {path}` is how the picture to be written is named"
+                )
+            }
+            SceneError::Foreign { path } => format!(
+                "`{}` is of no format that is read here: scenes are .in and .toml, meshes .obj, .ply and .stl, as which most \
+                 programs export theirs",
+                shown(path)
+            ),
+            SceneError::Invalid { .. } | SceneError::Mesh(_) => unreachable!("they have places"),
+        }
     }
 }
 
@@ -237,21 +257,24 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
     token
 }
 
+/// A path as it may be printed.
+pub(crate) fn shown(path: impl AsRef<Path>) -> String {
+    printable(&path.as_ref().to_string_lossy())
+}
+
 /// `text` with its control characters spelled out, so that a file cannot steer the terminal.
-pub(super) fn printable(text: &str) -> String {
+pub(crate) fn printable(text: &str) -> String {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
 }
 
-fn picture(path: &str) -> String {
-    let path = printable(path);
-    format!("`{path}` is a picture, and a scene is expected: `-o {path}` is how the picture to be written is named")
-}
-
-fn unreadable(path: &str, cause: &io::Error) -> String {
-    let path = printable(path);
+fn unreadable(path: &Path, cause: &io::Error) -> String {
+    let path = shown(path);
     match cause.kind() {
-        ErrorKind::NotFound => format!("there is no scene file `{path}`"),
+        ErrorKind::NotFound => match cause.get_ref() {
+            Some(near) => format!("there is no scene file `{path}`: {near}"),
+            None => format!("there is no scene file `{path}`"),
+        },
         ErrorKind::IsADirectory => format!("`{path}` is a directory, and a scene is a file"),
         ErrorKind::PermissionDenied => format!("the scene file `{path}` may not be read: check its permissions"),
         _ => format!("the scene file `{path}` cannot be read: {cause}"),

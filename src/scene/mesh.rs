@@ -3,6 +3,8 @@
 #[cfg(feature = "files")]
 mod bulk;
 #[cfg(feature = "files")]
+mod materials;
+#[cfg(feature = "files")]
 mod obj;
 #[cfg(feature = "files")]
 mod ply;
@@ -23,8 +25,9 @@ use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use super::diagnostic::printable;
+use super::diagnostic::shown;
 use super::{Faces, Scene, ToCamera};
+use crate::kernels::ColourRun;
 
 /// Triangles that share their corners.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,8 +36,12 @@ pub struct Mesh {
     pub vertices: Vec<Vec3>,
     /// Three indices into `vertices` for each triangle; methods panic where there is no such vertex.
     pub triangles: Vec<[u32; 3]>,
+    /// Their colours, in runs of those that follow one another up to the last; none if all are white.
+    pub colours: Vec<ColourRun>,
     /// How many faces of the file had more than three corners, and have become triangles: the same face where it is flat.
     pub polygons: usize,
+    /// What the file has and the mesh has not, or is not as the file wants it: a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// A format of mesh files.
@@ -67,7 +74,7 @@ impl MeshError {
         let MeshError { path, line, message, expected } = self;
         let place = line.map(|line| format!(":{line}")).unwrap_or_default();
         let expected = expected.as_ref().map(|it| format!(": expected {it}")).unwrap_or_default();
-        format!("{}{place}: {message}{expected}", printable(&path.to_string_lossy()))
+        format!("{}{place}: {message}{expected}", shown(path))
     }
 }
 
@@ -161,10 +168,43 @@ impl Mesh {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// Its triangles, moved by `map` in f64 and rounded once, in one colour; nothing where a corner leaves the range of
-    /// f32.
+    /// Its triangles, moved by `map` in f64 and rounded once, their colours times `colour`; nothing where a corner leaves the
+    /// range of f32.
     pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
-        Faces::new(self.vertices, self.triangles, colour).moved(map).ok()
+        let Mesh { vertices, triangles, mut colours, .. } = self;
+        if colours.is_empty() {
+            colours.push((triangles.len(), Vec3::ONE));
+        }
+        colours.iter_mut().for_each(|(_, of)| *of *= colour);
+        Faces::coloured(vertices, triangles, colours).moved(map).ok()
+    }
+
+    /// The colour of a triangle, by its number.
+    pub fn colour(&self, triangle: usize) -> Vec3 {
+        self.colours
+            .get(self.colours.partition_point(|(end, _)| *end <= triangle))
+            .map_or(Vec3::ONE, |(_, colour)| *colour)
+    }
+
+    /// Gives a colour to the triangles up to `end` that have none.
+    fn paint_to(&mut self, end: usize, colour: Vec3) {
+        match self.colours.last_mut() {
+            Some((before, last)) if *last == colour => *before = end,
+            Some((before, _)) if *before == end => {}
+            None if end == 0 => {}
+            _ => self.colours.push((end, colour)),
+        }
+    }
+
+    /// Gives all triangles colours, in their order.
+    fn paint(&mut self, colours: impl Iterator<Item = Vec3>) {
+        (1..).zip(colours).for_each(|(end, colour)| self.paint_to(end, colour));
+        self.white_is_none();
+    }
+
+    /// Forgets colours that are all white.
+    fn white_is_none(&mut self) {
+        self.colours.truncate(if matches!(self.colours[..], [(_, Vec3::ONE)]) { 0 } else { usize::MAX });
     }
 
     /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the
@@ -183,6 +223,7 @@ impl Mesh {
             });
             mesh.triangles.push(corners);
         }
+        mesh.paint(scene.all_triangles().map(|triangle| triangle.colour));
         mesh
     }
 }

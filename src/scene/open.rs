@@ -7,9 +7,9 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::bulk;
-use super::diagnostic::printable;
+use super::diagnostic::shown;
 use super::log::is_line_end;
-use super::parse::{opened_with_care, parse_with_warnings};
+use super::parse::{next_token, opened_with_care, parse_with_warnings};
 use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
 use crate::kernels::sys::room;
 
@@ -50,7 +50,7 @@ impl SceneFormat {
 }
 
 /// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format
-/// otherwise. `-` is standard input, which is TOML if its first line that says something is a table or a key.
+/// otherwise, whatever its name ends in. `-` is standard input, which is TOML if its first line that says something is a table or a key.
 ///
 /// `camera` is for a mesh alone, which brings none: it is put where it sees the whole mesh, under one light, in white.
 ///
@@ -58,7 +58,11 @@ impl SceneFormat {
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
 /// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
-    let unread = |cause| SceneError::Read { path: path.to_owned(), cause };
+    let unread = |cause: io::Error| {
+        let near = if cause.kind() == ErrorKind::NotFound { nearest(path) } else { None };
+        let cause = near.map_or(cause, |near| io::Error::new(ErrorKind::NotFound, format!("did you mean `{near}`?")));
+        SceneError::Read { path: path.to_owned(), cause }
+    };
     if path == Path::new(STANDARD_INPUT) {
         let source = within(io::stdin().lock(), 0, MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
         let parse = if is_toml(&source) {
@@ -82,7 +86,10 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
                 return Ok(opened);
             }
             let source = contents(path).map_err(unread)?;
-            opened_with_care(&source, &name).map_err(|error| no_picture(error, path, &source))
+            opened_with_care(&source, &name).map_err(|error| match no_picture(error, path, &source) {
+                SceneError::Invalid { .. } if is_foreign(path, &source) => SceneError::Foreign { path: path.into() },
+                error => error,
+            })
         }
     }
 }
@@ -124,6 +131,36 @@ fn no_picture(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
     error
 }
 
+/// Whether what is no scene is not meant to be one in the paper's format either: by its name, and since it does not begin as one
+/// does, with a name, a width and a height.
+fn is_foreign(path: &Path, source: &[u8]) -> bool {
+    let mut at = 0;
+    let mut token = || {
+        let token = next_token(source, at)?;
+        at = token.end;
+        Some(&source[token])
+    };
+    let begins = token().is_some() && (0..2).all(|_| token().is_some_and(|side| side.iter().all(u8::is_ascii_digit)));
+    path.extension().is_some() && SceneFormat::from_path(path).is_none() && !begins
+}
+
+/// The path that was meant in place of one where nothing is: that of a scene or a mesh in the same folder whose name differs in
+/// two letters at most, or in what it ends in.
+pub(super) fn nearest(path: &Path) -> Option<String> {
+    /// More files than this are not looked at.
+    const MOST: usize = 10_000;
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let name = path.file_name()?.to_string_lossy();
+    let near = fs::read_dir(folder).ok()?.take(MOST).filter_map(|entry| {
+        let other = path.with_file_name(entry.ok()?.file_name());
+        SceneFormat::from_path(&other)?;
+        let apart = strsim::damerau_levenshtein(&name, &other.file_name()?.to_string_lossy());
+        let apart = if other.file_stem() == path.file_stem() { apart.min(1) } else { apart };
+        (apart <= 2).then(|| (apart, shown(&other)))
+    });
+    Some(near.min()?.1)
+}
+
 /// Reads a scene file as [`open`] does, a mesh alone as 800 x 600 pixels.
 ///
 /// # Errors
@@ -136,7 +173,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
     let name = Path::new(path.file_stem().unwrap_or_default()).with_extension("png");
     let name = name.to_string_lossy().into_owned();
-    let mut notes: Vec<_> = fans(path, &mesh).into_iter().collect();
+    let mut notes = told(path, &mesh);
     let setting = Setting::of(&mesh, format, camera);
     let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, name, *camera));
     let scene = scene.ok_or_else(|| {
@@ -148,7 +185,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     notes.push(format!(
         "{}: a mesh alone: {up} is up, the camera sees all of it from the front, the right and above, one white light \
          stands to the left above the camera; `rayo convert` makes a scene of it, to be changed",
-        path.display()
+        shown(path)
     ));
     let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
     Ok(Opened { scene, notes, warnings })
@@ -161,8 +198,7 @@ pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     let numbers = mesh.without_area();
     let listed: Vec<_> = numbers.iter().take(MOST).map(|number| (number + 1).to_string()).collect();
     let (count, listed) = (numbers.len(), listed.join(", "));
-    let path = path.to_string_lossy();
-    let path = printable(&path);
+    let path = shown(path);
     match count {
         0 => None,
         1 => Some(format!("{path}: triangle {listed} has no area, and no ray hits it")),
@@ -171,14 +207,14 @@ pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     }
 }
 
-/// What is to be said of a mesh whose faces have been cut.
-pub(super) fn fans(path: &Path, mesh: &Mesh) -> Option<String> {
-    let faces = match mesh.polygons {
-        0 => return None,
-        1 => "1 face of more than three corners was".to_owned(),
-        many => format!("{many} faces of more than three corners were"),
+/// What is to be said of a mesh: that faces have been cut, and what its file has besides.
+pub(super) fn told(path: &Path, mesh: &Mesh) -> Vec<String> {
+    let cut = match mesh.polygons {
+        0 => None,
+        1 => Some("1 face of more than three corners was cut into triangles".to_owned()),
+        many => Some(format!("{many} faces of more than three corners were cut into triangles")),
     };
-    Some(format!("{}: {faces} cut into triangles", path.display()))
+    cut.iter().chain(&mesh.notes).map(|note| format!("{}: {note}", shown(path))).collect()
 }
 
 /// A file's bytes, so many at most as make sense.
@@ -187,7 +223,7 @@ pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 /// A file's bytes, if they are at most `limit`, or else `advice`.
-fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
+pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
         return Err(ErrorKind::IsADirectory.into());

@@ -286,7 +286,7 @@ impl Reader<'_> {
                 return None;
             }
         };
-        told.extend(super::open::fans(&path, &mesh));
+        told.extend(super::open::told(&path, &mesh));
         let placed = mesh.placed(map, colour);
         if placed.is_none() {
             let message = format!("{} leaves the range of f32 where it is put", fields.owner);

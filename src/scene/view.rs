@@ -211,7 +211,7 @@ impl Setting {
         light.as_vec3().is_finite().then_some(Setting { placement, view, light })
     }
 
-    /// The scene of this mesh, in one colour, in the camera's frame; nothing where it leaves the range of f32.
+    /// The scene of this mesh, its colours times `colour`, in the camera's frame; nothing where it leaves the range of f32.
     pub fn scene(&self, mesh: Mesh, colour: Vec3, name: String, camera: Camera) -> Option<Scene> {
         let to_camera = self.view.to_camera().ok()?;
         let faces = mesh.placed(to_camera.of_placed(&self.placement), colour)?;

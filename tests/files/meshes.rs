@@ -29,9 +29,14 @@ fn read(format: MeshFormat, source: impl Into<Vec<u8>>) -> Result<Mesh, MeshErro
 }
 
 /// A mesh with its numbers as bits, which tell -0 from 0.
-fn bits(mesh: &Mesh) -> (Vec<[u32; 3]>, &[[u32; 3]], usize) {
+fn bits(mesh: &Mesh) -> (Vec<[u32; 3]>, &[[u32; 3]], usize, String) {
     let vertices = mesh.vertices.iter().map(|vertex| vertex.to_array().map(f32::to_bits));
-    (vertices.collect(), &mesh.triangles, mesh.polygons)
+    (vertices.collect(), &mesh.triangles, mesh.polygons, format!("{:?} {:?}", mesh.colours, mesh.notes))
+}
+
+/// The colours of all triangles.
+fn colours(mesh: &Mesh) -> Vec<[f32; 3]> {
+    (0..mesh.triangles.len()).map(|triangle| mesh.colour(triangle).to_array()).collect()
 }
 
 fn refused(format: MeshFormat, source: impl Into<Vec<u8>>) -> String {
@@ -52,6 +57,124 @@ fn fan() -> Vec<[[f32; 3]; 3]> {
 }
 
 const OBJ_SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 -2.5e-7\n";
+
+#[test]
+fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
+    const RED: [f32; 3] = [1.0, 0.0, 0.0];
+    let vertices = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 0 0 0.5 1\n";
+    let mesh = read(MeshFormat::Obj, format!("{vertices}f 1 2 3 4\nf 4 4 4")).unwrap();
+    assert_eq!(colours(&mesh), [RED, [2.0 / 3.0, 0.0, 0.5 / 3.0], [0.0, 0.0, 0.5]]);
+    // A vertex without one is white; what is no colour is none.
+    let mesh = read(MeshFormat::Obj, format!("{vertices}v 1 2 3\nv 1 2 3 -1 0 0\nf 5 5 6\nf 1 2 3")).unwrap();
+    assert_eq!(colours(&mesh), [[1.0; 3], RED]);
+    assert!(
+        read(MeshFormat::Obj, format!("{OBJ_SQUARE}v 0 0 0 1 2\nvn 0 0 1\nvt 0 0\nf 1 2 3"))
+            .unwrap()
+            .colours
+            .is_empty()
+    );
+
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "my box.mtl",
+        "newmtl red\nKa 1 1 1\nKd 1 0 0\nd 0.5\r\nnewmtl plain\nmap_Kd a.png\n newmtl\tblue\n\tKd 0 0 .5 # dark\n",
+    );
+    let faces = "f 1 2 3\nusemtl red\nf 1 2 3 4\nusemtl  blue \nf 1 2 3\nusemtl none\nf 1 2 3\nusemtl plain\nf 1 2 3\n";
+    for before in ["", "# goes on \\\nthere\n"] {
+        write("box.obj", &format!("mtllib my box.mtl\n{before}{OBJ_SQUARE}vn 0 0 1\n{faces}"));
+        let mesh = Mesh::read(&folder.path().join("box.obj")).unwrap();
+        assert_eq!(colours(&mesh), [[1.0; 3], RED, RED, [0.0, 0.0, 0.5], [1.0; 3], [1.0; 3]]);
+        assert_eq!(mesh.notes, ["not read: normals", "not read: textures, transparency"]);
+    }
+    write("lost.obj", &format!("mtllib lost.mtl\n{OBJ_SQUARE}{faces}"));
+    let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();
+    assert_eq!(lost.notes, ["its materials are not all there: `lost.mtl` cannot be read"]);
+    assert!(lost.colours.is_empty());
+}
+
+#[test]
+fn a_ply_file_has_colours_of_vertices_or_of_faces() {
+    let floats = |numbers: &[f32]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<_>>();
+    let points = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+    for (kind, channels, white) in
+        [("uchar", vec![255, 0, 51], vec![255; 3]), ("float", floats(&[1.0, 0.0, 0.2]), floats(&[1.0; 3]))]
+    {
+        let names = format!("property {kind} red\nproperty {kind} green\nproperty {kind} blue\n");
+        for (of_vertex, of_face, extra) in
+            [(&*names, "", ""), ("", &names, ""), (&names, &names, "property uchar alpha\n")]
+        {
+            let header = format!(
+                "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty \
+                 float z\n{of_vertex}{extra}element face 2\nproperty list uchar int vertex_indices\n{of_face}end_header\n"
+            );
+            let mut file = header.into_bytes();
+            for point in points {
+                file.extend(floats(&point));
+                file.extend(if of_vertex.is_empty() { &[] } else { &channels[..] });
+                file.extend(vec![9; usize::from(!extra.is_empty())]);
+            }
+            for face in [&channels, &white] {
+                file.push(3);
+                file.extend([0_i32, 1, 2].iter().flat_map(|corner| corner.to_le_bytes()));
+                file.extend(if of_face.is_empty() { &[] } else { &face[..] });
+            }
+            let mesh = read(MeshFormat::Ply, file).unwrap();
+            let second = if of_face.is_empty() { [1.0, 0.0, 0.2] } else { [1.0; 3] };
+            assert_eq!(colours(&mesh), [[1.0, 0.0, 0.2], second], "{kind} {of_vertex} {of_face}");
+            assert_eq!(mesh.notes.len(), usize::from(!extra.is_empty()));
+        }
+    }
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty ushort \
+                diffuse_red\nproperty ushort diffuse_green\nproperty ushort diffuse_blue\nelement face 1\nproperty list uchar \
+                int vertex_index\nend_header\n0 0 0 65535 0 0\n1 0 0 65535 0 0\n1 1 0 0 0 0\n3 0 1 2\n";
+    assert_eq!(colours(&read(MeshFormat::Ply, text).unwrap()), [[2.0 / 3.0, 0.0, 0.0]]);
+}
+
+#[test]
+fn triangle_strips_are_read_as_triangles_that_face_one_side() {
+    let strips = |corners: &str| {
+        let count = corners.split(' ').count();
+        read(
+            MeshFormat::Ply,
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\nelement \
+             tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n{count} {corners}\n"
+            ),
+        )
+    };
+    let mesh = strips("0 1 2 3 4 -1 0 1 2 -1 3").unwrap();
+    assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [2, 3, 4], [0, 1, 2]]);
+    let side = |triangle: &[u32; 3]| {
+        let [a, b, c] = mesh.corners(*triangle);
+        (b - a).cross(c - a).z
+    };
+    assert!(mesh.triangles.iter().all(|triangle| side(triangle) < 0.0));
+    // What leads to another place makes none.
+    assert_eq!(strips("0 1 2 2 3 3 4").unwrap().triangles, [[0, 1, 2]]);
+    let message = "test:14: strip 1's corner 3 is vertex 5, which the file has not: expected 0 to 4, counted from 0";
+    assert_eq!(strips("0 1 5").unwrap_err().to_string(), message);
+}
+
+#[test]
+fn colours_go_from_one_format_to_another_to_the_last_bit() {
+    let (red, odd) = (Vec3::new(1.0, 0.0, 51.0 / 255.0), Vec3::new(0.1, 2.5, 1e-20));
+    for second in [red * 0.0, odd] {
+        let mut mesh = terrain(200, 3);
+        let half = mesh.triangles.len() / 2;
+        mesh.colours = vec![(half, red), (mesh.triangles.len(), second)];
+        for format in [MeshFormat::Obj, MeshFormat::Ply] {
+            let mut file = Vec::new();
+            mesh.write(format, &mut file).unwrap();
+            let again = read(format, file).unwrap();
+            assert_eq!((soup(&again), &again.colours), (soup(&mesh), &mesh.colours), "{format}");
+        }
+        let scene = Setting::of(&mesh, MeshFormat::Ply, &Camera::default()).unwrap();
+        let scene = scene.scene(mesh.clone(), Vec3::new(0.5, 1.0, 1.0), String::new(), Camera::default()).unwrap();
+        assert_eq!(scene.triangle(0).colour, red * Vec3::new(0.5, 1.0, 1.0));
+        assert_eq!(Mesh::of_scene(&scene, MeshFormat::Ply).colour(half), second * Vec3::new(0.5, 1.0, 1.0));
+    }
+}
 
 #[test]
 fn an_obj_file_may_be_written_in_many_ways() {
@@ -246,7 +369,7 @@ fn a_bad_ply_file_is_refused_at_its_line_and_element() {
         ("property float y", "property float w", "test: vertices have no y: expected property float y".into()),
         ("element vertex 4", "element point 4", "test: the header has no vertices: expected element vertex, with its number".into()),
         ("element face 1", "element fact 1", "test: the header has no faces: expected element face, with its number".into()),
-        ("element face 1", "element tristrips 1", "test: triangle strips are not read: expected element face, with its number".into()),
+        ("element face 1", "element edge 1", "test: the header has no faces: expected element face, with its number".into()),
         ("int vertex_indices", "float vertex_indices", "test: faces have no corners: expected property list uchar int vertex_indices".into()),
         ("element face 1", "element face 0", "test: the mesh is empty: expected at least one face".into()),
         ("end_header\n", "end_heater\n", format!("test:14: the header cannot be understood: {header}")),
@@ -262,6 +385,23 @@ fn a_bad_ply_file_is_refused_at_its_line_and_element() {
     infinite[x..x + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     let error = refused(MeshFormat::Ply, infinite);
     assert_eq!(error, "test: vertex 2 is not finite: expected numbers that f32 holds, within 3.4e38");
+}
+
+#[test]
+fn an_stl_file_in_text_may_have_several_solids() {
+    let one = stl_text(" a");
+    for between in ["", "\n", "  \r\n\t\n"] {
+        for names in [" b", "", " solid endsolid"] {
+            let file = [&*one, between, &stl_text(names), &stl_text(" c"), "\n\n"].concat();
+            assert_eq!(soup(&read(MeshFormat::Stl, file).unwrap()), [fan(), fan(), fan()].concat());
+        }
+    }
+    // What follows the last one is of no interest, but one that is begun is ended.
+    assert_eq!(soup(&read(MeshFormat::Stl, format!("{one}of no interest\nsolid x\n")).unwrap()), fan());
+    assert!(
+        refused(MeshFormat::Stl, format!("{one}solid b\nfacet normal 0 0 1\n"))
+            .starts_with("test: the file ends in facet 3")
+    );
 }
 
 #[test]
@@ -538,7 +678,8 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
         }
     }
     // Up is up, right is right, and what is in front is nearer.
-    let points = |up: Vec3| Mesh { vertices: vec![Vec3::ZERO, up, Vec3::X], triangles: vec![[0, 1, 2]], polygons: 0 };
+    let points =
+        |up: Vec3| Mesh { vertices: vec![Vec3::ZERO, up, Vec3::X], triangles: vec![[0, 1, 2]], ..Mesh::default() };
     for (format, up, front) in [(MeshFormat::Obj, Vec3::Y, Vec3::Z), (MeshFormat::Stl, Vec3::Z, -Vec3::Y)] {
         let setting = Setting::of(&points(up), format, &Camera::default()).unwrap();
         let mut mesh = points(up);
@@ -555,7 +696,7 @@ fn a_mesh_alone_is_seen_whole_upright_and_as_large_as_it_fits() {
     let view = |mesh: &Mesh| Setting::of(mesh, MeshFormat::Ply, &Camera::default()).unwrap().view;
     assert_eq!(view(&strewn), view(&square));
     // One point is no reason to fail.
-    let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], polygons: 0 };
+    let point = Mesh { vertices: vec![Vec3::ONE], triangles: vec![[0, 0, 0]], ..Mesh::default() };
     assert!(Setting::of(&point, MeshFormat::Obj, &Camera::default()).is_some());
 }
 

@@ -10,10 +10,11 @@ use crate::cli::essay::{cpu, filled, part};
 use crate::cli::measuring::{bar, create_directory, write_results};
 use crate::cli::party::Party;
 use crate::cli::table::{self, Column, Table};
-use crate::cli::{Failure, print_result};
+use crate::cli::{Failure, print_result, signals};
 use crate::experiments::claims::Axis;
 use crate::experiments::complexity::{self, Complexity, Growth, LINES, Measured, Settings, Slope, ZEROS, lines, plot};
 use crate::measure::Clock;
+use crate::scene::shown;
 
 /// Every line by whoever is free, until `proceed`, which hears of each picture, says no: its rows, and whether these are all.
 pub fn measure(
@@ -56,13 +57,13 @@ pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Fail
     }
     if rows.is_empty() {
         let message = "stopped before the first picture was finished: there is nothing to show".into();
-        return Err(Failure { message, status: 130 });
+        return Err(Failure { message, status: signals::status() });
     }
     let document = Complexity::new(machine, &settings, complete, rows);
     let figure = plot::figure(&document.rows).map_err(Failure::output)?;
     let texts = [("complexity.md", page(&document)), ("complexity.csv", csv(&document)), ("complexity.svg", figure)];
     write_results(&args.out, ("complexity.json", &document), texts)?;
-    let files = format!("\nThe files are in {}\n", args.out.display());
+    let files = format!("\nThe files are in {}\n", shown(&args.out));
     print_result(args.json, &document, || tables(&document) + &files)?;
     if document.complete {
         return Ok(ExitCode::SUCCESS);

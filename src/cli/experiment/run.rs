@@ -10,13 +10,14 @@ use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
 use crate::cli::measuring::{bar, create_directory, pin, write_file, write_results};
 use crate::cli::party::Party;
-use crate::cli::{Failure, print_result, say};
+use crate::cli::{Failure, print_result, say, signals};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
+use crate::scene::shown;
 
 /// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
 const LADDER_ROUNDS: usize = 250;
@@ -48,8 +49,11 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
 
 /// What Ctrl-C has ended, and what it has left.
 pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
-    let directory = directory.display();
-    Failure { message: format!("stopped early: {kept}, are finished and kept in {directory}"), status: 130 }
+    let directory = shown(directory);
+    Failure {
+        message: format!("stopped early: {kept}, are finished and kept in {directory}"),
+        status: signals::status(),
+    }
 }
 
 /// What every measurement needs, once nothing can be refused any more.
@@ -65,7 +69,7 @@ pub struct Prepared {
 
 pub fn prepare(party: &Party) -> Result<Prepared, Failure> {
     let clock = TscClock::new().ok_or_else(no_clock)?;
-    let stop = party.stop_on_ctrl_c()?;
+    let stop = party.stop_on_signals()?;
     let machine = Machine::this();
     let cores = cores()?;
     Ok(Prepared { clock, stop, machine, cores, core: if party.is_alone() { pin() } else { None } })
@@ -120,7 +124,9 @@ pub fn measure(
     clock.total += measured.ticks;
     let of_rungs = measured.rungs;
     let measured = Speedup::of(settings, &measured.sizes).map_err(|error| match error {
-        SpeedupError::Nothing if stop.load(Ordering::Relaxed) => Failure { status: 130, ..failure(error) },
+        SpeedupError::Nothing if stop.load(Ordering::Relaxed) => {
+            Failure { status: signals::status(), ..failure(error) }
+        }
         error => failure(error),
     })?;
     let mut complete = measured.complete() && of_rungs.len() == settings.runs;

@@ -12,6 +12,7 @@ use crate::measure::statistics::Estimate;
 use crate::measure::{Machine, OFF_BY_MAD};
 use crate::plan::grouped;
 use crate::render::PixelFormat;
+use crate::scene::shown;
 
 /// The prose of it.
 pub(super) const EXPLANATION: &str = include_str!("explanation.md");
@@ -294,7 +295,7 @@ pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> St
     // Of the whole text it is the end already.
     parts.extend(disturbed(document).filter(|_| !full));
     let tables = if full { "" } else { "; --full prints the tables" };
-    parts.push(format!("The files are in {}: table.md has all of it{tables}\n", directory.display()));
+    parts.push(format!("The files are in {}: table.md has all of it{tables}\n", shown(directory)));
     parts.join("\n")
 }
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use super::StabilityArgs;
-use crate::cli::measuring::{bar, stop_on_ctrl_c, tell_whether, write_file};
+use crate::cli::measuring::{bar, stop_on_signals, tell_whether, write_file};
 use crate::cli::{Failure, print_result};
 use crate::experiments::accuracy::Contender;
 use crate::experiments::stability::Settings;
@@ -20,7 +20,7 @@ pub fn run(args: &StabilityArgs, settings: &Settings, count: usize) -> Result<Ex
     let packet = |contender: &Contender| contender.engine.is_packet();
     let contenders = settings.contenders.iter().filter(|contender| args.engine.is_some() || packet(contender));
     let contenders: Vec<Contender> = contenders.copied().collect();
-    let stop = stop_on_ctrl_c()?;
+    let stop = stop_on_signals()?;
     let bar = bar(count as u64);
     let proceed = || {
         bar.inc(1);

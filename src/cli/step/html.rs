@@ -24,7 +24,7 @@ pub fn page(watched: &Watched, scene: &str, error: bool) -> String {
                 header {
                     h1 { (text::title(watched)) }
                     p { (scene) }
-                    pre { @if error { (text::dearest(watched)) } (text::summary(watched)) }
+                    pre { (text::outcome(watched)) }
                     p.hint { "Arrow keys step from instruction to instruction; Enter opens and closes the macro around it." }
                 }
                 main {
@@ -33,6 +33,10 @@ pub fn page(watched: &Watched, scene: &str, error: bool) -> String {
                         h2 { "Registers" }
                         table { tbody id="registers" {} }
                     }
+                }
+                footer {
+                    h2 { "What it took" }
+                    pre { (text::work(watched)) @if error { (text::dearest(watched, None)) } }
                 }
                 script { (PreEscaped(SCRIPT)) }
             }

@@ -46,7 +46,10 @@ pub fn text(watched: &Watched, how: &How) -> String {
     let mut out = String::new();
     out += &format!("{}\n", how.bold(&title(watched)));
     nodes(&mut out, &watched.tree, watched, how, 0, how.only.is_none());
-    out + "\n" + &if how.error { dearest(watched) } else { String::new() } + &summary(watched)
+    out + "\n"
+        + &if how.error { dearest(watched, how.only.as_deref()) } else { String::new() }
+        + &outcome(watched)
+        + &work(watched)
 }
 
 /// What is watched, in a line.
@@ -213,18 +216,23 @@ fn in_ulp(error: f64) -> String {
     }
 }
 
-/// The instructions that cost most.
-pub fn dearest(watched: &Watched) -> String {
+/// The instructions that cost most, with the macros that they are in; where one macro alone is told of, those outside of it are
+/// said to be.
+pub fn dearest(watched: &Watched, only: Option<&str>) -> String {
     let mut out = String::new();
     if !watched.dearest.iter().any(|&at| watched.steps[at].cost() > LITTLE) {
         return format!("digits: no instruction cost more than {LITTLE} units of the last place\n");
     }
     for &at in &watched.dearest {
         let line = &watched.steps[at];
-        let Line { file, line: number, source, .. } = line;
+        let Line { file, line: number, source, macros, .. } = line;
         let bits = line.cancelled_bits.iter().flatten().max().copied().unwrap_or(0);
         let cost = in_ulp(line.cost());
-        out += &format!("digits: {source} ({file}:{number}) cost {cost} ulp; {bits} bits cancelled\n");
+        let path: Vec<_> = macros.iter().map(|call| call.name).collect();
+        let path = if path.is_empty() { String::new() } else { format!(", in {}", path.join(" > ")) };
+        let outside = only.filter(|only| macros.iter().all(|call| call.name != *only));
+        let outside = outside.map_or(String::new(), |only| format!(", outside of {only}"));
+        out += &format!("digits: {source} ({file}:{number}{path}{outside}) cost {cost} ulp; {bits} bits cancelled\n");
     }
     out
 }
@@ -247,10 +255,10 @@ pub fn values(arguments: &[Argument]) -> String {
     told
 }
 
-/// What came of it: the hit, the colour, and how many instructions it took.
-pub fn summary(watched: &Watched) -> String {
+/// What came of it: the hit and the colour, or the result.
+pub fn outcome(watched: &Watched) -> String {
     let mut out = String::new();
-    let Watched { precision, instructions, unknown, bits_compared, hit, colour, result, kinds, .. } = watched;
+    let Watched { precision, hit, colour, result, .. } = watched;
     // In the numbers of the engine: what is a float is told as one.
     let number = |v: f64| if *precision == "double" { Value::Double(v) } else { Value::Single(v as f32) };
     let vector = |v: &[f64; 3]| elements(&v.map(number));
@@ -270,6 +278,12 @@ pub fn summary(watched: &Watched) -> String {
         let values: Vec<_> = result.iter().map(f32::to_string).collect();
         out += &format!("result ({})\n", values.join(", "));
     }
+    out
+}
+
+/// What it took: how many instructions of which kinds, and how far the model of them has been checked.
+pub fn work(watched: &Watched) -> String {
+    let Watched { instructions, unknown, bits_compared, kinds, .. } = watched;
     let Mix { arithmetic, shuffle, load, store, branch, r#move, other, .. } = kinds;
     let kinds = [
         (arithmetic, "arithmetic"),
@@ -281,9 +295,9 @@ pub fn summary(watched: &Watched) -> String {
         (other, "others"),
     ];
     let kinds: Vec<_> = kinds.iter().filter(|(count, _)| **count > 0).map(|(n, name)| format!("{n} {name}")).collect();
-    out += &format!("{instructions} instructions: {}\n", kinds.join(", "));
-    out += &format!(
-        "the model of the instructions against the CPU: {bits_compared} bits compared, {unknown} unknown or wrong\n"
-    );
-    out
+    format!(
+        "{instructions} instructions: {}\n\
+         the model of the instructions against the CPU: {bits_compared} bits compared, {unknown} unknown or wrong\n",
+        kinds.join(", ")
+    )
 }

@@ -4,7 +4,7 @@ use plotters::prelude::*;
 
 use super::Accuracy;
 use super::front::{Point, front};
-use crate::experiments::svg::{Area, Entry, GREY, Mark, PlotError, around, axes, colour_of, draw, head};
+use crate::experiments::svg::{Area, Entry, GREY, Mark, PlotError, around, axes, colour_of, draw, head, on_axis};
 
 const COLUMNS: usize = 3;
 const PANEL: (i32, i32) = (420, 320);
@@ -94,7 +94,7 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
         .margin(8)
         .x_label_area_size(36)
         .y_label_area_size(56)
-        .build_cartesian_2d(x.log_scale(), (FLOOR / 3.0..3.0 * CEILING).log_scale())?;
+        .build_cartesian_2d(on_axis(x, "ns a ray")?.log_scale(), (FLOOR / 3.0..3.0 * CEILING).log_scale())?;
     axes(&mut chart, "ns a ray", "error; 10⁻⁹ is 0")?;
 
     // The front of the stiffest of these scenes.

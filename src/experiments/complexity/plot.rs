@@ -6,7 +6,7 @@ use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{
     Area, BLUE, Entry, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, VERMILION, around, axes, colour_of, draw,
-    head,
+    head, on_axis,
 };
 use crate::render::PixelFormat;
 
@@ -57,7 +57,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), Plot
         .margin(10)
         .x_label_area_size(40)
         .y_label_area_size(56)
-        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+        .build_cartesian_2d(on_axis(x, name)?.log_scale(), on_axis(y, "TSC cycles per pixel")?.log_scale())?;
     axes(&mut chart, name, "TSC cycles per pixel")?;
     for (line, (shape, colour, _)) in lines.iter().zip(&entries) {
         let width = if *shape == Mark::Line || *colour == GREY { 1 } else { 2 };

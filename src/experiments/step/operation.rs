@@ -34,7 +34,9 @@ impl Operation {
             ));
         };
         let Ok(a) = <[f32; 3]>::try_from(a) else {
-            return error(format!("`{name}` takes a vector of three numbers: --a 1,2,3"));
+            // What else is missing is told at once.
+            let second = ["", " and a number: --b 0.5", "", " and a second one: --b 4,5,6"][*numbers];
+            return error(format!("`{name}` takes a vector of three numbers: --a 1,2,3{second}"));
         };
         let b = match (b.as_deref(), numbers) {
             (Some(&[x, y, z]), 3) => [x, y, z],

@@ -6,21 +6,22 @@
 use std::io::Read;
 
 use glam::Vec3;
-use ply_rs_bw::ply::{Encoding, PropertyType, ScalarType};
+use ply_rs_bw::ply::{Encoding, Property, PropertyDef, PropertyType, ScalarType};
 
-use super::{Mesh, MeshFormat, ply, stl};
+use super::materials::{Materials, colour};
+use super::{Mesh, MeshFormat, obj, ply, stl};
 use crate::kernels::sys::room;
 use crate::scene::number::{number, whole};
 use crate::scene::pieces::Pieces;
 
 /// The mesh of a file of this length in its format's usual layout, of which only a piece at a time is in memory.
-pub(super) fn read(file: impl Read, length: usize, format: MeshFormat) -> Option<Mesh> {
-    let mesh = match format {
-        MeshFormat::Obj => obj(file, length),
-        MeshFormat::Ply => ply(file, length),
-        MeshFormat::Stl => stl(file, length),
+pub(super) fn read(file: impl Read, length: usize, format: MeshFormat) -> Option<(Mesh, Materials)> {
+    let read = match format {
+        MeshFormat::Obj => obj(file, length)?,
+        MeshFormat::Ply => (ply(file, length)?, Materials::default()),
+        MeshFormat::Stl => (stl(file, length)?, Materials::default()),
     };
-    mesh.filter(|mesh| !mesh.triangles.is_empty())
+    (!read.0.triangles.is_empty()).then_some(read)
 }
 
 /// The point of three coordinates, if it is finite.
@@ -53,10 +54,10 @@ fn stl(mut file: impl Read, length: usize) -> Option<Mesh> {
             triangles.push([vertex(a)?, vertex(b)?, vertex(c)?]);
         }
     }
-    Some(Mesh { vertices: vertices.vertices, triangles, polygons: 0 })
+    Some(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() })
 }
 
-/// Binary little-endian PLY of vertices, whose properties are numbers, and then faces, which have corners alone.
+/// Binary little-endian PLY of vertices, whose properties are numbers, and then faces, which have corners, and numbers after them.
 fn ply(file: impl Read, length: usize) -> Option<Mesh> {
     let mut pieces = Pieces::new(file, length);
     pieces.fill(&[])?;
@@ -64,29 +65,30 @@ fn ply(file: impl Read, length: usize) -> Option<Mesh> {
     let left = rest.len();
     pieces.leave(left);
     let [vertex, face] = header.elements.values().collect::<Vec<_>>()[..] else { return None };
-    let corners_alone = face.properties.len() == 1
-        && face.properties.values().all(|property| {
-            matches!(property.data_type, PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt))
-        });
-    if header.encoding != Encoding::BinaryLittleEndian || vertex.name != "vertex" || !corners_alone {
+    let mut of_face = face.properties.values().map(|property| &property.data_type);
+    let corners_first =
+        matches!(of_face.next(), Some(PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt)));
+    if header.encoding != Encoding::BinaryLittleEndian
+        || vertex.name != "vertex"
+        || face.name != "face"
+        || !corners_first
+    {
         return None;
     }
-    // Where x, y and z are among a vertex's bytes.
-    let (mut places, mut size) = ([None; 3], 0);
-    for (name, property) in &vertex.properties {
-        let axis = ["x", "y", "z"].iter().position(|axis| axis == name);
-        match (axis, &property.data_type) {
-            (_, PropertyType::List(..)) => return None,
-            (Some(axis), PropertyType::Scalar(ScalarType::Float)) => places[axis] = Some(size),
-            (Some(_), _) => return None,
-            (None, PropertyType::Scalar(_)) => {}
-        }
-        size += ply::least_bytes(&property.data_type);
+    let of_face = Numbers::of(face.properties.iter().skip(1))?;
+    let of_vertex = Numbers::of(vertex.properties.iter())?;
+    let size = of_vertex.size;
+    let [x, y, z] = of_vertex.places(["x", "y", "z"])?;
+    if [x, y, z].iter().any(|(_, of)| **of != ScalarType::Float) {
+        return None;
     }
-    let [Some(x), Some(y), Some(z)] = places else { return None };
+    let [(x, _), (y, _), (z, _)] = [x, y, z];
+    let tint = ply::colour_of(vertex).and_then(|names| of_vertex.places(names));
+    let paint = ply::colour_of(face).and_then(|names| of_face.places(names));
 
     // With the one that faces have behind them.
     let mut mesh = Mesh { vertices: room(vertex.count + 1), triangles: room(face.count), ..Mesh::default() };
+    let mut tints = room(if tint.is_some() { vertex.count } else { 0 });
     while mesh.vertices.len() < vertex.count {
         pieces.fill(&[])?;
         let rest = pieces.rest();
@@ -98,6 +100,11 @@ fn ply(file: impl Read, length: usize) -> Option<Mesh> {
         for bytes in points.chunks_exact(size) {
             let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk());
             mesh.vertices.push(point(x?, y?, z?)?);
+        }
+        if let Some(tint) = tint {
+            for bytes in points.chunks_exact(size) {
+                tints.push(channels(bytes, tint)?);
+            }
         }
         let left = rest.len();
         pieces.leave(left);
@@ -126,20 +133,67 @@ fn ply(file: impl Read, length: usize) -> Option<Mesh> {
             } else {
                 return None;
             }
+            if of_face.size > 0 {
+                let numbers = rest.split_off(..of_face.size)?;
+                if let Some(paint) = paint {
+                    mesh.paint_to(mesh.triangles.len(), channels(numbers, paint)?);
+                }
+            }
         }
         let left = rest.len();
         pieces.leave(left);
     }
-    mesh.cut(&fans).ok()
+    Some(ply::painted(mesh.cut(&fans).ok()?, &header, &tints))
+}
+
+/// Where a number is among the bytes of its element, and of what type it is.
+type Place<'a> = (usize, &'a ScalarType);
+
+/// The numbers of an element one after another, where each is among its bytes, and how many bytes these are.
+struct Numbers<'a> {
+    of: Vec<(&'a str, Place<'a>)>,
+    size: usize,
+}
+
+impl<'a> Numbers<'a> {
+    /// Nothing, where there are lists among them.
+    fn of(properties: impl Iterator<Item = (&'a String, &'a PropertyDef)>) -> Option<Self> {
+        let mut numbers = Numbers { of: Vec::new(), size: 0 };
+        for (name, property) in properties {
+            let PropertyType::Scalar(scalar) = &property.data_type else { return None };
+            numbers.of.push((name, (numbers.size, scalar)));
+            numbers.size += ply::least_bytes(&property.data_type);
+        }
+        Some(numbers)
+    }
+
+    fn places(&self, names: [&str; 3]) -> Option<[Place<'a>; 3]> {
+        let [a, b, c] = names.map(|name| self.of.iter().find(|(of, _)| *of == name).map(|(_, place)| *place));
+        Some([a?, b?, c?])
+    }
+}
+
+/// The colour whose channels are at these places.
+fn channels(bytes: &[u8], places: [Place<'_>; 3]) -> Option<Vec3> {
+    let [r, g, b] = places.map(|(at, of)| {
+        let property = match of {
+            ScalarType::UChar => Property::UChar(bytes[at]),
+            ScalarType::Float => Property::Float(f32::from_le_bytes(*bytes[at..].first_chunk()?)),
+            _ => return None,
+        };
+        Some(ply::channel(&property))
+    });
+    Some(Vec3::new(r?, g?, b?))
 }
 
 /// OBJ without lines that go on in the next one or are very long, and vertices without weights.
-fn obj(file: impl Read, length: usize) -> Option<Mesh> {
+fn obj(file: impl Read, length: usize) -> Option<(Mesh, Materials)> {
     let mut pieces = Pieces::new(file, length);
     // "v 0 0 0" and "f 1 2 3" are the shortest lines.
     let most = length / 8 + 1;
     let (mut points, mut mesh) = (room(most), Mesh { triangles: room(most), ..Mesh::default() });
     let (mut fans, mut corners, mut faces) = (Vec::new(), Vec::new(), 0);
+    let (mut tints, mut materials, mut unread) = (Vec::new(), Materials::default(), obj::Unread::default());
     while !pieces.ended() {
         pieces.fill(&[])?;
         let text = pieces.rest();
@@ -153,10 +207,16 @@ fn obj(file: impl Read, length: usize) -> Option<Mesh> {
                     rest = after;
                     let mut coordinate = || word(&mut rest, number);
                     points.push(Vec3::new(coordinate()?, coordinate()?, coordinate()?));
-                    let more = line(&mut rest)?.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
-                    // A colour is of no interest; one number is a weight.
-                    if more == 1 {
-                        return None;
+                    let more = line(&mut rest)?;
+                    if !more.is_empty() {
+                        // One number is a weight.
+                        if more.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() == 1 {
+                            return None;
+                        }
+                        if let Some(colour) = colour(more) {
+                            tints.resize(points.len() - 1, Vec3::ONE);
+                            tints.push(colour);
+                        }
                     }
                 }
                 b'f' if whole_word => {
@@ -175,7 +235,11 @@ fn obj(file: impl Read, length: usize) -> Option<Mesh> {
                         _ => return None,
                     }
                 }
-                _ => drop(line(&mut rest)?),
+                _ => {
+                    let line = line(&mut rest)?;
+                    unread.line(line);
+                    materials.line(line, mesh.triangles.len());
+                }
             }
             rest = rest.trim_ascii_start();
         }
@@ -186,15 +250,24 @@ fn obj(file: impl Read, length: usize) -> Option<Mesh> {
     const NOWHERE: u32 = u32::MAX;
     let mut places = vec![NOWHERE; points.len()];
     mesh.vertices = room(points.len() + 1);
+    let mut of_vertices = Vec::new();
     for index in mesh.triangles.as_flattened_mut() {
         let place = places.get_mut(*index as usize)?;
         if *place == NOWHERE {
             *place = mesh.vertices.len() as u32;
             mesh.vertices.push(points[*index as usize]);
+            if !tints.is_empty() {
+                of_vertices.push(tints.get(*index as usize).copied().unwrap_or(Vec3::ONE));
+            }
         }
         *index = *place;
     }
-    mesh.cut(&fans).ok()
+    let mut mesh = mesh.cut(&fans).ok()?;
+    if !tints.is_empty() {
+        mesh.paint_by_vertices(&of_vertices);
+    }
+    unread.tell(&mut mesh);
+    Some((mesh, materials))
 }
 
 /// Takes the next word of the line, which is all that `read` takes.
@@ -247,11 +320,11 @@ mod tests {
     /// What is read in bulk, which is what is read with care.
     fn in_bulk(source: impl Into<Vec<u8>>, format: MeshFormat) -> Option<Mesh> {
         let source = source.into();
-        let mesh = read(&source[..], source.len(), format)?;
-        let with_care = Mesh::from_bytes_with_care(source, format, "test").unwrap();
+        let read = read(&source[..], source.len(), format)?;
+        let with_care = Mesh::parse_with_care(source, format).unwrap();
         // Debug tells -0 from 0.
-        assert_eq!(format!("{mesh:?}"), format!("{with_care:?}"));
-        Some(mesh)
+        assert_eq!(format!("{read:?}"), format!("{with_care:?}"));
+        Some(read.0)
     }
 
     #[test]

@@ -6,13 +6,15 @@ use glam::Vec3;
 use tobj::{LoadError, LoadOptions};
 
 use super::Mesh;
+use super::materials::{Materials, colour};
 use super::read::{Fault, counted, not_finite};
 
 /// Corners are numbers from 1, or from -1 backwards.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
-pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
+pub(super) fn parse(source: &[u8]) -> Result<(Mesh, Materials), Fault> {
     let mut lines = Lines::new(source);
+    lines.coloured = is_coloured(source);
     // A vertex with two normals is one vertex.
     let options = LoadOptions { single_index: false, ..LoadOptions::default() };
     // Materials do not come into it: the lines that name them are not handed on.
@@ -20,8 +22,10 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     let models = loaded.map_err(|error| fault(error, &lines, source))?.0;
 
     let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
+    let (mut tints, mut triangles_of) = (Vec::new(), Vec::new());
     for tobj::Model { mesh: model, .. } in models {
         let base = mesh.vertices.len() as u32;
+        tints.extend(model.vertex_color.as_chunks().0.iter().map(|&tint| Vec3::from_array(tint)));
         let positions = model.positions.as_chunks().0.iter().map(|&position| Vec3::from_array(position));
         mesh.vertices.extend(positions);
         if !mesh.vertices.iter().all(|vertex| vertex.is_finite()) {
@@ -30,6 +34,7 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
         let corners: Vec<u32> = model.indices.iter().map(|index| base + index).collect();
         if model.face_arities.is_empty() {
             mesh.triangles.extend(corners.as_chunks().0);
+            triangles_of.resize(triangles_of.len() + corners.len() / 3, 1);
             continue;
         }
         let mut rest = &corners[..];
@@ -39,10 +44,51 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
                 return Err(small_face(source, number, face.len()));
             }
             mesh.push_face(number, face, &mut fans);
+            triangles_of.push(face.len() - 2);
             rest = after;
         }
     }
-    mesh.cut(&fans)
+    let mut mesh = mesh.cut(&fans)?;
+    if lines.coloured {
+        mesh.paint_by_vertices(&tints);
+    }
+    lines.unread.tell(&mut mesh);
+    Ok((mesh, lines.materials.by_triangles(triangles_of.into_iter())))
+}
+
+/// What of a file is not read.
+#[derive(Default)]
+pub(super) struct Unread {
+    normals: bool,
+    textures: bool,
+}
+
+impl Unread {
+    /// Looks at a line that is of no vertex and no face.
+    pub(super) fn line(&mut self, line: &[u8]) {
+        let blank = |line: &[u8]| line.get(2).is_some_and(u8::is_ascii_whitespace);
+        self.normals |= line.starts_with(b"vn") && blank(line);
+        self.textures |= line.starts_with(b"vt") && blank(line);
+    }
+
+    /// Notes it.
+    pub(super) fn tell(&self, mesh: &mut Mesh) {
+        mesh.note_unread(&[("normals", self.normals), ("texture coordinates", self.textures)]);
+    }
+}
+
+/// Whether vertices have colours. Where some have weights, they are taken to have none: tobj knows but one of both.
+fn is_coloured(source: &[u8]) -> bool {
+    let (mut lines, mut coloured) = (Lines::new(source), false);
+    while lines.next_line() {
+        if lines.is(b"v") {
+            if lines.words().count() == 5 {
+                return false;
+            }
+            coloured |= lines.tint().is_some();
+        }
+    }
+    coloured
 }
 
 /// The lines of vertices and faces, with the others left empty: so there is one model in one file, no normal or texture
@@ -56,11 +102,17 @@ struct Lines<'a> {
     number: usize,
     vertices: usize,
     faces: usize,
+    /// Whether vertices are to have colours.
+    coloured: bool,
+    /// Of what is left out: materials, by the faces before them, and what is not read.
+    materials: Materials,
+    unread: Unread,
 }
 
 impl<'a> Lines<'a> {
     fn new(source: &'a [u8]) -> Self {
-        Lines { rest: source, line: Vec::new(), at: 0, number: 0, vertices: 0, faces: 0 }
+        let (line, materials, unread) = Default::default();
+        Lines { rest: source, line, at: 0, number: 0, vertices: 0, faces: 0, coloured: false, materials, unread }
     }
 
     /// Takes the next line, or those that end in backslashes and the one after them, without what ends it.
@@ -101,16 +153,28 @@ impl<'a> Lines<'a> {
     fn sift(&mut self) {
         if self.is(b"v") {
             self.vertices += 1;
-            // Three coordinates and a colour: the colour of a mesh is the scene's.
+            let tint = self.tint();
             if self.words().count() > 5 {
                 self.line = self.words().take(4).collect::<Vec<_>>().join(&b' ');
+            }
+            if self.coloured && self.words().count() == 4 {
+                let Vec3 { x, y, z } = tint.unwrap_or(Vec3::ONE);
+                self.line.extend(format!(" {x} {y} {z}").into_bytes());
             }
         } else if self.is(b"f") {
             self.faces += 1;
         } else {
+            let line = self.line.trim_ascii_start();
+            self.unread.line(line);
+            self.materials.line(line, self.faces);
             self.line.clear();
         }
         self.line.push(b'\n');
+    }
+
+    /// The colour that stands behind a vertex's coordinates.
+    fn tint(&self) -> Option<Vec3> {
+        colour(&self.words().skip(4).collect::<Vec<_>>().join(&b' '))
     }
 }
 

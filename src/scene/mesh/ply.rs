@@ -11,6 +11,9 @@ use ply_rs_bw::ply::{
 use super::Mesh;
 use super::read::{Fault, counted, not_finite};
 
+/// What an element of triangle strips is called.
+const STRIPS: &str = "tristrips";
+
 /// The header, held to what is a mesh and to what the file, of this length, can hold; what follows it, and in which line.
 pub(super) fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
     if !source.starts_with(b"ply") {
@@ -35,42 +38,59 @@ pub(super) fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usi
 pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
     let (header, payload, line) = header(source, source.len())?;
     let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
-    let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
+    let (mut mesh, mut fans, mut tints) = (Mesh::default(), Vec::new(), Vec::new());
+    let vertices = header.elements["vertex"].count;
+    let vertex = |owner: &str, number: usize, corner: usize, index: i64| {
+        u32::try_from(index).ok().filter(|index| (*index as usize) < vertices).ok_or_else(|| {
+            let message = format!("{owner} {number}'s corner {corner} is vertex {index}, which the file has not");
+            Fault::new(message).expected(format!("0 to {}, counted from 0", vertices as i64 - 1))
+        })
+    };
     for element in header.elements.values() {
+        let is_coloured = colour_of(element).is_some();
+        if is_coloured {
+            // Those of an element before that has no colours.
+            mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
+        }
         match element.name.as_str() {
             "vertex" => {
                 mesh.vertices.reserve_exact(element.count);
                 for number in 1..=element.count {
-                    let Point(point) = elements.next("vertex", number, element)?;
+                    let Point { at: point, colour } = elements.next("vertex", number, element)?;
                     if !point.is_finite() {
                         return Err(elements.at(not_finite(&format!("vertex {number}"))));
                     }
                     mesh.vertices.push(point);
+                    tints.extend(is_coloured.then_some(colour));
                 }
             }
             "face" => {
                 mesh.triangles.reserve_exact(element.count);
-                let vertices = header.elements["vertex"].count;
                 let mut corners = Vec::new();
                 for number in 1..=element.count {
-                    let Face(indices) = elements.next("face", number, element)?;
+                    let Face { corners: indices, colour } = elements.next("face", number, element)?;
                     corners.clear();
                     for (corner, index) in (1..).zip(indices) {
-                        let known = usize::try_from(index).is_ok_and(|index| index < vertices);
-                        let message =
-                            || format!("face {number}'s corner {corner} is vertex {index}, which the file has not");
-                        let expected = || format!("0 to {}, counted from 0", vertices as i64 - 1);
-                        corners.push(if known {
-                            index as u32
-                        } else {
-                            return Err(elements.at(Fault::new(message()).expected(expected())));
-                        });
+                        corners.push(vertex("face", number, corner, index).map_err(|fault| elements.at(fault))?);
                     }
                     if corners.len() < 3 {
                         let message = format!("face {number} has {}", counted(corners.len(), "corner", "corners"));
                         return Err(elements.at(Fault::new(message).expected("at least three")));
                     }
                     mesh.push_face(number, &corners, &mut fans);
+                    if is_coloured {
+                        mesh.paint_to(mesh.triangles.len(), colour);
+                    }
+                }
+            }
+            STRIPS => {
+                for number in 1..=element.count {
+                    let Face { corners, colour } = elements.next(STRIPS, number, element)?;
+                    mesh.push_strips(&corners, |corner, index| vertex("strip", number, corner, index))
+                        .map_err(|fault| elements.at(fault))?;
+                    if is_coloured {
+                        mesh.paint_to(mesh.triangles.len(), colour);
+                    }
                 }
             }
             name => {
@@ -80,7 +100,85 @@ pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
             }
         }
     }
-    mesh.cut(&fans)
+    Ok(painted(mesh.cut(&fans)?, &header, &tints))
+}
+
+impl Mesh {
+    /// Adds strips of triangles, between which stands -1: each corner makes one with the two before it, and every other one
+    /// is turned round. Those with a corner twice only lead the strip elsewhere.
+    fn push_strips(&mut self, corners: &[i64], vertex: impl Fn(usize, i64) -> Result<u32, Fault>) -> Result<(), Fault> {
+        let mut strip = Vec::new();
+        for (corner, &index) in (1..).zip(corners) {
+            if index == -1 {
+                strip.clear();
+                continue;
+            }
+            strip.push(vertex(corner, index)?);
+            if let [.., a, b, c] = strip[..]
+                && a != b
+                && b != c
+                && c != a
+            {
+                self.triangles.push(if strip.len() % 2 == 1 { [a, b, c] } else { [b, a, c] });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which of red, green and blue a property is.
+fn channel_of(name: &str) -> Option<usize> {
+    let name = name.strip_prefix("diffuse_").unwrap_or(name);
+    ["red", "green", "blue"].iter().position(|channel| *channel == name)
+}
+
+/// The properties that are an element's colour.
+pub(super) fn colour_of(element: &ElementDef) -> Option<[&str; 3]> {
+    use ScalarType::{Double, Float, UChar, UShort};
+    let mut names = [None; 3];
+    for (name, property) in &element.properties {
+        if let (Some(channel), PropertyType::Scalar(UChar | UShort | Float | Double)) =
+            (channel_of(name), &property.data_type)
+            && names[channel].replace(name.as_str()).is_some()
+        {
+            return None;
+        }
+    }
+    let [red, green, blue] = names;
+    Some([red?, green?, blue?])
+}
+
+/// A channel of a colour: levels as shares of the highest one, and what no colour can have as the nearest that it can.
+pub(super) fn channel(property: &Property) -> f32 {
+    let value = match *property {
+        Property::UChar(level) => f32::from(level) / 255.0,
+        Property::UShort(level) => f32::from(level) / 65535.0,
+        Property::Float(value) => value,
+        Property::Double(value) => value as f32,
+        _ => 0.0,
+    };
+    value.max(0.0).min(f32::MAX)
+}
+
+/// The mesh of a file, of which those faces are painted that have colours of their own: or else by its vertices, if these have
+/// `tints`; and noted what is not read.
+pub(super) fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
+    if mesh.colours.is_empty() && !tints.is_empty() {
+        mesh.paint_by_vertices(tints);
+    } else if !mesh.colours.is_empty() {
+        mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
+    }
+    mesh.white_is_none();
+    let has = |names: &[&str]| {
+        let mut properties = header.elements.values().flat_map(|element| element.properties.keys());
+        properties.any(|name| names.contains(&name.as_str()))
+    };
+    mesh.note_unread(&[
+        ("normals", has(&["nx"])),
+        ("texture coordinates", has(&["s", "u", "texture_u", "texcoord"])),
+        ("transparency", has(&["alpha"])),
+    ]);
+    mesh
 }
 
 /// Holds the header to what is a mesh and to what the file can hold: `length` bytes follow it.
@@ -123,16 +221,18 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
             return Err(Fault::new(format!("vertices have no {axis}")).expected(format!("property float {axis}")));
         }
     }
-    let Some(face) = header.elements.get("face") else {
-        let strips = header.elements.contains_key("tristrips");
-        let message = if strips { "triangle strips are not read" } else { "the header has no faces" };
-        return Err(Fault::new(message).expected("element face, with its number"));
-    };
-    let list = face.properties.iter().find(|(name, _)| is_corners(name)).map(|(_, property)| &property.data_type);
-    match list {
-        Some(PropertyType::List(_, index)) if !matches!(index, ScalarType::Float | ScalarType::Double) => Ok(()),
-        _ => Err(Fault::new("faces have no corners").expected("property list uchar int vertex_indices")),
+    let faces: Vec<_> = ["face", STRIPS].iter().filter_map(|name| header.elements.get(*name)).collect();
+    if faces.is_empty() {
+        return Err(Fault::new("the header has no faces").expected("element face, with its number"));
     }
+    for face in faces {
+        let list = face.properties.iter().find(|(name, _)| is_corners(name)).map(|(_, property)| &property.data_type);
+        if !matches!(list, Some(PropertyType::List(_, index)) if !matches!(index, ScalarType::Float | ScalarType::Double))
+        {
+            return Err(Fault::new("faces have no corners").expected("property list uchar int vertex_indices"));
+        }
+    }
+    Ok(())
 }
 
 /// The fewest bytes that a property takes in a binary file.
@@ -206,39 +306,49 @@ impl Elements<'_> {
     }
 }
 
-/// A vertex: of its properties x, y and z.
-struct Point(Vec3);
+/// A vertex: of its properties x, y and z, and its colour.
+struct Point {
+    at: Vec3,
+    colour: Vec3,
+}
 
 impl PropertyAccess for Point {
     fn new() -> Self {
-        Point(Vec3::ZERO)
+        Point { at: Vec3::ZERO, colour: Vec3::ONE }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let value = property.to_f32_lossy().unwrap_or_default();
-        match name {
-            "x" => self.0.x = value,
-            "y" => self.0.y = value,
-            "z" => self.0.z = value,
-            _ => return PropertyAccessResult::Ignored,
+        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) {
+            self.at[axis] = property.to_f32_lossy().unwrap_or_default();
+        } else if let Some(of) = channel_of(name) {
+            self.colour[of] = channel(&property);
+        } else {
+            return PropertyAccessResult::Ignored;
         }
         PropertyAccessResult::Set
     }
 }
 
-/// A face: of its properties the corners.
-struct Face(Vec<i64>);
+/// A face: of its properties the corners and the colour.
+struct Face {
+    corners: Vec<i64>,
+    colour: Vec3,
+}
 
 impl PropertyAccess for Face {
     fn new() -> Self {
-        Face(Vec::new())
+        Face { corners: Vec::new(), colour: Vec3::ONE }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if let Some(of) = channel_of(name) {
+            self.colour[of] = channel(&property);
+            return PropertyAccessResult::Set;
+        }
         if !is_corners(name) {
             return PropertyAccessResult::Ignored;
         }
-        self.0 = match property {
+        self.corners = match property {
             Property::ListChar(list) => list.into_iter().map(i64::from).collect(),
             Property::ListUChar(list) => list.into_iter().map(i64::from).collect(),
             Property::ListShort(list) => list.into_iter().map(i64::from).collect(),

@@ -3,6 +3,7 @@
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
+use super::materials::Materials;
 use super::polygon::{self, Fan};
 use super::{Mesh, MeshError, MeshFormat, bulk, obj, ply, stl};
 use crate::scene::open;
@@ -33,7 +34,8 @@ impl Mesh {
     /// Reads a mesh file of a format that its extension names.
     ///
     /// # Errors
-    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Memory stays within a small
+    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Materials that cannot be read are no
+    /// error, but a note. Memory stays within a small
     /// multiple of the file's length, whatever its header claims.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: path.into(), line, message, expected };
@@ -42,54 +44,57 @@ impl Mesh {
         })?;
         let unread = |cause: io::Error| {
             fault(match cause.kind() {
-                ErrorKind::NotFound => Fault::new("there is no such file").expected("a mesh file"),
+                ErrorKind::NotFound => Fault::new("there is no such file").expected(
+                    open::nearest(path).map_or("a mesh file".into(), |near| format!("a mesh file, such as `{near}`")),
+                ),
                 ErrorKind::IsADirectory => Fault::new("this is a directory").expected("a mesh file"),
                 ErrorKind::PermissionDenied => Fault::new("the file may not be read").expected("permission to read it"),
                 _ => Fault::new(format!("the file cannot be read: {cause}")),
             })
         };
         let in_bulk = open::read_twice(path).map(|(file, length)| bulk::read(file, length, format));
-        if let Some(Some(mesh)) = in_bulk {
-            return Ok(mesh);
-        }
-        let source = open::contents(path).map_err(unread)?;
-        let parse = if in_bulk.is_some() { Mesh::parse_with_care } else { Mesh::parse };
-        parse(source, format).map_err(fault)
+        let (mut mesh, materials) = match in_bulk {
+            Some(Some(read)) => read,
+            Some(None) => Mesh::parse_with_care(open::contents(path).map_err(unread)?, format).map_err(fault)?,
+            None => Mesh::parse(open::contents(path).map_err(unread)?, format).map_err(fault)?,
+        };
+        materials.paint(&mut mesh, path.parent().unwrap_or(Path::new("")));
+        Ok(mesh)
     }
 
-    /// Reads the content of a mesh file; `name` is what errors call it.
+    /// Reads the content of a mesh file, without the materials of others; `name` is what errors call it.
     ///
     /// # Errors
     /// As [`Mesh::read`].
     pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse(source, format).map_err(fault)
+        Mesh::parse(source, format).map(|(mesh, _)| mesh).map_err(fault)
     }
 
     /// As [`Mesh::from_bytes`], without reading in bulk: tests hold the two against each other.
     #[doc(hidden)]
     pub fn from_bytes_with_care(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse_with_care(source, format).map_err(fault)
+        Mesh::parse_with_care(source, format).map(|(mesh, _)| mesh).map_err(fault)
     }
 
-    fn parse(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
+    fn parse(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
         bulk::read(&source[..], source.len(), format).map_or_else(|| Mesh::parse_with_care(source, format), Ok)
     }
 
-    fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<Mesh, Fault> {
+    pub(super) fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
         if source.is_empty() {
             return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
         }
-        let mesh = match format {
+        let (mesh, materials) = match format {
             MeshFormat::Obj => obj::parse(&source)?,
-            MeshFormat::Ply => ply::parse(&source)?,
-            MeshFormat::Stl => stl::parse(source)?,
+            MeshFormat::Ply => (ply::parse(&source)?, Materials::default()),
+            MeshFormat::Stl => (stl::parse(source)?, Materials::default()),
         };
         if mesh.triangles.is_empty() {
             return Err(Fault::new("the mesh is empty").expected("at least one face"));
         }
-        Ok(mesh)
+        Ok((mesh, materials))
     }
 
     /// Adds the face of this number, of three corners or more, as a fan around its first.

@@ -57,6 +57,26 @@ fn claimed(source: &[u8]) -> Option<u32> {
     source.get(TITLE..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
 }
 
+/// Makes one solid of several: stl_io reads the first. The lines between them, at which one ends and the next begins, become
+/// blank.
+fn join_solids(source: &mut [u8]) {
+    let is = |line: &[u8], word: &[u8]| line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()) == Some(word);
+    let (mut ended, mut at) = (None, 0);
+    while at < source.len() {
+        let end = source[at..].iter().position(|byte| *byte == b'\n').map_or(source.len(), |end| at + end);
+        let line = &source[at..end];
+        if is(line, b"endsolid") {
+            ended = Some(at);
+        } else if !line.trim_ascii().is_empty()
+            && let Some(from) = ended.take()
+            && is(line, b"solid")
+        {
+            source[from..end].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
+        }
+        at = end + 1;
+    }
+}
+
 pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
     let binary = is_binary(&source, source.len());
     if binary {
@@ -70,9 +90,12 @@ pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
             return Err(Fault::new(message).expected(format!("at most {}: {body} bytes follow it", body / FACET)));
         }
         source[..TITLE].fill(0);
-    } else if source.get(5).is_none_or(|&after| after != b' ') {
-        // A solid without a name; stl_io looks for the space before it.
-        source.insert(5, b' ');
+    } else {
+        join_solids(&mut source);
+        if source.get(5).is_none_or(|&after| after != b' ') {
+            // A solid without a name; stl_io looks for the space before it.
+            source.insert(5, b' ');
+        }
     }
 
     let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());
@@ -94,7 +117,7 @@ pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
         }
         triangles.push(corners.map(|corner| vertices.vertex(corner)));
     }
-    Ok(Mesh { vertices: vertices.vertices, triangles, polygons: 0 })
+    Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() })
 }
 
 #[cfg(test)]

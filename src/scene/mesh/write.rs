@@ -1,13 +1,17 @@
 //! Mesh files written.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::io::{self, Write};
 
 use glam::Vec3;
 
 use super::{Mesh, MeshFormat};
+use crate::kernels::ColourRun;
 
 impl Mesh {
-    /// Writes the mesh in a format, to the last bit of its numbers.
+    /// Writes the mesh in a format, to the last bit of its numbers: in PLY with a colour for each face, in OBJ for each vertex, in
+    /// STL without.
     ///
     /// # Errors
     /// If `out` does not take it.
@@ -20,6 +24,9 @@ impl Mesh {
     }
 
     fn write_obj(&self, out: &mut impl Write) -> io::Result<()> {
+        if !self.colours.is_empty() {
+            return self.write_coloured_obj(out);
+        }
         writeln!(out, "# {} vertices, {} triangles", self.vertices.len(), self.triangles.len())?;
         for Vec3 { x, y, z } in &self.vertices {
             writeln!(out, "v {x} {y} {z}")?;
@@ -31,22 +38,61 @@ impl Mesh {
         Ok(())
     }
 
+    /// The colours are behind the vertices, of which each has one: what several triangles of different colours share becomes
+    /// several.
+    fn write_coloured_obj(&self, out: &mut impl Write) -> io::Result<()> {
+        let mut known = HashMap::new();
+        for (number, &triangle) in self.triangles.iter().enumerate() {
+            let colour = self.colour(number);
+            for corner in triangle {
+                let count = known.len() + 1;
+                if let Entry::Vacant(entry) = known.entry((corner, colour.to_array().map(f32::to_bits))) {
+                    let (Vec3 { x, y, z }, Vec3 { x: r, y: g, z: b }) = (self.vertices[corner as usize], colour);
+                    writeln!(out, "v {x} {y} {z} {r} {g} {b}")?;
+                    entry.insert(count);
+                }
+            }
+            let [a, b, c] = triangle.map(|corner| known[&(corner, colour.to_array().map(f32::to_bits))]);
+            writeln!(out, "f {a} {b} {c}")?;
+        }
+        Ok(())
+    }
+
     /// By hand: ply-rs-bw would have it as a map of named properties for each vertex.
     fn write_ply(&self, out: &mut impl Write) -> io::Result<()> {
         write!(
             out,
             "ply\nformat binary_little_endian 1.0\n\
              element vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
-             element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
+             element face {}\nproperty list uchar uint vertex_indices\n",
             self.vertices.len(),
             self.triangles.len()
         )?;
+        // Levels as other programs expect them, where nothing is lost by that.
+        let levels = |colour: Vec3| colour.to_array().map(|channel| (channel * 255.0).round() as u8);
+        let in_levels =
+            |(_, colour): &ColourRun| levels(*colour).map(|level| f32::from(level) / 255.0) == colour.to_array();
+        let of_levels = self.colours.iter().all(in_levels);
+        if !self.colours.is_empty() {
+            let kind = if of_levels { "uchar" } else { "float" };
+            write!(out, "property {kind} red\nproperty {kind} green\nproperty {kind} blue\n")?;
+        }
+        out.write_all(b"end_header\n")?;
         for vertex in &self.vertices {
             out.write_all(vertex.to_array().map(f32::to_le_bytes).as_flattened())?;
         }
-        for triangle in &self.triangles {
+        for (number, triangle) in self.triangles.iter().enumerate() {
             out.write_all(&[3])?;
             out.write_all(triangle.map(u32::to_le_bytes).as_flattened())?;
+            if self.colours.is_empty() {
+                continue;
+            }
+            let colour = self.colour(number);
+            if of_levels {
+                out.write_all(&levels(colour))?;
+            } else {
+                out.write_all(colour.to_array().map(f32::to_le_bytes).as_flattened())?;
+            }
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! How right the engines are: error against run time, and the map of stiff and extreme scenes.
 
+use std::collections::BTreeMap;
+
 use maud::{Markup, html};
 
 use super::{Section, figure, section};
@@ -107,13 +109,11 @@ fn map(document: &StabilityReport) -> Markup {
 
 /// The cells of each value, from the first to the last.
 fn levels(cells: &[Cell]) -> Vec<Vec<&Cell>> {
-    let mut levels: Vec<Vec<&Cell>> = Vec::new();
+    let mut levels: BTreeMap<usize, Vec<&Cell>> = BTreeMap::new();
     for cell in cells {
-        levels.resize_with(levels.len().max(cell.level + 1), Vec::new);
-        levels[cell.level].push(cell);
+        levels.entry(cell.level).or_default().push(cell);
     }
-    levels.retain(|level| !level.is_empty());
-    levels
+    levels.into_values().collect()
 }
 
 fn worst(cells: &[Cell], contender: (&str, &str), document: &StabilityReport) -> Markup {

@@ -1,0 +1,159 @@
+//! Colours of meshes as their files have them: those of vertices, and the materials that an OBJ file names (MTL).
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::Mesh;
+use crate::scene::diagnostic::printable;
+use crate::scene::number::number;
+use crate::scene::open;
+
+/// The longest file of materials, in bytes.
+const MOST: u64 = 16 << 20;
+
+/// What an OBJ file says of its materials.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Materials {
+    /// The files that have them.
+    libraries: Vec<Vec<u8>>,
+    /// From which triangle on which one is used.
+    uses: Vec<(usize, Vec<u8>)>,
+}
+
+/// A material, as far as it is of use.
+#[derive(Default)]
+struct Material {
+    colour: Option<Vec3>,
+    has_texture: bool,
+    is_transparent: bool,
+}
+
+/// The three numbers that a text begins with, if they make a colour.
+pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
+    let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let mut channel = || {
+        let (value, rest) = number(words.next()?)?;
+        (rest.is_empty() && value >= 0.0).then_some(value)
+    };
+    Some(Vec3::new(channel()?, channel()?, channel()?))
+}
+
+impl Mesh {
+    /// Gives each triangle the mean of the colours of its corners, which vertices have.
+    pub(super) fn paint_by_vertices(&mut self, of_vertices: &[Vec3]) {
+        let triangles = std::mem::take(&mut self.triangles);
+        self.paint(triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|corner| of_vertices[corner as usize]);
+            // The mean of three that are the same may be another one, by its rounding.
+            if a == b && b == c { a } else { ((a + b + c) / 3.0).min(Vec3::MAX) }
+        }));
+        self.triangles = triangles;
+    }
+
+    /// Notes what of its file is not read.
+    pub(super) fn note_unread(&mut self, unread: &[(&str, bool)]) {
+        let unread: Vec<_> = unread.iter().filter(|(_, is_there)| *is_there).map(|(what, _)| *what).collect();
+        if !unread.is_empty() {
+            self.notes.push(format!("not read: {}", unread.join(", ")));
+        }
+    }
+}
+
+impl Materials {
+    /// Takes a line, if it is of materials; `triangles` were there before it.
+    pub(super) fn line(&mut self, line: &[u8], triangles: usize) {
+        let word = |word: &[u8]| {
+            let name = line.strip_prefix(word)?;
+            name.first().is_some_and(u8::is_ascii_whitespace).then(|| name.trim_ascii().to_vec())
+        };
+        if let Some(name) = word(b"usemtl") {
+            self.uses.push((triangles, name));
+        } else if let Some(name) = word(b"mtllib") {
+            self.libraries.push(name);
+        }
+    }
+
+    /// Counts triangles where faces were counted, of which each has some.
+    pub(super) fn by_triangles(mut self, triangles_of: impl Iterator<Item = usize>) -> Self {
+        let mut ends = triangles_of.scan(0, |end, count| {
+            *end += count;
+            Some(*end)
+        });
+        let (mut faces, mut triangles) = (0, 0);
+        for (at, _) in &mut self.uses {
+            while faces < *at {
+                faces += 1;
+                triangles = ends.next().unwrap_or(triangles);
+            }
+            *at = triangles;
+        }
+        self
+    }
+
+    /// Gives a mesh that has no colours those of the materials, whose files are in this folder.
+    pub(super) fn paint(&self, mesh: &mut Mesh, folder: &Path) {
+        if self.uses.is_empty() || !mesh.colours.is_empty() {
+            return;
+        }
+        let mut known = HashMap::new();
+        for library in &self.libraries {
+            let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+            // One name with blanks, or several.
+            if !read(library, folder, &mut known)
+                && !(words().count() > 1 && words().all(|name| read(name, folder, &mut known)))
+            {
+                let name = printable(&String::from_utf8_lossy(library));
+                mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read"));
+            }
+        }
+        let none = Material::default();
+        let of = |name: &[u8]| known.get(name).unwrap_or(&none);
+        let has = |which: fn(&Material) -> bool| self.uses.iter().any(|(_, name)| which(of(name)));
+        let unread = [
+            ("textures", has(|material| material.has_texture)),
+            ("transparency", has(|material| material.is_transparent)),
+        ];
+        let mut uses = self.uses.iter().peekable();
+        let mut colour = Vec3::ONE;
+        let colours = (0..mesh.triangles.len()).map(|triangle| {
+            while let Some((_, name)) = uses.next_if(|(from, _)| *from <= triangle) {
+                colour = of(name).colour.unwrap_or(Vec3::ONE);
+            }
+            colour
+        });
+        mesh.paint(colours);
+        mesh.note_unread(&unread);
+    }
+}
+
+/// Reads a file of materials, if there is a regular one.
+fn read(name: &[u8], folder: &Path, known: &mut HashMap<Vec<u8>, Material>) -> bool {
+    let Ok(name) = str::from_utf8(name) else { return false };
+    let path = folder.join(name.replace('\\', "/"));
+    if !path.is_file() {
+        return false;
+    }
+    let Ok(text) = open::contents_within(&path, MOST, "too many for materials") else { return false };
+    let mut material = Material::default();
+    let mut begun = None;
+    for line in text.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii) {
+        let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+        let (word, rest) = line.split_at(end);
+        let rest = rest.trim_ascii();
+        let share = || number(rest).map(|(value, _)| value);
+        match word {
+            b"newmtl" => {
+                known.extend(begun.replace(rest.to_vec()).map(|name| (name, std::mem::take(&mut material))));
+            }
+            b"Kd" => material.colour = colour(rest),
+            b"map_Kd" => material.has_texture = true,
+            b"d" => material.is_transparent |= share().is_some_and(|share| share < 1.0),
+            b"Tr" => material.is_transparent |= share().is_some_and(|share| share > 0.0),
+            _ => {}
+        }
+    }
+    known.extend(begun.map(|name| (name, material)));
+    true
+}
