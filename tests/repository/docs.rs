@@ -80,7 +80,8 @@ fn help(subcommand: &[&str]) -> String {
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
-    let scenes = ["sphere.in", "tetrahedron.in", "many.in", "knot.in", "planet.in", "sunflower.in", "island.toml", "far.toml"];
+    let scenes =
+        ["sphere.in", "tetrahedron.in", "many.in", "knot.in", "planet.in", "sunflower.in", "island.toml", "far.toml"];
     for file in scenes.into_iter().chain(["meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"]) {
         fs::copy(root().join("scenes").join(file), directory.path().join("scenes").join(file)).unwrap();
     }
