@@ -13,6 +13,7 @@ use rayo::kernels::sys::Cores;
 use rayo::measure::{Machine, TscClock};
 use rayo::render::Engine;
 use scraper::{ElementRef, Html, Selector};
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 /// The page may not be larger.
@@ -173,11 +174,15 @@ fn what_cannot_be_read_is_refused_and_nothing_is_written() {
     };
     let newer = whole.replacen("\"schema\": 1", "\"schema\": 7", 1);
     assert_ne!(newer, whole);
+    let mut gap: Value = serde_json::from_str(&whole).unwrap();
+    gap["rows"].as_array_mut().unwrap().pop();
+    let gap = gap.to_string();
     fs::create_dir(directory.path().join("empty")).unwrap();
     for (from, expected) in [
         (case("newer", &newer), "has results of schema 7, and this program reads schema 1"),
         (case("cut", &whole[..whole.len() / 2]), "results.json is cut short, or no results: EOF"),
         (case("unlike", "{\"schema\": 1, \"rows\": []}"), "is cut short, or no results: missing field `machine`"),
+        (case("gap", &gap), "is not whole: in its rows, "),
         (case("none", "[]"), "has results of schema no number"),
         (directory.path().join("empty"), "no results are here: name a directory that `rayo report`"),
         (directory.path().join("nowhere"), "no results are here"),
@@ -190,6 +195,52 @@ fn what_cannot_be_read_is_refused_and_nothing_is_written() {
     }
     let output = report(&["--quick", "--from", "x"], directory.path());
     assert_eq!(output.status.code(), Some(2));
+}
+
+/// Every place of a document, of each list the first and the last.
+fn places(of: &Value, path: &str, found: &mut Vec<String>) {
+    let mut into = |key: String, value: &Value| {
+        let path = format!("{path}/{key}");
+        found.push(path.clone());
+        places(value, &path, found);
+    };
+    match of {
+        Value::Object(fields) => fields.iter().for_each(|(key, value)| into(key.clone(), value)),
+        Value::Array(items) if !items.is_empty() => {
+            [0, items.len() - 1].iter().for_each(|at| into(at.to_string(), &items[*at]));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
+    let directory = TempDir::new().unwrap();
+    let mut runs = 0;
+    for name in ["experiment/results.json", "complexity/complexity.json", "accuracy/results.json", "stability/results.json"] {
+        let whole: Value = serde_json::from_str(&fs::read_to_string(results().join(name)).unwrap()).unwrap();
+        let mut found = Vec::new();
+        places(&whole, "", &mut found);
+        for path in found {
+            runs += 1;
+            let mut document = whole.clone();
+            let (parent, key) = path.rsplit_once('/').unwrap();
+            match (document.pointer_mut(parent).unwrap(), runs % 4) {
+                (Value::Object(fields), 0) => drop(fields.remove(key)),
+                (Value::Array(items), _) => drop(items.remove(key.parse().unwrap())),
+                (fields, turn) => {
+                    let absurd = [json!(1e308), json!(0), json!(-1)];
+                    let value = &mut fields[key];
+                    *value = if value.is_string() { json!("x") } else { absurd[turn - 1].clone() };
+                }
+            }
+            fs::write(directory.path().join("results.json"), document.to_string()).unwrap();
+            let output = report(&["--from", ".", "--out", "page"], directory.path());
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!([Some(0), Some(2)].contains(&output.status.code()) && !said.contains("panicked"), "{name}{path}: {said}");
+        }
+    }
+    assert!(runs > 300, "{runs}");
 }
 
 /// Ended in its first stage, it still makes the page, which says so; and reads its own results again.

@@ -232,6 +232,8 @@ fn bad_use_is_told_with_what_to_do() {
         (&["step", scene, "--size", "40x30", "--steps", "10"], "more than the 10 that are recorded: raise --steps"),
         (&["step", "scenes/many.in"], "choose fewer pixels by --size, or packets by --engine"),
         (&["step", scene, "--size", "40x30", "--only", "NOTHING"], "no macro `NOTHING` was called here; there were: "),
+        (&["step", "--op", "sphere"], "there is no operation `sphere` on vectors alone"),
+        (&["step", "--op", "cross"], "`cross` takes a vector of three numbers: --a 1,2,3 and a second one: --b 4,5,6"),
         (&["step", "--op", "sphere", "--a", "1,2,3"], "there is no operation `sphere` on vectors alone"),
         (&["step", "--op", "dot", "--a", "1,2,3"], "`dot` takes a second vector of three numbers: --b 4,5,6"),
         (&["step", "--op", "norm", "--a", "1,2,3", "--b", "1,2,3"], "`norm` takes one vector, and no --b"),
