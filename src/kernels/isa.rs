@@ -44,7 +44,7 @@ impl Isa {
         cfg!(rayo_asm)
     }
 
-    /// Whether this build has its kernels, the CPU runs them, each instruction being asked for, and the operating system saves their registers.
+    /// Whether this build has its kernels, the CPU has all that they use, and the operating system saves their registers.
     pub fn usable(self) -> bool {
         self.built()
             && match self {

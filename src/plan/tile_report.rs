@@ -1,5 +1,7 @@
 //! What tiles keep and leave out, counted: the lines of `rayo plan` for scenes of many objects.
 
+use glam::DVec3;
+
 use super::light::is_dark;
 use super::omission::{Omission, Switch};
 use super::report::{ByTiles, Kept, LeftOut, Report};
@@ -8,7 +10,6 @@ use super::tiles::{FEWEST_OBJECTS, Tiles, covered};
 use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
 use crate::reference::geometry;
 use crate::scene::{Grid, Sphere, Triangle};
-use glam::DVec3;
 
 /// What is known of a picture once the nearest of each tile has been found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1167,6 +1167,25 @@ fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn what_there_is_no_memory_for_is_told_and_a_plan_needs_no_thread() {
+    let place = Place::new();
+    let run = |run: &str, stack: &str| {
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", run]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("RUST_MIN_STACK", stack);
+        command.current_dir(&place.directory).output().unwrap()
+    };
+    let output = run("ulimit -v 500000; exec \"$0\" make torus --triangles 100000000 -o a.ply", "2000000");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && told.starts_with("error: there is no memory for "), "{output:?}");
+    // A stack that no thread can have.
+    let plan = concat!("exec \"$0\" plan ", env!("CARGO_MANIFEST_DIR"), "/scenes/many.in");
+    let output = run(plan, "100000000000000");
+    assert!(output.status.success(), "{output:?}");
+    assert_eq!(place.files(), ["scene.in"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_by_row() {
     let place = Place::new();
     let limited = |name: &str, size: &str| {
