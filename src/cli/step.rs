@@ -11,7 +11,9 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::view::{ViewArgs, tell};
-use super::{Failure, colour_on_stdout, convert, keep_apart, print_result, remove_part_files_on_signals, require_assembly};
+use super::{
+    Failure, colour_on_stdout, convert, keep_apart, print_result, remove_part_files_on_signals, require_assembly,
+};
 use crate::experiments::step::{self, Ray, WatchError};
 use crate::render::{Engine, Precision};
 use crate::scene::shown;

@@ -117,7 +117,8 @@ fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
     }
     places.sort_by_key(|place| (place.section.0, place.bytes.start));
     if !is_elf {
-        let next: Vec<_> = places.iter().skip(1).map(|next| Some((next.section, next.bytes.start))).chain([None]).collect();
+        let next: Vec<_> =
+            places.iter().skip(1).map(|next| Some((next.section, next.bytes.start))).chain([None]).collect();
         for (place, next) in places.iter_mut().zip(next) {
             let next = next.filter(|(section, _)| *section == place.section).map(|(_, start)| start);
             if let Some(end) = ends.get(place.symbol).copied().or(next) {

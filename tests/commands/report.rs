@@ -217,7 +217,9 @@ fn places(of: &Value, path: &str, found: &mut Vec<String>) {
 fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
     let directory = TempDir::new().unwrap();
     let mut runs = 0;
-    for name in ["experiment/results.json", "complexity/complexity.json", "accuracy/results.json", "stability/results.json"] {
+    for name in
+        ["experiment/results.json", "complexity/complexity.json", "accuracy/results.json", "stability/results.json"]
+    {
         let whole: Value = serde_json::from_str(&fs::read_to_string(results().join(name)).unwrap()).unwrap();
         let mut found = Vec::new();
         places(&whole, "", &mut found);
@@ -237,7 +239,10 @@ fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
             fs::write(directory.path().join("results.json"), document.to_string()).unwrap();
             let output = report(&["--from", ".", "--out", "page"], directory.path());
             let said = String::from_utf8_lossy(&output.stderr);
-            assert!([Some(0), Some(2)].contains(&output.status.code()) && !said.contains("panicked"), "{name}{path}: {said}");
+            assert!(
+                [Some(0), Some(2)].contains(&output.status.code()) && !said.contains("panicked"),
+                "{name}{path}: {said}"
+            );
         }
     }
     assert!(runs > 300, "{runs}");

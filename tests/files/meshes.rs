@@ -8,7 +8,7 @@ use crate::counting::peak_of;
 use glam::{DVec2, DVec3, Vec3};
 use proptest::prelude::*;
 use rayo::scene::mesh::shapes::{icosphere, terrain, torus};
-use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, open};
+use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, ToCamera, open};
 
 const FORMATS: [MeshFormat; 3] = [MeshFormat::Obj, MeshFormat::Ply, MeshFormat::Stl];
 
@@ -494,7 +494,8 @@ fn a_scene_that_becomes_a_mesh_comes_back_as_it_was() {
         let mesh = Mesh::of_scene(&scene, format);
         let mut bytes = Vec::new();
         mesh.write(format, &mut bytes).unwrap();
-        let again = read(format, bytes).unwrap().placed(format.placement().to_world(), Vec3::ONE).unwrap();
+        let again =
+            read(format, bytes).unwrap().placed(ToCamera::IDENTITY.of_placed(&format.placement()), Vec3::ONE).unwrap();
         let again: Vec<_> = again.iter().map(|triangle| triangle.vertices).collect();
         let corners: Vec<_> = scene.triangles.iter().map(|triangle| triangle.vertices).collect();
         assert_eq!(again, corners, "{format}");
