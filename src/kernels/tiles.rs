@@ -491,10 +491,27 @@ impl<E: Element> TileBuffers<E> {
         (self.tile.near[i], self.tile.who[i].to_f64() as usize)
     }
 
-    /// Makes a pixel the object's number `who`, with this 1/t, unless something as near is there.
-    pub(crate) fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, who: usize) {
-        let i = Self::index(lanes, column, row);
-        if near.to_f64() > self.tile.near[i].to_f64() {
+    /// Takes the pixels that are not in a window for nearer than all objects, so that they leave open nothing farther away.
+    pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
+        let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
+        for row in 0..TILE_HEIGHT {
+            for column in if height.contains(&row) { width } else { 0 }..TILE_WIDTH {
+                self.tile.near[Self::index(lanes, column, row)] = E::from_f64(f64::INFINITY);
+            }
+        }
+    }
+
+    /// Whether any object was set up.
+    pub fn has_somebody(&self) -> bool {
+        self.most > 0
+    }
+
+    /// Makes a pixel that of the last object in the tile, with this 1/t, unless something nearer is there, or something as near
+    /// that comes first: `order` has everyone's place in the scene.
+    pub(crate) fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, order: &[u32]) {
+        let (i, who) = (Self::index(lanes, column, row), order.len() - 1);
+        let there = (self.tile.near[i], order[self.tile.who[i].to_index() as usize]);
+        if near > there.0 || near == there.0 && order[who] < there.1 {
             self.most = self.most.max(last_id(who, 1));
             self.tile.near[i] = near;
             self.tile.who[i] = E::from_f64(who as f64);

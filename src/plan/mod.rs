@@ -17,7 +17,7 @@ pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use spans::{RowSpan, RowSpans, Scale, Shading, ShortForm, Spans, UseRecord, Way};
 pub use team::{Team, on_all_cores};
 pub use tile_report::TileSurvey;
-pub use tiles::{TilePlace, Tiles, Weighted, tiles_pay};
+pub use tiles::{LargeObjects, TilePlace, Tiles, Weighted, tiles_pay};
 
 use crate::scene::{Camera, Grid};
 

@@ -23,7 +23,7 @@ pub enum Omission {
     EmptyTiles,
     /// Objects in tiles that they cannot be in.
     OtherTiles,
-    /// The set-up of objects behind all that the nearer half of their tile leaves.
+    /// The set-up of objects behind all that nearer ones leave of their tile.
     Occluded,
     /// Rays that an object cannot be hit by.
     Misses,

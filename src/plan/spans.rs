@@ -28,7 +28,7 @@ const SHORT_FORM_WIDTH: u32 = 1 << 24;
 const SHORT_FORM_COLUMNS: f64 = 1048576.0;
 
 /// A row of more spans than this is left to the depth of each pixel.
-const MOST_CUT: usize = 16;
+const MOST_CUT: usize = 32;
 
 /// A sphere with less than this for k is less than sqrt 2 radii away: lights are seen from the camera then.
 const NEAR: f64 = 1.0;

@@ -39,7 +39,7 @@ impl TileSurvey {
     }
 }
 
-/// The pyramid of all rays, to say why an object without a pixel has none.
+/// A pyramid of rays, to say why an object has no pixel among them.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
     /// Unit normals, outwards, of the planes through the camera and the picture's four sides.
@@ -47,12 +47,18 @@ pub struct Frustum {
 }
 
 impl Frustum {
+    /// That of a picture.
     pub fn new(&Grid { half_width, half_height, focal, .. }: &Grid<f64>) -> Self {
+        Frustum::between([-half_width, half_width], [-half_height, half_height], focal)
+    }
+
+    /// That of the rays from one x to another and from one y to another, at the focal distance.
+    pub fn between([left, right]: [f64; 2], [low, high]: [f64; 2], focal: f64) -> Self {
         let sides = [
-            DVec3::new(focal, 0.0, -half_width),
-            DVec3::new(-focal, 0.0, -half_width),
-            DVec3::new(0.0, focal, -half_height),
-            DVec3::new(0.0, -focal, -half_height),
+            DVec3::new(focal, 0.0, -right),
+            DVec3::new(-focal, 0.0, left),
+            DVec3::new(0.0, focal, -high),
+            DVec3::new(0.0, -focal, low),
         ];
         Frustum { sides: sides.map(DVec3::normalize) }
     }

@@ -23,7 +23,7 @@ use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
     Element, Extremes, Faces, Facets, ObjectList, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView,
+    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow,
 };
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
@@ -113,6 +113,25 @@ pub struct Weighted {
     pub bytes: bool,
 }
 
+/// Objects that are in many tiles, on the way from the nearest to the farthest.
+#[derive(Clone, Copy)]
+pub struct LargeObjects<'a> {
+    bins: &'a Bins,
+    next: usize,
+}
+
+impl LargeObjects<'_> {
+    /// Whether all have been looked at.
+    pub fn are_through(&self) -> bool {
+        self.next == self.bins.count_large()
+    }
+
+    /// Adds the next ones, up to `count` of them, that may be in a tile, and `least` or nearer there.
+    pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Seen>) {
+        self.bins.add_large(tile, &mut self.next, count.min(MOST_AT_ONCE), least, room);
+    }
+}
+
 /// One tile of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
@@ -200,13 +219,20 @@ impl<'a> Binned<'a> {
         let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), team);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
         let (near_triangles, near_faces) = (near_corners(&of_triangles), near_corners(&of_faces));
+        let triangles = if near_triangles { turned_round(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
+        let faces = if near_faces { faces_turned_round(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
         let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
+        let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
+        of_spheres.sort(|_| None);
+        for (bins, facets) in of_triangles.iter_mut().zip(facets(&triangles, &faces)) {
+            bins.sort(|id| forms::most_at(&facets.get(id as usize), grid, scale, picture));
+        }
         Binned {
-            triangles: if near_triangles { turned_round(&scene.triangles) } else { Cow::Borrowed(&scene.triangles) },
-            faces: if near_faces { faces_turned_round(&scene.faces) } else { Cow::Borrowed(&scene.faces) },
-            of_spheres: of_spheres.bins,
-            of_triangles: [of_triangles.bins, of_faces.bins],
+            triangles,
+            faces,
+            of_spheres,
+            of_triangles,
             wide: if wide.is_empty() { Vec::new() } else { tiles_of(&wide, picture) },
             extremes: all.into_iter().flatten().reduce(Extremes::and),
         }
@@ -299,7 +325,7 @@ impl<'a, E: Element> Tiles<'a, E> {
 
     /// All triangles: those that have corners of their own, and those that share them.
     pub fn facets(&self) -> [Facets<'_>; 2] {
-        [Facets::Apart(&self.binned.triangles), Facets::Joined((&*self.binned.faces).into())]
+        facets(&self.binned.triangles, &self.binned.faces)
     }
 
     /// All spheres.
@@ -359,6 +385,29 @@ impl<'a, E: Element> Tiles<'a, E> {
         Frustum::new(&self.frame.grid)
     }
 
+    /// How many objects a tile may see.
+    pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
+        let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
+        let [triangles, faces] = &self.binned.of_triangles;
+        let mut large = Vec::new();
+        for mut of in self.large() {
+            while !of.are_through() {
+                of.add(tile, MOST_AT_ONCE, 0.0, &mut large);
+            }
+        }
+        let in_few =
+            [&self.binned.of_spheres, triangles, faces].map(|bins| bins.of_tile(tile).map(<[Seen]>::len).sum());
+        large.len() + in_few.iter().sum::<usize>()
+    }
+
+    /// Whether no ray of a tile meets a sphere.
+    pub fn misses(&self, &TileWindow { column, row, .. }: &TileWindow, sphere: &Sphere) -> bool {
+        let (first, past) = (self.ray(row, column), self.ray(row + TILE_HEIGHT as u32, column + TILE_WIDTH as u32));
+        let half = 0.5 * self.frame.grid.step;
+        let frustum = Frustum::between([first.x - half, past.x - half], [past.y + half, first.y + half], first.z);
+        frustum.unseen_sphere(sphere) != Omission::Between
+    }
+
     /// Pixels of the picture.
     pub(super) fn pixels(&self) -> u64 {
         self.camera().pixels()
@@ -390,27 +439,24 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// Adds the spheres that a tile may see, in the order in which they are to be asked: the large first, which hide most.
+    /// Adds the spheres that a tile may see, but for those that are in many tiles.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
         let bins = &self.binned.of_spheres;
         bins.ask_for(tile);
-        spheres.extend(bins.large_in(tile));
         bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
     }
 
     /// Hands out the triangles of one of the [kinds](Tiles::facets) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
-    /// by way of `room` if they are not in one list.
+    /// by way of `room` if they are not in one list. What is there of them already comes first; what else is in many tiles is
+    /// not among them.
     pub fn triangles_in(&self, kind: usize, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
         let bins = &self.binned.of_triangles[kind];
         bins.ask_for(tile);
         let mut lists = bins.of_tile(tile).filter(|seen| !seen.is_empty());
-        if let (Some(only), None) = (lists.next(), lists.next())
-            && bins.large_in(tile).next().is_none()
-        {
+        if let (true, Some(only), None) = (room.is_empty(), lists.next(), lists.next()) {
             return only.chunks(MOST_AT_ONCE).for_each(say);
         }
-        room.clear();
-        let mut add = |mut seen: &[Seen]| {
+        for mut seen in bins.of_tile(tile) {
             while !seen.is_empty() {
                 let (first, others) = seen.split_at(seen.len().min(MOST_AT_ONCE - room.len()));
                 room.extend_from_slice(first);
@@ -420,12 +466,16 @@ impl<'a, E: Element> Tiles<'a, E> {
                 }
                 seen = others;
             }
-        };
-        bins.large_in(tile).for_each(|large| add(&[large]));
-        bins.of_tile(tile).for_each(&mut add);
+        }
         if !room.is_empty() {
             say(room);
         }
+    }
+
+    /// What is in many tiles, in turn: spheres, then triangles of both [kinds](Tiles::facets).
+    pub fn large(&self) -> [LargeObjects<'_>; 3] {
+        let [triangles, faces] = &self.binned.of_triangles;
+        [&self.binned.of_spheres, triangles, faces].map(|bins| LargeObjects { bins, next: 0 })
     }
 
     /// A tile's rays, for set-up and for shading.
@@ -452,6 +502,10 @@ impl<'a, E: Element> Tiles<'a, E> {
         };
         (view, TileRays { dx, dy, dz, step, down: -step }.round())
     }
+}
+
+fn facets<'a>(triangles: &'a [Triangle], faces: &'a Faces) -> [Facets<'a>; 2] {
+    [Facets::Apart(triangles), Facets::Joined(faces.into())]
 }
 
 /// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust

@@ -13,12 +13,39 @@ use crate::kernels::{
     CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
     SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use crate::plan::{Keep, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
+use crate::plan::{Keep, LargeObjects, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene};
 
 /// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
 const FEWEST_HIDDEN: usize = 64;
+
+/// The same where they cover the tile more often than [`DEEP`].
+const FEWEST_DEEP: usize = 16;
+
+/// What covers a tile more often is cut in two once more, and its nearer part traced first.
+const DEEP: u32 = 6;
+
+/// And more often than this it is not: what is left is as near.
+const MOST_LAYERS: usize = 24;
+
+/// So many of a tile's objects that are in many tiles are looked at with the others, the nearest of them; and then, where
+/// something may yet be hidden by nobody, so many times as many as before.
+const LARGE_AT_FIRST: usize = 64;
+const LARGE_MORE: usize = 4;
+
+/// How often the bounds of what is `seen`, by a sample of a few, cover the window.
+fn covers(seen: &[Seen], window: &TileWindow) -> u32 {
+    let step = seen.len().div_ceil(8);
+    // Of what is small bounds are more than it covers: by a pixel about.
+    let length = |bounds: u32, first: u32, side: usize| {
+        (bounds >> 16).min(first + side as u32).saturating_sub((bounds & 0xffff).max(first) + 1)
+    };
+    let area =
+        |seen: &Seen| length(seen.columns, window.column, TILE_WIDTH) * length(seen.rows, window.row, TILE_HEIGHT);
+    let sample: u32 = seen.iter().step_by(step).map(area).sum();
+    (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
+}
 
 /// A scene of as many spheres has their records for shading made once, before its first tile. Those of a scene of more are
 /// made by each tile, of the spheres that have a pixel there.
@@ -125,26 +152,27 @@ type Scratches<E> = (Scratch<E>, Option<Scratch<f64>>);
 #[derive(Default)]
 struct Scratch<E: Element> {
     buffers: TileBuffers<E>,
-    /// What the tile may see.
-    spheres: Vec<Seen>,
-    /// Triangles that are not in one list of the plan's.
+    /// What the tile may see, where it is not in one list of the plan's.
     room: Vec<Seen>,
-    halves: Halves,
+    layers: Layers,
     /// Everyone's place in the scene by their numbers in the tile: 0 is nobody's, spheres come before triangles.
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
     looks: SphereLooks<E>,
-    /// Objects of the tile that were not set up.
-    occluded: usize,
-    /// Triangles that were, and forgotten since.
+    /// Triangles that were set up, and forgotten since.
     forgotten: usize,
 }
 
-/// Those of a tile's objects that are nearer and farther away, and what the last tiles left there.
+/// A tile's objects in layers from near to far, and what the last tiles left there.
 #[derive(Default)]
-struct Halves {
-    before: Vec<Seen>,
-    behind: Vec<Seen>,
+struct Layers {
+    nearest: Vec<Seen>,
+    /// Room for the nearest when they are cut again.
+    room: Vec<Seen>,
+    /// The others, the farthest first.
+    others: Vec<Seen>,
+    /// Where each layer of the others begins, and how many there are in it.
+    starts: Vec<(usize, usize)>,
 }
 
 /// The spheres of a tile that were set up, in the order of their numbers from 1 on.
@@ -299,13 +327,14 @@ impl<E: Element> TileTracer<'_, E> {
         let mut survey = TileSurvey::default();
         let mut seen = Vec::new();
         self.each_tile(rows.clone(), |tile, _| survey.empty += u64::from(own(tile)));
-        self.each_nearest(rows, own, |window, Scratch { buffers, order, occluded, forgotten, .. }| {
+        self.each_nearest(rows, own, |window, Scratch { buffers, order, forgotten, .. }| {
             seen.clear();
             seen.resize(order.len(), false);
             pixels_of(window).for_each(|(row, column)| seen[buffers.pixel(self.kernels.lanes, column, row).1] = true);
             survey.empty -= 1;
-            survey.occluded += *occluded as u64;
-            survey.placed += (order.len() - 1 + *forgotten + *occluded) as u64;
+            let placed = self.plan.count_in(window);
+            survey.occluded += (placed - (order.len() - 1 + *forgotten)) as u64;
+            survey.placed += placed as u64;
             survey.unseen += (*forgotten + seen[1..].iter().filter(|seen| !**seen).count()) as u64;
         });
         survey
@@ -406,13 +435,15 @@ impl<E: Element> TileTracer<'_, E> {
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
-        let Scratch { buffers, spheres, room, halves, order, shades, looks, occluded, forgotten } = scratch;
-        (*occluded, *forgotten) = (0, 0);
+        let Scratch { buffers, room, layers, order, shades, looks, forgotten } = scratch;
+        *forgotten = 0;
         looks.seen.clear();
         looks.places.clear();
-        spheres.clear();
-        self.plan.spheres_in(tile, spheres);
-        let mut any = !spheres.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
+        room.clear();
+        let [mut large_spheres, large @ ..] = self.plan.large();
+        large_spheres.add(tile, LARGE_AT_FIRST, 0.0, room);
+        self.plan.spheres_in(tile, room);
+        let mut any = !room.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
         if any {
             buffers.clear();
         }
@@ -420,16 +451,19 @@ impl<E: Element> TileTracer<'_, E> {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         order.clear();
         order.push(0);
-        if !spheres.is_empty() {
-            *occluded += self.nearest_spheres(spheres, weighted, buffers, halves, order, looks, window);
+        if !room.is_empty() {
+            self.nearest_spheres(room, weighted, buffers, layers, order, looks, window);
+            self.each_large(large_spheres, (tile, window), room, buffers, |seen, buffers| {
+                self.nearest_spheres(seen, weighted, buffers, layers, order, looks, window);
+            });
             let by_force = so_far.is_some();
             self.look_at_spheres(weighted, buffers, looks, by_force);
         }
         let mut before = 1 + self.plan.balls().len() as u32;
         let first_triangle = order.len();
         let all = self.plan.facets();
-        for (kind, facets) in all.iter().enumerate() {
-            self.plan.triangles_in(kind, tile, room, |triangles| {
+        for (kind, (facets, mut large)) in all.iter().zip(large).enumerate() {
+            let mut trace = |triangles: &[Seen], buffers: &mut TileBuffers<E>| {
                 if !any {
                     buffers.clear();
                     any = true;
@@ -439,10 +473,10 @@ impl<E: Element> TileTracer<'_, E> {
                     let dark = first_triangle * weighted.lights.len();
                     shades.resize(shades.len().max(dark), TileShade::default());
                     shades[..dark].fill(TileShade::default());
-                } else {
+                } else if order.len() - first_triangle > TILE_WIDTH * TILE_HEIGHT {
                     *forgotten += forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
                 }
-                *occluded += self.near_first(triangles, halves, buffers, window, |seen, buffers| {
+                self.near_first(triangles, layers, buffers, window, |seen, buffers| {
                     for start in (0..seen.len()).step_by(CHUNK) {
                         let first_id = order.len();
                         let seen = &seen[start..];
@@ -455,65 +489,114 @@ impl<E: Element> TileTracer<'_, E> {
                         }
                     }
                 });
-            });
+            };
+            room.clear();
+            large.add(tile, LARGE_AT_FIRST, 0.0, room);
+            self.plan.triangles_in(kind, tile, room, |seen| trace(seen, buffers));
+            self.each_large(large, (tile, window), room, buffers, |seen, buffers| trace(seen, buffers));
             before += facets.len() as u32;
         }
         any
     }
 
-    /// Has `nearest` called for the nearer half of what is `seen`, and then for what is not hidden by all that this leaves
-    /// around it. How many are.
+    /// Has those traced of what is in many tiles that are still to come, and not behind all of this one.
+    fn each_large(
+        &self,
+        mut large: LargeObjects<'_>,
+        (tile, window): (TilePlace, &TileWindow),
+        room: &mut Vec<Seen>,
+        buffers: &mut TileBuffers<E>,
+        mut trace: impl FnMut(&mut Vec<Seen>, &mut TileBuffers<E>),
+    ) {
+        let mut count = LARGE_AT_FIRST;
+        while !large.are_through() {
+            count = LARGE_MORE.saturating_mul(count);
+            let least = if self.plan.keep().has(Omission::Occluded) { 0.0 } else { self.farthest(buffers, window).1 };
+            room.clear();
+            large.add(tile, count, least, room);
+            if !room.is_empty() {
+                trace(room, buffers);
+            }
+        }
+    }
+
+    /// Has what is `seen` traced, layer by layer from near to far, but for what is hidden by all that there is around it by
+    /// then.
     fn near_first(
         &self,
         seen: &[Seen],
-        Halves { before, behind }: &mut Halves,
+        Layers { nearest, room, others, starts }: &mut Layers,
         buffers: &mut TileBuffers<E>,
         window: &TileWindow,
-        mut nearest: impl FnMut(&[Seen], &mut TileBuffers<E>),
-    ) -> usize {
-        if seen.len() < FEWEST_HIDDEN || self.plan.keep().has(Omission::Occluded) {
-            nearest(seen, buffers);
-            return 0;
+        mut trace: impl FnMut(&[Seen], &mut TileBuffers<E>),
+    ) {
+        let few = seen.len() < FEWEST_HIDDEN && (seen.len() < FEWEST_DEEP || covers(seen, window) <= DEEP);
+        if few || self.plan.keep().has(Omission::Occluded) {
+            return trace(seen, buffers);
         }
-        if behind.len() < seen.len() {
-            // Kernels fill registers.
-            let room = seen.len().next_multiple_of(CHUNK);
-            before.resize(room, Seen::default());
-            behind.resize(room, Seen::default());
+        // Kernels fill registers.
+        let enough = seen.len() + CHUNK;
+        for layer in [&mut *nearest, room, others] {
+            layer.resize(layer.len().max(enough), Seen::default());
         }
-        let near = self.packets.nearer_half.call(seen, before, behind);
-        let far = seen.len() - near;
-        nearest(&before[..near], buffers);
-        let parts = Parts::new(self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32));
-        let left = self.packets.visible.call(behind, far, &parts, window);
-        nearest(&behind[..left], buffers);
-        far - left
+        let mut near = self.packets.nearer_half.call(seen, nearest, others);
+        let mut end = seen.len() - near;
+        starts.clear();
+        starts.push((0, end));
+        while near >= FEWEST_DEEP && starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
+            let nearer = self.packets.nearer_half.call(&nearest[..near], room, &mut others[end..]);
+            if nearer == near {
+                break;
+            }
+            std::mem::swap(nearest, room);
+            starts.push((end, near - nearer));
+            (near, end) = (nearer, end + near - nearer);
+        }
+        let mut farthest = None;
+        let mut trace_layer = |layer: &mut [Seen], count: usize| {
+            let mut left = count;
+            if buffers.has_somebody() {
+                let (parts, least) = farthest.get_or_insert_with(|| self.farthest(buffers, window));
+                left = not_behind(layer, count, *least);
+                left = self.packets.visible.call(layer, left, parts, window);
+            }
+            if left > 0 {
+                trace(&layer[..left], buffers);
+                farthest = None;
+            }
+        };
+        trace_layer(nearest, near);
+        starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
     }
 
-    /// The spheres of a tile: first those that no kernel takes. How many are hidden.
+    /// What is farthest in the parts of a tile, and in all of it.
+    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> (Parts, f32) {
+        buffers.close_around(self.kernels.lanes, window);
+        let alone = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
+        (Parts::new(alone), alone.into_iter().fold(f32::MAX, f32::min))
+    }
+
+    /// Spheres of a tile: first those that no kernel takes.
     #[expect(clippy::too_many_arguments, reason = "parts of one Scratch")]
     fn nearest_spheres(
         &self,
         spheres: &mut Vec<Seen>,
         weighted: &Weighted,
         buffers: &mut TileBuffers<E>,
-        halves: &mut Halves,
+        layers: &mut Layers,
         order: &mut Vec<u32>,
         looks: &mut SphereLooks<E>,
         window: &TileWindow,
-    ) -> usize {
+    ) {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if spheres.iter().any(|seen| seen.most == Seen::ANY) {
-            // In the scene's order, in which the first of equals stays.
-            let odd = looks.seen.len()..;
-            looks.seen.extend(spheres.extract_if(.., |seen| seen.most == Seen::ANY));
-            looks.seen[odd.clone()].sort_unstable_by_key(|seen| seen.id);
-            for seen in &looks.seen[odd] {
-                self.nearest_odd(seen.id, order.len(), buffers, window);
+            for seen in spheres.extract_if(.., |seen| seen.most == Seen::ANY) {
                 order.push(1 + seen.id);
+                looks.seen.push(seen);
+                self.nearest_odd(seen.id, order, buffers, window);
             }
         }
-        self.near_first(spheres, halves, buffers, window, |seen, buffers| {
+        self.near_first(spheres, layers, buffers, window, |seen, buffers| {
             for start in (0..seen.len()).step_by(CHUNK) {
                 let first_id = order.len();
                 let seen = &seen[start..];
@@ -524,7 +607,7 @@ impl<E: Element> TileTracer<'_, E> {
                 kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
                 kernels.nearest_spheres.call(buffers, order, window, &grid, self.fewest_across());
             }
-        })
+        });
     }
 
     /// A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen,
@@ -589,16 +672,19 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// A sphere around the camera, or one that reaches behind its plane: in f64, ray by ray.
-    fn nearest_odd(&self, sphere: u32, id: usize, buffers: &mut TileBuffers<E>, window: &TileWindow) {
+    /// A sphere around the camera, or one that reaches behind its plane, the last of the tile's so far: in f64, ray by ray.
+    fn nearest_odd(&self, sphere: u32, order: &[u32], buffers: &mut TileBuffers<E>, window: &TileWindow) {
         let sphere = &self.plan.balls()[sphere as usize];
+        if !self.plan.keep().has(Omission::Misses) && self.plan.misses(window, sphere) {
+            return;
+        }
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         for row in window.rows.clone() {
             for column in 0..window.columns {
                 let d = self.ray(window, column, row);
                 if let Some(t) = geometry::sphere(d, centre, radius) {
                     let near = E::from_f64(self.plan.scale() / t);
-                    buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, id);
+                    buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, order);
                 }
             }
         }
@@ -662,6 +748,19 @@ impl<E: Element> TileTracer<'_, E> {
         self.add_normals(rows, &mut found);
         found
     }
+}
+
+/// Brings those of the first `count` to the front, in order, that are not behind all of a tile, and gives how many they are.
+fn not_behind(seen: &mut [Seen], count: usize, least: f32) -> usize {
+    if least <= 0.0 {
+        return count;
+    }
+    let mut left = 0;
+    for i in 0..count {
+        seen[left] = seen[i];
+        left += usize::from(seen[i].most >= least);
+    }
+    left
 }
 
 /// Forgets those triangles of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from

@@ -135,6 +135,82 @@ fn what_is_behind_parts_of_a_tile_is_seen_between_them() {
     }
 }
 
+/// Scenes of great depth: one object behind another all over the picture, and all around the camera.
+fn deep(seed: u64) -> Vec<(&'static str, Scene)> {
+    let mut rng = Rng::new(seed);
+    let empty = Scene { camera: camera(203, 97), ..many(0, 0, seed) };
+    // Of this size at some depth and place, tilted by so much of it.
+    let mut triangles = |count: usize, size: f32, around: f32, tilt: f32, depths: [f32; 2]| {
+        let mut of = |low: f32, high: f32| low + rng.next_f32() * (high - low);
+        let mut triangle = |_| {
+            let z = of(depths[0], depths[1]);
+            let [x, y] = [0.5, 0.25].map(|side| of(-around, around) * side * z.abs());
+            let turn = of(0.0, 6.0);
+            let corner = |i: u8| {
+                let (sin, cos) = (turn + 2.1 * f32::from(i)).sin_cos();
+                Vec3::new(x + size * z * cos, y + size * z * sin, z)
+            };
+            let vertices = [0, 1, 2].map(corner).map(|corner| corner + Vec3::Z * z * of(-tilt, tilt));
+            Triangle { colour: Vec3::new(of(0.0, 1.0), of(0.0, 1.0), 1.0), vertices }
+        };
+        Scene { triangles: (0..count).map(&mut triangle).collect(), ..empty.clone() }
+    };
+    let walls = triangles(900, 3.0, 0.0, 0.0, [2.0, 6.0]);
+    let nearest_last = |scene: &Scene| {
+        let mut triangles = scene.triangles.clone();
+        triangles.sort_by(|a, b| b.vertices[0].z.total_cmp(&a.vertices[0].z));
+        Scene { triangles, ..scene.clone() }
+    };
+    let one_wall = triangles(1, 3.0, 0.0, 0.0, [2.0, 2.0]);
+    let scenes = [
+        ("walls from far to near", nearest_last(&walls)),
+        ("walls", walls),
+        ("walls through one another", triangles(300, 3.0, 0.0, 0.25, [3.0, 4.0])),
+        ("large triangles", triangles(2000, 0.2, 1.0, 0.1, [2.0, 6.0])),
+        ("triangles of a tile or two", triangles(3000, 0.1, 1.0, 0.02, [2.0, 6.0])),
+        ("triangles around the camera", triangles(2000, 0.3, 3.0, 2.0, [-3.0, 3.0])),
+    ];
+    let mut spheres = |count: usize, most: f32, beyond: f32| {
+        let mut sphere = |_| {
+            let [x, y, z] = [0; 3].map(|_| 6.0 * rng.next_f32() - 3.0);
+            let centre = Vec3::new(x, y, if beyond > 0.0 { beyond + z.abs() } else { z });
+            Sphere { centre, radius: (centre.length() * most * rng.next_f32()).max(1e-3), colour: Vec3::ONE }
+        };
+        Scene { spheres: (0..count).map(&mut sphere).collect(), ..empty.clone() }
+    };
+    let with = |scene: Scene, triangles: &Scene| Scene { triangles: triangles.triangles.clone(), ..scene };
+    scenes
+        .into_iter()
+        .chain([
+            ("spheres around the camera", spheres(1500, 0.6, 0.0)),
+            ("the camera in many spheres", spheres(100, 2.0, 0.0)),
+            ("large spheres", spheres(2000, 0.3, 4.0)),
+            ("spheres behind a wall", with(spheres(2000, 0.05, 3.0), &one_wall)),
+        ])
+        .collect()
+}
+
+#[test]
+fn what_is_left_out_of_great_depth_changes_no_byte() {
+    for (name, scene) in deep(1) {
+        for contender in packets() {
+            for format in FORMATS {
+                assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}: {name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn of_great_depth_tiles_agree_with_the_reference() {
+    for (name, scene) in deep(2) {
+        let truth = Truth::new(&scene);
+        for contender in packets() {
+            truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+    }
+}
+
 #[test]
 fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_their_order() {
     let camera = camera(64, 32);

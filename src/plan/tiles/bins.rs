@@ -1,5 +1,6 @@
 //! Which tiles each object may be in.
 
+use std::cmp::Reverse;
 use std::ops::Range;
 
 use super::bounds::Picture;
@@ -18,8 +19,18 @@ pub(super) struct Bins {
     pieces: Vec<Piece>,
     /// What is in their lists. Each block may have room for more.
     blocks: Vec<Vec<Seen>>,
+    /// Those that are in many tiles.
+    large: Vec<Large>,
     /// Room for the runs of a piece.
     runs: Vec<Run>,
+}
+
+/// An object that is in many tiles.
+#[derive(Clone, Copy)]
+struct Large {
+    seen: Seen,
+    /// What its 1/t cannot exceed at a pixel: a number, and what a column and a row more add to it.
+    most: [f32; 3],
 }
 
 /// Objects of a piece that follow one another and are in the same tiles, as neighbours in a mesh mostly are, and the first of
@@ -48,8 +59,6 @@ struct Piece {
     block: usize,
     /// In the block: where each tile's begin, and where the last one's end.
     starts: Vec<u32>,
-    /// Those that are in many tiles.
-    large: Vec<Seen>,
 }
 
 impl Bins {
@@ -72,7 +81,6 @@ impl Bins {
     /// Adds what is seen of the piece of the scene that has this number, after which so many `pieces_left` like it may come.
     /// Few stay in their order, as spheres that were sorted must; of many the lists begin with those that are in no other tile.
     pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: f64) {
-        let mut large = Vec::new();
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
         // How many objects each tile has, and then where they begin.
@@ -86,7 +94,7 @@ impl Bins {
         for run in in_more.clone() {
             let tiles = TileRanges::of(&seen[run.start as usize]);
             if tiles.count() > most_tiles {
-                large.extend_from_slice(run.of(seen));
+                self.large.extend(run.of(seen).iter().map(|seen| Large { seen: *seen, most: [seen.most, 0.0, 0.0] }));
             } else {
                 corners.add(&tiles, run.len());
             }
@@ -117,7 +125,7 @@ impl Bins {
                 tiles.each(across, |tile| append(lists, &mut next[tile], run.of(seen)));
             }
         }
-        self.pieces.push(Piece { number, block, starts, large });
+        self.pieces.push(Piece { number, block, starts });
     }
 
     /// With the pieces of another, all in the scene's order.
@@ -126,13 +134,24 @@ impl Bins {
         self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
         self.pieces.sort_unstable_by_key(|piece| piece.number);
         self.blocks.extend(other.blocks);
+        self.large.extend(other.large);
         self
+    }
+
+    /// Puts those that are in many tiles in the order of their nearness; `most` says of each, by its number, what its 1/t
+    /// cannot exceed, as [`Large`] has it.
+    pub(super) fn sort(&mut self, most: impl Fn(u32) -> Option<[f32; 3]>) {
+        for large in &mut self.large {
+            large.most = most(large.seen.id).unwrap_or(large.most);
+        }
+        // Not negative, so that they are in the order of their bits.
+        self.large.sort_unstable_by_key(|large| (Reverse(large.seen.most.to_bits()), large.seen.id));
     }
 
     /// All that is in a list, once for each.
     pub(super) fn listed(&self) -> impl Iterator<Item = &Seen> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
-        lists.chain(self.large())
+        lists.chain(self.large.iter().map(|large| &large.seen))
     }
 
     /// What a tile may see of what is in few tiles.
@@ -146,22 +165,43 @@ impl Bins {
         self.of_tile(tile).for_each(sys::ask_for);
     }
 
-    /// Those that are in many tiles and may be in this one.
-    pub(super) fn large_in(&self, tile: TilePlace) -> impl Iterator<Item = Seen> {
+    /// Adds some of those that are in many tiles and may be in this one, the nearest first: up to `count` of them, from number
+    /// `next` on, which then is that of the first of the others. None of these can be nearer than `least` in the tile.
+    pub(super) fn add_large(&self, tile: TilePlace, next: &mut usize, count: usize, least: f32, room: &mut Vec<Seen>) {
         let (column, row) = tile.first();
         let everywhere = self.most_tiles.is_none();
-        let in_tile = move |large: &&Seen| {
-            if everywhere {
-                return true;
+        let [half_width, half_height] = [TILE_WIDTH, TILE_HEIGHT].map(|side| 0.5 * (side - 1) as f32);
+        let (x, y) = (column as f32 + half_width, row as f32 + half_height);
+        let enough = room.len() + count;
+        for large in &self.large[*next..] {
+            let Large { mut seen, most: [most, across, down] } = *large;
+            if seen.most < least {
+                *next = self.large.len();
+                return;
             }
-            let (x, y) = (range(large.columns), range(large.rows));
-            x.start < column + TILE_WIDTH as u32 && column < x.end && y.start < row + TILE_HEIGHT as u32 && row < y.end
-        };
-        self.large().filter(in_tile).copied()
+            if room.len() == enough {
+                return;
+            }
+            *next += 1;
+            let (columns, rows) = (range(seen.columns), range(seen.rows));
+            let is_in = columns.start < column + TILE_WIDTH as u32
+                && column < columns.end
+                && rows.start < row + TILE_HEIGHT as u32
+                && row < rows.end;
+            let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
+            // A NaN is not less.
+            if here < seen.most {
+                seen.most = if here > 0.0 { here } else { 0.0 };
+            }
+            if everywhere || is_in && seen.most >= least {
+                room.push(seen);
+            }
+        }
     }
 
-    fn large(&self) -> impl Iterator<Item = &Seen> {
-        self.pieces.iter().flat_map(|piece| &piece.large)
+    /// How many are in many tiles.
+    pub(super) fn count_large(&self) -> usize {
+        self.large.len()
     }
 }
 

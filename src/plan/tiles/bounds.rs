@@ -172,12 +172,22 @@ where
             let mut left = 0;
             for i in 0..count {
                 let seen = &mut room[i];
-                let object = objects.get((seen.id - first_id) as usize);
-                let is_wide = !is_sure(seen.most) && (self.form)(&object, seen) == Form::Wide && self.in_f32;
-                wide.extend((is_wide && covered(seen.columns, seen.rows) > 0).then_some(*seen));
-                room[left] = *seen;
-                // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
-                left += usize::from(!(is_wide && all));
+                let mut is_kept = true;
+                if !is_sure(seen.most) {
+                    let object = objects.get((seen.id - first_id) as usize);
+                    let is_wide = (self.form)(&object, seen) == Form::Wide && self.in_f32;
+                    // One across the camera's plane has the whole picture for its bounds, wherever it is.
+                    let unseen = || (self.unseen)(&self.widening.frustum, &object);
+                    if seen.most == Seen::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
+                        (seen.columns, seen.rows) = (0, 0);
+                    }
+                    let has_pixels = covered(seen.columns, seen.rows) > 0;
+                    wide.extend((is_wide && has_pixels).then_some(*seen));
+                    // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
+                    is_kept = if all { !is_wide } else { has_pixels };
+                }
+                room[left] = room[i];
+                left += usize::from(is_kept);
             }
             count = left;
         }

@@ -22,7 +22,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::bins::tile_range;
-use super::bounds::near_of_sphere;
+use super::bounds::{Picture, near_of_sphere};
 use super::{TilePlace, range};
 use crate::kernels::{Extremes, Seen, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
@@ -213,6 +213,22 @@ impl Forms {
         let (x, y) = (TILE_WIDTH as f64 / 2.0, TILE_HEIGHT as f64 / 2.0);
         steepness(most.x, most.y, x, y) <= (STEEPEST - 3.0) * farthest * volume
     }
+}
+
+/// What the 1/t of a triangle cannot exceed at a pixel, from its plane as set-up makes it: at the first one, and what a column
+/// and a row more add. None where that is beyond f32.
+pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
+    let [v, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
+    let normal = (v - v2).cross(v - v3);
+    let n = normal * (scale / v.dot(normal));
+    let first = n.dot(grid.ray(0, 0).into());
+    let (across, down) = (n.x * grid.step, -n.y * grid.step);
+    let terms = n.abs().dot(DVec3::from(grid.ray(0, 0)).abs())
+        + across.abs() * f64::from(picture.width)
+        + down.abs() * f64::from(picture.height);
+    // All roundings, here and there, are of some parts in 2^24 of these terms.
+    let most = [first + terms / f64::from(1 << 18), across, down].map(|x| x as f32);
+    (terms < f32::MAX.into()).then_some(most)
 }
 
 /// The greatest of a vector's numbers without their signs.
