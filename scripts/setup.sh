@@ -211,8 +211,9 @@ say "The build lacks: $needs"
 # shellcheck disable=SC2086 # words
 install $needs || true
 needs=$(missing)
+# Unpacked only where that is enough.
 case $needs in
-    *nasm*)
+    "nasm ")
         unpack_nasm || true
         needs=$(missing)
         ;;
