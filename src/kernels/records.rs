@@ -165,7 +165,7 @@ pub struct Seen {
     pub columns: u32,
     /// The rows.
     pub rows: u32,
-    /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any.
+    /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any, infinity if that is beyond f32.
     pub most: f32,
 }
 

@@ -217,14 +217,15 @@ mod tests {
 
     #[test]
     fn a_triangle_that_begins_next_to_the_camera_has_its_volume_from_there() {
-        // Exactly representable: a corner 2^-60 below the camera, and two far ones.
-        let tiny = 2f64.powi(-60);
-        let (near, one, other) = (corner(0.0, -tiny, 0.0), corner(-3.0, -0.375, 5.0), corner(2.0, -0.625, 7.0));
-        let expected = near.dot((near - one).cross(near - other));
-        for vertices in [[near, one, other], [other, near, one], [one, other, near]] {
-            assert_eq!(triangle_volume(vertices), Some(expected), "{vertices:?}");
+        // Exactly representable: a corner below the camera, and two farther ones.
+        for tiny in [-60, -19, -3].map(|exponent| 2f64.powi(exponent)) {
+            let (near, one, other) = (corner(0.0, -tiny, 0.0), corner(-3.0, -0.375, 5.0), corner(2.0, -0.625, 7.0));
+            let expected = near.dot((near - one).cross(near - other));
+            for vertices in [[near, one, other], [other, near, one], [one, other, near]] {
+                assert_eq!(triangle_volume(vertices), Some(expected), "{vertices:?}");
+            }
+            assert_eq!(triangle_volume([near, other, one]), Some(-expected));
         }
-        assert_eq!(triangle_volume([near, other, one]), Some(-expected));
     }
 
     #[test]

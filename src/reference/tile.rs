@@ -365,7 +365,7 @@ pub fn hides(farthest: &[f32], across: u32, [columns, mut rows]: [RangeInclusive
 /// What NEARER_HALF cuts at: as many f32 are between it and the least of some numbers not below 0 as between it and the
 /// greatest, the largest f32 not being taken for that.
 pub fn middle(numbers: impl Iterator<Item = f32> + Clone) -> f32 {
-    let most = numbers.clone().filter(|number| *number < f32::MAX).fold(0.0, max);
+    let most = numbers.clone().filter(|number| *number != f32::MAX).fold(0.0, max);
     let least = numbers.fold(f32::MAX, min);
     f32::from_bits((least.to_bits() + most.to_bits()) / 2)
 }

@@ -109,7 +109,7 @@ fn behind_walls(seed: u64) -> Scene {
         scene.spheres.push(Sphere { radius: radius as f32, colour, centre: (1.0 + rng.next_f32()) * at(0.5, 0.5) });
     };
     for (row, column) in (0..12).flat_map(|row| (0..24).map(move |column| (row, column))) {
-        if rng.next_u64() % 4 > 0 {
+        if !rng.next_u64().is_multiple_of(4) {
             let depth = rng.between(1.0, 1.2).into();
             add([f64::from(column) * 8.0, f64::from(row) * 8.0], 8.0, depth, &mut rng);
         }
