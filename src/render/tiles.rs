@@ -24,7 +24,7 @@ const FEWEST_HIDDEN: usize = 64;
 const FEWEST_DEEP: usize = 16;
 
 /// What covers a tile more often is cut in two once more, and its nearer part traced first.
-const DEEP: u32 = 6;
+const DEEP: u32 = 4;
 
 /// And more often than this it is not: what is left is as near.
 const MOST_LAYERS: usize = 24;
@@ -543,7 +543,7 @@ impl<E: Element> TileTracer<'_, E> {
         let mut end = seen.len() - near;
         starts.clear();
         starts.push((0, end));
-        while near >= FEWEST_DEEP && starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
+        while starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
             let nearer = self.packets.nearer_half.call(&nearest[..near], room, &mut others[end..]);
             if nearer == near {
                 break;
