@@ -202,16 +202,6 @@ fn what_is_left_out_of_great_depth_changes_no_byte() {
 }
 
 #[test]
-fn of_great_depth_tiles_agree_with_the_reference() {
-    for (name, scene) in deep(2) {
-        let truth = Truth::new(&scene);
-        for contender in packets() {
-            truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{name}: {error}"));
-        }
-    }
-}
-
-#[test]
 fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_their_order() {
     let camera = camera(64, 32);
     let mut scene = Scene { camera, ..many(3, 40_000, 5) };
