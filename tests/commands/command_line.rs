@@ -376,7 +376,7 @@ fn what_is_no_scene_file_is_named() {
         place.write(name, SCENE);
         assert_eq!(place.run(&format!("render {name} -o a.png")).status, 0, "{name}");
         place.write(name, &SCENE.replace("0.5", "x"));
-        assert!(place.run(&format!("render {name}")).stderr.contains("sphere 1's radius is not a number"), "{name}");
+        assert!(place.run(&format!("render {name}")).stderr.contains("sphere 1's green is not a number"), "{name}");
         fs::remove_file(place.path(name)).unwrap();
     }
     fs::remove_file(place.path("a.png")).unwrap();
@@ -446,7 +446,7 @@ fn no_file_steers_the_terminal() {
     place.refuses("render scene.in", 2, &message(shown));
     let toml = "[image]\nfile = \"\\u001b]0;x\\u0007.png\\n\"\nwidth = 1\nheight = 1\n";
     place.write("scene.toml", toml);
-    place.refuses("render scene.toml", 2, &message(&format!("{shown}\\n")));
+    assert!(place.run("render scene.toml").stderr.contains(&message(&format!("{shown}\\n"))));
     place.write("a.in", SCENE);
     place.write(title, "P3 1 1 255 1 2 3");
     place.write("a\nb.stl", "solid");
@@ -464,7 +464,6 @@ fn no_file_steers_the_terminal() {
         &["plan", "\u{1b}"],
         &["report", "--from", "\u{1b}"],
         &["render", "a.in", "--engine", "\u{1b}"],
-        &["stability", "--family", "\u{1b}"],
     ] {
         let output = place.command().args(arguments).output().unwrap();
         let said = [output.stdout, output.stderr].concat();
@@ -1084,7 +1083,7 @@ fn scenes_are_converted_without_a_change_in_the_picture() {
 fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     let place = Place::new();
     let run = place.run("convert scene.in out.obj");
-    let warning = "warning: out.obj: OBJ has no place for 1 sphere, 1 light, the triangles' colours, the camera";
+    let warning = "warning: out.obj: OBJ has no place for 1 sphere, 1 light, the camera";
     assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
     assert!(fs::read_to_string(place.path("out.obj")).unwrap().ends_with("f 1 2 3\n"));
     // --quiet leaves warnings.
@@ -1092,6 +1091,8 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
         place.run("convert scene.in out.ply --quiet").stderr.trim_end(),
         warning.replace("out.obj: OBJ", "out.ply: PLY")
     );
+    let warning = "warning: out.stl: STL has no place for 1 sphere, 1 light, the triangles' colours, the camera";
+    assert_eq!(place.run("convert scene.in out.stl").stderr.trim_end(), warning);
     place.write("film.toml", "[image]\nwidth = 9\nheight = 9\n[camera]\nfilm = 35\n");
     let run = place.run("convert film.toml film.in");
     let warning = "warning: film.in: the format has no place for a film of 35: render it with --film 35";
@@ -1104,7 +1105,7 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     place.refuses("make torus --triangles 9 -o scene.out", 2, names);
     let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
     place.refuses("convert scene.in none/out.toml", 1, directory);
-    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "scene.in"]);
+    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "out.stl", "scene.in"]);
 }
 
 #[test]
@@ -1265,7 +1266,9 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
             let begun = || {
                 let open = fs::read_dir(&descriptors).into_iter().flatten().flatten();
                 let mut names = open.filter_map(|entry| fs::read_link(entry.path()).ok());
-                names.any(|name| name.starts_with(place.directory.path().canonicalize().unwrap()))
+                names.any(|name| {
+                    name.to_string_lossy().ends_with(" (deleted)") || name.to_string_lossy().contains("/.rayo-")
+                })
             };
             while !begun() {
                 assert!(child.try_wait().unwrap().is_none(), "it has ended by itself");
