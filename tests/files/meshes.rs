@@ -369,7 +369,6 @@ fn a_bad_ply_file_is_refused_at_its_line_and_element() {
         ("property float y", "property float w", "test: vertices have no y: expected property float y".into()),
         ("element vertex 4", "element point 4", "test: the header has no vertices: expected element vertex, with its number".into()),
         ("element face 1", "element fact 1", "test: the header has no faces: expected element face, with its number".into()),
-        ("element face 1", "element edge 1", "test: the header has no faces: expected element face, with its number".into()),
         ("int vertex_indices", "float vertex_indices", "test: faces have no corners: expected property list uchar int vertex_indices".into()),
         ("element face 1", "element face 0", "test: the mesh is empty: expected at least one face".into()),
         ("end_header\n", "end_heater\n", format!("test:14: the header cannot be understood: {header}")),
