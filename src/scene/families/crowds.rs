@@ -78,9 +78,6 @@ fn beside(maker: &mut Maker) -> Made {
 /// Where the sun is, in metres.
 const SUN: f64 = 1.4e11;
 
-/// What f32 cannot hold beside 1, but around it.
-const BEYOND_F32: f64 = 1e40;
-
 pub const SCALES: Family = Family {
     id: "X1",
     name: "scales mixed within one scene",
@@ -95,7 +92,6 @@ pub const SCALES: Family = Family {
         Level { value: 1e18, label: "" },
         Level { value: 1e24, label: "" },
         Level { value: 1e28, label: "" },
-        Level { value: BEYOND_F32, label: "" },
     ],
     ordinary: 0,
     same_work: false,
@@ -114,8 +110,7 @@ fn scales(maker: &mut Maker) -> Made {
         fill(maker, &mut scene, 0.5, count, AS_IT_IS, UNSHADED);
     } else {
         // What is smaller is nearer, and shows as large.
-        let (large, ordinary) = if ratio == BEYOND_F32 { (1e20, 1e20) } else { (ratio, 1.0) };
-        let scale = |i: usize| [large, ordinary, ordinary / ratio, ordinary][i / 2 % 4];
+        let scale = |i: usize| [ratio, 1.0, 1.0 / ratio, 1.0][i / 2 % 4];
         fill(maker, &mut scene, 0.5, count, scale, UNSHADED);
     }
     scene.into()
