@@ -141,7 +141,7 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     let verdict = if watched.unknown == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) };
     if let Some(path) = &args.html {
         keep_apart(path, args.scene.iter().map(|scene| &**scene))?;
-        let of = args.scene.as_ref().map_or(String::new(), |scene| shown(scene));
+        let of = args.scene.as_ref().map_or(String::new(), shown);
         remove_part_files_on_signals()?;
         convert::write(path, |out| out.write_all(html::page(&watched, &of, args.error).as_bytes()))?;
         return Ok(verdict);

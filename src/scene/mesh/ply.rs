@@ -157,7 +157,8 @@ pub(super) fn channel(property: &Property) -> f32 {
         Property::Double(value) => value as f32,
         _ => 0.0,
     };
-    value.max(0.0).min(f32::MAX)
+    // What is no number is none, too.
+    if value > 0.0 { value.min(f32::MAX) } else { 0.0 }
 }
 
 /// The mesh of a file, of which those faces are painted that have colours of their own: or else by its vertices, if these have
