@@ -121,7 +121,7 @@ fn tiles<E: Element>(packets: &PacketKernels, kernels: &SpanKernels<E>, plan: &T
 fn attack<E: Element>(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>) {
     let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
     let mut scene = scene::Scene { camera, ..scene::many(2, 2, 1) };
-    scene.lights = vec![scene.lights[0].clone(); 8];
+    scene.lights = vec![scene.lights[0]; 8];
     let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
     let accepted = [rows(kernels), tiles(packets, kernels, &plan)].concat();
     assert!(accepted.is_empty(), "{} lanes: {accepted:#?}", kernels.lanes);

@@ -101,8 +101,8 @@ impl Materials {
         for library in &self.libraries {
             let words = || library.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
             // One name with blanks, or several.
-            let mut are_read = read(library, folder, &mut known);
-            are_read |= words().count() > 1 && words().all(|name| read(name, folder, &mut known));
+            let are_read = read(library, folder, &mut known)
+                || words().count() > 1 && words().all(|name| read(name, folder, &mut known));
             if !are_read {
                 let name = printable(&String::from_utf8_lossy(library));
                 mesh.notes.push(format!("its materials are not all there: `{name}` cannot be read"));
