@@ -84,7 +84,7 @@ fn spaces_at(text: &str) -> usize {
     text.len() - text.trim_start_matches(' ').len()
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "cli"))]
 mod tests {
     use super::*;
     use crate::cli::table::Table;

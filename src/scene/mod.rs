@@ -25,6 +25,7 @@ mod write_toml;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 pub use diagnostic::{Diagnostic, SceneError};
+#[cfg(feature = "files")]
 pub(crate) use diagnostic::{printable, shown};
 pub use mesh::{Mesh, MeshError, MeshFormat};
 #[cfg(feature = "files")]
