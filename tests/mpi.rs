@@ -202,9 +202,17 @@ impl Started {
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
     }
 
-    /// Waits until the picture's hidden file is there: MPI is ready by then, and the picture is not.
+    /// Whether rank 0 has the picture's file open, which has no name until it is whole.
+    fn is_writing(&self) -> bool {
+        let place = self.directory.path().canonicalize().unwrap();
+        let Ok(id) = fs::read_to_string(place.join("ids/0")) else { return false };
+        let open = fs::read_dir(format!("/proc/{}/fd", id.trim())).into_iter().flatten().flatten();
+        open.filter_map(|entry| fs::read_link(entry.path()).ok()).any(|file| file.starts_with(place.join("out")))
+    }
+
+    /// Waits until the picture is begun: MPI is ready by then, and the picture is not.
     fn wait_for_the_beginning(&mut self) {
-        self.wait("the hidden file", |started| (!started.written().is_empty()).then_some(()));
+        self.wait("the picture to be begun", |started| started.is_writing().then_some(()));
     }
 
     fn wait_for_the_end(&mut self) -> ExitStatus {

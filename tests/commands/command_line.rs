@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use crate::program::in_the_foreground;
 use rayo::measure::picture::{Picture, Pixels};
 use rayo::render::{Engine, read};
 use serde_json::{Value, json};
@@ -1257,9 +1258,8 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
     let signals = [("INT", 130), ("TERM", 143), ("HUP", 129), ("QUIT", 131), ("XCPU", 152)];
     for (signal, status) in signals.map(|(signal, status)| (signal, Some(status))).into_iter().chain([("KILL", None)]) {
         for name in ["a.png", "a.exr"] {
-            // Minutes of work. Whoever runs the tests may have had signals ignored.
-            let mut command = std::process::Command::new("env");
-            command.arg("--default-signal").arg(assert_cmd::cargo::cargo_bin!("rayo"));
+            // Minutes of work.
+            let mut command = in_the_foreground();
             command.args(["render", "many.in", "--engine", "reference", "--size", "4000x4000", "--quiet", "-o", name]);
             let mut child = command.current_dir(&place.directory).spawn().unwrap();
             let descriptors = format!("/proc/{}/fd", child.id());

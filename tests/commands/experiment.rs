@@ -175,13 +175,13 @@ fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_faile
 }
 
 /// Stopped in its first second, a run keeps the sizes that are finished and says so, or has none to show.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_keeps_what_is_finished_and_says_so() {
     use std::process::{Command, Stdio};
     let directory = TempDir::new().unwrap();
     // So many runs that no machine gets through them.
-    let mut child = Command::new(env!("CARGO_BIN_EXE_rayo"))
+    let mut child = program::in_the_foreground()
         .args(["experiment", "--engines", "c", "--runs", "3", "--json", "--out"])
         .arg(directory.path())
         .stdout(Stdio::piped())

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::extent;
-use crate::program::rayo;
+use crate::program::{in_the_foreground, rayo};
 use rayo::experiments::{gallery, roofline, threads};
 use rayo::kernels::sys::Cores;
 use rayo::measure::{Machine, TscClock};
@@ -249,11 +249,11 @@ fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
 }
 
 /// Ended in its first stage, it still makes the page, which says so; and reads its own results again.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_leaves_a_page_of_what_is_done() {
     let directory = TempDir::new().unwrap();
-    let mut child = Command::new(env!("CARGO_BIN_EXE_rayo"))
+    let mut child = in_the_foreground()
         .args(["report", "--quick", "--out", "page"])
         .current_dir(directory.path())
         .stdout(Stdio::piped())

@@ -10,3 +10,12 @@ pub fn rayo(arguments: impl IntoIterator<Item = impl AsRef<OsStr>>, directory: &
     command.env("NO_COLOR", "1").env_remove("COLUMNS").env_remove("RAYO_ENGINE");
     command.current_dir(directory).args(arguments).output().unwrap()
 }
+
+/// The program as a shell starts it in the foreground: no signal is ignored, as some are where tests run in the background.
+#[cfg(target_os = "linux")]
+#[allow(dead_code, reason = "not every program of those that share it sends signals")]
+pub fn in_the_foreground() -> Command {
+    let mut command = Command::new("env");
+    command.arg("--default-signal").arg(env!("CARGO_BIN_EXE_rayo"));
+    command
+}
