@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::extent::all;
 use crate::program::rayo;
 use tempfile::TempDir;
 
@@ -191,6 +192,27 @@ fn the_error_of_the_readme_is_the_one_that_its_scene_gives() {
     let wrong = render("wrong.in", &scene.replace("\n30 ", "\n-30 "));
     assert_eq!(wrong.status.code(), Some(2));
     assert_eq!(String::from_utf8(wrong.stderr).unwrap(), *error);
+}
+
+/// Without the kernels in a sample: no other build has their features, and they would be assembled once more.
+#[test]
+fn the_library_of_the_readme_is_a_crate_with_the_dependency_that_stands_there() {
+    let [program] = &blocks("README.md", "rust")[..] else { panic!("expected one program") };
+    let [dependency] = &blocks("README.md", "toml")[..] else { panic!("expected one dependency") };
+    assert!(dependency.contains("path = \"../rayo\"") && dependency.contains("[\"asm\", "), "{dependency}");
+    let dependency = dependency.replace("../rayo", root().to_str().unwrap());
+    let dependency = if all() && cfg!(rayo_asm) { dependency } else { dependency.replace("\"asm\", ", "") };
+    let directory = TempDir::new().unwrap();
+    let write = |name: &str, text: &str| fs::write(directory.path().join(name), text).unwrap();
+    write("Cargo.toml", &format!("[package]\nname = \"reader\"\nedition = \"2024\"\n\n{dependency}"));
+    write("Cargo.lock", &text("Cargo.lock"));
+    fs::create_dir(directory.path().join("src")).unwrap();
+    write("src/main.rs", program);
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["check", "--release", "--offline", "--target-dir"]).arg(target).current_dir(&directory);
+    let output = cargo.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
