@@ -36,12 +36,12 @@ mpi: ## Install what several processes need (Open MPI, libclang), and build the 
 	@scripts/setup.sh mpi
 	$(cargo) build --release --locked --features mpi
 
-# Where there is no program yet, one that renders and does no more comes first, by a compiler in a hurry: its kernels are in
-# assembly, and the other takes three times as long. NASM frees so much that glibc's fast bins cost a fifth of its time.
-first := --no-default-features --features asm,render --config profile.release.package.rayo.opt-level=1
+# Where there is no program yet, one that renders and does no more comes first, unoptimised: its kernels are in assembly, and
+# the other takes four times as long. NASM frees so much that glibc's fast bins cost a fifth of its time.
+first := CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_DEBUG=0 GLIBC_TUNABLES=glibc.malloc.mxfast=0
 demo: setup ## Show a picture, render two scenes on several engines, compare, and make a page of all experiments
-	@test -x $(rayo) || GLIBC_TUNABLES=glibc.malloc.mxfast=0 $(cargo) build --release --locked $(first)
-	@rayo=$(rayo) out="$(OUT)/demo" scripts/demo.sh first
+	@test -x $(rayo) || $(first) $(cargo) build --locked --no-default-features --features asm,render
+	@rayo=$$(ls $(rayo) "$(target)/debug/rayo" 2>/dev/null | head -n 1) out="$(OUT)/demo" scripts/demo.sh first
 	$(cargo) build --release --locked
 	@rayo=$(rayo) out="$(OUT)/demo" scripts/demo.sh
 

@@ -193,6 +193,10 @@ mod native {
         if strict() {
             nasm.flag("-Wall").flag("-Werror");
         }
+        // The shortest jumps take NASM some eleven passes over a unit, jumps as they are two: in a hurry those will do.
+        if matches!(env::var("OPT_LEVEL").as_deref(), Ok("0" | "1")) {
+            nasm.flag("-O1");
+        }
         let listing = out.join(format!("{unit}.lst"));
         if cfg!(feature = "lab") {
             nasm.flag("-Lm").flag("-l").flag(listing.to_str().expect("Cargo's paths are UTF-8"));

@@ -12,7 +12,7 @@ if [ "${1:-}" = first ]; then
     preview=
     [ ! -t 1 ] || preview=--preview
     # shellcheck disable=SC2086 # a flag, or none
-    "$rayo" render scenes/island.toml --size 1600x1200 --samples 4 --srgb --quiet $preview -o "$out/island.png"
+    "$rayo" render scenes/island.toml --size 800x600 --samples 4 --srgb --quiet $preview -o "$out/island.png"
     printf '\nThe first picture: %s\n\n' "$out/island.png"
     exit
 fi
