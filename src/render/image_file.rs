@@ -1,5 +1,6 @@
 //! Image files: written band by band, so that no image needs to be in memory whole, and read back.
 
+mod deflate;
 mod encode;
 mod exr;
 mod pfm;
@@ -366,7 +367,7 @@ impl ImageWriter {
         let width = self.extent.width as usize;
         let pending = (self.pending.len() / width) as u32;
         let part = match self.encoder.split() {
-            Split::Bytes | Split::Any { .. } => pending,
+            Split::Bytes | Split::Any => pending,
             Split::Strips(rows) => rows,
         };
         let is_last = self.rows + pending == self.extent.height();

@@ -102,15 +102,14 @@ impl<'a> Bands<'a> {
         let width = self.frame.camera.width() as usize;
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
         let height = match self.encoder.split() {
-            Split::Bytes => height,
-            Split::Any { least } => height.max(least as usize * threads),
+            Split::Bytes | Split::Any => height,
             Split::Strips(strip) => height.max(strip as usize * threads),
         };
         // Fewer where ranks would have too few bands to end together.
         let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
         let height = if ranks > 1 { height.min(fair) } else { height };
         let together = match self.encoder.split() {
-            Split::Bytes | Split::Any { .. } => self.frame.tracer.rows_together(),
+            Split::Bytes | Split::Any => self.frame.tracer.rows_together(),
             Split::Strips(strip) => strip,
         };
         height.next_multiple_of(together as usize).min(rows as usize) as u32
@@ -147,7 +146,7 @@ impl<'a> Bands<'a> {
         let film = self.converted.as_ref().unwrap_or(&self.film);
         let height = match self.encoder.split() {
             Split::Bytes => self.rows,
-            Split::Any { least } => self.rows.div_ceil(threads).max(least),
+            Split::Any => self.rows.div_ceil(threads),
             Split::Strips(rows) => rows,
         };
         let starts = (0..self.rows).step_by(height as usize);

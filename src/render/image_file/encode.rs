@@ -14,7 +14,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 pub(super) trait Encode: Send + Sync {
     /// How many rows a part has.
     fn split(&self) -> Split {
-        Split::Any { least: 1 }
+        Split::Any
     }
 
     /// Rows of R, G, B; called for 8-bit formats.
@@ -33,11 +33,8 @@ pub(super) trait Encode: Send + Sync {
 pub(in crate::render) enum Split {
     /// Any number, and nothing is gained by several parts: pixels are written as they are.
     Bytes,
-    /// Any number; fewer than these cost more.
-    Any {
-        /// Above 0.
-        least: u32,
-    },
+    /// Any number.
+    Any,
     /// So many, and the rest in the last.
     Strips(u32),
 }
@@ -57,7 +54,7 @@ pub(super) trait Join: Send {
 pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
     let width = extent.width as usize;
     match format {
-        Format::Png => Box::new(PngParts::new(width)),
+        Format::Png => Box::new(PngParts::new(extent)),
         Format::Ppm | Format::Qoi => Box::new(Bytes),
         Format::PpmText => Box::new(PpmText { width }),
         Format::Pfm => Box::new(Pfm { width }),
@@ -71,7 +68,7 @@ pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
 pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Result<Box<dyn Join>> {
     let (width, height) = (extent.width, extent.height());
     Ok(match format {
-        Format::Png => Box::new(PngJoin::new(sink, width, height)?),
+        Format::Png => Box::new(PngJoin::new(sink, extent)?),
         Format::Ppm => {
             write!(sink, "P6\n{width} {height}\n255\n")?;
             Box::new(InOrder { sink })
