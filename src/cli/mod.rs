@@ -158,13 +158,17 @@ pub fn main() -> ExitCode {
 /// Help and versions are results; everything else that is no command is bad usage.
 fn help_or_usage(message: &clap::Error) -> ExitCode {
     if message.exit_code() == 0 {
-        let text = message.render();
-        let text = if colour_on_stdout() { text.ansi().to_string() } else { text.to_string() };
+        let text = text_of(message, colour_on_stdout());
         return write_out(text.as_bytes()).map_or_else(|failure| failure.tell(), |()| ExitCode::SUCCESS);
     }
-    // Nothing is lost if nobody listens.
-    let _ = message.print();
+    say(text_of(message, colour_on_stderr()).trim_end());
     ExitCode::from(u8::try_from(message.exit_code()).unwrap_or(2))
+}
+
+/// What `clap` has to say, in the styles of terminals if there is `colour`.
+fn text_of(message: &clap::Error, colour: bool) -> String {
+    let text = message.render();
+    if colour { text.ansi().to_string() } else { text.to_string() }
 }
 
 /// Diagnostics with a look of their own begin with "error" already.

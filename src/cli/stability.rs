@@ -5,7 +5,6 @@ mod mixtures;
 mod table;
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -20,7 +19,7 @@ use crate::experiments::stability::limits::{self, Limits};
 use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot, search};
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
-use crate::scene::{Rng, Scene, shown};
+use crate::scene::{Rng, Scene, shown, text_within};
 
 /// The side of the pictures of a search.
 const SEARCH_SIDE: u32 = 48;
@@ -164,7 +163,7 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
     }
     let limits = match &args.limits {
         None => Limits::checked_in(),
-        Some(path) => fs::read_to_string(path)
+        Some(path) => text_within(path, 1 << 20, "too many for limits")
             .map_err(|error| error.to_string())
             .and_then(|text| Limits::parse(&text))
             .map_err(|error| Failure::input(format!("{}: {error}", shown(path))))?,

@@ -1,7 +1,6 @@
 //! The results of all experiments on one machine: one document, read back whole or put together from those of each.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -20,7 +19,7 @@ use super::threads::OnThreads;
 use crate::measure::Machine;
 use crate::measure::names::{self, Name};
 use crate::plan::{Kept, Report as PlanReport};
-use crate::scene::shown;
+use crate::scene::{shown, text_within};
 
 /// The schema of the documents that this program writes and reads.
 pub const SCHEMA: u64 = 1;
@@ -244,6 +243,9 @@ pub enum ReadError {
 const PLACES: [&str; 6] = ["", "report", "experiment", "accuracy", "stability", "complexity"];
 const FILES: [&str; 2] = ["results.json", "complexity.json"];
 
+/// The longest of these files, in bytes; those of a whole report have some 10 MB.
+const MOST: u64 = 256 << 20;
+
 impl Results {
     /// The results in a directory: those of a report, or those of single experiments, in it or in directories of it.
     ///
@@ -253,7 +255,7 @@ impl Results {
         let mut results: Option<Results> = None;
         for (place, file) in PLACES.iter().flat_map(|place| FILES.map(|file| (place, file))) {
             let path = directory.join(place).join(file);
-            let text = match fs::read_to_string(&path) {
+            let text = match text_within(&path, MOST, "too many for results") {
                 Ok(text) => text,
                 Err(error) if [io::ErrorKind::NotFound, io::ErrorKind::NotADirectory].contains(&error.kind()) => {
                     continue;

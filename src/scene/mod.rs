@@ -28,6 +28,8 @@ pub use diagnostic::{Diagnostic, SceneError};
 #[cfg(feature = "files")]
 pub(crate) use diagnostic::{printable, shown};
 pub use mesh::{Mesh, MeshError, MeshFormat};
+#[cfg(feature = "lab")]
+pub(crate) use open::text_within;
 #[cfg(feature = "files")]
 pub use open::{MAX_TOML, SceneFormat, open, read};
 pub use opened::Opened;

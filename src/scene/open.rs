@@ -236,6 +236,12 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
     within(File::open(path)?, metadata.len(), limit, advice)
 }
 
+/// The same of a text.
+pub(crate) fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
+    String::from_utf8(contents_within(path, limit, advice)?)
+        .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
+}
+
 /// What `reader` has, with room for `likely` bytes from the start.
 fn within(reader: impl Read, likely: u64, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let mut source = room(likely as usize);

@@ -470,13 +470,26 @@ fn no_file_steers_the_terminal() {
         &["plan", "\u{1b}"],
         &["report", "--from", "\u{1b}"],
         &["render", "a.in", "--engine", "\u{1b}"],
+        &["\u{9b}2J"],
+        &["render", "a.in", "--size", "\u{9b}2J"],
     ] {
         let output = place.command().args(arguments).output().unwrap();
-        let said = [output.stdout, output.stderr].concat();
-        let control = |byte: &&u8| byte.is_ascii_control() && **byte != b'\n';
-        assert_eq!(said.iter().find(control), None, "{arguments:?}: {}", said.escape_ascii());
-        assert!(!said.windows(3).any(|it| it == b"a\nb"), "{}", said.escape_ascii());
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        let control = |c: char| c.is_control() && c != '\n';
+        assert_eq!(said.find(control), None, "{arguments:?}: {}", said.escape_debug());
+        assert!(!said.contains("a\nb"), "{}", said.escape_debug());
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_has_no_end_is_not_read_to_the_end() {
+    let place = Place::new();
+    std::os::unix::fs::symlink("/dev/zero", place.path("results.json")).unwrap();
+    let limits = "error: /dev/zero: it has more than 1 MiB, too many for limits";
+    place.refuses("stability --limits /dev/zero", 2, limits);
+    let results = "error: cannot read ./results.json: it has more than 64 MiB, too many for results";
+    place.refuses("report --from .", 2, results);
 }
 
 #[test]
