@@ -4,7 +4,7 @@ use crate::contenders::{Contender, Truth, contenders, film, levels};
 use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Counted, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Distance, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 
@@ -212,14 +212,25 @@ fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_the
         let (middle, depth) = ((a + b + c) / 3.0, rng.between(0.5, 2.0));
         triangle.vertices = triangle.vertices.map(|corner| depth * (middle + 8.0 * (corner - middle)));
     }
-    let mut reversed = scene.clone();
-    reversed.triangles.reverse();
-    for contender in packets() {
-        for format in FORMATS {
-            let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
-            assert!(one == other, "{contender}, {format:?}");
-            let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
-            assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
+    // And then before a wall, so that every pixel is somebody's.
+    for wall in [false, true] {
+        if wall {
+            scene.spheres.clear();
+            let vertices = [[-900.0, -900.0, 99.0], [900.0, -900.0, 99.0], [0.0, 900.0, 99.0]].map(Vec3::from_array);
+            scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+        }
+        let mut reversed = scene.clone();
+        reversed.triangles.reverse();
+        for contender in packets() {
+            for format in FORMATS {
+                let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
+                assert!(one == other, "{contender}, {format:?}");
+                let mut film = Film::new(format, one.len()).unwrap();
+                let hits = tiles(&contender, &reversed, false).counted_rows(0..32, film.as_mut()).unwrap().hits;
+                assert_eq!(hits == one.len() as u64, wall, "{contender}, {format:?}: {hits} hits");
+                let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
+                assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
+            }
         }
     }
 }
@@ -269,6 +280,28 @@ fn floats_are_within_a_few_roundings_of_the_reference() {
         }
         println!("{contender}: {worst:e}");
         assert!(worst < 5e-6, "{contender}: {worst:e}");
+    }
+}
+
+/// A floor from under the camera to far away, whose horizon is aslant: near to it there is little left of the terms of 1/t.
+#[test]
+fn what_is_steep_is_as_far_as_it_is() {
+    let mut scene = Scene { camera: camera(203, 97), ..many(0, 40, 6) };
+    let vertices = [[-64.0, 15.0, 0.015_625], [64.0, -17.0, 0.015_625], [0.0, -1.0, 4096.0]].map(Vec3::from_array);
+    scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+    let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+    for contender in packets() {
+        let hits = tiles(&contender, &scene, false).hits(0..97);
+        let errors = (0..).zip(&hits).filter_map(|(i, found)| {
+            let (found, truth) = (found.as_ref()?, reference.hit(i / 203, i % 203)?);
+            let Distance::Inverse(inverse) = found.distance else { unreachable!("as tiles compare it") };
+            (found.object == Object::Triangle(40) && truth.object == found.object)
+                .then(|| (inverse * truth.t - 1.0).abs())
+        });
+        let (count, worst) = errors.fold((0, 0.0), |(count, worst), error| (count + 1, f64::max(worst, error)));
+        println!("{contender}: {count} pixels, {worst:e}");
+        let most = if contender.precision.name() == "double" { 1e-13 } else { 16.0 / f64::from(1 << 24) };
+        assert!(count > 1000 && worst < most, "{contender}: {count} pixels, {worst:e}");
     }
 }
 
@@ -507,8 +540,9 @@ fn a_sun_over_a_house_spoils_neither_and_is_asked_in_its_tiles_alone() {
 }
 
 #[test]
-fn a_tile_of_more_spheres_than_have_records_and_none_on_a_pixel_is_black() {
+fn a_tile_of_more_spheres_than_have_records_has_those_that_have_a_pixel() {
     let camera = camera(64, 32);
+    let crowd = Scene { camera, ..many(4100, 0, 7) };
     let mut scene = Scene { camera, ..many(0, 0, 1) };
     // About the corner between four pixels, and nearer to it than any of their middles; their bounds hold these.
     let pixel = 10.0 * camera.grid::<f32>().step;
@@ -519,7 +553,8 @@ fn a_tile_of_more_spheres_than_have_records_and_none_on_a_pixel_is_black() {
     for contender in packets() {
         for format in FORMATS {
             let picture = picture(&contender, &scene, false, format);
-            assert!(picture.iter().all(|pixel| pixel[..3] == [0; 3]), "{contender}, {format:?}");
+            assert!(picture.iter().all(|pixel| pixel[..3] == [0; 3]), "{contender}, {format:?}: nobody has one");
+            assert_eq!(differing_by_force(&contender, &crowd, format), 0, "{contender}, {format:?}");
         }
     }
 }
