@@ -144,14 +144,14 @@ fn values_beyond_the_range_of_hdr_are_its_largest_and_black() {
         [-inf, -1.0, 0.0],
         [f32::NAN, 0.5, 0.25],
         [1.5e38, 0.0, 0.0],
-        [1023.99994, 2.0, 510.0],
+        [1023.99994, 2.0, 517.0],
     ];
     writer.write_f32x3(&rows).unwrap();
     writer.finish().unwrap();
     let Pixels::Rgb32F(pixels) = read(&path).unwrap().pixels else { panic!("floats") };
     assert_eq!(pixels[0][0], 255.0 * 2f32.powi(119));
     assert_eq!(pixels[1..4], [[0.0; 3], [0.0; 3], [0.0, 0.5, 0.25]]);
-    assert_eq!(pixels[4..], [rgbe([1.5e38, 0.0, 0.0]), [1024.0, 0.0, 512.0]]);
+    assert_eq!(pixels[4..], [rgbe([1.5e38, 0.0, 0.0]), [1024.0, 0.0, 520.0]]);
 }
 
 #[test]
