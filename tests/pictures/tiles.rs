@@ -345,6 +345,27 @@ fn threads_and_splits_give_the_same_bytes() {
 }
 
 #[test]
+fn planning_sees_what_is_invalid_among_all_others() {
+    type Spoil = fn(&mut Scene);
+    let spoils: [(&str, Spoil); 5] = [
+        ("sphere 7's radius", |scene| scene.spheres[6].radius = 0.0),
+        ("sphere 7's centre", |scene| scene.spheres[6].centre.y = f32::NAN),
+        ("sphere 7's colour", |scene| scene.spheres[6].colour.y = -1.0),
+        ("triangle 7's vertices", |scene| scene.triangles[6].vertices[1].x = f32::INFINITY),
+        ("triangle 7's colour", |scene| scene.triangles[6].colour.z = f32::NAN),
+    ];
+    for (field, spoil) in spoils {
+        let mut scene = many(60, 60, 1);
+        spoil(&mut scene);
+        for contender in packets() {
+            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+            let error = Plan::new(contender.engine, &scene, purpose).err().map(|error| error.to_string());
+            assert!(error.as_ref().is_some_and(|error| error.contains(field)), "{contender}, {field}: {error:?}");
+        }
+    }
+}
+
+#[test]
 fn planning_on_several_threads_gives_the_same_bytes() {
     let mut scene = Scene { camera: camera(301, 131), ..many(20_000, 50_000, 9) };
     let others = scattered(20_000, 20_000, 9, scene.camera);
