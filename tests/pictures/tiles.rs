@@ -287,7 +287,7 @@ fn floats_are_within_a_few_roundings_of_the_reference() {
 #[test]
 fn what_is_steep_is_as_far_as_it_is() {
     let mut scene = Scene { camera: camera(203, 97), ..many(0, 40, 6) };
-    let vertices = [[-64.0, 15.0, 0.015_625], [64.0, -17.0, 0.015_625], [0.0, -1.0, 4096.0]].map(Vec3::from_array);
+    let vertices = [[-64.0, 15.0, 0.015_625], [64.0, -17.0, 0.015_625], [1024.0, -257.0, 4096.0]].map(Vec3::from_array);
     scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
     let reference = rayo::render::reference::ReferenceTracer::new(&scene);
     for contender in packets() {
