@@ -63,7 +63,7 @@ pub struct RenderArgs {
     /// picture (data window and display window), and any other format is a picture of these rows
     #[arg(long, value_name = "A..B", value_parser = rows)]
     rows: Option<Range<u32>>,
-    /// Threads that trace. Default: one for each core
+    /// Threads that read, trace and encode. Default: one for each core
     #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     threads: Option<usize>,
     /// Print what is left out, and why, before the first ray
@@ -189,7 +189,7 @@ fn render_one(
 ) -> Result<(), Failure> {
     let clock = Instant::now();
     let open = || {
-        let mut scene = tell(args.view.open(scene_path)?, args.quiet);
+        let mut scene = tell(args.view.open(scene_path, args.threads)?, args.quiet);
         scene.camera = args.view.camera(&scene.camera)?;
         Ok(scene)
     };

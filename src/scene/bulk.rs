@@ -3,7 +3,10 @@
 //! Whatever is unusual or wrong gives nothing: then the file is read from its start by [`super::parse`], which is careful, and
 //! has words for what is wrong.
 
+use std::collections::BTreeMap;
 use std::io::Read;
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use glam::Vec3;
 
@@ -11,33 +14,34 @@ use super::log::is_line_end;
 use super::number::{number, whole};
 use super::opened::{NoArea, Opened};
 use super::parse::{FILM, is_space};
-use super::pieces::Pieces;
+use super::pieces::{PIECE, Pieces};
 use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
 use crate::kernels::sys::room;
 
-/// The scene of a file of this length; `name` is what warnings call it.
-pub(super) fn read(file: impl Read, length: usize, name: &str) -> Option<Opened> {
-    let mut text = Text { pieces: Pieces::new(file, length), length, line: 1 };
+/// The scene of a file of this length, by so many threads; `name` is what warnings call it.
+pub(super) fn read(file: impl Read + Send, length: usize, name: &str, threads: usize) -> Option<Opened> {
+    let mut text = Text { pieces: Pieces::new(file, length), length, line: 1, threads };
     text.fill()?;
     let image = text.word()?;
     let (width, height) = (text.whole()?, text.whole()?);
     let [focal] = text.numbers()?;
     let camera = Camera::new(width, height, focal, FILM).ok()?;
-    let lights = text.list(|_, _, [intensity, r, g, b, x, y, z]| {
-        Some(Light { intensity: not_negative(intensity)?, colour: colour(r, g, b)?, position: Vec3::new(x, y, z) })
+    let (lights, _) = text.list(|[intensity, r, g, b, x, y, z]| {
+        let light =
+            Light { intensity: not_negative(intensity)?, colour: colour(r, g, b)?, position: Vec3::new(x, y, z) };
+        Some((light, true))
     })?;
-    let spheres = text.list(|_, _, [radius, r, g, b, x, y, z]| {
-        (radius > 0.0).then_some(Sphere { radius, colour: colour(r, g, b)?, centre: Vec3::new(x, y, z) })
+    let (spheres, _) = text.list(|[radius, r, g, b, x, y, z]| {
+        let sphere = Sphere { radius, colour: colour(r, g, b)?, centre: Vec3::new(x, y, z) };
+        (radius > 0.0).then_some((sphere, true))
     })?;
-    let mut no_area = NoArea::default();
-    let triangles = text.list(|number, line, [r, g, b, x1, y1, z1, x2, y2, z2, x3, y3, z3]| {
+    let (triangles, flat) = text.list(|[r, g, b, x1, y1, z1, x2, y2, z2, x3, y3, z3]| {
         let vertices = [Vec3::new(x1, y1, z1), Vec3::new(x2, y2, z2), Vec3::new(x3, y3, z3)];
         let triangle = Triangle { colour: colour(r, g, b)?, vertices };
-        if triangle.has_no_area() {
-            no_area.add(name, &format!("triangle {number}"), || line);
-        }
-        Some(triangle)
+        Some((triangle, !triangle.has_no_area()))
     })?;
+    let mut no_area = NoArea::default();
+    flat.iter().for_each(|(at, line)| no_area.add(name, &format!("triangle {}", at + 1), || *line));
     let scene = Scene { name: image, camera, lights, spheres, triangles, faces: Faces::default() };
     text.is_over().then(|| Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
@@ -56,9 +60,30 @@ struct Text<R> {
     pieces: Pieces<R>,
     length: usize,
     line: usize,
+    /// Those that may read it, at least 1.
+    threads: usize,
 }
 
-impl<R: Read> Text<R> {
+/// Items of a list; and the places among them of those that should be told of, each with its line.
+type Items<T> = (Vec<T>, Vec<(usize, usize)>);
+
+/// Lines, and the items of these and their number, if there is nothing else.
+type Piece<T> = (Vec<u8>, Option<(Items<T>, usize)>);
+
+/// What several threads have read of a list.
+struct Shared<'a, T, R> {
+    text: &'a mut Text<R>,
+    items: Items<T>,
+    /// Pieces that were taken, and how many of the first ones have their items in `items`.
+    taken: usize,
+    joined: usize,
+    /// Pieces that came too early, by their number.
+    early: BTreeMap<usize, Piece<T>>,
+    /// Whether one of them has something else.
+    over: bool,
+}
+
+impl<R: Read + Send> Text<R> {
     /// Has the bytes of an object at hand.
     fn fill(&mut self) -> Option<()> {
         self.pieces.fill(b"\n")
@@ -82,32 +107,84 @@ impl<R: Read> Text<R> {
     }
 
     fn numbers<const N: usize>(&mut self) -> Option<[f32; N]> {
-        let (mut text, mut line) = (self.pieces.rest(), self.line);
-        let mut numbers = [0.0; N];
-        for next in &mut numbers {
-            (*next, text) = token(text, &mut line, number)?;
-        }
-        let left = text.len();
+        let (numbers, rest) = numbers(self.pieces.rest(), &mut self.line)?;
+        let left = rest.len();
         self.pieces.leave(left);
-        self.line = line;
         Some(numbers)
     }
 
-    /// A count and as many items, each made of its number from 1, its last line, and what it has in the file.
-    fn list<T, const N: usize>(&mut self, mut item: impl FnMut(usize, usize, [f32; N]) -> Option<T>) -> Option<Vec<T>> {
+    /// A count and as many items, each made of what it has in the file, with whether there is nothing to be told of it.
+    fn list<T: Send, const N: usize>(
+        &mut self,
+        item: impl Fn([f32; N]) -> Option<(T, bool)> + Sync,
+    ) -> Option<Items<T>> {
         self.fill()?;
         let count = self.whole()? as usize;
         // A number and the white space before it take two bytes or more.
         if count > self.length / 2 / N {
             return None;
         }
-        let mut items = room(count);
-        for number in 1..=count {
+        let mut items = (room(count), Vec::new());
+        if self.threads > 1 && 2 * N * count > PIECE {
+            items = self.together(items, count, &item);
+        }
+        while items.0.len() < count {
             self.fill()?;
             let numbers = self.numbers()?;
-            items.push(item(number, self.line, numbers)?);
+            push(&mut items, item(numbers)?, self.line);
         }
         Some(items)
+    }
+
+    /// Has threads read items, at most so many, from pieces that have whole lines of them and nothing else.
+    fn together<T: Send, const N: usize>(
+        &mut self,
+        items: Items<T>,
+        count: usize,
+        item: &(impl Fn([f32; N]) -> Option<(T, bool)> + Sync),
+    ) -> Items<T> {
+        let others = (self.threads - 1).min(self.length / PIECE);
+        // A thread that waits for its turn to run holds up the rest of the file.
+        let most_early = 4 * self.threads;
+        let shared = Shared { text: self, items, taken: 0, joined: 0, early: BTreeMap::new(), over: false };
+        let shared = Mutex::new(shared);
+        let lock = || shared.lock().unwrap_or_else(PoisonError::into_inner);
+        let work = || {
+            let mut done = None;
+            loop {
+                let mut shared = lock();
+                shared.join(done.take(), count);
+                if shared.over || shared.items.0.len() == count {
+                    break;
+                }
+                if shared.early.len() >= most_early {
+                    drop(shared);
+                    thread::yield_now();
+                    continue;
+                }
+                let Some(lines) = shared.text.pieces.take_lines() else {
+                    shared.over = true;
+                    break;
+                };
+                let number = shared.taken;
+                shared.taken += 1;
+                drop(shared);
+                let read = items_of(&lines, item);
+                done = Some((number, (lines, read)));
+            }
+        };
+        thread::scope(|scope| {
+            for _ in 0..others {
+                // Those that are there do all of it.
+                if thread::Builder::new().spawn_scoped(scope, work).is_err() {
+                    break;
+                }
+            }
+            work();
+        });
+        let Shared { text, items, early, .. } = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        early.values().rev().for_each(|(lines, _)| text.pieces.give_back(lines));
+        items
     }
 
     /// Whether nothing but white space and comments is left.
@@ -122,6 +199,62 @@ impl<R: Read> Text<R> {
             }
         }
     }
+}
+
+impl<T, R> Shared<'_, T, R> {
+    /// Takes the items of a piece, and those of what came before its turn.
+    fn join(&mut self, piece: Option<(usize, Piece<T>)>, count: usize) {
+        self.early.extend(piece);
+        while let Some(first) = self.early.first_entry().filter(|first| *first.key() == self.joined) {
+            match &mut first.into_mut().1 {
+                Some(((items, told), lines)) if !self.over && self.items.0.len() + items.len() <= count => {
+                    let (before, line) = (self.items.0.len(), &mut self.text.line);
+                    self.items.1.extend(told.iter().map(|(at, of_piece)| (before + at, *line + of_piece)));
+                    self.items.0.append(items);
+                    *line += *lines;
+                }
+                _ => {
+                    self.over = true;
+                    return;
+                }
+            }
+            self.early.pop_first();
+            self.joined += 1;
+        }
+    }
+}
+
+/// The items of these lines, and how many lines these are; nothing if there is something else.
+fn items_of<T, const N: usize>(
+    mut text: &[u8],
+    item: impl Fn([f32; N]) -> Option<(T, bool)>,
+) -> Option<(Items<T>, usize)> {
+    let (mut items, mut line) = ((Vec::new(), Vec::new()), 0);
+    loop {
+        text = skip(text, &mut line)?;
+        if text.is_empty() {
+            return Some((items, line));
+        }
+        let (numbers, rest) = numbers(text, &mut line)?;
+        push(&mut items, item(numbers)?, line);
+        text = rest;
+    }
+}
+
+fn push<T>(items: &mut Items<T>, (item, is_usual): (T, bool), line: usize) {
+    if !is_usual {
+        items.1.push((items.0.len(), line));
+    }
+    items.0.push(item);
+}
+
+/// The next numbers, and what follows them.
+fn numbers<'a, const N: usize>(mut text: &'a [u8], line: &mut usize) -> Option<([f32; N], &'a [u8])> {
+    let mut numbers = [0.0; N];
+    for next in &mut numbers {
+        (*next, text) = token(text, line, number)?;
+    }
+    Some((numbers, text))
 }
 
 /// What `read` takes of the next token, which is all of it.
@@ -155,29 +288,38 @@ fn skip<'a>(mut text: &'a [u8], line: &mut usize) -> Option<&'a [u8]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::parse::opened_with_care;
     use super::super::pieces::{LONGEST, PIECE};
     use super::super::{Camera, Scene, many, parse_with_care};
     use super::read;
 
-    /// What is read in bulk, which is what is read with care.
+    /// What is read in bulk, by any threads, which is what is read with care.
     fn in_bulk(text: &str) -> Option<Scene> {
-        let opened = read(text.as_bytes(), text.len(), "test")?;
-        assert!(opened.warnings.is_empty());
-        assert!(opened.scene == parse_with_care(text.as_bytes(), "test").unwrap());
+        let [opened, by_several] = [1, 3].map(|threads| read(text.as_bytes(), text.len(), "test", threads));
+        assert!(opened == by_several);
+        let opened = opened?;
+        assert!(opened == opened_with_care(text.as_bytes(), "test").unwrap());
         Some(opened.scene)
     }
 
     #[test]
     fn a_scene_of_many_pieces_is_read_in_bulk_wherever_these_end() {
-        let mut scene = many(4000, 4000, 3);
+        let mut scene = many(10_000, 10_000, 3);
         scene.camera = Camera::new(3, 2, 1.0, 1.0).unwrap();
+        // Warnings, whose lines come from several pieces.
+        (0..9).for_each(|i| scene.triangles[1100 * i].vertices[2] = scene.triangles[1100 * i].vertices[0]);
         let text = scene.to_text();
         let text: String = text.split_inclusive('\n').filter(|line| !line.starts_with('#')).collect();
-        assert!(text.len() > 3 * PIECE);
+        assert!(text.len() > 9 * PIECE);
         let ends =
             [text.replace('\n', "\r\n"), text.replace('\n', " # and so on\n"), text.replace(' ', "\n// \u{e9}\r")];
-        for text in ends.into_iter().chain((0..20).map(|spaces| format!("{:spaces$}{text}", ""))) {
+        for text in ends.into_iter().chain((0..5).map(|spaces| format!("{:spaces$}{text}", ""))) {
             assert!(in_bulk(&text).is_some_and(|read| read == scene));
+        }
+        // Something else in any of them.
+        for at in (0..text.len()).step_by(text.len() / 5) {
+            let at = at + text[at..].find('\n').unwrap();
+            assert!(in_bulk(&format!("{} ?{}", &text[..at], &text[at..])).is_none());
         }
         // Up to what an object may take, and more.
         assert!(in_bulk(&format!("{text}{}\n", " ".repeat(3 * PIECE))).is_some());
@@ -217,9 +359,9 @@ mod tests {
             assert!(in_bulk(&text).is_none(), "{text}");
         }
         let mut bytes = VALID.as_bytes().to_vec();
-        (0..VALID.find('#').unwrap() - 1).for_each(|end| assert!(read(&bytes[..end], end, "test").is_none()));
+        (0..VALID.find('#').unwrap() - 1).for_each(|end| assert!(read(&bytes[..end], end, "test", 1).is_none()));
         let accent = bytes.iter().position(|byte| !byte.is_ascii()).unwrap();
         bytes.remove(accent);
-        assert!(read(&bytes[..], bytes.len(), "test").is_none());
+        assert!(read(&bytes[..], bytes.len(), "test", 1).is_none());
     }
 }

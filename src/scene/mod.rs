@@ -31,7 +31,7 @@ pub use mesh::{Mesh, MeshError, MeshFormat};
 #[cfg(feature = "lab")]
 pub(crate) use open::text_within;
 #[cfg(feature = "files")]
-pub use open::{MAX_TOML, SceneFormat, open, read};
+pub use open::{MAX_TOML, SceneFormat, open, open_by, read};
 pub use opened::Opened;
 pub use parse::parse;
 #[doc(hidden)]

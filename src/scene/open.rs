@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
+use std::thread;
 
 use glam::Vec3;
 
@@ -58,6 +59,14 @@ impl SceneFormat {
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
 /// for a pipe or a device, 32 MiB for TOML); otherwise what [`parse`](super::parse()), [`parse_toml`] or [`Mesh::read`] returns.
 pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
+    open_by(path, camera, thread::available_parallelism().map_or(1, usize::from))
+}
+
+/// The same by so many threads, which share the paper's format where a scene is large.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_by(path: &Path, camera: &Camera, threads: usize) -> Result<Opened, SceneError> {
     let unread = |cause: io::Error| {
         let near = if cause.kind() == ErrorKind::NotFound { nearest(path) } else { None };
         let cause = near.map_or(cause, |near| io::Error::new(ErrorKind::NotFound, format!("did you mean `{near}`?")));
@@ -65,12 +74,13 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     };
     if path == Path::new(STANDARD_INPUT) {
         let source = within(io::stdin().lock(), 0, MAX_STREAM, FOR_A_SCENE).map_err(unread)?;
-        let parse = if is_toml(&source) {
-            |source: &[u8], name: &str| parse_toml(source, name, Path::new(""))
+        let name = "standard input";
+        let parsed = if is_toml(&source) {
+            parse_toml(&source, name, Path::new(""))
         } else {
-            parse_with_warnings
+            parse_with_warnings(&source, name, threads)
         };
-        return parse(&source, "standard input").map_err(|error| no_picture(error, path, &source));
+        return parsed.map_err(|error| no_picture(error, path, &source));
     }
     let name = path.to_string_lossy();
     match SceneFormat::from_path(path) {
@@ -81,7 +91,7 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
         }
         Some(SceneFormat::Mesh(format)) => open_mesh(path, format, camera),
         Some(SceneFormat::In) | None => {
-            let in_bulk = read_twice(path).and_then(|(file, length)| bulk::read(file, length, &name));
+            let in_bulk = read_twice(path).and_then(|(file, length)| bulk::read(file, length, &name, threads));
             if let Some(opened) = in_bulk {
                 return Ok(opened);
             }

@@ -26,12 +26,12 @@ pub(super) const FILM: f32 = 1.0;
 /// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
 /// `source`, whatever the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
-    Ok(parse_with_warnings(source, name)?.scene)
+    Ok(parse_with_warnings(source, name, 1)?.scene)
 }
 
-/// As [`parse`], with a warning of each triangle that has no area.
-pub(super) fn parse_with_warnings(source: &[u8], name: &str) -> Result<Opened, SceneError> {
-    bulk::read(source, source.len(), name).map_or_else(|| opened_with_care(source, name), Ok)
+/// As [`parse`], by so many threads, with a warning of each triangle that has no area.
+pub(super) fn parse_with_warnings(source: &[u8], name: &str, threads: usize) -> Result<Opened, SceneError> {
+    bulk::read(source, source.len(), name, threads).map_or_else(|| opened_with_care(source, name), Ok)
 }
 
 /// As [`parse`], without reading in bulk: tests hold the two against each other.

@@ -37,6 +37,27 @@ impl<R: Read> Pieces<R> {
         Some(())
     }
 
+    /// Takes what is at hand, with a piece more, up to the end of its last line; nothing if no line ends there.
+    pub(super) fn take_lines(&mut self) -> Option<Vec<u8>> {
+        let mut lines = Vec::with_capacity(1 + self.rest().len() + PIECE);
+        lines.extend(self.rest());
+        if !self.ended {
+            // What cannot be read is no line, and no number either.
+            let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut lines);
+            self.ended = more.as_ref().is_ok_and(|more| *more < PIECE);
+            lines.extend(if more.is_err() { Some(b'?') } else { self.ended.then_some(b'\n') });
+        }
+        (self.bytes, self.at) =
+            (lines.split_off(lines.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)), 0);
+        Some(lines).filter(|lines| !lines.is_empty())
+    }
+
+    /// Has at hand what was taken, before all else.
+    pub(super) fn give_back(&mut self, lines: &[u8]) {
+        self.bytes = [lines, self.rest()].concat();
+        self.at = 0;
+    }
+
     /// Whether these are the last bytes.
     pub(super) fn ended(&self) -> bool {
         self.ended
