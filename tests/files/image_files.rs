@@ -192,6 +192,10 @@ proptest! {
             (fs::read(&path).unwrap(), read(&path).unwrap())
         });
         prop_assert!(whole == cut);
+        // The sum of the stream, which not every decoder looks at.
+        let mut stream = Vec::new();
+        flate2::read::ZlibDecoder::new(&pixels_of(&whole.0)[..]).read_to_end(&mut stream).unwrap();
+        prop_assert_eq!(stream.len(), (3 * width as usize + 1) * height as usize);
         let most = 6 * pixels.len() + 4096;
         prop_assert!(whole.0.len() < most);
         prop_assert!(cut.1 == Picture::new(width, height, Pixels::Rgb8(pixels)));
@@ -276,18 +280,28 @@ fn a_pfm_file_has_its_rows_from_the_bottom_in_little_endian() {
     assert_eq!(fs::read(&path).unwrap(), expected);
 }
 
+/// The chunks of a PNG: their names and contents.
+fn chunks(png: &[u8]) -> Vec<(&str, &[u8])> {
+    let (mut chunks, mut rest) = (Vec::new(), &png[8..]);
+    while let Some((length, after)) = rest.split_first_chunk() {
+        let (content, end) = after[4..].split_at(u32::from_be_bytes(*length) as usize);
+        chunks.push((str::from_utf8(&after[..4]).unwrap(), content));
+        rest = &end[4..];
+    }
+    chunks
+}
+
+/// What the chunks of its pixels hold.
+fn pixels_of(png: &[u8]) -> Vec<u8> {
+    chunks(png).into_iter().filter(|(name, _)| *name == "IDAT").flat_map(|(_, content)| content).copied().collect()
+}
+
 #[test]
 fn a_png_has_no_chunks_but_the_necessary_ones() {
     let bytes = bytes_of_tiny(Format::Png);
-    let mut chunks = Vec::new();
-    let mut rest = &bytes[8..];
-    while let [a, b, c, d, name @ ..] = rest {
-        let length = u32::from_be_bytes([*a, *b, *c, *d]) as usize;
-        chunks.push(String::from_utf8(name[..4].to_vec()).unwrap());
-        rest = &rest[12 + length..];
-    }
-    chunks.dedup();
-    assert_eq!(chunks, ["IHDR", "IDAT", "IEND"]);
+    let mut names: Vec<_> = chunks(&bytes).into_iter().map(|(name, _)| name).collect();
+    names.dedup();
+    assert_eq!(names, ["IHDR", "IDAT", "IEND"]);
 }
 
 #[test]
