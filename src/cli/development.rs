@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use crate::render::{Development, Format};
-use crate::scene::{Scene, shown};
+use crate::scene::{Camera, Scene, shown};
 
 /// Samples of a pixel in each direction.
 const MOST_SAMPLES: u32 = 16;
@@ -66,9 +66,9 @@ impl DevelopmentArgs {
         Ok((development != plain).then_some(development))
     }
 
-    /// The scene of the plain picture, if its edges alone have samples.
-    pub(super) fn plain(&self, scene: &Scene) -> Option<Scene> {
-        (self.edges && self.samples > Some(1)).then(|| scene.clone())
+    /// The scene of the plain picture, which has this camera, if its edges alone have samples.
+    pub(super) fn plain(&self, scene: &Scene, camera: Camera) -> Option<Scene> {
+        (self.edges && self.samples > Some(1)).then(|| Scene { camera, ..scene.clone() })
     }
 
     /// What is asked for, with so many samples unless others are.

@@ -1,5 +1,6 @@
 //! `rayo render`: a scene file in, a picture out.
 
+use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::io::{self, IsTerminal};
 use std::ops::Range;
@@ -9,6 +10,7 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde::Serialize;
 
@@ -21,15 +23,17 @@ use super::view::{ViewArgs, tell};
 use super::{Failure, keep_apart, print_result, remove_part_files_on_signals, say};
 use crate::plan::{Keep, Omission};
 use crate::render::{
-    Counted, Developed, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan, Precision,
-    Purpose, RenderError, Settings, Stats, Tracer, is_standard_output,
+    Counted, Developed, Development, Engine, Existing, Format, Frame, ImageError, ImageWriter, PixelFormat, Plan,
+    Precision, Purpose, RenderError, Settings, Stats, Tracer, is_standard_output,
 };
-use crate::scene::{Scene, printable, shown};
+use crate::scene::{Camera, MovingCamera, Scene, printable, shown};
 
 /// A picture that takes longer than this shows its progress.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// No machine has more cores than this.
 const MAX_THREADS: usize = 4096;
+/// An hour of them, and more.
+const MOST_PICTURES: u32 = 100_000;
 
 /// Render a scene file to a picture
 #[derive(Debug, Args)]
@@ -53,6 +57,11 @@ pub struct RenderArgs {
     /// terminal, in 80 columns and 24 lines
     #[arg(long)]
     preview: bool,
+    /// Go round the scene once in N steps and write a picture from each place, as many as N: -o has a number in its name, as
+    /// in frames/%04d.png. The camera stays as far from the middle of all objects as it is, and begins where it is
+    #[arg(long, value_name = "N", value_parser = pictures, allow_negative_numbers = true, requires = "output",
+        conflicts_with_all = ["preview", "explain", "stats", "json"])]
+    orbit: Option<u32>,
     #[command(flatten)]
     engine: EngineArgs,
     #[command(flatten)]
@@ -95,6 +104,11 @@ fn threads(text: &str) -> Result<usize, String> {
     threads.ok_or_else(|| format!("expected a whole number from 1 to {MAX_THREADS}"))
 }
 
+fn pictures(text: &str) -> Result<u32, String> {
+    let pictures = text.parse().ok().filter(|pictures| (1..=MOST_PICTURES).contains(pictures));
+    pictures.ok_or_else(|| format!("expected a whole number from 1 to {MOST_PICTURES}"))
+}
+
 /// Rows as Rust writes a range of them.
 fn rows(text: &str) -> Result<Range<u32>, String> {
     let ends = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
@@ -134,6 +148,9 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     }
     if args.preview {
         can_be_shown(args, party, to_standard_output)?;
+    }
+    if args.orbit.is_some() {
+        can_go_round(args, party)?;
     }
     let mut written = BTreeSet::new();
     if let [scene] = &args.scenes[..] {
@@ -179,6 +196,21 @@ fn can_be_shown(args: &RenderArgs, party: &Party, to_standard_output: bool) -> R
     Err(Failure::input(problem))
 }
 
+/// A number for each picture, one scene, and one process.
+fn can_go_round(args: &RenderArgs, party: &Party) -> Result<(), Failure> {
+    let name = args.output.as_deref().unwrap_or(Path::new(""));
+    let problem = match () {
+        () if !party.is_alone() => "--orbit is for one process: start it without MPI, or leave it out".into(),
+        () if args.scenes.len() > 1 => "--orbit goes round one scene: render the others in calls of their own".into(),
+        () if numbered(name, 0).is_none() => format!(
+            "--orbit writes several pictures, and {} is the name of one: give it a number, as in frames/%04d.png",
+            shown(name)
+        ),
+        () => return Ok(()),
+    };
+    Err(Failure::input(problem))
+}
+
 /// Renders a scene to a picture that is not among those `written` before.
 fn render_one(
     args: &RenderArgs,
@@ -187,9 +219,11 @@ fn render_one(
     (engine, precision): (Engine, Option<Precision>),
     written: &mut BTreeSet<PathBuf>,
 ) -> Result<(), Failure> {
-    let clock = Instant::now();
+    let (clock, up) = (Instant::now(), Cell::new(DVec3::Y));
     let open = || {
-        let mut scene = tell(args.view.open(scene_path, args.threads)?, args.quiet);
+        let opened = args.view.open(scene_path, args.threads)?;
+        up.set(opened.up);
+        let mut scene = tell(opened, args.quiet);
         scene.camera = args.view.camera(&scene.camera)?;
         Ok(scene)
     };
@@ -232,51 +266,38 @@ fn render_one(
     if let Some(preview) = &preview {
         preview.show(&mut scene)?;
     }
-    let plain_scene = args.development.plain(&scene);
     if let Some(development) = &development {
         let too_many = |error| Failure::input(format!("--samples {}: {error}", development.samples));
         scene.camera = development.camera(&camera).map_err(too_many)?;
     }
     // Before the plan: who cannot have a file need not wait for it.
     party.agree(remove_part_files_on_signals())?;
-    let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
-    let size = (camera.width(), camera.height());
-    let (mut image, _unfinished) = party.begin(|announce| {
-        ImageWriter::of_rows(&path, format, size, rows.clone(), existing, announce).map_err(unwritten)
-    })?;
-    let own = if development.is_some() { PixelFormat::F32x4 } else { engine.format_for(format.is_8bit()) };
-    let purpose = Purpose { precision, format: Some(own), keep, threads, in_bands: true };
-    let clock = Instant::now();
-    let plan = party.agree(Plan::new(engine, &scene, purpose).map_err(Failure::input))?;
-    let in_any_format = Purpose { format: None, ..purpose };
-    let plain = plain_scene.as_ref().map(|scene| Plan::new(engine, scene, in_any_format)).transpose();
-    let plain = party.agree(plain.map_err(Failure::input))?;
-    let planning = clock.elapsed();
-    if args.explain {
-        plan.report().lines().iter().for_each(|line| say(line));
-    }
     if args.keep_all && !args.quiet && !engine.omissions().contains(&Omission::Misses) {
         say(&format!("{engine} tests every ray against every object as it is: --keep-all changes nothing"));
     }
-
-    let clock = Instant::now();
-    let developed = development.map(|development| {
-        let developed = Developed::new(plan.tracer(), &camera, development);
-        plain.iter().fold(developed, |developed, plain| developed.along_edges(plain.tracer()))
-    });
-    let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
-    let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
-    let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
-    let setup = planning + clock.elapsed();
-
     let prints = args.stats || args.json || path == Path::new("/dev/stdout");
-    let progress = Progress::new(rows.len() as u64, args.quiet, party.bar_target(prints));
-    let done = |rows| progress.advance(rows);
-    let mut stats = party.render(&frame, (format, rows.clone()), image.as_mut(), &done)?;
-    let clock = Instant::now();
-    party.agree(image.map(ImageWriter::finish).transpose().map_err(Failure::output))?;
-    stats.write += clock.elapsed();
-    drop(progress);
+    let all_rows = rows.len() as u64 * u64::from(args.orbit.unwrap_or(1));
+    let progress = Progress::new(all_rows, args.quiet, party.bar_target(prints));
+    let job = Job { args, party, engine, precision, threads, keep, camera, rows, format, development, progress };
+    let (width, height) = (camera.width(), job.rows.len());
+    if let Some(count) = args.orbit {
+        let (mut moving, mut traced) = (MovingCamera::of(&scene), Duration::ZERO);
+        let names: Vec<_> = (0..count).filter_map(|number| numbered(&path, number)).collect();
+        for (number, path) in names.iter().enumerate() {
+            keep_apart(path, [scene_path])?;
+            let view = scene.orbit(up.get(), number as f64 / f64::from(count));
+            traced += job.write(moving.seen_from(view).map_err(Failure::input)?, path)?.1.trace;
+        }
+        drop(job);
+        if let (Some(first), Some(last), false) = (names.first(), names.last(), args.quiet) {
+            let (first, last) = (shown(first), shown(last));
+            say(&format!("{first} to {last}: {count} of {width}x{height} by {engine}, traced in {traced:.1?}"));
+        }
+        return Ok(());
+    }
+    let (setup, stats) = job.write(&scene, &path)?;
+    let rows = job.rows.clone();
+    drop(job);
     if !party.leads() {
         return Ok(());
     }
@@ -286,11 +307,72 @@ fn render_one(
         let report = report((engine, precision), (camera.width(), &rows), threads, (parse, setup), &stats);
         print_result(args.json, &report, || report.text())?;
     } else if !args.quiet {
-        let (width, height) = (camera.width(), rows.len());
         say(&format!("{}: {width}x{height} by {engine}, traced in {:.1?}", shown(&path), stats.trace));
     }
     written.insert(path);
     Ok(())
+}
+
+/// What all pictures of a call have in common.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    party: &'a Party,
+    engine: Engine,
+    precision: Option<Precision>,
+    threads: usize,
+    keep: Keep,
+    /// That of the picture: of several samples the scene has another.
+    camera: Camera,
+    rows: Range<u32>,
+    format: Format,
+    development: Option<Development>,
+    progress: Progress,
+}
+
+impl Job<'_> {
+    /// Renders a scene to a file: how long set-up took, and all else.
+    fn write(&self, scene: &Scene, path: &Path) -> Result<(Duration, Stats), Failure> {
+        let Job { args, party, engine, precision, threads, keep, camera, format, .. } = *self;
+        let existing = if args.output.is_some() || args.force { Existing::Replace } else { Existing::Keep };
+        let size = (camera.width(), camera.height());
+        let (mut image, _unfinished) = party.begin(|announce| {
+            ImageWriter::of_rows(path, format, size, self.rows.clone(), existing, announce).map_err(unwritten)
+        })?;
+        let own = if self.development.is_some() { PixelFormat::F32x4 } else { engine.format_for(format.is_8bit()) };
+        let purpose = Purpose { precision, format: Some(own), keep, threads, in_bands: true };
+        let clock = Instant::now();
+        let plan = party.agree(Plan::new(engine, scene, purpose).map_err(Failure::input))?;
+        let plain_scene = args.development.plain(scene, camera);
+        let in_any_format = Purpose { format: None, ..purpose };
+        let plain = plain_scene.as_ref().map(|scene| Plan::new(engine, scene, in_any_format)).transpose();
+        let plain = party.agree(plain.map_err(Failure::input))?;
+        if args.explain {
+            plan.report().lines().iter().for_each(|line| say(line));
+        }
+        let developed = self.development.map(|development| {
+            let developed = Developed::new(plan.tracer(), &camera, development);
+            plain.iter().fold(developed, |developed, plain| developed.along_edges(plain.tracer()))
+        });
+        let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
+        let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
+        let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
+        let setup = clock.elapsed();
+
+        let done = |rows| self.progress.advance(rows);
+        let mut stats = party.render(&frame, (format, self.rows.clone()), image.as_mut(), &done)?;
+        let clock = Instant::now();
+        party.agree(image.map(ImageWriter::finish).transpose().map_err(Failure::output))?;
+        stats.write += clock.elapsed();
+        Ok((setup, stats))
+    }
+}
+
+/// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one of four digits.
+fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
+    let (before, rest) = name.to_str()?.split_once('%')?;
+    let (width, after) = rest.split_once('d')?;
+    let digits: usize = if width.is_empty() { 0 } else { width.strip_prefix('0')?.parse().ok()? };
+    (digits < 10 && !after.contains('%')).then(|| format!("{before}{number:0digits$}{after}").into())
 }
 
 /// The picture that `-o` names, or else the one that the scene names, in this directory.

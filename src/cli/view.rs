@@ -83,7 +83,7 @@ pub(super) fn open(path: &Path, camera: &Camera, threads: Option<usize>) -> Resu
 }
 
 /// The scene, when all has been told of how it came to be, unless `quiet`, and of what is hardly meant in it.
-pub(super) fn tell(Opened { scene, notes, warnings }: Opened, quiet: bool) -> Scene {
+pub(super) fn tell(Opened { scene, notes, warnings, .. }: Opened, quiet: bool) -> Scene {
     notes.iter().filter(|_| !quiet).for_each(|note| say(note));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     scene

@@ -110,6 +110,15 @@ impl Faces {
         *third = *first;
     }
 
+    /// Gives a face the corners that it has in `others`.
+    ///
+    /// # Panics
+    /// If these have other vertices.
+    pub fn take_corners(&mut self, others: &Faces, face: usize) {
+        assert_eq!(self.vertices.len(), others.vertices.len(), "other vertices");
+        self.corners[face] = others.corners[face];
+    }
+
     /// Gives all of them one colour.
     pub fn paint(&mut self, colour: Vec3) {
         self.colours.iter_mut().for_each(|(_, of)| *of = colour);

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::log::is_line_end;
 use super::number::{number, whole};
@@ -43,7 +43,7 @@ pub(super) fn read(file: impl Read + Send, length: usize, name: &str, threads: u
     let mut no_area = NoArea::default();
     flat.iter().for_each(|(at, line)| no_area.add(name, &format!("triangle {}", at + 1), || *line));
     let scene = Scene { name: image, camera, lights, spheres, triangles, faces: Faces::default() };
-    text.is_over().then(|| Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
+    text.is_over().then(|| Opened { scene, up: DVec3::Y, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
 fn colour(red: f32, green: f32, blue: f32) -> Option<Vec3> {

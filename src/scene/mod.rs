@@ -40,7 +40,7 @@ pub use random::{Rng, many};
 #[cfg(feature = "files")]
 pub use tables::parse_toml;
 pub use validity::InvalidScene;
-pub use view::{Setting, ToCamera, View, ViewError};
+pub use view::{MovingCamera, Setting, ToCamera, View, ViewError};
 
 use glam::{DVec3, Vec3};
 
@@ -93,12 +93,17 @@ impl Faces {
                 return Err(beyond);
             }
         }
-        for face in without_area {
-            if !self.get(face).has_no_area() {
-                self.collapse(face);
+        self.flatten(&without_area);
+        Ok(self)
+    }
+
+    /// Has those have no area that had none before they were moved, and rounded.
+    fn flatten(&mut self, faces: &[usize]) {
+        for face in faces {
+            if !self.get(*face).has_no_area() {
+                self.collapse(*face);
             }
         }
-        Ok(self)
     }
 
     /// The numbers of those of no area. Several are looked at together, turned round: a register has one number of each.
@@ -134,14 +139,11 @@ impl Triangle {
         has_no_area(self.vertices)
     }
 
-    /// Of corners that have been `moved`, and rounded: where that has drawn apart what had no area, the third is put on the
-    /// first, so that a triangle of no area stays one.
-    #[inline]
-    fn of_moved(colour: Vec3, had_no_area: bool, moved: [Vec3; 3]) -> Self {
-        let [a, b, _] = moved;
-        let triangle = Triangle { colour, vertices: moved };
-        let drawn_apart = had_no_area && !triangle.has_no_area();
-        if drawn_apart { Triangle { colour, vertices: [a, b, a] } } else { triangle }
+    /// Puts the third corner on the first, where moving and rounding has drawn apart what had no area.
+    fn flatten(&mut self) {
+        if !self.has_no_area() {
+            self.vertices[2] = self.vertices[0];
+        }
     }
 }
 

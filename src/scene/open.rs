@@ -185,8 +185,8 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     let name = name.to_string_lossy().into_owned();
     let mut notes = told(path, &mesh);
     let setting = Setting::of(&mesh, format, camera);
-    let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, name, *camera));
-    let scene = scene.ok_or_else(|| {
+    let scene = setting.and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, name, *camera)?)));
+    let (above, scene) = scene.ok_or_else(|| {
         let message = "the mesh is too large or too far away to be seen whole".to_owned();
         let expected = Some("ordinary coordinates, and no extreme film or focal distance".to_owned());
         SceneError::Mesh(MeshError { path: path.into(), line: None, message, expected })
@@ -198,7 +198,7 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
         shown(path)
     ));
     let warnings = no_area_of_mesh(path, &scene.faces).into_iter().collect();
-    Ok(Opened { scene, notes, warnings })
+    Ok(Opened { scene, up: above, notes, warnings })
 }
 
 /// A warning of the triangles of a mesh that have no area, which are often its seams: how many, and the first by their

@@ -1,5 +1,7 @@
 //! A scene that was read, with what its reader has to say of it.
 
+use glam::DVec3;
+
 use super::Scene;
 use super::diagnostic::printable;
 
@@ -8,6 +10,8 @@ use super::diagnostic::printable;
 pub struct Opened {
     /// The scene.
     pub scene: Scene,
+    /// What points upwards in its world, seen from the camera: of length 1.
+    pub up: DVec3,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
     /// What is as the file has it and hardly meant, a line each.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::bulk;
 use super::log::{Log, is_line_end};
@@ -50,7 +50,7 @@ pub(super) fn opened_with_care(source: &[u8], name: &str) -> Result<Opened, Scen
         Parser { name, text, at: start, last, tokens: 0, lists: Vec::new(), announced: None, log, no_area }.scene().ok()
     });
     let scene = log.finish(scene, name)?;
-    Ok(Opened { scene, notes: Vec::new(), warnings: no_area.warnings(name) })
+    Ok(Opened { scene, up: DVec3::Y, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
 /// The first token at or after a place.

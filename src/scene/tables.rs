@@ -140,7 +140,7 @@ impl Reader<'_> {
         let root = Fields { owner: "the scene".into(), table: root, span: 0..0 };
         self.known(&root, &["image", "camera", "light", "sphere", "triangle", "mesh"]);
         let (file, width, height) = self.image(&root, name);
-        let (focal, film, to_camera) = self.camera(&root);
+        let (focal, film, to_camera, up) = self.camera(&root);
 
         let mut lights = Vec::new();
         for fields in self.list(&root, "light", &["position", "colour", "intensity"]) {
@@ -167,11 +167,10 @@ impl Reader<'_> {
             let colour = self.colour(&fields);
             let vertices = self.vertices(&fields);
             let moved = vertices.map(|vertex| self.moved(&fields, "vertices", to_camera, vertex));
-            let triangle = if to_camera == ToCamera::IDENTITY {
-                Triangle { colour, vertices: moved }
-            } else {
-                Triangle::of_moved(colour, geometry::has_no_area(vertices.map(double)), moved)
-            };
+            let mut triangle = Triangle { colour, vertices: moved };
+            if to_camera != ToCamera::IDENTITY && geometry::has_no_area(vertices.map(double)) {
+                triangle.flatten();
+            }
             if triangle.has_no_area() {
                 self.no_area.push((self.start + fields.span.start, fields.owner.clone()));
             }
@@ -197,7 +196,8 @@ impl Reader<'_> {
         }
         // What a camera cannot be has been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
-        Some(Opened { scene: Scene { name: file, camera, lights, spheres, triangles, faces }, notes: told, warnings })
+        let scene = Scene { name: file, camera, lights, spheres, triangles, faces };
+        Some(Opened { scene, up, notes: told, warnings })
     }
 
     /// The file name, the width and the height of the picture.
@@ -223,11 +223,11 @@ impl Reader<'_> {
         (file, width, height)
     }
 
-    /// The focal distance, the film's diagonal, and the map from the world to the camera's frame.
-    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera) {
+    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and what is up in that.
+    fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, DVec3) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
-            return (FOCAL, FILM, ToCamera::IDENTITY);
+            return (FOCAL, FILM, ToCamera::IDENTITY, DVec3::Y);
         };
         let focal = self.number_or(&fields, "focal", Rule::Positive, FOCAL);
         let film = self.number_or(&fields, "film", Rule::Positive, FILM);
@@ -237,9 +237,10 @@ impl Reader<'_> {
         let look_at = self.point(&fields, "look_at", Rule::Any).map_or(position + at_rest.look_at, double);
         let up = self.point(&fields, "up", Rule::Any).map_or(at_rest.up, double);
         if self.notes.len() > before {
-            return (focal, film, ToCamera::IDENTITY);
+            return (focal, film, ToCamera::IDENTITY, DVec3::Y);
         }
-        let map = View { position, look_at, up }.to_camera().unwrap_or_else(|why| {
+        let view = View { position, look_at, up };
+        let map = view.to_camera().unwrap_or_else(|why| {
             let (key, expected) = match why {
                 ViewError::Up => ("up", "a direction across the view, such as up = [0, 0, 1]"),
                 _ => ("look_at", "a point other than the camera's position"),
@@ -247,7 +248,7 @@ impl Reader<'_> {
             self.note(fields.span(key), &why.to_string(), expected);
             ToCamera::IDENTITY
         });
-        (focal, film, map)
+        (focal, film, map, view.up().unwrap_or(DVec3::Y))
     }
 
     fn placement(&mut self, fields: &Fields<'_>) -> Placement {

@@ -1,6 +1,6 @@
 //! Where the camera stands in the world, and the way to its own frame; and a camera that frames a mesh.
 
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::mesh::{Mesh, MeshFormat, Placement};
 use super::{Camera, Light, Scene, Triangle};
@@ -77,6 +77,11 @@ impl View {
         Ok(ToCamera { linear: rows, position: self.position })
     }
 
+    /// What is `up`, seen from the camera: of length 1.
+    pub(super) fn up(self) -> Option<DVec3> {
+        Some(self.to_camera().ok()?.linear * self.up.try_normalize()?)
+    }
+
     /// A view of points from the front, the right and above, as near as `camera` sees all of them with some room around;
     /// `to_world` is their map to the world.
     fn framing(points: &[Vec3], to_world: DAffine3, camera: &Camera) -> View {
@@ -151,39 +156,112 @@ impl Scene {
     /// # }
     /// ```
     ///
+    /// [`MovingCamera`] does the same again and again, and sooner.
+    ///
     /// # Errors
     /// As [`View::to_camera`], and where a point leaves the range of f32.
     pub fn seen_from(&self, view: View) -> Result<Scene, ViewError> {
+        let mut camera = MovingCamera::of(self);
+        camera.seen_from(view)?;
+        Ok(camera.seen)
+    }
+}
+
+/// A world as a camera that moves sees it: what every view gives is put where the one before it was.
+///
+/// `examples/moving_camera.rs` goes round a mesh of a million triangles.
+pub struct MovingCamera<'a> {
+    world: &'a Scene,
+    seen: Scene,
+    /// The triangles and the faces of the world that have no area.
+    flat: (Vec<usize>, Vec<usize>),
+    /// The largest of all coordinates, or infinity where one is no number.
+    furthest: f32,
+}
+
+impl<'a> MovingCamera<'a> {
+    /// Makes room for a world, which this takes longer than to move it.
+    pub fn of(world: &'a Scene) -> Self {
+        let triangles = world.triangles.iter();
+        let vertices = triangles.flat_map(|triangle| &triangle.vertices).chain(world.faces.vertices());
+        let places = vertices.chain(world.lights.iter().map(|light| &light.position));
+        let places = places.chain(world.spheres.iter().map(|sphere| &sphere.centre));
+        let furthest =
+            places.fold(
+                0.0,
+                |furthest: f32, place| {
+                    if place.is_finite() { furthest.max(place.abs().max_element()) } else { f32::INFINITY }
+                },
+            );
+        let is_flat = |i: &usize| world.triangles[*i].has_no_area();
+        let flat = ((0..world.triangles.len()).filter(is_flat).collect(), world.faces.without_area());
+        MovingCamera { world, seen: world.clone(), flat, furthest }
+    }
+
+    /// As [`Scene::seen_from`].
+    ///
+    /// # Errors
+    /// As there; then what was seen before is lost.
+    pub fn seen_from(&mut self, view: View) -> Result<&Scene, ViewError> {
         let to_camera = view.to_camera()?;
-        let mut scene = self.clone();
         // Zeros keep their signs.
-        if to_camera == ToCamera::IDENTITY {
-            return Ok(scene);
+        let at_rest = to_camera == ToCamera::IDENTITY;
+        let moved = |point: Vec3| {
+            if at_rest { point } else { to_camera.point(point.as_dvec3()).as_vec3() }
+        };
+        let (world, seen) = (self.world, &mut self.seen);
+        for (seen, light) in seen.lights.iter_mut().zip(&world.lights) {
+            seen.position = moved(light.position);
         }
-        let moved = |point: Vec3| to_camera.point(point.as_dvec3()).as_vec3();
-        let beyond = |thing, i, point| ViewError::Range(format!("{thing} {}'s {point}", i + 1));
-        for (i, light) in scene.lights.iter_mut().enumerate() {
-            light.position = moved(light.position);
-            if !light.position.is_finite() {
-                return Err(beyond("light", i, "position"));
-            }
+        for (seen, sphere) in seen.spheres.iter_mut().zip(&world.spheres) {
+            seen.centre = moved(sphere.centre);
         }
-        for (i, sphere) in scene.spheres.iter_mut().enumerate() {
-            sphere.centre = moved(sphere.centre);
-            if !sphere.centre.is_finite() {
-                return Err(beyond("sphere", i, "centre"));
-            }
+        for (seen, triangle) in seen.triangles.iter_mut().zip(&world.triangles) {
+            seen.vertices = triangle.vertices.map(moved);
         }
-        for (i, triangle) in scene.triangles.iter_mut().enumerate() {
-            let vertices = triangle.vertices.map(moved);
-            if !vertices.iter().all(|vertex| vertex.is_finite()) {
-                return Err(beyond("triangle", i, "vertices"));
-            }
-            *triangle = Triangle::of_moved(triangle.colour, triangle.has_no_area(), vertices);
+        for (seen, vertex) in seen.faces.vertices_mut().iter_mut().zip(world.faces.vertices()) {
+            *seen = moved(*vertex);
         }
-        let before = scene.triangles.len();
-        scene.faces = scene.faces.moved(to_camera).map_err(|face| beyond("triangle", before + face, "vertices"))?;
-        Ok(scene)
+        // A turn makes a number at most root three times as large.
+        let reach = 2.0 * (f64::from(self.furthest) + view.position.abs().max_element());
+        if reach.is_nan() || reach >= f32::MAX.into() {
+            seen.is_within_range()?;
+        }
+        let (triangles, faces) = &self.flat;
+        triangles.iter().for_each(|triangle| seen.triangles[*triangle].flatten());
+        for face in faces {
+            seen.faces.take_corners(&world.faces, *face);
+        }
+        seen.faces.flatten(faces);
+        Ok(seen)
+    }
+}
+
+impl Scene {
+    /// Whether all places are numbers of f32, but for vertices that no face has.
+    fn is_within_range(&self) -> Result<(), ViewError> {
+        let is_finite = |triangle: &Triangle| triangle.vertices.iter().all(|vertex| vertex.is_finite());
+        let beyond = [
+            ("light", "position", self.lights.iter().position(|light| !light.position.is_finite())),
+            ("sphere", "centre", self.spheres.iter().position(|sphere| !sphere.centre.is_finite())),
+            ("triangle", "vertices", self.all_triangles().position(|triangle| !is_finite(&triangle))),
+        ];
+        let first = beyond.into_iter().find_map(|(thing, point, at)| Some((thing, point, at? + 1)));
+        first.map_or(Ok(()), |(thing, point, at)| Err(ViewError::Range(format!("{thing} {at}'s {point}"))))
+    }
+}
+
+impl Scene {
+    /// Where a camera at rest goes that goes round what it looks at, as far away as the middle of all objects: to the right, by such
+    /// a part of a turn about `up`, which is as in [`Opened`](super::Opened).
+    pub fn orbit(&self, up: DVec3, part: f64) -> View {
+        let vertices = self.triangles.iter().flat_map(|triangle| &triangle.vertices).chain(self.faces.vertices());
+        let depths = self.spheres.iter().map(|sphere| sphere.centre.z).chain(vertices.map(|vertex| vertex.z));
+        let (near, far) = depths.fold((f32::MAX, f32::MIN), |(near, far), z| (near.min(z), far.max(z)));
+        let middle = DVec3::Z * (f64::from(near) + f64::from(far)) / 2.0;
+        let turn = DQuat::from_axis_angle(up, -std::f64::consts::TAU * part);
+        let position = middle - turn * middle;
+        View { position, look_at: position + turn * DVec3::Z, up: turn * DVec3::Y }
     }
 }
 
@@ -223,7 +301,7 @@ impl Setting {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Rng, many};
+    use super::super::{Faces, Rng, many};
     use super::*;
 
     #[test]
@@ -295,6 +373,52 @@ mod tests {
             let view = View { position: DVec3::new(0.1 * f64::from(x), 1.0, -2.0), look_at: DVec3::Z, up: DVec3::Y };
             assert!(scene.seen_from(view).unwrap().triangles[0].has_no_area(), "x = {x}");
         }
+    }
+
+    #[test]
+    fn what_a_moving_camera_sees_is_the_world_moved_once_wherever_it_was_before() {
+        let mut world = many(5, 40, 3);
+        let line = [1.0, 2.0, 7.0].map(|z| z * Vec3::new(77.0, 179.0, 256.0));
+        (0..9).for_each(|i| world.triangles[4 * i].vertices = line);
+        let vertices = [line, world.triangles[1].vertices].concat();
+        world.faces = Faces::new(vertices, vec![[0, 1, 2], [3, 4, 5], [0, 4, 5]], Vec3::ONE);
+        let mut camera = MovingCamera::of(&world);
+        for x in (-25..25).map(f64::from) {
+            let view = View { position: DVec3::new(0.1 * x, 1.0, -2.0), look_at: DVec3::Z, up: DVec3::Y };
+            let seen = camera.seen_from(view).unwrap();
+            assert!(*seen == world.seen_from(view).unwrap(), "x = {x}");
+            let map = view.to_camera().unwrap();
+            let moved = |point: &Vec3| map.point(point.as_dvec3()).as_vec3();
+            assert!(seen.faces.vertices().iter().copied().eq(world.faces.vertices().iter().map(moved)));
+            assert!(seen.faces.get(0).has_no_area() && seen.faces.corners()[1..] == world.faces.corners()[1..]);
+            for (i, triangle) in seen.triangles.iter().enumerate() {
+                let flat = world.triangles[i].has_no_area();
+                assert!(if flat {
+                    triangle.has_no_area()
+                } else {
+                    triangle.vertices == world.triangles[i].vertices.map(|v| moved(&v))
+                });
+            }
+            assert!(*camera.seen_from(View::AT_REST).unwrap() == world);
+            assert!(camera.seen_from(View { position: DVec3::splat(-1e39), ..view }).is_err());
+        }
+    }
+
+    #[test]
+    fn a_camera_goes_round_what_it_looks_at_and_comes_back() {
+        let world = many(50, 50, 3);
+        let middle = |view: View| view.to_camera().unwrap().linear.transpose() * DVec3::Z;
+        let start = world.orbit(DVec3::Y, 0.0);
+        assert_eq!(start, View::AT_REST);
+        // To the right, a quarter of a turn to the left of what is behind it.
+        let right = world.orbit(DVec3::Y, 0.25);
+        let distance = right.position.x;
+        assert!(distance > 0.0 && (right.position.z - distance).abs() < 1e-12 * distance, "{right:?}");
+        assert!(middle(right).distance(DVec3::NEG_X) < 1e-12);
+        assert!(world.orbit(DVec3::Y, 1.0).position.length() < 1e-12 * distance);
+        // A camera that looks down stays above.
+        let up = DVec3::new(0.0, 0.8, 0.6);
+        assert!((world.orbit(up, 0.5).position.dot(up)).abs() < 1e-12 * distance);
     }
 
     #[test]

@@ -203,6 +203,7 @@ fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
     let place = Place::new();
     let size = "expected width and height in pixels, as in 1632x1224, or one of them, as in 800x or x600";
     let threads = "expected a whole number from 1 to 4096";
+    let pictures = "expected a whole number from 1 to 100000";
     let film = "error: the film diagonal must be a finite number greater than 0, not";
     let focal = "error: the focal distance must be a finite number greater than 0, not";
     let table = [
@@ -230,6 +231,9 @@ fn a_value_that_cannot_be_is_refused_with_what_was_expected() {
         ("--threads -2", invalid("-2", "--threads <N>", threads)),
         ("--threads 99999999", invalid("99999999", "--threads <N>", threads)),
         ("--threads two", invalid("two", "--threads <N>", threads)),
+        ("--orbit 0", invalid("0", "--orbit <N>", pictures)),
+        ("--orbit 100001", invalid("100001", "--orbit <N>", pictures)),
+        ("--orbit 1.5", invalid("1.5", "--orbit <N>", pictures)),
     ];
     for (arguments, message) in table {
         place.refuses(&format!("render scene.in -o x.png {arguments}"), 2, &message);
@@ -839,6 +843,56 @@ fn any_number_of_threads_gives_the_same_file() {
     for threads in [2, 3, 7] {
         assert!(bytes(threads) == one, "{threads} threads");
     }
+}
+
+#[test]
+fn a_camera_goes_round_a_scene_from_one_reading_of_it() {
+    let place = Place::new();
+    fs::create_dir(place.path("frames")).unwrap();
+    let run = place.run("render scene.in --orbit 4 -o frames/%02d.ppm");
+    assert_eq!((run.status, run.stdout.as_str()), (0, ""), "{}", run.stderr);
+    let summary = format!("frames/00.ppm to frames/03.ppm: 4 of 16x12 by {}, traced in ", Engine::fastest());
+    assert!(run.summary().starts_with(&summary), "{}", run.summary());
+    place.run("render scene.in -o plain.ppm");
+    let picture = |name: &str| fs::read(place.path(name)).unwrap();
+    let all = [0, 1, 2, 3].map(|number| picture(&format!("frames/{number:02}.ppm")));
+    assert!(all[0] == picture("plain.ppm") && (1..4).all(|i| all[i] != all[i - 1]));
+    // The other steps of a finer turn are between those; samples and rows are of each picture.
+    place.run("render scene.in --orbit 8 -o frames/%d.ppm --quiet");
+    assert!((0..4).all(|i| all[i] == picture(&format!("frames/{}.ppm", 2 * i))));
+    place.run("render scene.in --orbit 2 -o s%d.ppm --samples 2 --edges --rows 3..9 --background 1,0,0");
+    place.run("render scene.in -o s.ppm --samples 2 --edges --rows 3..9 --background 1,0,0");
+    assert!(picture("s0.ppm") == picture("s.ppm") && picture("s1.ppm") != picture("s.ppm"));
+
+    let names_one = |name| {
+        format!(
+            "error: --orbit writes several pictures, and {name} is the name of one: give it a number, as in frames/%04d.png"
+        )
+    };
+    for (arguments, message) in [
+        ("scene.in --orbit 2 -o x.png", names_one("x.png")),
+        ("scene.in --orbit 2 -o -", names_one("-")),
+        ("scene.in --orbit 2 -o %x.png", names_one("%x.png")),
+        ("scene.in --orbit 2 -o %4d.png", names_one("%4d.png")),
+        ("scene.in --orbit 2 -o %d%d.png", names_one("%d%d.png")),
+        ("scene.in --orbit 2 -o %099d.png", names_one("%099d.png")),
+        (
+            "scene.in scene.in --orbit 2 -o %d.png",
+            "error: --orbit goes round one scene: render the others in calls of their own".into(),
+        ),
+        (
+            "scene.in --orbit 2 -o none/%d.png",
+            "error: cannot write none/0.png: there is no directory none; create it first".into(),
+        ),
+    ] {
+        place.refuses(&format!("render {arguments}"), if arguments.contains("none") { 1 } else { 2 }, &message);
+    }
+    for with in ["--preview", "--stats", "--json", "--explain"] {
+        let run = place.run(&format!("render scene.in --orbit 2 -o %d.png {with}"));
+        assert!(run.status == 2 && run.stderr.contains("cannot be used with"), "{}", run.stderr);
+    }
+    let run = place.run("render scene.in --orbit 2");
+    assert!(run.status == 2 && run.stderr.contains("--output <FILE>"), "{}", run.stderr);
 }
 
 #[test]

@@ -1,0 +1,89 @@
+//! A camera that goes round a mesh of a million triangles, frame after frame into one buffer.
+//!
+//! `cargo run --release --example moving_camera` says how long a frame takes, and of what. Nothing is built beforehand: the
+//! mesh is moved to where the camera sees it, into memory that stays, and planned and traced from there. It needs the library
+//! alone, without its default features.
+
+use std::error::Error;
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
+
+use rayo::glam::{DVec3, Vec3};
+use rayo::render::{Plan, Purpose};
+use rayo::scene::{MovingCamera, mesh};
+use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settings, View};
+
+/// A ring of about so many triangles around the y axis, under one lamp.
+fn ring(triangles: u64, camera: Camera) -> Scene {
+    let mesh = mesh::shapes::torus(triangles);
+    Scene {
+        name: "ring.png".into(),
+        camera,
+        lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-4.0, 6.0, -3.0) }],
+        spheres: vec![],
+        triangles: vec![],
+        faces: Faces::new(mesh.vertices, mesh.triangles, Vec3::new(1.0, 0.6, 0.2)),
+    }
+}
+
+/// One of so many places around the ring, and a bit above it.
+fn place(frame: u32, frames: u32) -> View {
+    let (sin, cos) = (std::f64::consts::TAU * f64::from(frame) / f64::from(frames)).sin_cos();
+    View { position: DVec3::new(3.0 * sin, 1.2, -3.0 * cos), look_at: DVec3::ZERO, up: DVec3::Y }
+}
+
+/// Shows the world from so many places: `show` hears of every picture, and how long the world took to be moved, planned and
+/// traced.
+fn go_round(
+    world: &Scene,
+    frames: u32,
+    threads: usize,
+    mut show: impl FnMut(&Film, [Duration; 3]),
+) -> Result<(), Box<dyn Error>> {
+    let purpose = Purpose { format: Some(PixelFormat::Rgba8), threads, ..Purpose::default() };
+    let mut film = Film::new(PixelFormat::Rgba8, world.camera.pixels() as usize)?;
+    let mut camera = MovingCamera::of(world);
+    for number in 0..frames {
+        let start = Instant::now();
+        let scene = camera.seen_from(place(number, frames))?;
+        let moved = start.elapsed();
+        let plan = Plan::new(Engine::fastest(), scene, purpose)?;
+        // Its threads are those of the plan, and of the frame before.
+        let frame = Frame::new(plan.tracer(), scene.camera, Settings { threads })?;
+        let planned = start.elapsed();
+        frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {});
+        show(&film, [moved, planned - moved, start.elapsed() - planned]);
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let world = ring(1_000_000, Camera::new(1632, 1224, 1.0, 1.0)?);
+    let threads = available_parallelism()?.get();
+    println!("{} triangles, {} pixels, {threads} threads", world.faces.len(), world.camera.pixels());
+    let mut times = Vec::new();
+    go_round(&world, 120, threads, |_film, parts| times.push(parts.map(|part| 1e3 * part.as_secs_f64())))?;
+    times.sort_by_key(|parts| Duration::from_secs_f64(parts.iter().sum()));
+    for (name, [moved, planned, traced]) in [("fastest", times[0]), ("median", times[times.len() / 2])] {
+        let all = moved + planned + traced;
+        println!("{name}: moved {moved:.2}, planned {planned:.2}, traced {traced:.2}: {all:.2} ms, {:.0}/s", 1e3 / all);
+    }
+    Ok(())
+}
+
+#[test]
+fn every_frame_is_the_picture_of_the_scene_seen_from_there() {
+    let world = ring(5000, Camera::new(64, 48, 1.0, 1.0).unwrap());
+    let mut number = 0;
+    go_round(&world, 5, 2, |film, _| {
+        let scene = world.seen_from(place(number, 5)).unwrap();
+        let mut alone = Film::new(PixelFormat::Rgba8, film.len()).unwrap();
+        Engine::fastest().prepare(None, &scene).unwrap().rows(0..48, alone.as_mut());
+        let lit = |film: &Film| (0..film.len()).map(|pixel| film.colour(pixel).levels()).collect::<Vec<_>>();
+        assert_eq!(lit(film), lit(&alone), "frame {number}");
+        assert!(lit(film).iter().filter(|[red, ..]| *red > 100).count() > 300, "frame {number}");
+        number += 1;
+    })
+    .unwrap();
+    assert_eq!(number, 5);
+}
