@@ -614,6 +614,29 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
     assert!(short.iter().any(|(_, count)| (1..36).contains(count)), "{short:?}");
 }
 
+/// Triangles whose corners lie on rays, and so do edges that go along a row or a column, but for what f32 makes of them.
+#[test]
+fn rays_on_edges_are_decided_as_by_the_reference() {
+    let camera = camera(203, 97);
+    let (grid, mut rng) = (camera.grid::<f64>(), Rng::new(9));
+    let mut scene = Scene { camera, ..many(0, 0, 9) };
+    for _ in 0..200 {
+        let mut pixel = |side: u64| (rng.next_u64() % side) as u32;
+        let (row, column) = (pixel(97), pixel(203));
+        let pixels = [(row, column), (row, pixel(203)), (pixel(97), column)];
+        let vertices = pixels
+            .map(|(row, column)| (DVec3::from(grid.ray(row, column)) * f64::from(rng.between(2.0, 9.0))).as_vec3());
+        scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+    }
+    let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+    let truth: Vec<_> = (0..203 * 97).map(|i| reference.hit(i / 203, i % 203).map(|hit| hit.object)).collect();
+    for contender in packets() {
+        let hits = tiles(&contender, &scene, false).hits(0..97);
+        let differing = hits.iter().zip(&truth).filter(|(found, truth)| found.map(|found| found.object) != **truth);
+        assert_eq!(differing.count(), 0, "{contender}");
+    }
+}
+
 /// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
 #[test]
 fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
