@@ -26,8 +26,29 @@ fn main() {
             fs::write(out.join(format!("{unit}.lines")), "").unwrap();
         }
     }
+    if cfg!(feature = "render") {
+        let log = log_of_commits().map(|log| format!("Some(include_bytes!({log:?}))"));
+        fs::write(out.join("log.rs"), log.unwrap_or("None".into())).unwrap();
+    }
     #[cfg(any(feature = "asm", feature = "c"))]
     native::build(&out);
+}
+
+/// Where Git keeps which commits were checked out here. The program includes it (src/main.rs), so that a commit has it linked
+/// anew, and nothing assembled. None in a package.
+fn log_of_commits() -> Option<PathBuf> {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
+    let git = root.join(".git");
+    // A file that says where in a further work tree. Neither changes, and both go with the repository.
+    let (git, stays) = match fs::read_to_string(&git) {
+        Ok(text) => (root.join(text.strip_prefix("gitdir: ")?.trim()), git),
+        Err(_) => (git.clone(), git.join("description")),
+    };
+    let log = git.join("logs/HEAD");
+    (log.is_file() && stays.is_file()).then(|| {
+        println!("cargo::rerun-if-changed={}", stays.display());
+        log
+    })
 }
 
 /// The first line of what `program flag` prints; empty where it cannot be run.

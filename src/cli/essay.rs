@@ -1,6 +1,5 @@
 //! The prose of the pages that commands write: parts of Markdown files beside the code, and figures put into them.
 
-use crate::measure::Machine;
 use crate::render::Engine;
 
 /// What begins a part: this, its name, and the end of the comment.
@@ -14,11 +13,6 @@ const END: &str = " -->\n";
 pub(super) fn part(prose: &'static str, name: &str) -> &'static str {
     let parts = prose.split(BEGIN).filter_map(|part| part.split_once(END));
     parts.into_iter().find_map(|(of, text)| (of == name).then_some(text)).unwrap_or_else(|| panic!("no part `{name}`"))
-}
-
-/// The name of a machine's CPU.
-pub(super) fn cpu(machine: &Machine) -> &str {
-    machine.cpu.as_deref().unwrap_or("an unknown CPU")
 }
 
 /// The engines that this machine does not run, where there are any.

@@ -11,7 +11,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::{Failure, colour_on_stdout, convert, print_result, require_assembly, terminal_width};
-use crate::experiments::ops::{self, IMPLEMENTATIONS, Options};
+use crate::experiments::ops::{self, IMPLEMENTATIONS, Options, Report};
+use crate::measure::Machine;
 use crate::measure::instructions::functions;
 
 /// Count the instructions of every operation, static and executed, and measure what they cost: the paper's section 4
@@ -62,6 +63,14 @@ struct Listed<T> {
     kernels: Vec<T>,
 }
 
+/// What was counted, as JSON.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    machine: Machine,
+    #[serde(flatten)]
+    report: &'a Report,
+}
+
 /// Counts and prints.
 pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     require_assembly("to count")?;
@@ -94,7 +103,8 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
         let svg = ops::plot::figure(&report).map_err(Failure::output)?;
         convert::write(figure, |out| out.write_all(svg.as_bytes()))?;
     }
-    print_result(args.json, &report, || match () {
+    let document = Document { machine: Machine::this(), report: &report };
+    print_result(args.json, &document, || match () {
         () if args.asm => listing::text(&report, width, colour),
         () if args.markdown => markdown::text(&report),
         () => table::text(&report, !args.op.is_empty(), args.executed, width),

@@ -255,7 +255,7 @@ impl Party {
     ) -> Result<bool, Failure> {
         let Some(ranks) = self.ranks() else { return one_by_one(count, work, take) };
         let place = format!("rank {} on {}", ranks.rank(), Ranks::host());
-        let own = cpu_name().unwrap_or_default();
+        let own = cpu_name();
         let measure = |cell| {
             let measured = work(cell as usize).map_err(|failure| format!("{place}: {}", failure.message))?;
             let mut bytes = Vec::new();

@@ -68,7 +68,7 @@ struct PlanDocument<'a> {
 /// What `--measure` adds.
 #[derive(Serialize)]
 struct Measured<'a> {
-    cpu: Option<String>,
+    cpu: String,
     threads: usize,
     rounds: usize,
     rows: usize,
@@ -240,9 +240,9 @@ impl Of<'_> {
 
 /// The table of what each line is worth.
 fn measured(of: &Of<'_>, report: &Report, ablation: &Ablation) -> String {
-    let cpu = cpu_name().unwrap_or_else(|| "a CPU of no name".into());
     let mut text = format!(
-        "\nmeasured on one thread of {cpu}: {} rounds, {} of {} rows, {:.3} cycles per pixel as planned\n",
+        "\nmeasured on one thread of {}: {} rounds, {} of {} rows, {:.3} cycles per pixel as planned\n",
+        cpu_name(),
         ablation.rounds,
         ablation.rows,
         of.camera.height(),

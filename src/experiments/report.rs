@@ -265,7 +265,7 @@ impl Results {
             let found = Results::of(&text, &path)?;
             results = Some(match results {
                 None => found,
-                Some(results) if results.machine.cpu == found.machine.cpu => results.and(found),
+                Some(results) if results.machine.cpu() == found.machine.cpu() => results.and(found),
                 Some(_) => return Err(ReadError::Machines(path)),
             });
         }

@@ -1,15 +1,32 @@
 //! The machine and the build that a figure belongs to.
 
+use std::sync::OnceLock;
+use std::time::SystemTime;
+
 use serde::{Deserialize, Serialize};
 
 use super::names::{self, Name};
 use super::tsc_hz;
 
+/// The commit of the program, which the program alone knows.
+static COMMIT: OnceLock<Name> = OnceLock::new();
+
 /// A figure without this is not a result. The field names are those of the JSON documents.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Machine {
-    /// The CPU's own name.
+    /// The CPU's own name, which makers give to several generations.
     pub cpu: Option<String>,
+    /// Family, as the maker counts.
+    pub family: Option<u32>,
+    /// Model of the family.
+    pub model: Option<u32>,
+    /// Stepping of the model.
+    pub stepping: Option<u32>,
+    /// What makers call it that have this family and model, where it is a known one.
+    #[serde(default, deserialize_with = "names::read_optional")]
+    pub microarchitecture: Option<Name>,
+    /// The core's own cycles in a second as they were measured once, at the beginning: it may change with load and temperature.
+    pub core_hz: Option<f64>,
     /// Cores that this process may use.
     pub cores: usize,
     /// Caches that hold data, nearest first; empty where the operating system does not tell.
@@ -17,6 +34,12 @@ pub struct Machine {
     /// Operating system.
     #[serde(deserialize_with = "names::read")]
     pub os: Name,
+    /// Its kernel's release, where it tells.
+    pub kernel: Option<String>,
+    /// Whose virtual machine it is; None also where there is none.
+    pub hypervisor: Option<String>,
+    /// When that was, in UTC: 2026-01-31T12:00:00Z.
+    pub date: Option<String>,
     /// Ticks of the time-stamp counter in a second.
     pub tsc_hz: Option<f64>,
     /// Whether the CPU promises that the counter ticks at a constant rate.
@@ -24,6 +47,9 @@ pub struct Machine {
     /// Version of this program.
     #[serde(deserialize_with = "names::read")]
     pub version: Name,
+    /// The commit that was checked out when it was built; changes to it do not show. None of a build from a package.
+    #[serde(default, deserialize_with = "names::read_optional")]
+    pub commit: Option<Name>,
     /// The assembler that made the kernels.
     #[serde(deserialize_with = "names::read_optional")]
     pub nasm: Option<Name>,
@@ -50,20 +76,80 @@ pub struct Cache {
 impl Machine {
     /// This machine and this build. Takes a twentieth of a second for the counter's rate.
     pub fn this() -> Self {
+        let tsc_hz = tsc_hz();
+        let kernel = std::fs::read_to_string("/proc/sys/kernel/osrelease");
         Machine {
-            cpu: cpu_name(),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             caches: caches(),
             os: std::env::consts::OS,
-            tsc_hz: tsc_hz().map(f64::round),
-            tsc_invariant: tsc_invariant().unwrap_or(false),
+            kernel: kernel.ok().map(|release| release.trim().to_owned()),
+            date: SystemTime::UNIX_EPOCH.elapsed().ok().map(|since| date(since.as_secs())),
+            tsc_hz: tsc_hz.map(f64::round),
+            #[cfg(feature = "lab")]
+            core_hz: tsc_hz.map(|hz| (hz * super::core_cycles_per_tick()).round()),
             version: env!("CARGO_PKG_VERSION"),
+            commit: COMMIT.get().copied(),
             nasm: option_env!("RAYO_NASM"),
             cc: option_env!("RAYO_CC"),
             cflags: option_env!("RAYO_CFLAGS"),
             rustc: env!("RAYO_RUSTC"),
+            ..of_cpu()
         }
     }
+
+    /// The CPU by its name, and which of those that share it.
+    pub fn cpu(&self) -> String {
+        let name = self.cpu.as_deref().unwrap_or("an unknown CPU");
+        let (Some(family), Some(model)) = (self.family, self.model) else { return name.to_owned() };
+        let of = self.microarchitecture.map(|of| format!("{of}, ")).unwrap_or_default();
+        format!("{name} ({of}family {family} model {model})")
+    }
+
+    /// All of it in words: what it is, and what it says.
+    pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let gigahertz = |hz: f64| format!("{:.3} GHz", hz / 1e9);
+        let promise = if self.tsc_invariant { "invariant" } else { "not known to be invariant" };
+        let caches: Vec<_> = self.caches.iter().map(|of| format!("L{} {} KiB", of.level, of.bytes >> 10)).collect();
+        let kernel = self.kernel.as_ref().map(|release| format!(", kernel {release}"));
+        let hypervisor = self.hypervisor.as_ref().map(|name| format!(", under {name}"));
+        let of = |text: Option<Name>, what| text.map_or(format!("none (built without {what})"), str::to_owned);
+        [
+            ("version", Some(self.version.to_owned())),
+            ("commit", self.commit.map(str::to_owned)),
+            ("date", self.date.clone()),
+            ("CPU", Some(self.cpu())),
+            ("stepping", self.stepping.map(|stepping| stepping.to_string())),
+            ("cores", Some(self.cores.to_string())),
+            ("core clock", self.core_hz.map(|hz| format!("{}, measured", gigahertz(hz)))),
+            ("time stamps", Some(self.tsc_hz.map_or("none".into(), |hz| format!("{}, {promise}", gigahertz(hz))))),
+            ("caches", Some(caches.join(", ")).filter(|caches| !caches.is_empty())),
+            ("system", Some([Some(self.os.to_owned()), kernel, hypervisor].into_iter().flatten().collect())),
+            ("NASM", Some(of(self.nasm, "assembly"))),
+            ("C compiler", Some(of(self.cc, "C"))),
+            ("C flags", Some(of(self.cflags, "C"))),
+            ("Rust", Some(self.rustc.to_owned())),
+        ]
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)))
+    }
+}
+
+/// Has [`Machine::this`] name the commit that the program was built from.
+pub fn set_commit(commit: Name) {
+    COMMIT.get_or_init(|| commit);
+}
+
+/// A second since 1970 in UTC, by the calendar of years that begin in March, whose leap day is their last.
+fn date(second: u64) -> String {
+    let day = second / 86_400 + 719_468; // since the first of March of the year 0
+    let (era, of_era) = (day / 146_097, day % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let (day, month) = (of_year - (153 * month + 2) / 5 + 1, (month + 2) % 12 + 1);
+    let year = 400 * era + year + u64::from(month < 3);
+    let (hour, minute, second) = (second / 3600 % 24, second / 60 % 60, second % 60);
+    format!("{year}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
 /// The caches of the first core that hold data, as Linux tells.
@@ -97,34 +183,64 @@ fn cache_bytes(text: &str) -> Option<usize> {
     digits.parse::<usize>().ok()?.checked_mul(unit)
 }
 
-/// The CPU's own name, where it gives one.
+/// What the CPU tells of itself.
 #[cfg(target_arch = "x86_64")]
-pub fn cpu_name() -> Option<String> {
-    let brand = raw_cpuid::CpuId::new().get_processor_brand_string()?;
-    Some(brand.as_str().trim().to_owned())
+fn of_cpu() -> Machine {
+    let cpuid = raw_cpuid::CpuId::new();
+    let numbers = cpuid.get_feature_info().map(|info| [info.family_id(), info.model_id(), info.stepping_id()]);
+    let [family, model, stepping] = [0, 1, 2].map(|place| Some(u32::from(numbers?[place])));
+    let is_amd = cpuid.get_vendor_info().is_some_and(|vendor| vendor.as_str() == "AuthenticAMD");
+    Machine {
+        cpu: cpuid.get_processor_brand_string().map(|brand| brand.as_str().trim().to_owned()),
+        family,
+        model,
+        stepping,
+        microarchitecture: family.zip(model).and_then(|(family, model)| microarchitecture(is_amd, family, model)),
+        hypervisor: cpuid.get_hypervisor_info().map(|info| format!("{:?}", info.identify())),
+        tsc_invariant: cpuid.get_advanced_power_mgmt_info().is_some_and(|info| info.has_invariant_tsc()),
+        ..Machine::default()
+    }
 }
 
-/// The CPU's own name: not known on this architecture.
+/// What the CPU tells of itself: nothing on this architecture.
 #[cfg(not(target_arch = "x86_64"))]
-pub fn cpu_name() -> Option<String> {
-    None
+fn of_cpu() -> Machine {
+    Machine::default()
 }
 
-/// Whether the CPU promises that its time-stamp counter ticks at a constant rate; None where it says nothing of it.
+/// Which microarchitecture AMD, or Intel, has given a family and model, as Linux has it in `arch/x86`.
 #[cfg(target_arch = "x86_64")]
-pub fn tsc_invariant() -> Option<bool> {
-    raw_cpuid::CpuId::new().get_advanced_power_mgmt_info().map(|info| info.has_invariant_tsc())
+fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<Name> {
+    Some(match (is_amd, family, model) {
+        (true, 0x17, 0x00..=0x2f | 0x50..=0x5f) => "Zen",
+        (true, 0x17, _) => "Zen 2",
+        (true, 0x19, 0x10..=0x1f | 0x60..=0xaf) => "Zen 4",
+        (true, 0x19, 0x00..=0x5f) => "Zen 3",
+        (true, 0x1a, 0x00..=0x4f | 0x60..=0x7f) => "Zen 5",
+        (false, 6, 0x3c | 0x3f | 0x45 | 0x46) => "Haswell",
+        (false, 6, 0x3d | 0x47 | 0x4f | 0x56) => "Broadwell",
+        (false, 6, 0x4e | 0x5e | 0x8e | 0x9e | 0xa5 | 0xa6) => "Skylake",
+        (false, 6, 0x55) => "Skylake-X",
+        (false, 6, 0x6a | 0x6c | 0x7d | 0x7e) => "Ice Lake",
+        (false, 6, 0x8c | 0x8d) => "Tiger Lake",
+        (false, 6, 0xa7) => "Rocket Lake",
+        (false, 6, 0x8f) => "Sapphire Rapids",
+        (false, 6, 0xcf) => "Emerald Rapids",
+        (false, 6, 0xad | 0xae) => "Granite Rapids",
+        (false, 6, 0x97 | 0x9a) => "Alder Lake",
+        (false, 6, 0xb7 | 0xba | 0xbf) => "Raptor Lake",
+        _ => return None,
+    })
 }
 
-/// Without a time-stamp counter: nothing to promise.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn tsc_invariant() -> Option<bool> {
-    None
+/// This machine's CPU by its name, and which of those that share it.
+pub fn cpu_name() -> String {
+    of_cpu().cpu()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::cache_bytes;
+    use super::{cache_bytes, date};
 
     #[test]
     fn the_size_of_a_cache_is_read_as_linux_writes_it() {
@@ -132,6 +248,20 @@ mod tests {
             [("32K", Some(32 << 10)), ("1M", Some(1 << 20)), ("512", Some(512)), ("", None), ("KK", None)]
         {
             assert_eq!(cache_bytes(text), bytes, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_second_since_1970_is_a_date() {
+        for (second, expected) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (951_782_399, "2000-02-28T23:59:59Z"),
+            (951_782_400, "2000-02-29T00:00:00Z"),
+            (951_868_800, "2000-03-01T00:00:00Z"),
+            (4_107_542_400, "2100-03-01T00:00:00Z"),
+            (1_798_761_599, "2026-12-31T23:59:59Z"),
+        ] {
+            assert_eq!(date(second), expected);
         }
     }
 }

@@ -25,6 +25,6 @@ pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
 #[cfg(feature = "lab")]
 pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, enough, interleave};
-pub use machine::{Cache, Machine, caches, cpu_name, tsc_invariant};
+pub use machine::{Cache, Machine, caches, cpu_name, set_commit};
 #[cfg(feature = "lab")]
 pub use watch::Watch;

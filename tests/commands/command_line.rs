@@ -1036,9 +1036,19 @@ fn info_tells_what_this_build_and_cpu_have() {
     let json = place.run("info --json").json();
     assert_eq!(json["schema"], 1);
     assert_eq!(json["version"], env!("CARGO_PKG_VERSION"));
-    for name in ["cpu", "tsc_hz", "isa", "engines", "nasm", "cc", "rustc"] {
+    for name in ["cpu", "tsc_hz", "isa", "engines", "nasm", "cc", "rustc", "kernel", "hypervisor", "core_hz", "date"] {
         assert!(json.contains_key(name), "{name}");
     }
+    // Of a repository, what was checked out; nothing of a package.
+    let commit = json["commit"].as_str().unwrap_or_default();
+    let digits = if Path::new(env!("CARGO_MANIFEST_DIR")).join(".git/description").is_file()
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join(".git").is_file()
+    {
+        12
+    } else {
+        commit.len()
+    };
+    assert!(commit.len() == digits && commit.chars().all(|digit| digit.is_ascii_hexdigit()), "{commit}");
     assert!(json["rustc"].as_str().unwrap().starts_with("rustc "));
     for (name, built) in [("nasm", cfg!(rayo_asm)), ("cc", cfg!(rayo_c))] {
         assert!(if built { json[name].is_string() } else { json[name].is_null() }, "{name}");

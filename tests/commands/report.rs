@@ -112,9 +112,9 @@ fn structure(html: &Html) -> String {
         let parts =
             Selector::parse("figcaption, summary, article h3, dt, p.absent, .scroll > table:not(.map) thead").unwrap();
         for part in section.select(&parts) {
-            // What depends on the CPU.
+            // What depends on the CPU, and on whether this is a repository.
             let text = text(&part);
-            if !text.starts_with("This CPU") {
+            if !text.starts_with("This CPU") && text != "commit" {
                 lines.push(format!("    {}: {}", part.value().name(), text.split(" avx512").next().unwrap()));
             }
         }
@@ -149,6 +149,7 @@ fn machines_stand_side_by_side() {
     let document = fs::read_to_string(results().join("experiment/results.json")).unwrap();
     let mut document: serde_json::Value = serde_json::from_str(&document).unwrap();
     document["machine"]["cpu"] = "Another CPU".into();
+    document["machine"]["family"] = Value::Null;
     document["conditions"]["complete"] = false.into();
     fs::write(other.path().join("results.json"), document.to_string()).unwrap();
     let (_directory, page) = page_of(&[results(), other.path()]);

@@ -1,7 +1,7 @@
 //! The document docs/results/accuracy.md.
 
 use super::table::{number, plain_table, reasons, summary_table};
-use crate::cli::essay::{absent_engines, cpu, part};
+use crate::cli::essay::{absent_engines, part};
 use crate::cli::table::Table;
 use crate::experiments::accuracy::summary::summaries;
 use crate::experiments::accuracy::{Accuracy, AccuracyReport, Who};
@@ -19,7 +19,7 @@ pub(super) fn text(document: &AccuracyReport) -> String {
     text += &format!(
         "{} scenes. Counts are sums, errors the largest of any scene, times the geometric mean. {}; {}.\n\n",
         rows.chunk_by(|a, b| a.scene == b.scene).count(),
-        cpu(&document.machine),
+        document.machine.cpu(),
         document.machine.rustc,
     );
     text += &summary_table(&summaries(rows));

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::ExperimentArgs;
 use super::run::{Prepared, failure, interrupted, prepare, settings};
 use super::table::EXPLANATION;
-use crate::cli::essay::{cpu, filled, part};
+use crate::cli::essay::{filled, part};
 use crate::cli::measuring::{bar, create_directory, write_results};
 use crate::cli::party::Party;
 use crate::cli::table::{self, Column, Table};
@@ -78,7 +78,7 @@ fn page(document: &Complexity) -> String {
     let caches: Vec<_> =
         machine.caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
     let figures = [
-        ("CPU", cpu(machine).into()),
+        ("CPU", machine.cpu()),
         ("megahertz", megahertz),
         ("caches", caches.join(", ")),
         ("assembler", machine.nasm.unwrap_or("?").into()),

@@ -8,8 +8,8 @@ use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::jumps::{self, BOUND, Bandwidth, Finding, Jumps};
 use crate::experiments::ladder::{AgainstCompiler, Explanation, Rung, SIZE};
 use crate::experiments::speedup::{BASELINE, CONTROL, PAPER, PaperRow, Timing, paper_mean_ratio, paper_row};
+use crate::measure::OFF_BY_MAD;
 use crate::measure::statistics::Estimate;
-use crate::measure::{Machine, OFF_BY_MAD};
 use crate::plan::grouped;
 use crate::render::PixelFormat;
 use crate::scene::shown;
@@ -27,10 +27,8 @@ fn interval(estimate: &Estimate) -> String {
 
 /// What was measured where, and how far it can be trusted: what stands above the table.
 pub(super) fn preamble(document: &Experiment) -> String {
-    let Machine { cpu, cores, tsc_hz, tsc_invariant, nasm, cc, cflags, rustc, version, .. } = &document.machine;
     let unknown = || "unknown".to_owned();
-    let clock = tsc_hz.map_or_else(unknown, |hz| format!("{:.3} GHz", hz / 1e9));
-    let promise = if *tsc_invariant { "invariant" } else { "not known to be invariant" };
+    let facts: String = document.machine.facts().map(|(name, value)| format!("- {name}: {value}\n")).collect();
     let Conditions { core, runs, timed_share, taken_share, .. } = &document.conditions;
     let core = core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
     let (migrated, off, all) = document.odd_runs();
@@ -38,20 +36,12 @@ pub(super) fn preamble(document: &Experiment) -> String {
     let percent = |share: &Option<f64>| share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
     let (timed, taken) = (percent(timed_share), percent(taken_share));
     let mut text = format!(
-        "rayo {version}\n\
-        CPU: {cpu}, {cores}; {core}; time stamps {clock}, {promise}\n\
-        C: {cc}; {cflags}\n\
-        NASM: {nasm}; Rust: {rustc}\n\
-        Runs: {runs} of each size, each in a process of its own, interleaved; of {all} pictures {migrated} migrated to \
+        "{facts}\n\
+        Runs: {runs} of each size, each in a process of its own, {core}, interleaved; of {all} pictures {migrated} migrated to \
         another core and {off} were off by more than {OFF_BY_MAD} MAD; all are kept\n\
         Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
-        cpu = cpu.clone().unwrap_or_else(unknown),
-        cores = counted(*cores),
-        cc = cc.unwrap_or("none"),
-        cflags = cflags.unwrap_or("none"),
-        nasm = nasm.unwrap_or("none"),
         floor = 100.0 * document.noise_floor,
     );
     let (taken, all) = document.taken_runs();
@@ -302,13 +292,12 @@ pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> St
 /// The factor, and a verdict on each claim, whose figure is in the tables.
 pub fn summary(document: &Experiment) -> String {
     let Estimate { value, low, high } = document.c_by_simd;
-    let Machine { cpu, cores, .. } = &document.machine;
     let mut text = format!(
         "C takes {value:.2} [{low:.2}, {high:.2}] times the cycles of SIMD; in the paper {:.2}\n\
         {}, {}; noise floor {:.2} %\n",
         paper_mean_ratio(),
-        cpu.as_deref().unwrap_or("unknown CPU"),
-        counted(*cores),
+        document.machine.cpu(),
+        counted(document.machine.cores),
         100.0 * document.noise_floor,
     );
     if !document.conditions.complete {
@@ -385,7 +374,7 @@ mod tests {
     use crate::experiments::claims::{Claim, Verdict};
     use crate::experiments::ladder::Share;
     use crate::experiments::speedup::{self, Settings, Speedup};
-    use crate::measure::Cache;
+    use crate::measure::{Cache, Machine};
 
     /// Two sizes of three engines on a machine that is nobody's.
     fn document() -> Experiment {
@@ -401,10 +390,15 @@ mod tests {
             tsc_hz: Some(2e9),
             tsc_invariant: true,
             version: "1.2.3",
+            microarchitecture: Some("a core"),
+            family: Some(7),
+            model: Some(8),
+            commit: Some("0123456789ab"),
             nasm: Some("an assembler"),
             cc: Some("a compiler"),
             cflags: Some("-O3"),
             rustc: "another compiler",
+            ..Machine::default()
         };
         let conditions = Conditions {
             core: Some(1),
@@ -469,14 +463,14 @@ mod tests {
             "{}",
             lines[0]
         );
-        assert!(lines[1].starts_with("a CPU, 4 cores; noise floor "), "{}", lines[1]);
+        assert!(lines[1].starts_with("a CPU (a core, family 7 model 8), 4 cores; noise floor "), "{}", lines[1]);
         assert_eq!(lines[2..10], ["- All is well: not testable here"; 8]);
         assert_eq!(lines[10..], ["", &format!("{files}; --full prints the tables")]);
         let full = super::printed(&document, true, Path::new("some/where"));
         assert!(full.starts_with(lines[0]) && full.contains(&text(&document)) && full.ends_with(&format!("{files}\n")));
         // One core is one core.
         document.machine.cores = 1;
-        assert!(super::printed(&document, true, Path::new("x")).contains("CPU: a CPU, 1 core; "));
+        assert!(super::printed(&document, true, Path::new("x")).contains(" model 8), 1 core; "));
     }
 
     #[test]

@@ -23,8 +23,7 @@ pub fn text(report: &Report) -> String {
         "Rust" => report.compilers.rustc.to_string(),
         _ => unreachable!("no figure `{what}`"),
     });
-    let cpu = cpu_name().unwrap_or_else(|| "an unknown CPU".into());
-    let cost_of_cpu = explanation("cost").replace("{CPU}", &cpu);
+    let cost_of_cpu = explanation("cost").replace("{CPU}", &cpu_name());
     [
         explanation("the page"),
         explanation("in assembly"),

@@ -14,7 +14,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::cli::essay::{cpu, part};
+use crate::cli::essay::part;
 use crate::cli::{Failure, json};
 use crate::experiments::report::{Results, Stage};
 use crate::experiments::svg::PlotError;
@@ -38,7 +38,7 @@ pub fn page(machines: &[Results]) -> Result<String, Failure> {
         _ => many::sections(machines)?,
     };
     let title = match machines {
-        [results] => cpu(&results.machine).to_owned(),
+        [results] => results.machine.cpu(),
         _ => format!("{} machines", machines.len()),
     };
     let page = html! {
@@ -105,7 +105,7 @@ fn note(results: &Results) -> Option<String> {
     let quick = results.quick.then(|| "few runs and small pictures (--quick)".to_owned());
     let cut = (!cut.is_empty()).then(|| format!("ended before the end: {}", cut.join(", ")));
     let notes: Vec<_> = quick.into_iter().chain(cut).collect();
-    (!notes.is_empty()).then(|| format!("{}: {}.", cpu(&results.machine), notes.join("; ")))
+    (!notes.is_empty()).then(|| format!("{}: {}.", results.machine.cpu(), notes.join("; ")))
 }
 
 /// A paragraph for each of the text, with code between backticks.
@@ -162,22 +162,7 @@ fn partly(results: &Results, stage: Stage) -> Markup {
 }
 
 fn machine(machine: &Machine) -> Markup {
-    let Machine { cores, caches, os, tsc_hz, tsc_invariant, version, nasm, cc, cflags, rustc, .. } = machine;
-    let caches: Vec<_> = caches.iter().map(|cache| format!("L{} {} KiB", cache.level, cache.bytes >> 10)).collect();
-    let clock = tsc_hz.map_or("unknown".to_owned(), |hz| format!("{:.3} GHz", hz / 1e9));
-    let promise = if *tsc_invariant { "constant rate" } else { "not known to tick at a constant rate" };
-    let rows = [
-        ("CPU", cpu(machine).to_owned()),
-        ("Cores", cores.to_string()),
-        ("Caches", caches.join(", ")),
-        ("Time-stamp counter", format!("{clock}, {promise}")),
-        ("System", (*os).to_owned()),
-        ("rayo", (*version).to_owned()),
-        ("Assembler", nasm.unwrap_or("none").to_owned()),
-        ("C", format!("{}; {}", cc.unwrap_or("none"), cflags.unwrap_or("no flags"))),
-        ("Rust", (*rustc).to_owned()),
-    ];
-    html! { dl.facts { @for (name, value) in rows { dt { (name) } dd { (value) } } } }
+    html! { dl.facts { @for (name, value) in machine.facts() { dt { (name) } dd { (value) } } } }
 }
 
 /// The engines that this report has nothing of, because the CPU does not run them.

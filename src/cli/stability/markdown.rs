@@ -1,7 +1,7 @@
 //! What was found as a page: `docs/results/stability.md`.
 
 use super::table::{COLUMNS, costs, operations};
-use crate::cli::essay::{absent_engines, cpu, part};
+use crate::cli::essay::{absent_engines, part};
 use crate::cli::table::Table;
 use crate::experiments::stability::StabilityReport;
 use crate::scene::families::{FAMILIES, Family, family};
@@ -14,7 +14,7 @@ pub fn text(document: &StabilityReport) -> String {
     let mut text = part(EXPLANATION, "the page").to_owned();
     text += &families();
     let kind = if document.quick { "small pictures" } else { "at least 10⁵ rays for each value and engine" };
-    text += &format!("## What was found\n\nOn {}, seed {}, {kind}.\n\n", cpu(&document.machine), document.seed);
+    text += &format!("## What was found\n\nOn {}, seed {}, {kind}.\n\n", document.machine.cpu(), document.seed);
     if let Some(absent) = absent_engines() {
         text += &format!("This machine does not run {absent}, whose limits are checked where it runs.\n\n");
     }

@@ -4,7 +4,6 @@ use maud::html;
 
 use super::{Section, explained, figure, machine, paper};
 use crate::cli::Failure;
-use crate::cli::essay::cpu;
 use crate::cli::table::Table;
 use crate::experiments::machines;
 use crate::experiments::report::Results;
@@ -12,7 +11,7 @@ use crate::experiments::report::Results;
 /// What several machines say of the same claims; each by its number, since two may have the same name.
 pub fn sections(all: &[Results]) -> Result<Vec<Section>, Failure> {
     let names: Vec<String> =
-        all.iter().enumerate().map(|(place, results)| format!("{}: {}", place + 1, cpu(&results.machine))).collect();
+        all.iter().enumerate().map(|(place, results)| format!("{}: {}", place + 1, results.machine.cpu())).collect();
     let ratios = names
         .iter()
         .zip(all)
