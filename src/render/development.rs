@@ -82,8 +82,10 @@ impl<'a> Developed<'a> {
     /// Develops the pixels of all rows, or those of them at `edges`; what the tracer says of hits, in sum.
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
-        let Development { samples, background, exposure, .. } = self.development;
+        let Development { samples, background, exposure, srgb } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
+        // One sample's level is that of its light.
+        let as_it_is = scale == 1.0 && samples == 1 && !srgb && P::film(&mut []).format().is_8bit();
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
         let together = (self.together() as usize).min(MOST_TOGETHER / of_row).clamp(1, rows.len().max(1));
@@ -111,6 +113,7 @@ impl<'a> Developed<'a> {
                     Some(edges) => {
                         edges.row(row).iter().for_each(|column| out[*column as usize] = pixel(*column as usize))
                     }
+                    None if as_it_is => out.iter_mut().zip(light).for_each(|(out, light)| *out = P::of_linear(light)),
                     None => out.iter_mut().enumerate().for_each(|(column, out)| *out = pixel(column)),
                 }
             }
