@@ -12,6 +12,7 @@ use clap::Args;
 
 use super::{Failure, colour_on_stdout, convert, print_result, require_assembly, terminal_width};
 use crate::experiments::ops::{self, IMPLEMENTATIONS, Options, Report};
+use crate::experiments::svg::Screen;
 use crate::measure::Machine;
 use crate::measure::instructions::functions;
 
@@ -100,7 +101,7 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     bar.finish_and_clear();
     let report = report.map_err(Failure::input)?;
     if let Some(figure) = &args.figure {
-        let svg = ops::plot::figure(&report).map_err(Failure::output)?;
+        let svg = ops::plot::figure(&report, Screen::Wide).map_err(Failure::output)?;
         convert::write(figure, |out| out.write_all(svg.as_bytes()))?;
     }
     let document = Document { machine: Machine::this(), report: &report };

@@ -15,11 +15,13 @@ use crate::plan::Packed;
 use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
 use crate::scene::{Camera, Rng, Scene};
 
-/// The size that every rung traces: small enough for the picture to stay in a second-level cache, and for a run to be
-/// over before the operating system thinks of giving the core to another program.
+/// The size that all rungs but the last two trace: small enough for the picture to stay in a second-level cache, and for a run to
+/// be over before the operating system thinks of giving the core to another program.
 pub const SIZE: (u32, u32) = (256, 192);
+/// The size that those trace, the paper's largest: the smaller one is done in less time than waking another core takes.
+const LARGE: (u32, u32) = (1632, 1224);
 /// Work of a round in a pixel.
-const ROUND_WORK: u64 = 1100;
+const ROUND_WORK: u64 = 1150;
 const SEED: u64 = 0x1a_dd_e2;
 
 /// A rung. The field names are those of the JSON document.
@@ -50,7 +52,7 @@ pub struct Rung {
     pub gain_high: f64,
     /// The same over the first rung.
     pub gain_total: f64,
-    /// Cycles of every run.
+    /// Cycles of every run; of a larger picture, for as many of its pixels as the other rungs trace.
     pub samples: Vec<f64>,
     /// Of each of them, whether others had the core. Those are in no figure, unless they are more than half.
     pub taken: Vec<bool>,
@@ -191,7 +193,9 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     if fastest.is_packet() {
         rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
         let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
-        rung("threads", "all cores", None, tracing);
+        let large = format!("a picture of {}×{}, which leaves that cache", LARGE.0, LARGE.1);
+        rung("large", &large, None, Tracing::Engine(fastest, PixelFormat::Rgba8));
+        rung("threads", "the same by all cores", None, tracing);
     }
     rungs
 }
@@ -206,6 +210,10 @@ struct Ready<'a> {
 }
 
 impl Planned {
+    fn size(&self) -> (u32, u32) {
+        if ["large", "threads"].contains(&self.rung) { LARGE } else { SIZE }
+    }
+
     fn threads(&self) -> usize {
         if let Tracing::Threads(_, _, threads) = self.tracing { threads } else { 1 }
     }
@@ -357,16 +365,22 @@ pub fn measure_run(
     cores: &sys::Cores,
     clock: &mut dyn Clock,
 ) -> Result<Rounds, SpeedupError> {
-    let scene = in_size(&speedup::scene(), SIZE.0, SIZE.1);
     let planned = plan(whole, cores);
-    let packed = Packed::new(&scene);
-    let tracers = planned.iter().map(|rung| rung.tracer(&scene)).collect::<Result<Vec<_>, _>>()?;
-    let films = std::cell::RefCell::new(Films::new(scene.camera.pixels() as usize)?);
+    let in_its_size = |rung: &Planned| in_size(&speedup::scene(), rung.size().0, rung.size().1);
+    let scenes: Vec<_> = planned.iter().map(in_its_size).collect();
+    let packed = Packed::new(&scenes[0]);
+    let tracers = planned.iter().zip(&scenes).map(|(rung, scene)| rung.tracer(scene));
+    let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
+    let pixels = |scene: &Scene| scene.camera.pixels() as usize;
+    let films = std::cell::RefCell::new(Films::new(scenes.iter().map(pixels).max().unwrap_or(0))?);
     let mut contestants: Vec<Work<'_>> = Vec::new();
-    for (rung, tracer) in planned.iter().zip(&tracers) {
+    for ((rung, tracer), scene) in planned.iter().zip(&tracers).zip(&scenes) {
         let ready = rung.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
         let films = &films;
-        contestants.push(Box::new(move || (ready.trace)(0..SIZE.1, films.borrow_mut().of(ready.output).as_mut())));
+        contestants.push(Box::new(move || {
+            let mut films = films.borrow_mut();
+            (ready.trace)(0..scene.camera.height(), films.of(ready.output).as_mut().part(0..pixels(scene)));
+        }));
     }
     // As the first contestant of a run, who does not pay for what a new process does at the first call.
     contestants.iter_mut().for_each(|contestant| contestant());
@@ -377,13 +391,14 @@ pub fn measure_run(
 /// The rungs that `runs` tell of, each of as many rounds; `instructions` are those of [`check`].
 pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &[Rounds]) -> Vec<Rung> {
     let planned = plan(whole, cores);
+    let pixels = |(width, height): (u32, u32)| f64::from(width) * f64::from(height);
     let samples = |index: usize| {
         let turns = runs.iter().flat_map(|rounds| &rounds[index]);
-        turns.map(|turn| (turn.ticks as f64, turn.taken)).unzip()
+        let scale = pixels(SIZE) / pixels(planned[index].size());
+        turns.map(|turn| (turn.ticks as f64 * scale, turn.taken)).unzip()
     };
     let measured: Vec<(Vec<f64>, Vec<bool>)> = (0..planned.len()).map(samples).collect();
     let samples_per_run = runs.first().map_or(1, |rounds| rounds[0].len().max(1));
-    let pixels = f64::from(SIZE.0) * f64::from(SIZE.1);
     let mut rng = Rng::new(SEED);
     let mut rungs = Vec::new();
     let mut before: Option<usize> = None;
@@ -403,7 +418,7 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
             over: over.map(|over| planned[over].rung.into()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
-            cycles_per_pixel: median(&kept(ticks, &judged(taken.iter().copied()))) / pixels,
+            cycles_per_pixel: median(&kept(ticks, &judged(taken.iter().copied()))) / pixels(SIZE),
             instructions_per_pixel: instructions[index],
             gain: gain.value,
             gain_low: gain.low,

@@ -4,44 +4,49 @@ use plotters::prelude::*;
 
 use super::report::Results;
 use super::speedup::{CONTROL, PAPER};
-use super::svg::{GREY, Mark, PlotError, SMALL, colour_of, draw, head, text_width, tick, write};
+use super::svg::{GREY, Mark, PlotError, SMALL, Screen, colour_of, down, draw, head, lines, text_width, write};
 use crate::measure::names::Name;
 use crate::measure::statistics::Estimate;
 use crate::render::PixelFormat;
 
 const WIDTH: i32 = 960;
 const LINE: i32 = 28;
+/// A line of a machine's name.
+const NAME: i32 = SMALL + 2;
 
 /// C/SIMD of each machine, with its interval, over the range of the paper's twenty sizes.
-pub fn figure(ratios: &[(&str, Estimate)]) -> Result<String, PlotError> {
+pub fn figure(ratios: &[(&str, Estimate)], screen: Screen) -> Result<String, PlotError> {
     let papers = PAPER.map(|row| row.ratio());
     let (low, high) = papers.iter().fold((f64::INFINITY, 0.0), |(low, high), ratio| (ratio.min(low), ratio.max(high)));
     let most = ratios.iter().map(|(_, estimate)| estimate.high).fold(high, f64::max) * 1.05;
-    let names = ratios.iter().map(|(name, _)| text_width(name, SMALL)).max().unwrap_or(0).clamp(60, WIDTH / 2) + 24;
-    let place = |ratio: f64| names + ((f64::from(WIDTH - names - 60)) * ratio / most) as i32;
+    let (width, _) = screen.size((WIDTH, 0));
+    let names: Vec<_> = ratios.iter().map(|(name, _)| lines(name, SMALL, width / 2)).collect();
+    let left = names.iter().flatten().map(|name| text_width(name, SMALL)).max().unwrap_or(0) + 24;
+    let place = |ratio: f64| left + ((f64::from(width - left - 60)) * ratio / most) as i32;
+    let bottom = names.iter().map(|name| LINE + NAME * (name.len() as i32 - 1)).sum();
     let entries = [
         (Mark::Dot, colour_of(CONTROL), "C/SIMD over all sizes".into()),
         (Mark::Line, GREY, format!("the paper's sizes, {low:.1} to {high:.1}")),
     ];
-    draw(WIDTH, 96 + LINE * ratios.len() as i32, |area| {
+    draw((width, bottom + 120), |area| {
         let area = head(area, "How many times as fast the SIMD is", &entries)?;
-        let bottom = LINE * ratios.len() as i32;
+        for whole in 0..=most as i32 {
+            down(&area, place(f64::from(whole)), bottom, f64::from(whole), 0.12)?;
+        }
         area.draw(&Rectangle::new([(place(low), 0), (place(high), bottom)], GREY.mix(0.3).filled()))?;
-        for (row, (name, estimate)) in ratios.iter().enumerate() {
-            let y = LINE * row as i32 + LINE / 2;
+        let mut y = LINE / 2;
+        for (name, (_, estimate)) in names.iter().zip(ratios) {
             let colour = colour_of(CONTROL);
-            write(&area, name, (8, y - SMALL / 2), SMALL)?;
+            for (line, words) in name.iter().enumerate() {
+                write(&area, words, (8, y - SMALL / 2 + NAME * line as i32), SMALL)?;
+            }
             area.draw(&PathElement::new(
                 [(place(estimate.low), y), (place(estimate.high.min(most)), y)],
                 colour.stroke_width(3),
             ))?;
             area.draw(&Circle::new((place(estimate.value), y), 5, colour.filled()))?;
             write(&area, &format!("{:.2}", estimate.value), (place(estimate.high) + 10, y - SMALL / 2), SMALL)?;
-        }
-        for whole in 0..=most as i32 {
-            let x = place(f64::from(whole));
-            area.draw(&PathElement::new([(x, bottom), (x, bottom + 5)], BLACK.stroke_width(1)))?;
-            write(&area, &tick(&f64::from(whole)), (x - 4, bottom + 8), SMALL)?;
+            y += LINE + NAME * (name.len() as i32 - 1);
         }
         Ok(())
     })

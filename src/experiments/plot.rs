@@ -5,10 +5,11 @@ use plotters::prelude::*;
 use super::document::Experiment;
 use super::ladder::Rung;
 use super::speedup::{BASELINE, CONTROL, PAPER, Timing, paper_mean_ratio};
-use super::svg::{FONT, GREY, Mark, PlotError, SMALL, axes, colour_of, draw, head, tick, write};
+use super::svg::{
+    FONT, GREY, Mark, PlotError, SMALL, Screen, axes, colour_of, down, draw, head, lines, text_width, tick, write,
+};
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 560;
+const SIZE: (i32, i32) = (960, 560);
 
 /// Megapixels and billions of cycles of an engine's rows: the means, as the paper gives them.
 fn points<'a>(document: &'a Experiment, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
@@ -25,7 +26,7 @@ fn up_to(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 /// Time against pixels: our C and SIMD on the left axis, the paper's on the right one, which is its machine's own.
-pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
+pub fn figure2(document: &Experiment, screen: Screen) -> Result<String, PlotError> {
     let (c, simd) = (colour_of(BASELINE), colour_of(CONTROL));
     let entries = [
         (Mark::Dot, c, "C, here"),
@@ -33,7 +34,7 @@ pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
         (Mark::Cross, c, "C, the paper's (right axis)"),
         (Mark::Cross, simd, "SIMD, the paper's (right axis)"),
     ];
-    draw(WIDTH, HEIGHT, |area| {
+    draw(screen.size(SIZE), |area| {
         let area =
             head(area, "Time of the picture: one sphere, one light", &entries.map(|(m, c, text)| (m, c, text.into())))?;
         let ours = up_to(points(document, BASELINE).chain(points(document, CONTROL)).map(|(_, y)| y));
@@ -68,14 +69,14 @@ pub fn figure2(document: &Experiment) -> Result<String, PlotError> {
 }
 
 /// C/SIMD against pixels with its intervals, the paper's, and the control, whose distance from 1 is noise.
-pub fn ratio(document: &Experiment) -> Result<String, PlotError> {
+pub fn ratio(document: &Experiment, screen: Screen) -> Result<String, PlotError> {
     let (simd, paper) = (colour_of(CONTROL), colour_of(BASELINE));
     let entries = [
         (Mark::Dot, simd, "here".into()),
         (Mark::Cross, paper, format!("the paper's, {:.2} in the mean", paper_mean_ratio())),
         (Mark::Dot, GREY, "SIMD against itself".into()),
     ];
-    draw(WIDTH, HEIGHT, |area| {
+    draw(screen.size(SIZE), |area| {
         let area = head(area, "C/SIMD: the median of the pairs, with its 95 % interval", &entries)?;
         let rows: Vec<_> = document.rows.iter().filter(|row| row.is(CONTROL)).collect();
         let highest = rows.iter().map(|row| row.ratio_to_c).chain(PAPER.iter().map(|row| row.ratio()));
@@ -106,29 +107,46 @@ pub fn ratio(document: &Experiment) -> Result<String, PlotError> {
 
 /// A rung's bar, and the gap to the next.
 const BAR: (i32, i32) = (18, 8);
-/// Names are at the left, bars behind them, and words behind those.
+/// Names are at the left of a wide figure, bars behind them, and words behind those. In a narrow one both are above.
 const BARS: std::ops::Range<i32> = 130..500;
 const LADDER_WIDTH: i32 = 1080;
 
 /// The ladder as a waterfall: what each change made of the cycles of a pixel, from the first rung to the last, on a
 /// logarithmic scale, on which factors add up. Asides are beside it, not in it.
-pub fn waterfall(ladder: &[Rung]) -> Result<String, PlotError> {
-    let height = 80 + (BAR.0 + BAR.1) * ladder.len() as i32;
+pub fn waterfall(ladder: &[Rung], screen: Screen) -> Result<String, PlotError> {
+    let (width, _) = screen.size((LADDER_WIDTH, 0));
+    let bars = if screen == Screen::Narrow { 16..width - 16 } else { BARS };
     let costs = || ladder.iter().map(|rung| rung.cycles_per_pixel);
     let (low, high) = (costs().fold(f64::INFINITY, f64::min).log2(), costs().fold(0.0, f64::max).log2());
     let place = |cycles: f64| {
-        BARS.start + ((cycles.log2() - low) / (high - low).max(1.0) * f64::from(BARS.end - BARS.start)) as i32
+        bars.start + ((cycles.log2() - low) / (high - low).max(1.0) * f64::from(bars.end - bars.start)) as i32
     };
+    let words = |rung: &Rung| {
+        let gain = if rung.over.is_some() { format!("times {:.2}: ", rung.gain) } else { String::new() };
+        let words = format!("{}; {gain}{}", cycles(rung.cycles_per_pixel), rung.change);
+        if screen == Screen::Narrow {
+            lines(&format!("{}: {words}", rung.rung), SMALL, width - 24)
+        } else {
+            vec![words]
+        }
+    };
+    let above = |words: &[String]| if screen == Screen::Narrow { (SMALL + 2) * words.len() as i32 } else { 0 };
+    let bottom: i32 = ladder.iter().map(|rung| above(&words(rung)) + BAR.0 + BAR.1).sum();
     let entries = [
         (Mark::Dot, colour_of("avx512"), "faster than what it builds on".into()),
         (Mark::Dot, colour_of("c"), "slower".into()),
         (Mark::Dot, GREY, "an aside: the next one does not build on it".into()),
     ];
-    draw(LADDER_WIDTH, height, |area| {
-        let area =
-            head(area, "From the paper's C to the fastest engine, one change a bar: TSC cycles a pixel", &entries)?;
-        for (i, rung) in ladder.iter().enumerate() {
-            let y = 6 + (BAR.0 + BAR.1) * i as i32;
+    draw((width, bottom + if screen == Screen::Narrow { 160 } else { 110 }), |area| {
+        let area = head(area, "From the paper's C to the fastest engine, one change a bar", &entries)?;
+        let values = (-4..8).flat_map(|exponent| [1.0, 3.0].map(|digit| digit * 10_f64.powi(exponent)));
+        for value in values.filter(|value| (low..=high).contains(&value.log2())) {
+            down(&area, place(value), bottom, value, 0.12)?;
+        }
+        let of_axis = "TSC cycles a pixel";
+        write(&area, of_axis, ((bars.start + bars.end - text_width(of_axis, SMALL)) / 2, bottom + 26), SMALL + 1)?;
+        let mut y = 6;
+        for rung in ladder {
             let before = rung.over.as_ref().and_then(|over| ladder.iter().find(|other| other.rung == *over));
             let now = place(rung.cycles_per_pixel);
             let from = before.map_or(now, |before| place(before.cycles_per_pixel));
@@ -137,11 +155,18 @@ pub fn waterfall(ladder: &[Rung]) -> Result<String, PlotError> {
                 () if rung.gain >= 1.0 => colour_of("avx512"),
                 () => colour_of("c"),
             };
-            write(&area, &rung.rung, (8, y + 2), SMALL)?;
+            let words = words(rung);
+            if screen == Screen::Narrow {
+                for words in &words {
+                    write(&area, words, (12, y), SMALL)?;
+                    y += SMALL + 2;
+                }
+            } else {
+                write(&area, &rung.rung, (8, y + 2), SMALL)?;
+                write(&area, &words.concat(), (bars.end + 16, y + 2), SMALL)?;
+            }
             area.draw(&Rectangle::new([(now.min(from) - 1, y), (now.max(from) + 1, y + BAR.0)], colour.filled()))?;
-            let gain = if before.is_some() { format!("times {:.2}: ", rung.gain) } else { String::new() };
-            let words = format!("{}; {gain}{}", cycles(rung.cycles_per_pixel), rung.change);
-            write(&area, &words, (BARS.end + 16, y + 2), SMALL)?;
+            y += BAR.0 + BAR.1;
         }
         Ok(())
     })

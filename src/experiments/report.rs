@@ -18,7 +18,7 @@ use super::stability::StabilityReport;
 use super::threads::OnThreads;
 use crate::measure::Machine;
 use crate::measure::names::{self, Name};
-use crate::plan::{Kept, Report as PlanReport};
+use crate::plan::{Kept, Report as PlanReport, Switch};
 use crate::scene::{shown, text_within};
 
 /// The schema of the documents that this program writes and reads.
@@ -165,6 +165,9 @@ pub struct Left {
     pub reason: String,
     /// How many times as long the picture takes with it; null where there is no code for that.
     pub worth: Option<f64>,
+    /// Whether the picture with it is by another arithmetic, so that it is not in what everything kept costs.
+    #[serde(default)]
+    pub other_arithmetic: bool,
 }
 
 impl Left {
@@ -176,6 +179,7 @@ impl Left {
             unit: line.unit.into(),
             reason: line.reason.into(),
             worth: *worth,
+            other_arithmetic: line.switch == Switch::Arithmetic,
         };
         report.left_out.iter().zip(worth).map(line).collect()
     }

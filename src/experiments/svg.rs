@@ -56,10 +56,25 @@ pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Points and axes on it.
 pub(super) type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
+/// What a figure is drawn for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Screen {
+    /// A page.
+    Wide,
+    /// A telephone, where the letters of a wide figure would be too small.
+    Narrow,
+}
+
+impl Screen {
+    /// Pixels across and down of a figure that has such a size on a page.
+    pub(super) fn size(self, (width, height): (i32, i32)) -> (i32, i32) {
+        if self == Screen::Narrow { (360, height.min(420)) } else { (width, height) }
+    }
+}
+
 /// Draws on white, of so many pixels, and gives the SVG.
 pub(super) fn draw(
-    width: i32,
-    height: i32,
+    (width, height): (i32, i32),
     figure: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
@@ -111,18 +126,90 @@ pub(super) type Entry = (Mark, RGBColor, String);
 /// Writes the title, and below it what the marks stand for, in as many lines as they need; gives what is left for the data.
 pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Result<Area<'a>, PlotError> {
     let (width, line) = (area.dim_in_pixel().0 as i32, SMALL + 8);
-    write(area, title, (12, 8), TITLE)?;
-    let (mut x, mut y) = (24, TITLE + 22);
+    let mut y = 8;
+    for words in lines(title, TITLE, width - 24) {
+        write(area, &words, (12, y), TITLE)?;
+        y += TITLE + 4;
+    }
+    if entries.is_empty() {
+        return Ok(area.split_vertically(y).1);
+    }
+    let mut x = 24;
+    y += 10;
     for (shape, colour, label) in entries {
-        let wide = 16 + text_width(label, SMALL) + 24;
+        let words = lines(label, SMALL, width - 48);
+        let wide = 16 + words.iter().map(|words| text_width(words, SMALL)).max().unwrap_or(0) + 24;
         if x + wide > width && x > 24 {
             (x, y) = (24, y + line);
         }
         mark(area, *shape, (x, y), 4, *colour)?;
-        write(area, label, (x + 14, y - SMALL / 2 - 1), SMALL)?;
+        for (place, words) in words.iter().enumerate() {
+            y += if place == 0 { 0 } else { SMALL + 2 };
+            write(area, words, (x + 14, y - SMALL / 2 - 1), SMALL)?;
+        }
         x += wide;
     }
-    Ok(area.split_vertically(if entries.is_empty() { TITLE + 12 } else { y + SMALL }).1)
+    Ok(area.split_vertically(y + SMALL).1)
+}
+
+/// Words in as many lines as they need where each has so many pixels; a longer word has one of its own.
+pub(super) fn lines(text: &str, size: i32, width: i32) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if text_width(line, size) + text_width(word, size) + size / 2 <= width => {
+                *line += " ";
+                *line += word;
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// A line down across the data at a value of an axis, of that strength, and below it the value.
+pub(super) fn down(area: &Area<'_>, x: i32, bottom: i32, value: f64, strength: f64) -> Result<(), PlotError> {
+    area.draw(&PathElement::new([(x, 0), (x, bottom + 4)], BLACK.mix(strength).stroke_width(1)))?;
+    let value = tick(&value);
+    write(area, &value, (x - text_width(&value, SMALL) / 2, bottom + 8), SMALL)
+}
+
+/// Where the names of marks go: beside them, and neither on one another nor on a mark.
+pub(super) struct Names {
+    within: [i32; 4],
+    taken: Vec<[i32; 4]>,
+}
+
+impl Names {
+    /// Letters of names.
+    pub(super) const SIZE: i32 = SMALL - 2;
+
+    /// Among marks at these places, in so many pixels across and down.
+    pub(super) fn among(marks: impl Iterator<Item = (i32, i32)>, (x, y): (Range<i32>, Range<i32>)) -> Self {
+        let taken = marks.map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]).collect();
+        Names { within: [x.start, y.start, x.end, y.end], taken }
+    }
+
+    /// How far from its mark a name begins, to the right and down; None where there is no room for it.
+    pub(super) fn place(&mut self, name: &str, (x, y): (i32, i32)) -> Option<(i32, i32)> {
+        let (wide, high) = (text_width(name, Self::SIZE), Self::SIZE);
+        let [left, top, right, bottom] = self.within;
+        let beside = |far: i32| {
+            let (right, left, middle) = (8, -8 - wide, -wide / 2);
+            let (above, below) = (-6 - high - far, 6 + far);
+            [(right + far, -high / 2), (left - far, -high / 2), (middle, above), (middle, below)]
+                .into_iter()
+                .chain([right, left].into_iter().flat_map(move |side| [(side, above), (side, below)]))
+        };
+        let free = |[a, b, c, d]: [i32; 4]| {
+            let apart = |of: &[i32; 4]| c <= of[0] || of[2] <= a || d <= of[1] || of[3] <= b;
+            left <= a && c <= right && top <= b && d <= bottom && self.taken.iter().all(apart)
+        };
+        let at = |(right, down): (i32, i32)| [x + right, y + down, x + right + wide, y + down + high];
+        let offset = [0, 8, 16, 24, 32, 40, 48].into_iter().flat_map(beside).find(|offset| free(at(*offset)))?;
+        self.taken.push(at(offset));
+        Some(offset)
+    }
 }
 
 /// About so many pixels.

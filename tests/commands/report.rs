@@ -92,8 +92,8 @@ fn check(page: &str) -> Html {
     assert_eq!(ids.len(), count, "an id is there twice");
     // For those who do not see: figures and pictures have words, tables heads, and the page a language.
     for figure in all(&html, "figure") {
-        let plot = figure.select(&Selector::parse("[role=img][aria-label] > svg[viewBox]").unwrap()).count();
-        assert_eq!(plot, 1, "{}", text(&figure));
+        let plots = figure.select(&Selector::parse("[role=img][aria-label] > svg[viewBox]").unwrap()).count();
+        assert_eq!(plots, 2, "for wide screens and for narrow ones: {}", text(&figure));
     }
     assert!(all(&html, "img:not([alt])").is_empty() && all(&html, "html[lang]").len() == 1);
     for table in all(&html, "table") {
@@ -329,19 +329,33 @@ fn browser() -> Option<&'static str> {
     ["chromium", "chromium-browser", "google-chrome"].into_iter().find(runs)
 }
 
-/// What a script finds in the page where it is `width` pixels wide: for each figure and image its size, and how far the page
-/// itself is wider than the window.
-fn laid_out(browser: &str, page: &str, width: u32, dark: bool, directory: &Path) -> (Vec<(f64, f64)>, f64, String) {
+/// Of a figure in a browser.
+type Figure = (f64, f64, f64, Vec<String>);
+
+/// What a script finds in the page where it is `width` pixels wide: for each figure its width and height, those of its smallest
+/// letters, and which words are cut or lie on others; how far the page itself is wider than the window; and its colour.
+fn laid_out(browser: &str, page: &str, width: u32, dark: bool, directory: &Path) -> (Vec<Figure>, f64, String) {
     const SCRIPT: &str = "<script>
         onload = () => {
             document.querySelectorAll('details').forEach(part => part.open = true);
-            const sizes = [...document.querySelectorAll('figure svg')].map(svg => {
+            const shown = [...document.querySelectorAll('figure svg')].filter(svg => svg.getBoundingClientRect().width > 0);
+            const figures = shown.map(svg => {
                 const box = svg.getBoundingClientRect();
-                return [box.width, box.height];
+                const scale = box.width / svg.viewBox.baseVal.width;
+                const words = [...svg.querySelectorAll('text')];
+                const places = words.map(text => text.getBoundingClientRect());
+                const letters = words.map(text => scale * text.getAttribute('font-size'));
+                const wrong = words.filter((text, i) => {
+                    const a = places[i];
+                    const on = b => a.left + 1 < b.right && b.left + 1 < a.right && a.top + 3 < b.bottom && b.top + 3 < a.bottom;
+                    const inside = box.left <= a.left && a.right <= box.right && box.top <= a.top + 3 && a.bottom <= box.bottom + 3;
+                    return !inside || places.slice(0, i).some(on);
+                });
+                return [box.width, box.height, Math.min(...letters), wrong.map(text => text.textContent.trim())];
             });
             const wider = document.documentElement.scrollWidth - innerWidth;
             const paper = getComputedStyle(document.body).backgroundColor;
-            parent.postMessage(JSON.stringify([sizes, wider, paper]), '*');
+            parent.postMessage(JSON.stringify([figures, wider, paper]), '*');
         };
     </script></body>";
     let inner = directory.join("inner.html");
@@ -385,7 +399,10 @@ fn a_browser_shows_every_figure_wide_and_narrow_light_and_dark() {
     for (width, dark) in [(1280, false), (390, false), (1280, true)] {
         let (figures, wider, paper) = laid_out(browser, &page, width, dark, directory.path());
         assert!(figures.len() > 5, "{figures:?}");
-        assert!(figures.iter().all(|(width, height)| *width > 300.0 && *height > 60.0), "{figures:?}");
+        for (wide, high, letters, wrong) in &figures {
+            assert!(*wide > 300.0 && *high > 60.0 && *letters > 9.0, "at {width}: {figures:?}");
+            assert_eq!(wrong, &[""; 0], "at {width} these are cut or lie on others");
+        }
         assert!(wider <= 0.0, "at {width} the page is {wider} pixels wider than the window");
         papers.push(paper);
     }

@@ -13,6 +13,7 @@ use crate::cli::table::{self, Column, Table};
 use crate::cli::{Failure, print_result, signals};
 use crate::experiments::claims::Axis;
 use crate::experiments::complexity::{self, Complexity, Growth, LINES, Measured, Settings, Slope, ZEROS, lines, plot};
+use crate::experiments::svg::Screen;
 use crate::measure::Clock;
 use crate::scene::shown;
 
@@ -60,7 +61,7 @@ pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Fail
         return Err(Failure { message, status: signals::status() });
     }
     let document = Complexity::new(machine, &settings, complete, rows);
-    let figure = plot::figure(&document.rows).map_err(Failure::output)?;
+    let figure = plot::figure(&document.rows, Screen::Wide).map_err(Failure::output)?;
     let texts = [("complexity.md", page(&document)), ("complexity.csv", csv(&document)), ("complexity.svg", figure)];
     write_results(&args.out, ("complexity.json", &document), texts)?;
     let files = format!("\nThe files are in {}\n", shown(&args.out));

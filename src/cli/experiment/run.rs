@@ -14,6 +14,7 @@ use crate::cli::{Failure, print_result, say, signals};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
+use crate::experiments::svg::Screen;
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
 use crate::measure::{Machine, Totalled, TscClock};
@@ -225,12 +226,12 @@ fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
     let texts = [
         ("table.md", table::text(document)),
         ("table.csv", table::csv(document)),
-        ("figure2.svg", plot::figure2(document).map_err(Failure::output)?),
-        ("ratio.svg", plot::ratio(document).map_err(Failure::output)?),
+        ("figure2.svg", plot::figure2(document, Screen::Wide).map_err(Failure::output)?),
+        ("ratio.svg", plot::ratio(document, Screen::Wide).map_err(Failure::output)?),
     ];
     write_results(directory, ("results.json", document), texts)?;
     if !document.ladder.is_empty() {
-        let figure = plot::waterfall(&document.ladder).map_err(Failure::output)?;
+        let figure = plot::waterfall(&document.ladder, Screen::Wide).map_err(Failure::output)?;
         write_file(directory, "ladder.svg", figure.as_bytes())?;
     }
     Ok(())

@@ -17,7 +17,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::cli::essay::part;
 use crate::cli::{Failure, json};
 use crate::experiments::report::{Results, Stage};
-use crate::experiments::svg::PlotError;
+use crate::experiments::svg::{PlotError, Screen};
 use crate::kernels::Isa;
 use crate::measure::Machine;
 
@@ -123,12 +123,14 @@ fn explained(name: &str) -> Markup {
     prose(part(EXPLANATION, name))
 }
 
-/// A figure, with what it shows for those who do not see it.
-fn figure(svg: Result<String, PlotError>, label: &str) -> Result<Markup, PlotError> {
-    let svg = svg?;
+/// A figure, for wide screens and for narrow ones, with what it shows for those who do not see it.
+fn figure(svg: impl Fn(Screen) -> Result<String, PlotError>, label: &str) -> Result<Markup, PlotError> {
+    let (wide, narrow) = (svg(Screen::Wide)?, svg(Screen::Narrow)?);
     Ok(html! {
         figure {
-            div.scroll tabindex="0" { div.plot role="img" aria-label=(label) { (PreEscaped(svg)) } }
+            @for (screen, svg) in [("wide", wide), ("narrow", narrow)] {
+                div.plot.(screen) role="img" aria-label=(label) { (PreEscaped(svg)) }
+            }
             figcaption { (label) }
         }
     })

@@ -6,7 +6,7 @@ use plotters::prelude::*;
 
 use super::Timed;
 use crate::experiments::svg::{
-    BLUE, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, SMALL, VERMILION, draw, head, mark, text_width, tick,
+    BLUE, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, SMALL, VERMILION, down, draw, head, mark, text_width,
     write,
 };
 
@@ -47,13 +47,10 @@ pub fn figure(scenes: &[Worth<'_>]) -> Result<String, PlotError> {
         })
         .collect();
     let bottom = LINE * names.len() as i32;
-    draw(WIDTH, bottom + 110 + LINE * (scenes.len() as i32 / 7), |area| {
+    draw((WIDTH, bottom + 110 + LINE * (scenes.len() as i32 / 7)), |area| {
         let area = head(area, "How many times as long without leaving it out", &entries)?;
         for ratio in TICKS.into_iter().filter(|ratio| ratio.log2() <= high) {
-            let x = place(ratio);
-            let strength = if ratio == 1.0 { 0.5 } else { 0.12 };
-            area.draw(&PathElement::new([(x, 0), (x, bottom + 4)], BLACK.mix(strength).stroke_width(1)))?;
-            write(&area, &tick(&ratio), (x - text_width(&tick(&ratio), SMALL) / 2, bottom + 8), SMALL)?;
+            down(&area, place(ratio), bottom, ratio, if ratio == 1.0 { 0.5 } else { 0.12 })?;
         }
         for (line, name) in names.iter().enumerate() {
             let y = LINE * line as i32 + LINE / 2;

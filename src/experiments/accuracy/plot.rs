@@ -4,7 +4,9 @@ use plotters::prelude::*;
 
 use super::Accuracy;
 use super::front::{Point, front};
-use crate::experiments::svg::{Area, Entry, GREY, Mark, PlotError, around, axes, colour_of, draw, head, on_axis};
+use crate::experiments::svg::{
+    Area, Entry, GREY, Mark, PlotError, Screen, around, axes, colour_of, draw, head, on_axis,
+};
 
 const COLUMNS: usize = 3;
 const PANEL: (i32, i32) = (420, 320);
@@ -47,9 +49,9 @@ pub fn panels(rows: &[Accuracy]) -> Vec<Panel<'_>> {
 pub fn figure(rows: &[Accuracy]) -> Result<String, PlotError> {
     let panels = panels(rows);
     let lines = panels.len().div_ceil(COLUMNS).max(1);
-    let (width, height) = (PANEL.0 * COLUMNS as i32, HEAD + PANEL.1 * lines as i32);
+    let size = (PANEL.0 * COLUMNS as i32, HEAD + PANEL.1 * lines as i32);
     let x = times(rows.iter());
-    draw(width, height, |area| {
+    draw(size, |area| {
         let (top, body) = area.split_vertically(HEAD);
         head(
             &top,
@@ -64,8 +66,8 @@ pub fn figure(rows: &[Accuracy]) -> Result<String, PlotError> {
 }
 
 /// One panel by itself.
-pub fn one_figure((title, rows): &Panel<'_>) -> Result<String, PlotError> {
-    draw(LARGE.0, LARGE.1, |area| {
+pub fn one_figure((title, rows): &Panel<'_>, screen: Screen) -> Result<String, PlotError> {
+    draw(screen.size(LARGE), |area| {
         let area = head(area, title, &entries(rows.iter().copied()))?;
         panel(&area, rows, times(rows.iter().copied()))
     })

@@ -5,8 +5,8 @@ use plotters::prelude::*;
 use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{
-    Area, BLUE, Entry, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, VERMILION, around, axes, colour_of, draw,
-    head, on_axis,
+    Area, BLUE, Entry, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, VERMILION, around, axes, colour_of,
+    draw, head, on_axis,
 };
 use crate::render::PixelFormat;
 
@@ -15,11 +15,13 @@ const PANEL: (i32, i32) = (400, 460);
 /// Of what no engine has a colour.
 const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
-/// Draws the panels side by side.
-pub fn figure(rows: &[Growth]) -> Result<String, PlotError> {
+/// Draws the panels side by side, or below one another.
+pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
     let axes = [Axis::Pixels, Axis::Objects, Axis::Lights];
-    draw(PANEL.0 * axes.len() as i32, PANEL.1, |area| {
-        for (cell, axis) in area.split_evenly((1, axes.len())).iter().zip(axes) {
+    let (across, down) = if screen == Screen::Narrow { (1, axes.len()) } else { (axes.len(), 1) };
+    let (width, _) = screen.size((PANEL.0 * axes.len() as i32, PANEL.1));
+    draw((width, PANEL.1 * down as i32), |area| {
+        for (cell, axis) in area.split_evenly((down, across)).iter().zip(axes) {
             let mut of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
             if axis == Axis::Pixels {
                 // Each engine in each kind of pixel would be too many lines: the fastest, which is the last.

@@ -4,11 +4,10 @@ use plotters::prelude::*;
 
 use super::Report;
 use crate::experiments::svg::{
-    Entry, FONT, GREY, Mark, ORANGE, PlotError, SMALL, around, colour_of, draw, head, log_chart,
+    Entry, FONT, GREY, Mark, Names, ORANGE, PlotError, Screen, around, colour_of, draw, head, log_chart,
 };
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 560;
+const SIZE: (i32, i32) = (960, 560);
 
 /// The implementations that are shown: whose, and by what mark.
 const SHOWN: [(&str, Mark); 7] = [
@@ -31,7 +30,7 @@ fn colour(implementation: &str) -> RGBColor {
 }
 
 /// Instructions and cycles for each vector, on logarithmic axes.
-pub fn figure(report: &Report) -> Result<String, PlotError> {
+pub fn figure(report: &Report, screen: Screen) -> Result<String, PlotError> {
     let mut marks = Vec::new();
     for row in &report.rows {
         let shown = SHOWN.iter().find(|(name, _)| *name == row.implementation);
@@ -51,7 +50,7 @@ pub fn figure(report: &Report) -> Result<String, PlotError> {
     entries.push((Mark::Line, GREY, "a cycle for each instruction".into()));
     let x = around(marks.iter().map(|(.., at)| at.0), (0.6, 1.8));
     let y = around(marks.iter().map(|(.., at)| at.1), (0.6, 1.8));
-    draw(WIDTH, HEIGHT, |area| {
+    draw(screen.size(SIZE), |area| {
         let area = head(area, "Fewer instructions are not always faster", &entries)?;
         let mut chart = log_chart(
             &area,
@@ -80,8 +79,12 @@ pub fn figure(report: &Report) -> Result<String, PlotError> {
                 }
             }
         }
-        for (names, at) in labels {
-            chart.draw_series([EmptyElement::at(at) + Text::new(names, (8, -6), (FONT, SMALL - 2))])?;
+        let on_screen = |at: &(f64, f64)| chart.backend_coord(at);
+        let mut free =
+            Names::among(marks.iter().map(|(.., at)| on_screen(at)), chart.plotting_area().get_pixel_range());
+        let placed = labels.iter().filter_map(|(name, at)| Some((name, *at, free.place(name, on_screen(at))?)));
+        for (name, at, offset) in placed.collect::<Vec<_>>() {
+            chart.draw_series([EmptyElement::at(at) + Text::new(name.clone(), offset, (FONT, Names::SIZE))])?;
         }
         Ok(())
     })

@@ -3,13 +3,12 @@
 use plotters::prelude::*;
 
 use super::Roofline;
-use crate::experiments::svg::{FONT, GREY, Mark, PlotError, SMALL, around, colour_of, draw, head, log_chart};
+use crate::experiments::svg::{FONT, GREY, Mark, Names, PlotError, Screen, around, colour_of, draw, head, log_chart};
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 560;
+const SIZE: (i32, i32) = (960, 560);
 
 /// Draws it.
-pub fn figure(roofline: &Roofline) -> Result<String, PlotError> {
+pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> {
     let Roofline { peaks, roofs, points, .. } = roofline;
     let at = |point: &super::Point| {
         (point.flops_per_pixel / point.bytes_per_pixel, point.flops_per_pixel / point.cycles_per_pixel)
@@ -30,29 +29,38 @@ pub fn figure(roofline: &Roofline) -> Result<String, PlotError> {
     let highest = peaks.iter().map(|peak| peak.flops_per_cycle).fold(1.0, f64::max);
     let lowest = points.iter().map(|point| at(point).1).fold(highest, f64::min).min(1.0);
     let x = around(points.iter().map(|point| at(point).0).chain([0.1, 100.0]), (0.7, 1.5));
-    draw(WIDTH, HEIGHT, |area| {
+    draw(screen.size(SIZE), |area| {
         let area = head(area, "Roofline: arithmetic of f32 against what is written, one thread", &entries)?;
         let mut chart = log_chart(
             &area,
             (x.clone(), "operations by the byte of the picture"),
             (0.5 * lowest..2.0 * highest, "operations in a TSC cycle"),
         )?;
-        let words = |x: f64, y: f64, text: String| Text::new(text, (x, y), (FONT, SMALL));
+        let mut names: Vec<(String, (f64, f64))> = Vec::new();
         for peak in peaks {
             let level = peak.flops_per_cycle;
             let line = [(x.start, level), (x.end, level)];
             chart.draw_series(LineSeries::new(line, colour_of(peak.isa).stroke_width(1)))?;
-            let text = format!("{}: {level:.0}", peak.isa);
-            chart.draw_series([words(x.start * 1.1, level * 1.22, text)])?;
+            // What takes the same shares a line.
+            match names.iter_mut().find(|(_, (_, other))| (other / (1.25 * level)).ln().abs() < 0.05) {
+                Some((name, _)) => *name = format!("{}, {name}", peak.isa),
+                None => names.push((format!("{}: {level:.0}", peak.isa), (x.start, 1.25 * level))),
+            }
         }
-        for (place, roof) in roofs.iter().enumerate() {
+        for roof in roofs {
             let slope = roof.bytes_per_cycle;
             let end = (highest / slope).min(x.end);
             chart
                 .draw_series(LineSeries::new([(x.start, slope * x.start), (end, slope * end)], GREY.stroke_width(1)))?;
-            // Two levels may take the same: their names are not in one place.
-            let label = (0.75 * lowest / slope).max(x.start * 1.1) * 2.2_f64.powi(place as i32 % 2);
-            chart.draw_series([words(label, slope * label, format!("{}: {slope:.1} bytes", roof.level))])?;
+            let at = (0.75 * lowest / slope).max(x.start);
+            names.push((format!("{}: {slope:.1} bytes", roof.level), (at, 0.8 * slope * at)));
+        }
+        let on_screen = |at: &(f64, f64)| chart.backend_coord(at);
+        let marks = points.iter().map(|point| on_screen(&at(point)));
+        let mut free = Names::among(marks, chart.plotting_area().get_pixel_range());
+        let placed = names.iter().filter_map(|(name, at)| Some((name, *at, free.place(name, on_screen(at))?)));
+        for (name, at, offset) in placed.collect::<Vec<_>>() {
+            chart.draw_series([EmptyElement::at(at) + Text::new(name.clone(), offset, (FONT, Names::SIZE))])?;
         }
         for point in points {
             let colour = colour_of(point.engine);

@@ -10,8 +10,8 @@ use crate::experiments::svg::{Area, FONT, PlotError, draw, text_width, write};
 const CELL: (i32, i32) = (12, 20);
 const LEFT: i32 = 130;
 const TOP: i32 = 92;
-/// The values of the parameter, below.
-const BELOW: i32 = 72;
+/// Letters of the values of the parameter, below.
+const VALUE: i32 = 10;
 const GAP: i32 = 10;
 /// Families that stand side by side are so wide in all.
 const WIDTH: i32 = 1240;
@@ -89,8 +89,13 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
         }
         rows.last_mut().expect("there is one").push(part);
     }
-    let block = 24 + CELL.1 * names.len() as i32 + BELOW;
-    draw(WIDTH, TOP - 24 + block * rows.len() as i32, |area| {
+    // Cells, and below them as much as the longest of their values needs.
+    let below = |parts: &Vec<Part<'_>>| {
+        let values = parts.iter().flat_map(|part| &part.values);
+        values.map(|value| text_width(value, VALUE)).max().unwrap_or(0) + 16
+    };
+    let heights: Vec<_> = rows.iter().map(|parts| 24 + CELL.1 * names.len() as i32 + below(parts)).collect();
+    draw((WIDTH, TOP - 24 + heights.iter().sum::<i32>()), |area| {
         write(area, "Engines on stiff and extreme scenes: each column a value of the family's parameter", (12, 8), 18)?;
         let (mut x, mut y) = (12, 38);
         for (label, colour) in SHADES {
@@ -102,8 +107,8 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
             write(area, label, (x + 16, y), 12)?;
             x += wide;
         }
-        for (place, parts) in rows.iter().enumerate() {
-            let top = TOP + block * place as i32;
+        let mut top = TOP;
+        for (parts, height) in rows.iter().zip(&heights) {
             for (i, (engine, precision)) in names.iter().enumerate() {
                 write(area, &format!("{engine} {precision}"), (8, top + CELL.1 * i as i32 + 4), 12)?;
             }
@@ -112,6 +117,7 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
                 draw_part(area, document, part, &names, (left, top))?;
                 left += part.width();
             }
+            top += height;
         }
         Ok(())
     })
@@ -137,13 +143,11 @@ fn draw_part(
         }
     }
     let below = top + CELL.1 * names.len() as i32 + 4;
-    let style = TextStyle::from((FONT, 10)).transform(FontTransform::Rotate90);
+    let style = TextStyle::from((FONT, VALUE)).transform(FontTransform::Rotate90);
     for column in 0..part.columns() {
         let Some(level) = (0..part.values.len()).find(|level| part.column(*level) == column) else { continue };
         let at = (left + CELL.0 * column as i32 + 10, below);
-        // A name that is longer than there is room is told by its beginning.
-        let value: String = part.values[level].chars().take(11).collect();
-        area.draw(&Text::new(value, at, style.clone()))?;
+        area.draw(&Text::new(part.values[level], at, style.clone()))?;
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ pub fn sections(all: &[Results]) -> Result<Vec<Section>, Failure> {
         id: "factor",
         content: html! {
             (explained("many"))
-            (figure(machines::figure(&ratios), "C/SIMD of each machine over all sizes with its interval, and the paper's range.")
+            (figure(|screen| machines::figure(&ratios, screen), "C/SIMD of each machine over all sizes with its interval, and the paper's range.")
                 .map_err(Failure::output)?)
             (claims(all, &names).html())
         },

@@ -57,8 +57,8 @@ pub fn experiment(results: &Results) -> Result<Section, PlotError> {
         None => absent(results, Stage::Experiment),
         Some(document) => html! {
             (explained("paper"))
-            (figure(plot::figure2(document), "Time against pixels: C and SIMD here on the left axis, the paper's on the right one.")?)
-            (figure(plot::ratio(document), "C/SIMD at each size with its interval, the paper's ratios, and SIMD against itself.")?)
+            (figure(|screen| plot::figure2(document, screen), "Time against pixels: C and SIMD here on the left axis, the paper's on the right one.")?)
+            (figure(|screen| plot::ratio(document, screen), "C/SIMD at each size with its interval, the paper's ratios, and SIMD against itself.")?)
             details {
                 summary { "The table: C and SIMD at each size, beside the paper's" }
                 (table::paper_table(document).html())
@@ -78,7 +78,7 @@ pub fn ladder(results: &Results) -> Result<Section, PlotError> {
     let content = match &results.experiment {
         Some(document) if !document.ladder.is_empty() => html! {
             (explained("ladder"))
-            (figure(plot::waterfall(&document.ladder), "TSC cycles a pixel from rung to rung, on a logarithmic scale.")?)
+            (figure(|screen| plot::waterfall(&document.ladder, screen), "TSC cycles a pixel from rung to rung, on a logarithmic scale.")?)
             @if !document.explanations.is_empty() { (shares(&document.explanations).html()) }
             details { summary { "The ladder in figures" } (table::ladder_table(document).html()) }
         },
@@ -111,7 +111,7 @@ pub fn operations(results: &Results) -> Result<Section, PlotError> {
                 p.absent { "Executed instructions are not counted: " (words(reason)) "." }
             }
             (explained("cycles against count"))
-            (figure(ops::plot::figure(report), "Cycles of an operation among independent ones, against its instructions.")?)
+            (figure(|screen| ops::plot::figure(report, screen), "Cycles of an operation among independent ones, against its instructions.")?)
             details {
                 summary { "The listings" }
                 @for op in OPS { (listings(report, op)) }

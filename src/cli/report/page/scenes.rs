@@ -19,10 +19,11 @@ fn of_scene(plan: &Planned) -> Markup {
     let mut table = Table::new(3, ["left out", "of it", "why", "times as long with it"]);
     let times = |ratio: &Option<f64>| ratio.map_or("-".into(), |ratio| format!("{ratio:.2}"));
     for line in left_out {
+        let apart = format!("; with it the arithmetic is another, so that it is not in the {} above", times(keep_all));
         table.row(vec![
             line.what.clone(),
             format!("{} {}", line.count, line.unit),
-            line.reason.clone(),
+            line.reason.clone() + if line.other_arithmetic { &apart } else { "" },
             times(&line.worth),
         ]);
     }

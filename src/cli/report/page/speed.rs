@@ -14,7 +14,7 @@ pub fn roofline(results: &Results) -> Result<Section, PlotError> {
     section(results, (Stage::Roofline, "How near the machine's limits", "roofline"), &results.roofline, |roofline| {
         let label = "Operations on numbers in a cycle against operations by the byte written.";
         Ok(html! {
-            (figure(roofline::plot::figure(roofline), label)?)
+            (figure(|screen| roofline::plot::figure(roofline, screen), label)?)
             @if let Some(reason) = &roofline.uncounted { p.absent { "No kernel is on it: " (words(reason)) "." } }
             details { summary { "The same in figures" } (points(roofline).html()) (limits(roofline).html()) }
         })
@@ -52,7 +52,7 @@ pub fn scaling(results: &Results) -> Result<Section, PlotError> {
             Some(document) => {
                 (explained("scaling"))
                 (partly(results, Stage::Complexity))
-                (figure(plot::figure(&document.rows), "Cycles per pixel against pixels, objects and lights.")?)
+                (figure(|screen| plot::figure(&document.rows, screen), "Cycles per pixel against pixels, objects and lights.")?)
                 @if !document.slopes.is_empty() { details { summary { "What one more costs" } (slopes(&document.slopes).html()) } }
             }
         }

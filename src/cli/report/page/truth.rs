@@ -19,11 +19,11 @@ pub fn accuracy(results: &Results) -> Result<Section, PlotError> {
         // Of all scenes the far spheres show most: there the paper's formula loses its digits.
         let chosen = panels.iter().position(|(title, _)| title.starts_with("S1")).unwrap_or(0);
         Ok(html! {
-            @if let Some(panel) = panels.get(chosen) { (figure(plot::one_figure(panel), &label(&panel.0))?) }
+            @if let Some(panel) = panels.get(chosen) { (figure(|screen| plot::one_figure(panel, screen), &label(&panel.0))?) }
             @for (_, panel) in panels.iter().enumerate().filter(|(place, _)| *place != chosen) {
                 details {
                     summary { (panel.0) }
-                    (figure(plot::one_figure(panel), &label(&panel.0))?)
+                    (figure(|screen| plot::one_figure(panel, screen), &label(&panel.0))?)
                 }
             }
         })
