@@ -107,6 +107,10 @@ pub fn store_fence() {
     unsafe { std::arch::x86_64::_mm_sfence() }
 }
 
+/// No kernel stores past the cache here.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn store_fence() {}
+
 /// Keeps the calling thread on the core it is on, and says which that is.
 pub fn pin_to_this_core() -> io::Result<usize> {
     let core = current_core().ok_or_else(|| io::Error::other("which core this is cannot be known"))?;
@@ -279,9 +283,20 @@ pub fn switches() -> Switches {
 /// The time that the calling thread has had a core for itself.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> std::time::Duration {
+    cpu_time(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+/// The time that all threads of this process together have had cores.
+#[cfg(unix)]
+pub fn process_cpu_time() -> std::time::Duration {
+    cpu_time(libc::CLOCK_PROCESS_CPUTIME_ID)
+}
+
+#[cfg(unix)]
+fn cpu_time(clock: libc::clockid_t) -> std::time::Duration {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the structure is ours to write. POSIX has the clock; without it the zeros would remain.
-    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
+    // SAFETY: the structure is ours to write. POSIX has both clocks; without one the zeros would remain.
+    unsafe { libc::clock_gettime(clock, &mut time) };
     std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
 }
 
@@ -308,6 +323,12 @@ pub fn children_cpu_time() -> std::time::Duration {
 /// The time of a thread is not known here.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> std::time::Duration {
+    std::time::Duration::ZERO
+}
+
+/// The time of this process is not known here.
+#[cfg(not(unix))]
+pub fn process_cpu_time() -> std::time::Duration {
     std::time::Duration::ZERO
 }
 
@@ -338,6 +359,10 @@ pub fn multiply_in_chain(rounds: u32) {
         );
     }
 }
+
+/// Without a counter there is nothing to hold against it.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn multiply_in_chain(_rounds: u32) {}
 
 /// A slice in pages that nobody has touched: the first write to each is a page fault.
 pub struct Fresh<T: Plain> {
