@@ -17,7 +17,7 @@ use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::Keep;
 use crate::render::{Engine, Film, PixelFormat, Plan, Purpose, Tracer};
 use crate::scene::mesh::shapes;
-use crate::scene::{Camera, Light, MeshFormat, Scene, Setting, many};
+use crate::scene::{Camera, Light, MeshFormat, Rng, Scene, Setting, Sphere, Triangle, many};
 
 /// Pictures of 0.1 to 100 million pixels, each 4:3.
 const SIZES: [(u32, u32); 11] = [
@@ -102,7 +102,8 @@ const OUTPUTS: [PixelFormat; 4] = PixelFormat::ALL;
 
 /// What is along the axis of objects: a name, and the scene of so many.
 type Make = fn(u64, Camera) -> Scene;
-const SCENES: [(&str, Make); 3] = [("spheres", spheres), ("triangles", triangles), ("mesh", mesh)];
+const SCENES: [(&str, Make); 5] =
+    [("spheres", spheres), ("triangles", triangles), ("mesh", mesh), ("layers", layers), ("crowd", crowd)];
 
 /// A contestant in a picture. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -224,6 +225,35 @@ fn mesh(count: u64, camera: Camera) -> Scene {
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
     let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
     scene.expect("the shapes are of ordinary size")
+}
+
+/// `count` triangles that each fill the picture and are parallel to it, in no order of depth.
+fn layers(count: u64, camera: Camera) -> Scene {
+    let mut rng = Rng::new(SEED);
+    let mut layer = |_| {
+        let depth = rng.between(100.0, 300.0);
+        // Their edges are as far from the axis as the depth, the picture's corners half of that.
+        let corners = [(2.0, 0.0), (-1.0, 1.75), (-1.0, -1.75)];
+        let vertices = corners.map(|(x, y)| depth * Vec3::new(x, y, 1.0));
+        Triangle { colour: Vec3::ONE, vertices }
+    };
+    let triangles = (0..count).map(&mut layer).collect();
+    Scene { triangles, ..scattered(many(0, 0, SEED), camera) }
+}
+
+/// `count` spheres all round the camera, beside it and behind it, none of them around it.
+fn crowd(count: u64, camera: Camera) -> Scene {
+    const REACH: f32 = 300.0;
+    let mut rng = Rng::new(SEED);
+    let most = 400.0 / (count as f32).cbrt();
+    let mut sphere = |_| loop {
+        let centre = Vec3::from_array([(); 3].map(|()| rng.between(-REACH, REACH)));
+        if (0.01 * REACH..REACH).contains(&centre.length()) {
+            return Sphere { radius: most.min(0.5 * centre.length()), colour: Vec3::ONE, centre };
+        }
+    };
+    let spheres = (0..count).map(&mut sphere).collect();
+    Scene { spheres, ..scattered(many(0, 0, SEED), camera) }
 }
 
 /// The experiment's sphere under `count` lights in a half circle above it, together as strong as its one.
