@@ -1,7 +1,7 @@
 # Makefile - the commands of the README, `make demo` and `make test`, and those for working on the code; `make` lists them.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build mpi demo install uninstall test test-all test-mpi toolchains bench images counts accuracy stability leaving-out complexity map clean
+.PHONY: help setup build mpi demo install uninstall test test-all test-mpi toolchains elsewhere bench images counts accuracy stability leaving-out complexity map clean
 
 # Where everything that is built and rendered goes: here, or where CARGO_TARGET_DIR says, so that this folder may be read-only.
 target := $(abspath $(or $(CARGO_TARGET_DIR),target))
@@ -75,6 +75,9 @@ test-mpi: mpi ## Run the lints and the tests of what several processes do
 
 toolchains: build ## Build with every NASM and C compiler of Debian's suites, and run on the CPUs that qemu-user plays
 	@$(if $(NASM),,$(unpacked_nasm)) scripts/toolchains.sh $(strict)
+
+elsewhere: build ## Build for Windows and for Linux on ARM, and hold the pictures of Wine and qemu-user against this machine's
+	@$(if $(NASM),,$(unpacked_nasm)) scripts/elsewhere.sh $(strict)
 
 bench: setup ## Run the micro benches
 	$(cargo) bench --locked

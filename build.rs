@@ -262,6 +262,8 @@ mod native {
         c.opt_level(3)
             .debug(false)
             .std("c11")
+            // What gcc does in this standard, and Clang where it is told.
+            .flag_if_supported("-ffp-contract=off")
             .include(out)
             .warnings(true)
             .extra_warnings(true)

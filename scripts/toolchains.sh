@@ -87,6 +87,15 @@ wrap() {
     chmod +x "$1"
 }
 
+# What makes a warning an error, for a NASM or for a build: not in sid, whose programs are other ones every day.
+warnings() {
+    case $1-$2 in
+        sid-*) ;;
+        *-nasm) echo -Wall -Werror ;;
+        *) echo 1 ;;
+    esac
+}
+
 # The compilers of the suite $1.
 compilers() { find "$home/$1/root/usr/bin" -name 'gcc-[0-9]*[0-9]' -o -name 'clang-[0-9]*[0-9]' | sort; }
 
@@ -119,6 +128,8 @@ for suite in $suites; do
     say "  $suite: $list"
 done
 
+# Without these bins NASM takes a fifth less time.
+export GLIBC_TUNABLES=glibc.malloc.mxfast=0
 say "Assembling every unit for ELF, Win64 and Mach-O:"
 rm -rf "$home/objects"
 for suite in $suites; do
@@ -127,7 +138,7 @@ for suite in $suites; do
         mkdir -p "$home/objects/$suite/$format"
         for unit in asm/*.asm; do
             name=$(basename "$unit" .asm)
-            echo "$home/$suite/root/usr/bin/nasm -f $format -Iasm/ -Wall -Werror -o $home/objects/$suite/$format/$name.o $unit"
+            echo "$home/$suite/root/usr/bin/nasm -f $format -Iasm/ $(warnings "$suite" nasm) -o $home/objects/$suite/$format/$name.o $unit"
         done
     done
 done | xargs -P "$(nproc)" -I {} sh -c '{} || { echo "failed: {}"; exit 255; }' || fail "a NASM refused a unit: see above"
@@ -137,7 +148,7 @@ say "Building with every NASM, whose listing names the source of each instructio
 for suite in $suites; do
     [ -e "$home/$suite/unpacked" ] || continue
     for compiler in $(compilers "$suite"); do
-        RAYO_STRICT=1 NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked --lib --target-dir "$home/cargo" \
+        RAYO_STRICT=$(warnings "$suite" build) NASM=$home/$suite/root/usr/bin/nasm CC=$compiler cargo check -q --locked --lib --target-dir "$home/cargo" \
             --no-default-features --features asm,c,lab </dev/null || fail "$compiler and the NASM of Debian $suite do not build the library"
     done
 done

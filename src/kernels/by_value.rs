@@ -16,15 +16,24 @@ pub struct Ray {
 /// What a level may use beyond x86-64, in the order of the bits in by_value.c.
 fn feature_usable(bit: u32) -> bool {
     match bit {
-        0 => detected!("sse4.1"),
-        1 => detected!("avx"),
-        2 => detected!("avx2"),
-        3 => detected!("fma"),
-        4 => detected!("bmi2"),
-        5 => detected!("avx512f"),
-        6 => detected!("avx512vl"),
-        7 => detected!("avx512dq"),
-        8 => detected!("avx512bw"),
+        0 => detected!("sse3"),
+        1 => detected!("ssse3"),
+        2 => detected!("sse4.1"),
+        3 => detected!("sse4.2"),
+        4 => detected!("popcnt"),
+        5 => detected!("avx"),
+        6 => detected!("avx2"),
+        7 => detected!("fma"),
+        8 => detected!("f16c"),
+        9 => detected!("lzcnt"),
+        10 => detected!("movbe"),
+        11 => detected!("bmi1"),
+        12 => detected!("bmi2"),
+        13 => detected!("avx512f"),
+        14 => detected!("avx512cd"),
+        15 => detected!("avx512vl"),
+        16 => detected!("avx512dq"),
+        17 => detected!("avx512bw"),
         _ => false,
     }
 }

@@ -23,7 +23,8 @@ enum Level {
 
 impl Level {
     fn usable(self) -> bool {
-        let v3 = || detected!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe" "popcnt" "sse4.2");
+        let v2 = || detected!("cmpxchg16b" "popcnt" "sse3" "sse4.1" "sse4.2" "ssse3");
+        let v3 = || v2() && detected!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe");
         match self {
             Level::Base => true,
             Level::V3 => v3(),

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use tempfile::{NamedTempFile, TempPath};
 use thiserror::Error;
 
-use crate::kernels::sys;
 use crate::scene::shown;
 
 /// What becomes of a file that is there already.
@@ -279,7 +278,7 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     if is_standard_output(path) {
         // The descriptor itself and not the path: it keeps the offset of `>> file`, and works on a socket.
         use std::os::fd::AsFd;
-        if !sys::is_standard_output_open() {
+        if !crate::kernels::sys::is_standard_output_open() {
             return Err(io::Error::other("standard output is closed"));
         }
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));

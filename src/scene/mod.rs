@@ -24,9 +24,11 @@ mod write;
 mod write_toml;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
-pub use diagnostic::{Diagnostic, SceneError};
+#[cfg(feature = "render")]
+pub(crate) use diagnostic::printable;
 #[cfg(feature = "files")]
-pub(crate) use diagnostic::{printable, shown};
+pub(crate) use diagnostic::shown;
+pub use diagnostic::{Diagnostic, SceneError};
 pub use mesh::{Mesh, MeshError, MeshFormat};
 #[cfg(feature = "lab")]
 pub(crate) use open::text_within;
