@@ -224,7 +224,7 @@ impl<'a> MovingCamera<'a> {
         }
         // A turn makes a number at most root three times as large.
         let reach = 2.0 * (f64::from(self.furthest) + view.position.abs().max_element());
-        if reach.is_nan() || reach >= f32::MAX.into() {
+        if reach >= f32::MAX.into() {
             seen.is_within_range()?;
         }
         let (triangles, faces) = &self.flat;
