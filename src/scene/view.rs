@@ -78,6 +78,7 @@ impl View {
     }
 
     /// What is `up`, seen from the camera: of length 1.
+    #[cfg(feature = "files")]
     pub(super) fn up(self) -> Option<DVec3> {
         Some(self.to_camera().ok()?.linear * self.up.try_normalize()?)
     }
