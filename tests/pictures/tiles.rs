@@ -403,11 +403,15 @@ fn what_shares_its_corners_is_seen_as_what_has_its_own() {
         let mesh = scene::mesh::shapes::icosphere(count, 0.3, 5);
         assert!(joined.faces.append(mesh.placed(ToCamera::IDENTITY.of_placed(&placement), colour).unwrap()));
     }
-    // A wall twice, of which the first wins; a corner near the camera, which is to come first; and what f32 does not hold.
+    // A wall twice, of which the first wins; a corner near the camera, which is to come first; what f32 does not hold; and a
+    // plane through the camera, which rounding hides.
     let wall = [(-9.0, -9.0), (9.0, -9.0), (0.0, 9.0)].map(|(x, y)| Vec3::new(x, y, 4.0));
     let near = [Vec3::new(3.0, 0.0, 5.0), Vec3::new(1e-9, 0.0, 1e-8), Vec3::new(3.0, 3.0, 5.0)];
     let far = wall.map(|corner| 1e20 * corner);
-    for (corners, colour) in [(wall, Vec3::X), (wall, Vec3::Z), (near, Vec3::ONE), (far, Vec3::ONE)] {
+    let through = [Vec3::new(0.0, 1.0, -1e25), Vec3::splat(-1e38), Vec3::splat(1e30)];
+    for (corners, colour) in
+        [(wall, Vec3::X), (wall, Vec3::Z), (near, Vec3::ONE), (far, Vec3::ONE), (through, Vec3::ONE)]
+    {
         assert!(joined.faces.append(Faces::new(corners.to_vec(), vec![[0, 1, 2], [2, 1, 0]], colour)));
     }
     let mut apart = joined.clone();
@@ -416,12 +420,9 @@ fn what_shares_its_corners_is_seen_as_what_has_its_own() {
     assert!(joined.triangle_count() == count && joined.all_triangles().eq(apart.triangles.iter().copied()));
     assert!((0..count).all(|number| joined.triangle(number) == apart.triangles[number]));
     let view = View { position: DVec3::new(0.3, 0.2, -1.0), look_at: DVec3::new(0.0, 0.1, 3.0), up: DVec3::Y };
-    let ways = [
-        (joined.seen_from(view).unwrap(), apart.seen_from(view).unwrap()),
-        (joined.scaled(4.0), apart.scaled(4.0)),
-        (joined, apart),
-    ];
-    for (joined, apart) in extent::sampled(ways, 3) {
+    let scaled = (joined.scaled(0.25), apart.scaled(0.25));
+    let moved = (joined.seen_from(view).unwrap(), apart.seen_from(view).unwrap());
+    for (joined, apart) in extent::sampled([(joined, apart), scaled, moved], 3) {
         for contender in packets() {
             for (keep_all, format) in [false, true].into_iter().flat_map(|keep| FORMATS.map(|format| (keep, format))) {
                 let [one, other] = [&joined, &apart].map(|scene| picture(&contender, scene, keep_all, format));
