@@ -638,6 +638,43 @@ fn rays_on_edges_are_decided_as_by_the_reference() {
     }
 }
 
+/// A wall over more tiles than have it in their lists, which ends beside their borders.
+#[test]
+fn what_is_in_many_tiles_is_seen_up_to_its_last_pixels() {
+    for (width, height, border) in [(140, 1060, 64.0), (2120, 70, 32.0)] {
+        let camera = camera(width, height);
+        let grid = camera.grid::<f64>();
+        for [start, end] in [[0.25, border + 0.75], [border - 0.75, 2.0 * border + 4.0]] {
+            let all = f64::from(width.max(height));
+            let corners = [(start, 0.0), (end, 0.0), (start, all), (end, all)].map(|(short, long)| {
+                let [x, y] = if width < height { [short, long] } else { [long, short] };
+                let [x, y] = [x * grid.step - grid.half_width, grid.half_height - y * grid.step];
+                (2.0 / grid.focal * DVec3::new(x, y, grid.focal)).as_vec3()
+            });
+            let mut scene = Scene { camera, ..many(40, 0, 3) };
+            for of in [[0, 1, 2], [3, 2, 1]] {
+                scene.triangles.push(Triangle { colour: Vec3::ONE, vertices: of.map(|i: usize| corners[i]) });
+            }
+            for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
+                let differing = differing_by_force(&contender, &scene, PixelFormat::Rgba8);
+                assert_eq!(differing, 0, "{contender}: {width}x{height}, {start} to {end}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sphere_beside_the_camera_is_seen_in_the_last_row_of_a_tile() {
+    for step in 0_u8..70 {
+        let mut scene = Scene { camera: camera(64, 64), ..many(40, 0, 3) };
+        let radius = 4.6 + 0.01 * f32::from(step);
+        scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(0.0, -5.0, 2.0) });
+        for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
+            assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}: {radius}");
+        }
+    }
+}
+
 /// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
 #[test]
 fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
