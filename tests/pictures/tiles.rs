@@ -531,8 +531,9 @@ fn of_equal_spheres_around_the_camera_the_first_is_seen_too() {
 /// A house in metres, and the sun.
 fn with_a_sun(seed: u64) -> Scene {
     let mut scene = Scene { camera: camera(203, 151), ..many(30, 30, seed) };
-    let (position, colour) = ([2e10, 5e10, 1.4e11].into(), Vec3::ONE);
-    scene.lights.push(Light { intensity: 0.5, colour, position });
+    let (position, colour) = (Vec3::new(2e10, 5e10, 1.4e11), Vec3::ONE);
+    // Its light comes from where f32 has no squares.
+    scene.lights.push(Light { intensity: 0.5, colour, position: 1e15 * position });
     scene.spheres.push(Sphere { radius: 7e8, colour, centre: position });
     scene.spheres.push(Sphere { radius: 2e10, colour, centre: [-2e10, 3e10, 1.4e11].into() });
     scene
