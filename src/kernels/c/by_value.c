@@ -3,7 +3,7 @@
 /* For counts alone: build.rs compiles this file once per optimisation level, RAYO_LEVEL, and no engine calls it. */
 #define JOIN(level, name) rayo_c_##level##_##name
 #define NAME(level, name) JOIN(level, name)
-/* Hidden, so that a compiler that makes position-independent code may inline one into another; on Windows it may anyway. */
+/* Hidden, so that a compiler that makes position-independent code may inline one into another; on Windows it may. */
 #ifdef _WIN32
 #define SMALL KERNEL
 #else
