@@ -4,7 +4,7 @@ use crate::contenders::{Contender, Truth, contenders, film, levels};
 use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Counted, Distance, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Distance, Film, FilmMut, Found, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 
@@ -259,27 +259,41 @@ fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
     }
 }
 
+/// Spheres that nearly touch the camera's plane, through a very wide lens.
+fn beside_the_camera() -> Scene {
+    let mut rng = Rng::new(4);
+    let mut scene = Scene { camera: Camera::new(203, 151, 1.0, 30.0).unwrap(), ..many(0, 0, 4) };
+    for _ in 0..40 {
+        let [x, y] = [20.0, 15.0].map(|side| rng.between(-side, side));
+        let colour = Vec3::new(rng.next_f32(), 0.5, 1.0);
+        scene.spheres.push(Sphere { radius: 1.0, colour, centre: Vec3::new(x, y, rng.between(1.001, 1.02)) });
+    }
+    scene
+}
+
 #[test]
 fn floats_are_within_a_few_roundings_of_the_reference() {
-    let scene = Scene { camera: camera(203, 151), ..many(40, 400, 6) };
-    let truth = Truth::new(&scene);
-    let reference = rayo::render::reference::ReferenceTracer::new(&scene);
-    for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
-        let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
-        else {
-            unreachable!()
-        };
-        let mut worst = 0.0_f64;
-        for (i, pixel) in film.iter().enumerate() {
-            let (row, column) = (i as u32 / 203, i as u32 % 203);
-            if !truth.at_silhouette(row, column) {
-                let expected = reference.colour(row, column).to_array();
-                let error = pixel.lanes().into_iter().zip(expected).map(|(a, b)| (f64::from(a) - b).abs());
-                worst = worst.max(error.fold(0.0, f64::max));
+    for scene in [Scene { camera: camera(203, 151), ..many(40, 400, 6) }, beside_the_camera()] {
+        let truth = Truth::new(&scene);
+        let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+        for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
+            let Film::F32x4(film) =
+                film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
+            else {
+                unreachable!()
+            };
+            let mut worst = 0.0_f64;
+            for (i, pixel) in film.iter().enumerate() {
+                let (row, column) = (i as u32 / 203, i as u32 % 203);
+                if !truth.at_silhouette(row, column) {
+                    let expected = reference.colour(row, column).to_array();
+                    let error = pixel.lanes().into_iter().zip(expected).map(|(a, b)| (f64::from(a) - b).abs());
+                    worst = worst.max(error.fold(0.0, f64::max));
+                }
             }
+            println!("{contender}: {worst:e}");
+            assert!(worst < 5e-6, "{contender}: {worst:e}");
         }
-        println!("{contender}: {worst:e}");
-        assert!(worst < 5e-6, "{contender}: {worst:e}");
     }
 }
 
@@ -679,6 +693,19 @@ fn a_sphere_beside_the_camera_is_seen_in_the_last_row_of_a_tile() {
         for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
             assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}: {radius}");
         }
+    }
+}
+
+#[test]
+fn of_spheres_around_the_camera_the_nearer_is_seen_where_f32_takes_both_for_infinitely_near() {
+    let mut scene = many(0, 40, 3).scaled(2_f32.powi(33));
+    for radius in [2e-30, 1e-30] {
+        scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::ZERO });
+    }
+    for contender in packets() {
+        let hits = tiles(&contender, &scene, false).hits(0..32);
+        let nearer = |found: &Option<_>| matches!(found, Some(Found { object: Object::Sphere(1), .. }));
+        assert!(hits.iter().all(nearer), "{contender}");
     }
 }
 
