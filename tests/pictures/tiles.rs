@@ -709,6 +709,20 @@ fn of_spheres_around_the_camera_the_nearer_is_seen_where_f32_takes_both_for_infi
     }
 }
 
+/// Kernels in f32 take a light for nearer than this wall.
+#[test]
+fn a_wall_beyond_all_is_lit_from_where_the_light_is() {
+    let mut scene = Scene { camera: camera(203, 97), ..many(0, 40, 3) };
+    let position = 1e25 * Vec3::new(1.0, 2.0, 3.0);
+    scene.lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
+    let vertices = [[-2.0, -2.0, 1.0], [2.0, -2.0, 1.0], [0.0, 2.0, 1.0]].map(|corner| 1e14 * Vec3::from_array(corner));
+    scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+    let truth = Truth::new(&scene);
+    for contender in packets() {
+        truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
 /// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
 #[test]
 fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
