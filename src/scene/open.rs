@@ -247,6 +247,7 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
 }
 
 /// The same of a text.
+#[cfg(feature = "lab")]
 pub(crate) fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
     String::from_utf8(contents_within(path, limit, advice)?)
         .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
