@@ -223,7 +223,7 @@ impl Started {
 #[cfg(target_os = "linux")]
 fn signal(name: &str, process: &str) {
     // Who has ended in the meantime needs no signal.
-    Command::new("kill").args([name, process]).stderr(Stdio::null()).status().unwrap();
+    Command::new("sh").args(["-c", "kill -s \"$0\" \"$1\"", name, process]).stderr(Stdio::null()).status().unwrap();
 }
 
 /// A picture that two cores work on for a second or so.
@@ -248,7 +248,7 @@ fn a_rank_that_is_killed_at_any_moment_leaves_no_part_of_a_picture() {
         ranks.wait_for_the_beginning();
         // Moments all over the picture, most of them near its beginning, each rank in turn.
         sleep(time.mul_f64(f64::from(rng.next_f32()).powi(3)));
-        signal("-KILL", &ranks.id(attempt % 3));
+        signal("KILL", &ranks.id(attempt % 3));
         let status = ranks.wait_for_the_end();
         match &ranks.written()[..] {
             [] => {

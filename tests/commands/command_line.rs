@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::program::in_the_foreground;
+use crate::program::{self, in_the_foreground};
 use rayo::measure::picture::{Picture, Pixels};
 use rayo::render::{Engine, read};
 use serde_json::{Value, json};
@@ -1358,8 +1358,7 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
             }
             // The signal may come at any time after that.
             std::thread::sleep(std::time::Duration::from_millis(60));
-            let kill = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
-            assert!(kill.unwrap().success());
+            assert!(program::signal(signal, child.id()));
             assert_eq!(child.wait().unwrap().code(), status, "{signal}");
             assert_eq!(place.files(), ["many.in", "scene.in"], "{signal}");
         }

@@ -178,7 +178,7 @@ fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_faile
 #[cfg(target_os = "linux")]
 #[test]
 fn an_interrupt_keeps_what_is_finished_and_says_so() {
-    use std::process::{Command, Stdio};
+    use std::process::Stdio;
     let directory = TempDir::new().unwrap();
     // So many runs that no machine gets through them.
     let mut child = program::in_the_foreground()
@@ -189,7 +189,7 @@ fn an_interrupt_keeps_what_is_finished_and_says_so() {
         .spawn()
         .unwrap();
     std::thread::sleep(std::time::Duration::from_millis(600));
-    let interrupted = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success();
+    let interrupted = program::signal("INT", child.id());
     let finished = child.try_wait().unwrap().is_some();
     let output = child.wait_with_output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr);

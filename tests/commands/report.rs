@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::extent;
-use crate::program::{in_the_foreground, rayo};
+use crate::program::{in_the_foreground, rayo, signal};
 use rayo::experiments::{gallery, roofline, threads};
 use rayo::kernels::sys::Cores;
 use rayo::measure::{Machine, TscClock};
@@ -262,8 +262,7 @@ fn an_interrupt_leaves_a_page_of_what_is_done() {
         .spawn()
         .unwrap();
     std::thread::sleep(Duration::from_secs(2));
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
+    assert!(signal("INT", child.id()));
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let page = fs::read_to_string(directory.path().join("page/report.html")).unwrap();
     let html = check(&page);

@@ -19,3 +19,10 @@ pub fn in_the_foreground() -> Command {
     command.arg("--default-signal").arg(env!("CARGO_BIN_EXE_rayo"));
     command
 }
+
+/// Sends it a signal, by the shell: minimal systems have no `kill` beside it. Whether it was there to hear.
+#[cfg(target_os = "linux")]
+#[allow(dead_code, reason = "as above")]
+pub fn signal(name: &str, process: u32) -> bool {
+    Command::new("sh").args(["-c", "kill -s \"$0\" \"$1\"", name, &process.to_string()]).status().unwrap().success()
+}
