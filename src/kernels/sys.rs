@@ -283,20 +283,9 @@ pub fn switches() -> Switches {
 /// The time that the calling thread has had a core for itself.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> std::time::Duration {
-    cpu_time(libc::CLOCK_THREAD_CPUTIME_ID)
-}
-
-/// The time that all threads of this process together have had cores.
-#[cfg(unix)]
-pub fn process_cpu_time() -> std::time::Duration {
-    cpu_time(libc::CLOCK_PROCESS_CPUTIME_ID)
-}
-
-#[cfg(unix)]
-fn cpu_time(clock: libc::clockid_t) -> std::time::Duration {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
-    // SAFETY: the structure is ours to write. POSIX has both clocks; without one the zeros would remain.
-    unsafe { libc::clock_gettime(clock, &mut time) };
+    // SAFETY: the structure is ours to write. POSIX has the clock; without it the zeros would remain.
+    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut time) };
     std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
 }
 
@@ -323,12 +312,6 @@ pub fn children_cpu_time() -> std::time::Duration {
 /// The time of a thread is not known here.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> std::time::Duration {
-    std::time::Duration::ZERO
-}
-
-/// The time of this process is not known here.
-#[cfg(not(unix))]
-pub fn process_cpu_time() -> std::time::Duration {
     std::time::Duration::ZERO
 }
 

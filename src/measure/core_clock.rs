@@ -1,6 +1,6 @@
 //! Times in cycles of the core's own clock, which a chain of operations of known latency tells.
 
-use super::{Cycles, Disturbance, Watch};
+use super::{Cycles, Watch};
 use crate::kernels::sys;
 
 /// Rounds of the chain: some 20 microseconds.
@@ -42,7 +42,7 @@ pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) ->
         let ticks = start.stop() as f64;
         let after = chain_ticks();
         let cycles = ticks * 2.0 * chain_cycles() / (before + after) / operations as f64;
-        (watch.disturbance() == Disturbance::None).then_some((cycles, (before - after).abs() < DRIFT * before))
+        (!watch.taken()).then_some((cycles, (before - after).abs() < DRIFT * before))
     });
     fewest(measured, repeats, least)
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::cycles::Cycles;
 use super::statistics;
-use super::watch::{Disturbance, Watch};
+use super::watch::Watch;
 use crate::kernels::sys;
 
 /// How far from the median, in MAD, a run has to be to be reported as off.
@@ -26,21 +26,21 @@ pub trait Clock {
     }
 
     /// Whether others had the core in the last of these times.
-    fn disturbance(&mut self) -> Disturbance {
-        Disturbance::None
+    fn taken(&mut self) -> bool {
+        false
     }
 }
 
 /// The time-stamp counter.
 #[derive(Clone, Copy, Debug)]
 pub struct TscClock {
-    disturbance: Disturbance,
+    taken: bool,
 }
 
 impl TscClock {
     /// None where there is no counter to read.
     pub fn new() -> Option<Self> {
-        Cycles::available().then_some(TscClock { disturbance: Disturbance::default() })
+        Cycles::available().then_some(TscClock { taken: false })
     }
 }
 
@@ -50,19 +50,19 @@ impl Clock for TscClock {
         let start = Cycles::start();
         work();
         let ticks = start.stop();
-        self.disturbance = watch.disturbance();
+        self.taken = watch.taken();
         ticks
     }
 
-    fn disturbance(&mut self) -> Disturbance {
-        self.disturbance
+    fn taken(&mut self) -> bool {
+        self.taken
     }
 }
 
 /// The operating system's clock, for machines without a counter: its ticks are nanoseconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WallClock {
-    disturbance: Disturbance,
+    taken: bool,
 }
 
 impl WallClock {
@@ -81,12 +81,12 @@ impl Clock for WallClock {
         let start = Instant::now();
         work();
         let ticks = start.elapsed().as_nanos() as u64;
-        self.disturbance = watch.disturbance();
+        self.taken = watch.taken();
         ticks
     }
 
-    fn disturbance(&mut self) -> Disturbance {
-        self.disturbance
+    fn taken(&mut self) -> bool {
+        self.taken
     }
 }
 
@@ -111,8 +111,8 @@ impl Clock for Totalled<'_> {
         ticks
     }
 
-    fn disturbance(&mut self) -> Disturbance {
-        self.clock.disturbance()
+    fn taken(&mut self) -> bool {
+        self.clock.taken()
     }
 }
 
@@ -143,8 +143,7 @@ impl Runs {
 }
 
 /// Times each of `contestants` once in each of `rounds`; none is dropped. Rounds of odd numbers go backwards, so that each
-/// follows its neighbour as often as it precedes it. A run in which others had the core is made again, up to `AGAIN` times; if
-/// they have it each time, what this thread had of it stands for the run where it can.
+/// follows its neighbour as often as it precedes it. A run in which others had the core is made again, up to `AGAIN` times.
 ///
 /// `proceed` is asked after each round; where it says no, the result is None.
 pub fn interleave(
@@ -158,24 +157,17 @@ pub fn interleave(
     for round in rounds {
         let mut turn = |index: usize| {
             let core = clock.core();
-            let mut time = || {
-                let ticks = clock.time(&mut contestants[index]) as f64;
-                match clock.disturbance() {
-                    Disturbance::None => (0, ticks),
-                    Disturbance::Known(share) => (1, ticks * share),
-                    Disturbance::Unknown => (2, ticks),
-                }
-            };
-            // The best that can be known of it, and of what is known as well the least.
-            let mut best = time();
+            let (mut ticks, mut taken) = (clock.time(&mut contestants[index]), clock.taken());
             for _ in 0..AGAIN {
-                if best.0 > 0 {
-                    let again = time();
-                    best = if again < best { again } else { best };
+                if taken {
+                    let again = clock.time(&mut contestants[index]);
+                    taken = clock.taken();
+                    // Of those that were all disturbed, the least.
+                    ticks = if taken { ticks.min(again) } else { again };
                 }
             }
-            runs[index].ticks.push(best.1);
-            runs[index].taken.push(best.0 > 1);
+            runs[index].ticks.push(ticks as f64);
+            runs[index].taken.push(taken);
             runs[index].migrations += usize::from(clock.core() != core);
         };
         if round % 2 == 0 {
@@ -251,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_run_in_which_others_had_the_core_is_made_again_and_if_it_is_no_better_kept_and_marked() {
-        /// Ticks by a script, disturbed where they are above 10; from 100 on an eighth was its own.
+        /// Ticks by a script, taken where they are above 10.
         struct Disturbed(Vec<u64>, u64);
         impl Clock for Disturbed {
             fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
@@ -262,23 +254,19 @@ mod tests {
             fn core(&mut self) -> Option<usize> {
                 None
             }
-            fn disturbance(&mut self) -> Disturbance {
-                match self.1 {
-                    ..=10 => Disturbance::None,
-                    100.. => Disturbance::Known(0.125),
-                    _ => Disturbance::Unknown,
-                }
+            fn taken(&mut self) -> bool {
+                self.1 > 10
             }
         }
         let calls = Cell::new(0);
-        let mut clock = Disturbed(vec![5, 50, 12, 7, 90, 30, 40, 60, 6, 20, 160, 120, 11], 0);
+        let mut clock = Disturbed(vec![5, 50, 12, 7, 90, 30, 40, 60, 6], 0);
         let mut contestants: [Work<'_>; 1] = [Box::new(|| calls.set(calls.get() + 1))];
-        let runs = interleave(&mut clock, &mut contestants, 0..5, &mut || true).unwrap();
+        let runs = interleave(&mut clock, &mut contestants, 0..4, &mut || true).unwrap();
         assert_eq!(
             (&runs[0].ticks[..], &runs[0].taken[..]),
-            (&[5.0, 7.0, 30.0, 6.0, 15.0][..], &[false, false, true, false, false][..])
+            (&[5.0, 7.0, 30.0, 6.0][..], &[false, false, true, false][..])
         );
-        assert_eq!(calls.get(), 1 + 3 + 4 + 1 + 4);
+        assert_eq!(calls.get(), 1 + 3 + 4 + 1);
     }
 
     #[test]

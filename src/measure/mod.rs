@@ -27,4 +27,4 @@ pub use cycles::{Cycles, tsc_hz};
 pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, enough, interleave};
 pub use machine::{Cache, Machine, caches, cpu_name, set_commit};
 #[cfg(feature = "lab")]
-pub use watch::{Disturbance, Watch};
+pub use watch::Watch;

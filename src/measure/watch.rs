@@ -7,9 +7,6 @@ use crate::kernels::sys;
 /// Others had the core if they had it for more than this share of the time, and for longer than the looks at the clocks take.
 const SHARE: f64 = 0.01;
 const LOOKS: Duration = Duration::from_micros(20);
-/// A thread that lost its core finds its caches cold: what it worked for itself, for each time that it did, has to be so long
-/// that this is some hundredths of it.
-const FOR_EACH_LOSS: Duration = Duration::from_millis(1);
 
 /// A look at the calling thread's clocks, before what is timed.
 ///
@@ -19,47 +16,21 @@ const FOR_EACH_LOSS: Duration = Duration::from_millis(1);
 pub struct Watch {
     switches: sys::Switches,
     own: Duration,
-    process: Duration,
     start: Instant,
-}
-
-/// What a [`Watch`] has seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Disturbance {
-    /// The thread has had its core, or has only waited for others that it works with.
-    #[default]
-    None,
-    /// Others have had the core; without them it would have been this share of the time.
-    Known(f64),
-    /// Others have had the core, and how long it would have been without them is not known: more threads worked at it, or it
-    /// was too short.
-    Unknown,
 }
 
 impl Watch {
     /// Now.
     pub fn start() -> Self {
-        let (switches, process) = (sys::switches(), sys::process_cpu_time());
-        Watch { switches, process, own: sys::thread_cpu_time(), start: Instant::now() }
+        Watch { switches: sys::switches(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
-    /// What has been since.
-    pub fn disturbance(self) -> Disturbance {
+    /// Whether others have had the core since. A thread that has only waited, for others that it works with, has not lost it.
+    pub fn taken(self) -> bool {
         let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
-        let process = sys::process_cpu_time() - self.process;
         let now = sys::switches();
-        let forced = now.forced - self.switches.forced;
-        let waited = now.own > self.switches.own;
-        if waited && forced == 0 || !is_taken(all, own) {
-            return Disturbance::None;
-        }
-        let alone = !waited && process.saturating_sub(own) <= LOOKS;
-        let long_enough = forced > 0 && own >= FOR_EACH_LOSS * forced.try_into().unwrap_or(u32::MAX);
-        if alone && long_enough {
-            Disturbance::Known(own.as_secs_f64() / all.as_secs_f64())
-        } else {
-            Disturbance::Unknown
-        }
+        let waited = now.own > self.switches.own && now.forced == self.switches.forced;
+        !waited && is_taken(all, own)
     }
 }
 
@@ -92,8 +63,8 @@ mod tests {
     fn who_sleeps_has_not_lost_the_core() {
         let watch = Watch::start();
         std::thread::sleep(Duration::from_millis(5));
-        let disturbance = watch.disturbance();
+        let taken = watch.taken();
         let forced = sys::switches().forced > watch.switches.forced;
-        assert!(forced || disturbance == Disturbance::None);
+        assert!(forced || !taken);
     }
 }
