@@ -1,6 +1,6 @@
 //! The paper's C as small functions that take vectors by value, at each optimisation level: to be counted, by no engine.
 
-use super::isa::detected;
+use super::isa::psabi_level;
 use super::types::{Light, Sphere, Triangle, Vec4};
 
 /// A ray as the paper's C has it.
@@ -11,31 +11,6 @@ pub struct Ray {
     pub origin: Vec4,
     /// r_d.
     pub direction: Vec4,
-}
-
-/// What a level may use beyond x86-64, in the order of the bits in by_value.c.
-fn feature_usable(bit: u32) -> bool {
-    match bit {
-        0 => detected!("sse3"),
-        1 => detected!("ssse3"),
-        2 => detected!("sse4.1"),
-        3 => detected!("sse4.2"),
-        4 => detected!("popcnt"),
-        5 => detected!("avx"),
-        6 => detected!("avx2"),
-        7 => detected!("fma"),
-        8 => detected!("f16c"),
-        9 => detected!("lzcnt"),
-        10 => detected!("movbe"),
-        11 => detected!("bmi1"),
-        12 => detected!("bmi2"),
-        13 => detected!("avx512f"),
-        14 => detected!("avx512cd"),
-        15 => detected!("avx512vl"),
-        16 => detected!("avx512dq"),
-        17 => detected!("avx512bw"),
-        _ => false,
-    }
 }
 
 macro_rules! by_value {
@@ -51,7 +26,7 @@ macro_rules! by_value {
         pub struct ByValue {
             /// The level as build.rs names it: O0, O1, O2, O3, or native for -O3 -march=native.
             pub level: &'static str,
-            features: &'static u32,
+            needs: &'static u32,
             $($name: convention!(type($($type),*) -> $out),)*
         }
 
@@ -74,12 +49,12 @@ macro_rules! by_value {
     };
     (@level $level:literal {$($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) -> $out:ty;)*}) => {{
         convention! { foreign {
-            #[link_name = concat!("rayo_c_", $level, "_features")]
-            safe static FEATURES: u32;
+            #[link_name = concat!("rayo_c_", $level, "_needs")]
+            safe static NEEDS: u32;
             $(#[link_name = concat!("rayo_c_", $level, "_", stringify!($name))]
             fn $name($($arg: $type),*) -> $out;)*
         } }
-        ByValue { level: $level, features: &FEATURES, $($name,)* }
+        ByValue { level: $level, needs: &NEEDS, $($name,)* }
     }};
 }
 
@@ -113,6 +88,5 @@ by_value! {
 /// without C.
 pub fn by_value(level: &str) -> Option<&'static ByValue> {
     let functions = LEVELS.iter().find(|functions| functions.level == level)?;
-    let usable = (0..u32::BITS).all(|bit| functions.features >> bit & 1 == 0 || feature_usable(bit));
-    usable.then_some(functions)
+    (*functions.needs <= psabi_level()).then_some(functions)
 }

@@ -15,6 +15,16 @@ macro_rules! detected {
 
 pub(super) use detected;
 
+/// The highest level of x86-64, by the psABI, all of whose instructions this CPU runs.
+pub(super) fn psabi_level() -> u32 {
+    let levels = [
+        detected!("cmpxchg16b" "popcnt" "sse3" "sse4.1" "sse4.2" "ssse3"),
+        detected!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe"),
+        detected!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl"),
+    ];
+    1 + levels.into_iter().take_while(|has| *has).count() as u32
+}
+
 /// An instruction set, in ascending order of width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Isa {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::isa::{Isa, detected};
+use super::isa::{Isa, psabi_level};
 use super::kernel::kernel;
 use super::paper::Trace;
 use super::types::{Frame, Objects, Vec4};
@@ -23,12 +23,10 @@ enum Level {
 
 impl Level {
     fn usable(self) -> bool {
-        let v2 = || detected!("cmpxchg16b" "popcnt" "sse3" "sse4.1" "sse4.2" "ssse3");
-        let v3 = || v2() && detected!("avx" "avx2" "bmi1" "bmi2" "f16c" "fma" "lzcnt" "movbe");
         match self {
             Level::Base => true,
-            Level::V3 => v3(),
-            Level::V4 => v3() && detected!("avx512f" "avx512bw" "avx512cd" "avx512dq" "avx512vl"),
+            Level::V3 => psabi_level() >= 3,
+            Level::V4 => psabi_level() >= 4,
             Level::Sse41 => Isa::Sse41.usable(),
         }
     }

@@ -250,9 +250,7 @@ impl Scene {
         let first = beyond.into_iter().find_map(|(thing, point, at)| Some((thing, point, at? + 1)));
         first.map_or(Ok(()), |(thing, point, at)| Err(ViewError::Range(format!("{thing} {at}'s {point}"))))
     }
-}
 
-impl Scene {
     /// Where a camera at rest goes that goes round what it looks at, as far away as the middle of all objects: to the right, by such
     /// a part of a turn about `up`, which is as in [`Opened`](super::Opened).
     pub fn orbit(&self, up: DVec3, part: f64) -> View {

@@ -25,64 +25,17 @@
 #define reflection NAME(RAYO_LEVEL, lambert)
 #include "paper.h"
 
-/* What this level may use beyond x86-64, in the order of `feature_usable` in src/kernels/by_value.rs. */
-const uint32_t NAME(RAYO_LEVEL, features) = 0
-#ifdef __SSE3__
-    | 1u << 0
-#endif
-#ifdef __SSSE3__
-    | 1u << 1
-#endif
-#ifdef __SSE4_1__
-    | 1u << 2
-#endif
-#ifdef __SSE4_2__
-    | 1u << 3
-#endif
-#ifdef __POPCNT__
-    | 1u << 4
-#endif
-#ifdef __AVX__
-    | 1u << 5
-#endif
-#ifdef __AVX2__
-    | 1u << 6
-#endif
-#ifdef __FMA__
-    | 1u << 7
-#endif
-#ifdef __F16C__
-    | 1u << 8
-#endif
-#ifdef __LZCNT__
-    | 1u << 9
-#endif
-#ifdef __MOVBE__
-    | 1u << 10
-#endif
-#ifdef __BMI__
-    | 1u << 11
-#endif
-#ifdef __BMI2__
-    | 1u << 12
-#endif
-#ifdef __AVX512F__
-    | 1u << 13
-#endif
-#ifdef __AVX512CD__
-    | 1u << 14
-#endif
-#ifdef __AVX512VL__
-    | 1u << 15
-#endif
-#ifdef __AVX512DQ__
-    | 1u << 16
-#endif
-#ifdef __AVX512BW__
-    | 1u << 17
-#endif
-/* What AMD once had alone, and Rust cannot ask for. */
+/* The level of x86-64, by the psABI, that has all that this may use: none has what AMD once had alone. */
+const uint32_t NAME(RAYO_LEVEL, needs) =
 #if defined __FMA4__ || defined __XOP__
-    | 1u << 31
+    5
+#elif defined __AVX512F__
+    4
+#elif defined __AVX__
+    3
+#elif defined __SSE3__
+    2
+#else
+    1
 #endif
     ;
