@@ -16,6 +16,7 @@ macro_rules! detected {
 pub(super) use detected;
 
 /// The highest level of x86-64, by the psABI, all of whose instructions this CPU runs.
+#[cfg(feature = "lab")]
 pub(super) fn psabi_level() -> u32 {
     let levels = [
         detected!("cmpxchg16b" "popcnt" "sse3" "sse4.1" "sse4.2" "ssse3"),
