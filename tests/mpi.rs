@@ -268,7 +268,7 @@ fn a_rank_that_is_killed_at_any_moment_leaves_no_part_of_a_picture() {
 #[cfg(target_os = "linux")]
 #[test]
 fn ctrl_c_ends_all_ranks_and_leaves_nothing() {
-    for name in ["-INT", "-TERM"] {
+    for name in ["INT", "TERM"] {
         // Nobody waits for its end, which has to be far even where mpirun takes its time.
         let long = LONG.replace("6000", "200000");
         let mut ranks = watched(3, &format!("render {} {long}", scene("sphere.in").display()));
