@@ -1,7 +1,6 @@
 //! `rayo stability`: stiff and extreme scenes, engine by engine, against checked-in limits.
 
 mod markdown;
-mod mixtures;
 mod table;
 
 use std::collections::BTreeSet;
@@ -11,18 +10,15 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, tell_whether, write_file, write_results};
+use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
 use super::party::Party;
-use super::{Failure, for_one_process, print, print_result, say};
+use super::{Failure, print_result, say};
 use crate::experiments::accuracy::{self, Contender};
 use crate::experiments::stability::limits::{self, Limits};
-use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot, search};
+use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot};
 use crate::render::Engine;
 use crate::scene::families::{FAMILIES, Family, family};
-use crate::scene::{Rng, Scene, shown, text_within};
-
-/// The side of the pictures of a search.
-const SEARCH_SIDE: u32 = 48;
+use crate::scene::{shown, text_within};
 
 /// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
 ///
@@ -36,7 +32,7 @@ const SEARCH_SIDE: u32 = 48;
 #[command(after_help = "Examples:
   rayo stability --quick
   rayo stability --family S5 --engine rust --quick
-  rayo stability --family S5 --case 12 --search 200")]
+  rayo stability --family S5 --case 12")]
 pub struct StabilityArgs {
     /// Sweep this family alone
     #[arg(long, value_name = "NAME")]
@@ -57,13 +53,6 @@ pub struct StabilityArgs {
     /// Small pictures: a minute or so
     #[arg(long)]
     quick: bool,
-    /// Perturb the case so many times, keep what is worst, and write it as worst.in
-    #[arg(long, value_name = "STEPS", requires = "case")]
-    search: Option<usize>,
-    /// Judge so many random mixtures of all families instead, of the seeds from --seed on, by the packet engines in every
-    /// output; write what is left of one that fails when all that does not matter is left out as mixture-SEED.in or .toml
-    #[arg(long, value_name = "N", conflicts_with_all = ["family", "case", "limits", "quick", "search"])]
-    mixtures: Option<usize>,
     /// Where the files go
     #[arg(long, value_name = "DIR", default_value = "out/stability")]
     out: PathBuf,
@@ -92,17 +81,8 @@ pub fn sweep(
 /// Sweeps, prints and writes.
 pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     let settings = party.agree(settings(args))?;
-    if !party.is_alone() && (args.search.is_some() || args.mixtures.is_some()) {
-        return Err(for_one_process());
-    }
     party.run_alike(&settings.contenders.iter().map(|contender| contender.engine.name()).collect::<Vec<_>>())?;
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
-    if let (Some(steps), Some(case)) = (args.search, args.case) {
-        return search(args, &settings, case, steps);
-    }
-    if let Some(count) = args.mixtures {
-        return mixtures::run(args, &settings, count);
-    }
     let stop = party.agree(party.stop_on_signals())?;
     party.start_threads_and_pin();
     announce(stability::forecast(&settings) / party.count() as f64, (!args.quick).then_some("--quick"));
@@ -169,17 +149,4 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
             .map_err(|error| Failure::input(format!("{}: {error}", shown(path))))?,
     };
     Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick, limits })
-}
-
-fn search(args: &StabilityArgs, settings: &Settings, case: usize, steps: usize) -> Result<ExitCode, Failure> {
-    let family = settings.families[0];
-    let case = family.case(case, args.seed, SEARCH_SIDE);
-    let mut rng = Rng::new(args.seed);
-    let found = search::search(&case.scene, &settings.contenders, SEARCH_SIDE, steps, &mut rng);
-    let (scene, badness) = found.map_err(Failure::input)?;
-    let scene = Scene { name: format!("{}-{}.png", family.id, case.index), ..scene };
-    write_file(&args.out, "worst.in", scene.to_text().as_bytes())?;
-    let path = args.out.join("worst.in");
-    print(&format!("{}: {badness}\n", shown(path)))?;
-    Ok(ExitCode::SUCCESS)
 }

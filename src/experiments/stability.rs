@@ -2,10 +2,8 @@
 
 pub mod cost;
 pub mod limits;
-pub mod mixtures;
 pub mod operations;
 pub mod plot;
-pub mod search;
 
 use std::collections::BTreeSet;
 use std::time::Instant;

@@ -255,7 +255,7 @@ impl Sphere {
         let slant = 1.0 / s.sqrt();
         let along = h.to_f64().abs() / size.sqrt();
         let alone = 5.0 + 6.0 / (s.sqrt() * (s.sqrt() + along));
-        let bound = bound_of_sphere(self.kappa, self.inside, slant);
+        let bound = bound_of_sphere(self.kappa, (self.k / self.squared_radius).to_f64(), slant);
         if missed {
             return Some(Meeting { hit: None, miss: Some(h / ray.a), margin: s, bound, alone, slant });
         }

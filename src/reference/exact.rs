@@ -269,10 +269,11 @@ impl<T> Meeting<T> {
     };
 }
 
-/// The bound of |error of t| / t for a sphere `kappa` radii away.
-pub(super) fn bound_of_sphere(kappa: f64, inside: bool, slant: f64) -> f64 {
-    match inside {
-        true => 6.0 + 3.0 / (1.0 - kappa).sqrt(),
+/// The bound of |error of t| / t for a sphere `kappa` radii away, of which `k` is kappa^2 - 1.
+pub(super) fn bound_of_sphere(kappa: f64, k: f64, slant: f64) -> f64 {
+    match k < 0.0 {
+        // 1 - kappa, which would cancel.
+        true => 6.0 + 3.0 / (-k / (1.0 + kappa)).sqrt(),
         false if kappa * kappa < 2.0 => 6.0 + 12.0 * slant,
         false => 5.0 + 6.0 * slant / kappa,
     }
@@ -313,7 +314,7 @@ impl Sphere {
         let root = s.abs().sqrt();
         let along = (&(&h * &h) / &(&a * &self.squared_radius)).to_f64().sqrt();
         let alone = 5.0 + 6.0 / (root * (root + along));
-        let bound = bound_of_sphere(self.kappa, self.k.is_negative(), slant);
+        let bound = bound_of_sphere(self.kappa, (&self.k / &self.squared_radius).to_f64(), slant);
         if self.k.is_negative() {
             let hit = &(&h + &disc.sqrt()) / &a;
             return Meeting { hit: Some(hit), miss: None, margin: f64::INFINITY, bound, alone, slant };

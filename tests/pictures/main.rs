@@ -19,8 +19,12 @@ mod schema;
 mod accuracy;
 #[cfg(feature = "files")]
 mod engines;
+#[cfg(feature = "cli")]
+mod judge;
 #[cfg(rayo_asm)]
 mod memory;
+#[cfg(feature = "cli")]
+mod mixtures;
 #[cfg(feature = "files")]
 mod outputs;
 #[cfg(all(rayo_asm, feature = "cli"))]

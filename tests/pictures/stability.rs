@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use crate::extent;
+use crate::mixtures;
 use crate::program::rayo;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
-use rayo::experiments::stability::mixtures::{failures, judge_mixtures};
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
-use rayo::scene::families::{Case, FAMILIES, Family, family, mixture};
+use rayo::scene::families::{Case, FAMILIES, Family, family};
 use rayo::scene::{self, Camera, Faces, Light, Scene, Sphere, Triangle};
 
 /// The side of a case's picture here: `rayo stability` has the large ones.
@@ -406,35 +406,6 @@ fn a_limit_that_is_not_kept_ends_with_1_and_the_command_that_shows_it_again() {
 }
 
 #[test]
-fn a_mixture_that_fails_ends_with_1_and_is_told_and_written_with_nothing_in_it_that_does_not_matter() {
-    let directory = tempfile::tempdir().unwrap();
-    let mixtures = |more: &[&str]| {
-        let output = rayo([&["stability", "--mixtures", "3", "--seed", "4"], more].concat(), directory.path());
-        (output.status.code(), String::from_utf8(output.stdout).unwrap())
-    };
-    let (status, text) = mixtures(&["--engine", "reference"]);
-    assert_eq!((status, text.as_str()), (Some(0), "3 mixtures, seeds 4 to 6: 0 fail\n"));
-    // f32 without care for what it loses.
-    let (status, text) = mixtures(&["--engine", "rust"]);
-    assert_eq!(status, Some(1), "{text}");
-    let (status, json) = mixtures(&["--engine", "rust", "--json"]);
-    let document: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!((status, &document["schema"], &document["mixtures"]), (Some(1), &1.into(), &3.into()));
-    let failing = document["failing"].as_array().unwrap();
-    assert!(!failing.is_empty());
-    for failing in failing {
-        let seed = failing["seed"].as_u64().unwrap();
-        assert!(text.contains(&format!("rayo stability --mixtures 1 --seed {seed}\n")), "{text}");
-        let file = |extension| directory.path().join(format!("out/stability/mixture-{seed}.{extension}"));
-        let left = ["in", "toml"].map(file).into_iter().find(|path| path.exists()).expect("the scene");
-        let (left, whole) = (scene::read(&left).unwrap(), mixture(seed).scene);
-        assert!(left.spheres.len() + left.triangles.len() < whole.spheres.len() + whole.triangles.len(), "{left:?}");
-        let rust: Vec<_> = contenders().into_iter().filter(|contender| contender.engine.name() == "rust").collect();
-        assert!(!failures(&left, &rust).unwrap().is_empty(), "what is left fails too");
-    }
-}
-
-#[test]
 fn what_there_is_not_is_an_error_that_says_what_there_is() {
     let directory = tempfile::tempdir().unwrap();
     for (arguments, expected) in [
@@ -442,7 +413,6 @@ fn what_there_is_not_is_an_error_that_says_what_there_is() {
         (&["stability", "--family", "N1", "--case", "24"], "0 to 23"),
         (&["stability", "--engine", "cuda"], "reference"),
         (&["stability", "--case", "3"], "--family"),
-        (&["stability", "--mixtures", "3", "--family", "S1"], "--mixtures"),
     ] {
         let output = rayo(arguments, directory.path());
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
@@ -459,11 +429,10 @@ fn near(a: f64, b: f64, share: f64) -> bool {
 #[test]
 fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always_is() {
     let (mut pixels, mut sure, mut hits) = (0, 0, 0);
-    for seed in 1..=150 {
-        let scene = mixture(seed).scene;
+    for (seed, scene) in mixtures::scenes(150).enumerate() {
         let truth = Truth::new(&scene);
         // Some of the pixels, in another order in every picture.
-        let step = 7 + seed as usize % 5;
+        let step = 7 + seed % 5;
         let all = (0..scene.camera.height()).flat_map(|row| (0..scene.camera.width()).map(move |col| (row, col)));
         for (row, col) in all.step_by(step) {
             pixels += 1;
@@ -493,20 +462,4 @@ fn the_truth_in_few_bits_is_that_in_256_wherever_it_is_sure_and_it_nearly_always
     }
     println!("{pixels} pixels, {sure} sure, {hits} hits");
     assert!(hits > 10_000 && sure as f64 > 0.95 * f64::from(pixels), "{pixels} pixels, {sure} sure, {hits} hits");
-}
-
-/// The seeds of the mixtures that every test run judges; `rayo stability --mixtures` takes any others.
-const MIXTURES: std::ops::RangeInclusive<u64> = 1..=200;
-
-#[test]
-fn no_packet_engine_fails_on_a_random_mixture_of_all_families() {
-    let packets: Vec<_> = contenders().into_iter().filter(is_packet).collect();
-    let count = MIXTURES.count();
-    let found = judge_mixtures(&packets, *MIXTURES.start(), count, &|| true).unwrap();
-    assert_eq!(found.mixtures, count);
-    for failing in &found.failing {
-        println!("rayo stability --mixtures 1 --seed {}: {failing:?}", failing.seed);
-    }
-    let seeds: Vec<_> = found.failing.iter().map(|failing| failing.seed).collect();
-    assert_eq!(seeds, [0; 0], "seeds {MIXTURES:?}");
 }

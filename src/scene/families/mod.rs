@@ -5,12 +5,9 @@
 
 mod crowds;
 mod maker;
-mod mixtures;
 mod others;
 mod spheres;
 mod triangles;
-
-pub use mixtures::{Mixture, mixture};
 
 use super::Scene;
 use maker::Maker;
