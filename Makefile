@@ -54,20 +54,20 @@ uninstall: ## Take away what `make install` installed
 # What tests could not be run here, a line each.
 not_run := $(target)/not-run
 
-test: setup ## Run what must pass: format, lints, tests with assembly and without, documentation
+test: setup ## Run what must pass: format, lints, tests, documentation
 	$(cargo) fmt --check
 	$(cargo) clippy --release --locked --all-targets -- -D warnings
-	$(cargo) clippy --release --locked --all-targets --no-default-features --features cli -- -D warnings
-	$(cargo) clippy --release --locked --all-targets --no-default-features --features asm -- -D warnings
-	$(cargo) clippy --release --locked --all-targets --no-default-features -- -D warnings
 	@rm -f "$(not_run)"
 	RAYO_NOT_RUN="$(not_run)" $(cargo) test --release --locked
-	$(cargo) test --release --locked --no-default-features --features cli --test pictures --test commands --test repository
 	RUSTDOCFLAGS='-D warnings' $(cargo) doc --release --locked --no-deps
 	@[ ! -f "$(not_run)" ] || sort -u "$(not_run)"
 
 test-all: export RAYO_ALL = 1
-test-all: test ## The same with every case of the slow tests, of which `make test` takes a sample
+test-all: test ## The same with every case of the slow tests, of which `make test` takes a sample, and with other features
+	for features in '' asm cli; do \
+	    $(cargo) clippy --release --locked --all-targets --no-default-features --features "$$features" -- -D warnings || exit; \
+	done
+	$(cargo) test --release --locked --no-default-features --features cli --test pictures --test commands --test repository
 
 test-mpi: mpi ## Run the lints and the tests of what several processes do
 	$(cargo) clippy --release --locked --all-targets --features mpi -- -D warnings

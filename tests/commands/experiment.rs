@@ -14,7 +14,7 @@ fn rayo(args: &[&str], out: &Path) -> Output {
     program::rayo([&["experiment"], args, &["--out", out.to_str().unwrap()]].concat(), Path::new("."))
 }
 
-/// The document of one quick run, whose every part is there.
+/// The document of a quick run, and the directory it is in.
 fn quick(args: &[&str]) -> (TempDir, Value) {
     let directory = TempDir::new().unwrap();
     let args = [&["--quick", "--runs", "1", "--json"], args].concat();
@@ -24,17 +24,23 @@ fn quick(args: &[&str]) -> (TempDir, Value) {
     (directory, document)
 }
 
+/// That of a run whose every part is there, which is made once.
+fn whole() -> &'static (TempDir, Value) {
+    static MADE: OnceLock<(TempDir, Value)> = OnceLock::new();
+    MADE.get_or_init(|| quick(&["--ladder"]))
+}
+
 fn experiment_schema() -> Value {
     serde_json::from_str(include_str!("../../docs/experiment.schema.json")).unwrap()
 }
 
 #[test]
 fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
-    let (directory, document) = quick(&["--ladder"]);
-    assert_eq!(errors(&experiment_schema(), &document), Vec::<String>::new());
+    let (directory, document) = whole();
+    assert_eq!(errors(&experiment_schema(), document), Vec::<String>::new());
     let written: Value =
         serde_json::from_slice(&std::fs::read(directory.path().join("results.json")).unwrap()).unwrap();
-    assert_eq!(written, document, "what is printed is what is written");
+    assert_eq!(&written, document, "what is printed is what is written");
 
     let text = |name: &str| std::fs::read_to_string(directory.path().join(name)).unwrap();
     for name in ["figure2.svg", "ratio.svg"] {
@@ -60,15 +66,9 @@ fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
     }
 }
 
-/// The document of a quick run of few engines, which is made once.
-fn of_rust() -> &'static Value {
-    static DOCUMENT: OnceLock<Value> = OnceLock::new();
-    DOCUMENT.get_or_init(|| quick(&["--engines", "rust"]).1)
-}
-
 #[test]
 fn the_schema_refuses_a_document_that_breaks_it() {
-    let document = of_rust();
+    let (_, document) = whole();
     assert_eq!(errors(&experiment_schema(), document), Vec::<String>::new());
     type Damage = (&'static str, fn(&mut Value));
     let damages: [Damage; 5] = [
@@ -87,7 +87,7 @@ fn the_schema_refuses_a_document_that_breaks_it() {
 
 #[test]
 fn the_ratios_are_those_of_the_samples_and_the_shares_make_one() {
-    let document = of_rust();
+    let (_, document) = whole();
     for row in document["rows"].as_array().unwrap() {
         let samples = |row: &Value| row["samples"][0].as_f64().unwrap();
         let same_size = |other: &&Value| other["engine"] == "c" && other["pixels"] == row["pixels"];

@@ -453,6 +453,7 @@ mod command {
     use std::fs;
     use std::path::Path;
     use std::process::{Command, Output};
+    use std::sync::OnceLock;
 
     use crate::extent;
     use serde_json::Value;
@@ -665,16 +666,22 @@ mod command {
         &document[from..from + length]
     }
 
+    /// What the document in docs is of, printed once.
+    fn as_in_docs() -> &'static str {
+        static PRINTED: OnceLock<String> = OnceLock::new();
+        PRINTED.get_or_init(|| text(&run(&["--executed", "--markdown"])))
+    }
+
     #[test]
     fn the_document_in_docs_is_what_the_command_prints() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
         let kept = fs::read_to_string(path).unwrap();
-        let made = text(&run(&["--executed", "--markdown"]));
+        let made = as_in_docs();
         assert!(made.contains(&rayo::measure::cpu_name()));
         let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
-        assert_eq!(part(&kept, "<!-- assembled"), part(&made, "<!-- assembled"), "the assembled part {stale}");
+        assert_eq!(part(&kept, "<!-- assembled"), part(made, "<!-- assembled"), "the assembled part {stale}");
         // Other compilers make other code. c-native differs by CPU, and Rust's code by profile and test.
-        let (kept, made) = (part(&kept, "<!-- compiled"), part(&made, "<!-- compiled"));
+        let (kept, made) = (part(&kept, "<!-- compiled"), part(made, "<!-- compiled"));
         if kept.lines().next() == made.lines().next() {
             let fixed = |part: &str| {
                 let cells = |line: &str| line.split('|').take(7).collect::<Vec<_>>().join("|");
@@ -700,14 +707,14 @@ mod command {
     #[test]
     fn what_the_document_in_docs_says_is_executed_is_executed() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/results/instruction-counts.md");
-        let (kept, made) = (fs::read_to_string(path).unwrap(), text(&run(&["--executed", "--markdown"])));
+        let (kept, made) = (fs::read_to_string(path).unwrap(), as_in_docs());
         let stale = "is stale: run `rayo ops --executed --markdown > docs/results/instruction-counts.md`";
-        let [kept_tables, made_tables] = [&kept, &made].map(|document| tables(document, "## Executed"));
+        let [kept_tables, made_tables] = [&kept, made].map(|document| tables(document, "## Executed"));
         let ([kept_ops, kept_frames], [made_ops, made_frames]) = (&kept_tables[..], &made_tables[..]) else {
             panic!("two tables, of operations and of pictures: {made_tables:?}");
         };
         // What this CPU runs, and neither another compiler nor a library of C makes: roots are the library's.
-        let compilers = [&kept, &made].map(|document| part(document, "<!-- compiled").lines().next());
+        let compilers = [&kept, made].map(|document| part(document, "<!-- compiled").lines().next());
         let fixed = |op: &str, name: &str| match name {
             "paper" | "aos" | "sse41" | "avx2" | "avx512" => true,
             "c-O0" | "c-O1" | "c-O2" | "c-O3" => {

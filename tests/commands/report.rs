@@ -224,11 +224,11 @@ fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
         let whole: Value = serde_json::from_str(&fs::read_to_string(results().join(name)).unwrap()).unwrap();
         let mut found = Vec::new();
         places(&whole, "", &mut found);
-        for path in found {
+        for (turn, path) in extent::sampled(found.into_iter().enumerate(), 7) {
             runs += 1;
             let mut document = whole.clone();
             let (parent, key) = path.rsplit_once('/').unwrap();
-            match (document.pointer_mut(parent).unwrap(), runs % 4) {
+            match (document.pointer_mut(parent).unwrap(), turn % 4) {
                 (Value::Object(fields), 0) => drop(fields.remove(key)),
                 (Value::Array(items), _) => drop(items.remove(key.parse().unwrap())),
                 (fields, turn) => {
@@ -246,7 +246,7 @@ fn a_document_that_lacks_a_field_or_has_an_absurd_one_is_shown_or_refused() {
             );
         }
     }
-    assert!(runs > 300, "{runs}");
+    assert!(runs > if extent::all() { 300 } else { 40 }, "{runs}");
 }
 
 /// Ended in its first stage, it still makes the page, which says so; and reads its own results again.
@@ -395,7 +395,7 @@ fn a_browser_shows_every_figure_wide_and_narrow_light_and_dark() {
     };
     let (directory, page) = page_of(&[results()]);
     let mut papers = Vec::new();
-    for (width, dark) in [(1280, false), (390, false), (1280, true)] {
+    for (width, dark) in extent::sampled([(390, false), (1280, false), (1280, true)], 3) {
         let (figures, wider, paper) = laid_out(browser, &page, width, dark, directory.path());
         assert!(figures.len() > 5, "{figures:?}");
         for (wide, high, letters, wrong) in &figures {
@@ -405,6 +405,8 @@ fn a_browser_shows_every_figure_wide_and_narrow_light_and_dark() {
         assert!(wider <= 0.0, "at {width} the page is {wider} pixels wider than the window");
         papers.push(paper);
     }
-    assert_eq!(papers[0], papers[1]);
-    assert_ne!(papers[0], papers[2], "dark is another paper");
+    if let [narrow, wide, dark] = &papers[..] {
+        assert_eq!(narrow, wide);
+        assert_ne!(wide, dark, "dark is another paper");
+    }
 }

@@ -50,7 +50,8 @@ fn instructions_in<'a>(watched: &'a Watched, of: &'a str) -> impl Iterator<Item 
 fn the_model_knows_every_instruction_and_has_every_bit() {
     for engine in engines() {
         for &precision in engine.precisions() {
-            for scene in [sphere_at(4.0), rayo::scene::read("scenes/two-lights.in".as_ref()).unwrap()] {
+            let scenes = [sphere_at(4.0), rayo::scene::read("scenes/two-lights.in".as_ref()).unwrap()];
+            for scene in extent::sampled(scenes, 2) {
                 let pixel = (scene.camera.width() / 2, scene.camera.height() / 2);
                 let ray = Ray { engine, precision: Some(precision), pixel, lane: None, most: 100_000 };
                 let watched = watch(&scene, &ray).unwrap();

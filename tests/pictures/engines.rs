@@ -282,7 +282,7 @@ fn the_packets_of_avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
     for precision in ["single", "double"] {
         let fused: Vec<_> = packets(precision).into_iter().filter(|c| c.engine.name() != "sse41").collect();
         let [one, other] = &fused[..] else { return };
-        for (name, scene) in lit_scenes() {
+        for (name, scene) in extent::sampled(lit_scenes(), 2) {
             let bits = |pixels: Vec<[f32; 4]>| pixels.into_iter().map(|pixel| pixel.map(f32::to_bits));
             assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{precision}, {name}");
         }
@@ -303,7 +303,7 @@ fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_lev
     for (exact, fast) in exact.iter().zip(&fast) {
         assert_eq!(exact.engine, fast.engine);
         let mut worst = 0.0_f32;
-        for (name, scene) in lit_scenes() {
+        for (name, scene) in extent::sampled(lit_scenes(), 2) {
             // The brightest that a pixel can be.
             let white: f64 = scene.lights.iter().map(|light| light.radiance().max_element()).sum();
             let white = white as f32;
