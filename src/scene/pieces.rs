@@ -25,11 +25,17 @@ impl<R: Read> Pieces<R> {
 
     /// Has [`LONGEST`] bytes at hand, or all there are, and then `end`.
     pub(super) fn fill(&mut self, end: &[u8]) -> Option<()> {
-        if !self.ended && self.bytes.len() - self.at < LONGEST {
+        if self.rest().len() < LONGEST { self.lengthen(end) } else { Some(()) }
+    }
+
+    /// Has at hand twice as much, or all there is, and then `end`.
+    pub(super) fn lengthen(&mut self, end: &[u8]) -> Option<()> {
+        if !self.ended {
             self.bytes.drain(..self.at);
             self.at = 0;
-            let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut self.bytes).ok()?;
-            if more < PIECE {
+            let most = self.bytes.len().max(PIECE);
+            let more = self.file.by_ref().take(most as u64).read_to_end(&mut self.bytes).ok()?;
+            if more < most {
                 self.ended = true;
                 self.bytes.extend(end);
             }

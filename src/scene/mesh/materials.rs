@@ -75,23 +75,6 @@ impl Materials {
         }
     }
 
-    /// Counts triangles where faces were counted, of which each has some.
-    pub(super) fn by_triangles(mut self, triangles_of: impl Iterator<Item = usize>) -> Self {
-        let mut ends = triangles_of.scan(0, |end, count| {
-            *end += count;
-            Some(*end)
-        });
-        let (mut faces, mut triangles) = (0, 0);
-        for (at, _) in &mut self.uses {
-            while faces < *at {
-                faces += 1;
-                triangles = ends.next().unwrap_or(triangles);
-            }
-            *at = triangles;
-        }
-        self
-    }
-
     /// Gives a mesh that has no colours those of the materials, whose files are in this folder.
     pub(super) fn paint(&self, mesh: &mut Mesh, folder: &Path) {
         if self.uses.is_empty() || !mesh.colours.is_empty() {

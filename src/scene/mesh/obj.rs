@@ -1,271 +1,372 @@
-//! Wavefront OBJ: tobj reads vertices and faces; what it cannot say of an error is found in the text again.
+//! Wavefront OBJ, piece by piece: a line as nearly all are is read straight from its bytes, and any other one with care.
 
-use std::io::{self, BufRead, Read};
+use std::io::Read;
 
 use glam::Vec3;
-use tobj::{LoadError, LoadOptions};
 
 use super::Mesh;
 use super::materials::{Materials, colour};
+use super::polygon::Fan;
 use super::read::{Fault, counted, not_finite};
+use crate::kernels::sys::room;
+use crate::scene::number::{number, whole};
+use crate::scene::pieces::Pieces;
 
 /// Corners are numbers from 1, or from -1 backwards.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
-pub(super) fn parse(source: &[u8]) -> Result<(Mesh, Materials), Fault> {
-    let mut lines = Lines::new(source);
-    lines.coloured = is_coloured(source);
-    // A vertex with two normals is one vertex.
-    let options = LoadOptions { single_index: false, ..LoadOptions::default() };
-    // Materials do not come into it: the lines that name them are not handed on.
-    let loaded = tobj::load_obj_buf(&mut lines, &options, |_| Ok(Default::default()));
-    let models = loaded.map_err(|error| fault(error, &lines, source))?.0;
-
-    let (mut mesh, mut fans) = (Mesh::default(), Vec::new());
-    let (mut tints, mut triangles_of) = (Vec::new(), Vec::new());
-    for tobj::Model { mesh: model, .. } in models {
-        let base = mesh.vertices.len() as u32;
-        tints.extend(model.vertex_color.as_chunks().0.iter().map(|&tint| Vec3::from_array(tint)));
-        let positions = model.positions.as_chunks().0.iter().map(|&position| Vec3::from_array(position));
-        mesh.vertices.extend(positions);
-        if !mesh.vertices.iter().all(|vertex| vertex.is_finite()) {
-            return Err(infinite_vertex(source));
+/// The mesh of a file of this length; nothing where that cannot be read.
+pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Materials), Fault>> {
+    let mut pieces = Pieces::new(file, length);
+    // "v 0 0 0" and "f 1 2 3" are the shortest lines.
+    let most = length / 8 + 1;
+    let mut obj = Obj { points: room(most), mesh: Mesh { triangles: room(most), ..Mesh::default() }, ..Obj::default() };
+    loop {
+        pieces.fill(&[])?;
+        let (text, ended) = (pieces.rest(), pieces.ended());
+        let end =
+            if ended { text.len() } else { text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1) };
+        let mut rest = &text[..end];
+        if let Err(fault) = obj.lines(&mut rest, ended) {
+            return Some(Err(fault));
         }
-        let corners: Vec<u32> = model.indices.iter().map(|index| base + index).collect();
-        if model.face_arities.is_empty() {
-            mesh.triangles.extend(corners.as_chunks().0);
-            triangles_of.resize(triangles_of.len() + corners.len() / 3, 1);
-            continue;
-        }
-        let mut rest = &corners[..];
-        for (number, &corners) in (1..).zip(&model.face_arities) {
-            let (face, after) = rest.split_at(corners as usize);
-            if face.len() < 3 {
-                return Err(small_face(source, number, face.len()));
-            }
-            mesh.push_face(number, face, &mut fans);
-            triangles_of.push(face.len() - 2);
-            rest = after;
+        let left = text.len() - end + rest.len();
+        if ended {
+            return Some(obj.mesh());
+        } else if left == text.len() {
+            pieces.lengthen(&[])?;
+        } else {
+            pieces.leave(left);
         }
     }
-    let mut mesh = mesh.cut(&fans)?;
-    if lines.coloured {
-        mesh.paint_by_vertices(&tints);
-    }
-    lines.unread.tell(&mut mesh);
-    Ok((mesh, lines.materials.by_triangles(triangles_of.into_iter())))
 }
 
-/// What of a file is not read.
+/// What has been read of a file.
 #[derive(Default)]
-pub(super) struct Unread {
+struct Obj {
+    /// Lines that were begun.
+    line: usize,
+    points: Vec<Vec3>,
+    /// Its triangles are of `points`.
+    mesh: Mesh,
+    /// Colours of points; those that follow are white.
+    tints: Vec<Vec3>,
+    faces: usize,
+    fans: Vec<Fan>,
+    materials: Materials,
     normals: bool,
     textures: bool,
+    /// The corners of the face that is read.
+    corners: Vec<u32>,
+    /// Whether some vertices have weights: then none has a colour.
+    weighted: bool,
+    /// The first vertex that is nowhere, which matters if it is used, and its line.
+    infinite: Option<(usize, usize)>,
+    /// Corners whose vertices had not been read then, but for those that cannot be the first that there are not.
+    early: Vec<Corner>,
+    /// The first face of less than three corners, and the corners of all such faces.
+    small: Option<Fault>,
+    of_small: Vec<u32>,
 }
 
-impl Unread {
-    /// Looks at a line that is of no vertex and no face.
-    pub(super) fn line(&mut self, line: &[u8]) {
-        let blank = |line: &[u8]| line.get(2).is_some_and(u8::is_ascii_whitespace);
-        self.normals |= line.starts_with(b"vn") && blank(line);
-        self.textures |= line.starts_with(b"vt") && blank(line);
+/// A corner of a face, as it is told of.
+struct Corner {
+    line: usize,
+    face: usize,
+    corner: usize,
+    /// The number that the file gives.
+    index: i64,
+    /// The vertex from 1, if there is one.
+    vertex: i64,
+}
+
+impl Obj {
+    /// Takes lines, up to one that goes on in what is not at hand.
+    fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), Fault> {
+        while !rest.is_empty() {
+            let begun = *rest;
+            if self.usual(rest).is_some() {
+                self.line += 1;
+                continue;
+            }
+            *rest = begun;
+            let Some((line, count)) = joined(rest, ended) else {
+                *rest = begun;
+                return Ok(());
+            };
+            self.line += count;
+            self.any(&line)?;
+        }
+        Ok(())
     }
 
-    /// Notes it.
-    pub(super) fn tell(&self, mesh: &mut Mesh) {
+    /// Takes a line that is as nearly all are; if there is none, nothing has changed but the place.
+    fn usual(&mut self, rest: &mut &[u8]) -> Option<()> {
+        while let [b' ' | b'\t' | b'\r' | 0x0c, after @ ..] = *rest {
+            *rest = after;
+        }
+        let ends = |after: &[u8]| after.first().is_none_or(u8::is_ascii_whitespace);
+        match *rest {
+            [b'v', after @ ..] if ends(after) => {
+                *rest = after;
+                let mut coordinate = || word(rest, number);
+                let point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
+                let more = line(rest)?;
+                if !more.is_empty() {
+                    // One number is a weight.
+                    if more.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() == 1 {
+                        return None;
+                    }
+                    if let Some(colour) = colour(more) {
+                        self.tints.resize(self.points.len(), Vec3::ONE);
+                        self.tints.push(colour);
+                    }
+                }
+                self.points.push(point);
+            }
+            [b'f', after @ ..] if ends(after) => {
+                *rest = after;
+                self.corners.clear();
+                let there_are = self.points.len() as u32;
+                while !blanks(rest).first().is_none_or(|byte| matches!(byte, b'\r' | b'\n')) {
+                    self.corners.push(word(rest, |text| corner(text, there_are))?);
+                }
+                if !line(rest)?.trim_ascii().is_empty() || self.corners.len() < 3 {
+                    return None;
+                }
+                self.face();
+            }
+            _ => {
+                let line = line(rest)?;
+                self.other(line);
+            }
+        }
+        Some(())
+    }
+
+    /// Takes any line.
+    fn any(&mut self, line: &[u8]) -> Result<(), Fault> {
+        let words: Vec<_> = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+        let at = self.line;
+        let fault = |message: String, expected: &str| Fault::new(message).line(at).expected(expected);
+        let text = |words: &[&[u8]]| {
+            let text = String::from_utf8(words.join(&b' '));
+            text.map_err(|_| fault("the line is no text: it is not UTF-8".into(), "a vertex or a face"))
+        };
+        match words.first() {
+            Some(&b"v") => {
+                let vertex = self.points.len() + 1;
+                let no_point = || fault(format!("vertex {vertex} is not a point"), "three numbers after v: x y z");
+                if let Some(colour) = colour(&words[words.len().min(4)..].join(&b' ')) {
+                    self.tints.resize(self.points.len(), Vec3::ONE);
+                    self.tints.push(colour);
+                }
+                self.weighted |= words.len() == 5;
+                let text = text(if words.len() > 5 { &words[..4] } else { &words })?;
+                let mut words = text.split_whitespace().skip(1);
+                let mut number = || words.next().map(str::parse::<f32>);
+                let mut coordinate = || number().and_then(Result::ok).ok_or_else(no_point);
+                let mut point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
+                let weight = number();
+                // Unicode parts words where ASCII does not: with two more it is a colour, which is not read then.
+                let weight = match words.count() {
+                    0 => weight.transpose().map_err(|_| no_point())?,
+                    2 => None,
+                    _ => return Err(Fault::new("color parse error (too many or too few components)").line(at)),
+                };
+                if !point.is_finite() || weight.is_some_and(|weight| !weight.is_finite()) {
+                    self.infinite.get_or_insert((vertex, at));
+                }
+                if let Some(weight) = weight {
+                    if weight == 0.0 {
+                        return Err(fault(format!("vertex {vertex} has the weight 0"), "x y z alone"));
+                    }
+                    point /= weight;
+                }
+                self.points.push(point);
+            }
+            Some(&b"f") => {
+                self.corners.clear();
+                let (there_are, face) = (self.points.len() as i64, self.faces + 1);
+                for (corner, word) in (1..).zip(text(&words)?.split_whitespace().skip(1)) {
+                    let parts: Option<Vec<i64>> = (0..)
+                        .zip(word.split('/'))
+                        .map(|(at, part)| if part.is_empty() { Some(0) } else { part.parse().ok().filter(|_| at < 3) })
+                        .collect();
+                    let Some([index, ..]) = parts.as_deref() else {
+                        return Err(fault(format!("face {face} cannot be understood"), CORNER));
+                    };
+                    let (line, index) = (at, *index);
+                    let vertex = if index < 0 { there_are + 1 + index } else { index };
+                    self.corners.push(u32::try_from(vertex - 1).unwrap_or(u32::MAX));
+                    let last = self.early.last().map(|last| last.vertex);
+                    let is_first = last.is_none_or(|last| last > 0 && (vertex < 1 || vertex > last));
+                    if !(1..=there_are).contains(&vertex) && is_first {
+                        self.early.push(Corner { line, face, corner, index, vertex });
+                    }
+                }
+                if let count @ ..3 = self.corners.len() {
+                    let message = format!("face {face} has {}", counted(count, "corner", "corners"));
+                    self.small.get_or_insert(fault(message, "at least three"));
+                    self.of_small.append(&mut self.corners);
+                    self.faces += 1;
+                } else {
+                    self.face();
+                }
+            }
+            _ => self.other(line),
+        }
+        Ok(())
+    }
+
+    fn face(&mut self) {
+        self.faces += 1;
+        match self.corners[..] {
+            [a, b, c] => self.mesh.triangles.push([a, b, c]),
+            _ => self.mesh.push_face(self.faces, &self.corners, &mut self.fans),
+        }
+    }
+
+    /// Takes a line that is of no vertex and no face.
+    fn other(&mut self, line: &[u8]) {
+        let line = line.trim_ascii_start();
+        let blank = line.get(2).is_some_and(u8::is_ascii_whitespace);
+        self.normals |= line.starts_with(b"vn") && blank;
+        self.textures |= line.starts_with(b"vt") && blank;
+        self.materials.line(line, self.mesh.triangles.len());
+    }
+
+    /// The mesh, when all lines have been read: its vertices are those that faces name, in the order in which they do.
+    fn mesh(self) -> Result<(Mesh, Materials), Fault> {
+        let Obj { points, mut mesh, tints, .. } = self;
+        let there_are = points.len() as i64;
+        if let Some(missing) = self.early.iter().find(|corner| !(1..=there_are).contains(&corner.vertex)) {
+            let Corner { line, face, corner, index, .. } = missing;
+            let message = format!("face {face}'s corner {corner} is vertex {index}, which the file has not");
+            let has = format!("1 to {there_are}, the number of its vertices, or -1 and down for the last ones");
+            return Err(Fault::new(message).line(*line).expected(has));
+        }
+        const NOWHERE: u32 = u32::MAX;
+        let mut places = vec![NOWHERE; points.len()];
+        mesh.vertices = room(points.len() + 1);
+        let is_tinted = !tints.is_empty() && !self.weighted;
+        let mut of_vertices = Vec::new();
+        for index in mesh.triangles.as_flattened_mut() {
+            let place = &mut places[*index as usize];
+            if *place == NOWHERE {
+                *place = mesh.vertices.len() as u32;
+                mesh.vertices.push(points[*index as usize]);
+                if is_tinted {
+                    of_vertices.push(tints.get(*index as usize).copied().unwrap_or(Vec3::ONE));
+                }
+            }
+            *index = *place;
+        }
+        if self.infinite.is_some() || self.weighted {
+            let of_small = self.of_small.iter().map(|index| &points[*index as usize]);
+            if !mesh.vertices.iter().chain(of_small).all(|vertex| vertex.is_finite()) {
+                let nowhere = |(vertex, line)| not_finite(&format!("vertex {vertex}")).line(line);
+                return Err(self.infinite.map_or_else(|| Fault::new("a vertex is not finite"), nowhere));
+            }
+        }
+        if let Some(small) = self.small {
+            return Err(small);
+        }
+        let mut mesh = mesh.cut(&self.fans)?;
+        if is_tinted {
+            mesh.paint_by_vertices(&of_vertices);
+        }
         mesh.note_unread(&[("normals", self.normals), ("texture coordinates", self.textures)]);
+        Ok((mesh, self.materials))
     }
 }
 
-/// Whether vertices have colours. Where some have weights, they are taken to have none: tobj knows but one of both.
-fn is_coloured(source: &[u8]) -> bool {
-    let (mut lines, mut coloured) = (Lines::new(source), false);
-    while lines.next_line() {
-        if lines.is(b"v") {
-            if lines.words().count() == 5 {
-                return false;
+/// Takes a line, or those that end in backslashes and the one after them, without what ends it, and how many these are; nothing
+/// if it goes on in what is not at hand.
+fn joined(rest: &mut &[u8], ended: bool) -> Option<(Vec<u8>, usize)> {
+    let mut joined = Vec::new();
+    for count in 1.. {
+        let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
+        let line = rest.split_off(..end)?.trim_ascii_end();
+        match line.strip_suffix(b"\\") {
+            Some(begun) if !(ended && rest.is_empty()) => {
+                joined.extend(begun);
+                joined.push(b' ');
             }
-            coloured |= lines.tint().is_some();
-        }
-    }
-    coloured
-}
-
-/// The lines of vertices and faces, with the others left empty: so there is one model in one file, no normal or texture
-/// can be out of range, and comments may be in any encoding.
-struct Lines<'a> {
-    rest: &'a [u8],
-    /// What of the current line is still to be read.
-    line: Vec<u8>,
-    at: usize,
-    /// The number of the line that was begun last, and of all that it has been joined from.
-    number: usize,
-    vertices: usize,
-    faces: usize,
-    /// Whether vertices are to have colours.
-    coloured: bool,
-    /// Of what is left out: materials, by the faces before them, and what is not read.
-    materials: Materials,
-    unread: Unread,
-}
-
-impl<'a> Lines<'a> {
-    fn new(source: &'a [u8]) -> Self {
-        let (line, materials, unread) = Default::default();
-        Lines { rest: source, line, at: 0, number: 0, vertices: 0, faces: 0, coloured: false, materials, unread }
-    }
-
-    /// Takes the next line, or those that end in backslashes and the one after them, without what ends it.
-    fn next_line(&mut self) -> bool {
-        self.line.clear();
-        self.at = 0;
-        if self.rest.is_empty() {
-            return false;
-        }
-        loop {
-            let end = self.rest.iter().position(|&byte| byte == b'\n');
-            let (line, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
-            self.rest = rest.strip_prefix(b"\n").unwrap_or(rest);
-            self.number += 1;
-            let line = line.trim_ascii_end();
-            match line.strip_suffix(b"\\") {
-                Some(begun) if !self.rest.is_empty() => {
-                    self.line.extend(begun);
-                    self.line.push(b' ');
-                }
-                _ => {
-                    self.line.extend(line);
-                    return true;
-                }
+            _ => {
+                joined.extend(line);
+                return Some((joined, count));
             }
         }
-    }
-
-    fn words(&self) -> impl Iterator<Item = &[u8]> {
-        self.line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
-    }
-
-    fn is(&self, kind: &[u8]) -> bool {
-        self.words().next() == Some(kind)
-    }
-
-    /// Leaves of the line what is to be read.
-    fn sift(&mut self) {
-        if self.is(b"v") {
-            self.vertices += 1;
-            let tint = self.tint();
-            if self.words().count() > 5 {
-                self.line = self.words().take(4).collect::<Vec<_>>().join(&b' ');
-            }
-            if self.coloured && self.words().count() == 4 {
-                let Vec3 { x, y, z } = tint.unwrap_or(Vec3::ONE);
-                self.line.extend(format!(" {x} {y} {z}").into_bytes());
-            }
-        } else if self.is(b"f") {
-            self.faces += 1;
-        } else {
-            let line = self.line.trim_ascii_start();
-            self.unread.line(line);
-            self.materials.line(line, self.faces);
-            self.line.clear();
+        if rest.is_empty() {
+            break;
         }
-        self.line.push(b'\n');
     }
-
-    /// The colour that stands behind a vertex's coordinates.
-    fn tint(&self) -> Option<Vec3> {
-        colour(&self.words().skip(4).collect::<Vec<_>>().join(&b' '))
-    }
+    None
+}
+/// Takes the next word of the line, which is all that `read` takes.
+fn word<'a, T>(rest: &mut &'a [u8], read: impl FnOnce(&'a [u8]) -> Option<(T, &'a [u8])>) -> Option<T> {
+    let (value, after) = read(blanks(rest))?;
+    *rest = after;
+    after.first().is_none_or(u8::is_ascii_whitespace).then_some(value)
 }
 
-impl BufRead for Lines<'_> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.at == self.line.len() && self.next_line() {
-            self.sift();
-        }
-        Ok(&self.line[self.at..])
+/// What follows blanks.
+fn blanks(text: &[u8]) -> &[u8] {
+    let mut text = text;
+    while let [b' ' | b'\t', after @ ..] = text {
+        text = after;
     }
-
-    fn consume(&mut self, amount: usize) {
-        self.at += amount;
-    }
+    text
 }
 
-impl Read for Lines<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let read = self.fill_buf()?.read(buffer)?;
-        self.consume(read);
-        Ok(read)
-    }
+/// Takes what is left of the line; nothing if it goes on in the next one.
+fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
+    let line = rest.split_off(..end)?.trim_ascii_end();
+    (!line.ends_with(b"\\")).then_some(line)
 }
 
-/// What tobj's error means, and where.
-fn fault(error: LoadError, lines: &Lines<'_>, source: &[u8]) -> Fault {
-    let Lines { number, vertices, faces, .. } = *lines;
-    match error {
-        LoadError::FaceVertexOutOfBounds => missing_vertex(source),
-        LoadError::PositionParseError => Fault::new(format!("vertex {vertices} is not a point"))
-            .line(number)
-            .expected("three numbers after v: x y z"),
-        LoadError::ScalingByZeroError => {
-            Fault::new(format!("vertex {vertices} has the weight 0")).line(number).expected("x y z alone")
+/// A corner of a face, as the place of its vertex from 0, and what follows it; nothing if it is not among these `vertices`.
+fn corner(text: &[u8], vertices: u32) -> Option<(u32, &[u8])> {
+    let (back, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
+    let (number, mut rest) = whole(text)?;
+    let before = if back { vertices.checked_sub(number)? } else { number.wrapping_sub(1) };
+    // The numbers of a texture and a normal, which may be left out.
+    for _ in 0..2 {
+        if let [b'/', text @ ..] = rest {
+            let number = text.strip_prefix(b"-").unwrap_or(text);
+            let left_out = text.first().is_none_or(|byte| *byte == b'/' || byte.is_ascii_whitespace());
+            rest = if left_out { text } else { whole(number)?.1 };
         }
-        LoadError::FaceParseError => {
-            Fault::new(format!("face {faces} cannot be understood")).line(number).expected(CORNER)
-        }
-        LoadError::ReadError => {
-            Fault::new("the line is no text: it is not UTF-8").line(number).expected("a vertex or a face")
-        }
-        error => Fault::new(error.to_string()).line(number),
     }
+    (before < vertices).then_some((before, rest))
 }
 
-/// The face that has a vertex which there is not.
-fn missing_vertex(source: &[u8]) -> Fault {
-    let mut all = Lines::new(source);
-    while all.next_line() {
-        all.sift();
-    }
-    let there_are = all.vertices;
-    let mut lines = Lines::new(source);
-    while lines.next_line() {
-        lines.sift();
-        if !lines.is(b"f") {
-            continue;
-        }
-        for (corner, word) in (1..).zip(lines.words().skip(1)) {
-            let index = word.split(|&byte| byte == b'/').next().and_then(|index| str::from_utf8(index).ok());
-            let index = index.and_then(|index| index.parse::<i64>().ok()).unwrap_or(0);
-            let found = if index < 0 { lines.vertices as i64 + 1 + index } else { index };
-            if !(1..=there_are as i64).contains(&found) {
-                let face = lines.faces;
-                let message = format!("face {face}'s corner {corner} is vertex {index}, which the file has not");
-                let has = format!("1 to {there_are}, the number of its vertices, or -1 and down for the last ones");
-                return Fault::new(message).line(lines.number).expected(has);
-            }
-        }
-    }
-    Fault::new("a face has a vertex which the file has not")
-}
+#[cfg(test)]
+mod tests {
+    use super::super::{Mesh, MeshFormat};
 
-fn infinite_vertex(source: &[u8]) -> Fault {
-    let mut lines = Lines::new(source);
-    while lines.next_line() {
-        lines.sift();
-        let numbers: Vec<f32> =
-            lines.words().skip(1).filter_map(|word| str::from_utf8(word).ok()?.parse().ok()).collect();
-        if lines.is(b"v") && !numbers.iter().all(|number| number.is_finite()) {
-            return not_finite(&format!("vertex {}", lines.vertices)).line(lines.number);
+    #[test]
+    fn a_line_that_is_read_from_its_bytes_is_what_it_is_with_care() {
+        const VERTICES: &str = "v 0 0 -0\nv  1.5e+00 .25 0\n  v 1 1. 7e-41 \r\nv\t0 1 0.30000000000000004 1 0.5 0\n";
+        for faces in [
+            "f 1 2 3",
+            "f 1/1 2/2 3/1\nf 1//1 2//2 4//3\nf 1/1/1 2/1/2 1/2/1",
+            "f 1/ 2/-7 3//-8 \t 4/0/0\t\r\n\r\n",
+            "f -1 -2 -3 -4\nf 4 3 2 1",
+            "f 1 4 5\nv 9 9 9\nv 8 8 8",
+            "# \u{e9}\nmtllib a b.mtl\nvt 0 0\nvn 0 0 1\nvp 1\no x\nusemtl y\ns off\nl 1 2\nfo\nf 3 2 1",
+            "f 1 2 3\r4",
+            "f\x0c1 2 3",
+            "v 1 2 3 4 5\nf 1 2 5",
+        ] {
+            let source = format!("{VERTICES}{faces}\n");
+            // Lines that go on in the next one, which is empty.
+            let [usual, any] = [&source, &source.replace('\n', " \\\n\n")]
+                .map(|source| Mesh::from_bytes(source.clone().into_bytes(), MeshFormat::Obj, "mesh").unwrap());
+            // Debug tells -0 from 0.
+            assert_eq!(format!("{usual:?}"), format!("{any:?}"), "{faces:?}");
         }
     }
-    Fault::new("a vertex is not finite")
-}
-
-fn small_face(source: &[u8], face: usize, corners: usize) -> Fault {
-    let mut lines = Lines::new(source);
-    while lines.faces < face && lines.next_line() {
-        lines.sift();
-    }
-    let message = format!("face {face} has {}", counted(corners, "corner", "corners"));
-    Fault::new(message).line(lines.number).expected("at least three")
 }

@@ -53,11 +53,12 @@ impl Mesh {
             })
         };
         let in_bulk = open::read_twice(path).map(|(file, length)| bulk::read(file, length, format));
-        let (mut mesh, materials) = match in_bulk {
+        let read = match in_bulk {
             Some(Some(read)) => read,
-            Some(None) => Mesh::parse_with_care(open::contents(path).map_err(unread)?, format).map_err(fault)?,
-            None => Mesh::parse(open::contents(path).map_err(unread)?, format).map_err(fault)?,
+            Some(None) => Mesh::parse_with_care(open::contents(path).map_err(unread)?, format),
+            None => Mesh::parse(open::contents(path).map_err(unread)?, format),
         };
+        let (mut mesh, materials) = read.and_then(with_faces).map_err(fault)?;
         materials.paint(&mut mesh, path.parent().unwrap_or(Path::new("")));
         Ok(mesh)
     }
@@ -68,33 +69,30 @@ impl Mesh {
     /// As [`Mesh::read`].
     pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse(source, format).map(|(mesh, _)| mesh).map_err(fault)
+        Mesh::parse(source, format).and_then(with_faces).map(|(mesh, _)| mesh).map_err(fault)
     }
 
     /// As [`Mesh::from_bytes`], without reading in bulk: tests hold the two against each other.
     #[doc(hidden)]
     pub fn from_bytes_with_care(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse_with_care(source, format).map(|(mesh, _)| mesh).map_err(fault)
+        Mesh::parse_with_care(source, format).and_then(with_faces).map(|(mesh, _)| mesh).map_err(fault)
     }
 
     fn parse(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
-        bulk::read(&source[..], source.len(), format).map_or_else(|| Mesh::parse_with_care(source, format), Ok)
+        let in_bulk = bulk::read(&source[..], source.len(), format);
+        in_bulk.unwrap_or_else(|| Mesh::parse_with_care(source, format))
     }
 
     pub(super) fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
         if source.is_empty() {
             return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
         }
-        let (mesh, materials) = match format {
-            MeshFormat::Obj => obj::parse(&source)?,
-            MeshFormat::Ply => (ply::parse(&source)?, Materials::default()),
-            MeshFormat::Stl => (stl::parse(source)?, Materials::default()),
-        };
-        if mesh.triangles.is_empty() {
-            return Err(Fault::new("the mesh is empty").expected("at least one face"));
+        match format {
+            MeshFormat::Obj => obj::read(&source[..], source.len()).expect("memory can be read"),
+            MeshFormat::Ply => Ok((ply::parse(&source)?, Materials::default())),
+            MeshFormat::Stl => Ok((stl::parse(source)?, Materials::default())),
         }
-        Ok((mesh, materials))
     }
 
     /// Adds the face of this number, of three corners or more, as a fan around its first.
@@ -111,6 +109,14 @@ impl Mesh {
         polygon::cut(fans, &self.vertices, &mut self.triangles)?;
         Ok(self)
     }
+}
+
+/// A mesh that is not empty.
+fn with_faces(read: (Mesh, Materials)) -> Result<(Mesh, Materials), Fault> {
+    if read.0.triangles.is_empty() {
+        return Err(Fault::new("the mesh is empty").expected("at least one face"));
+    }
+    Ok(read)
 }
 
 /// What is said of a vertex that is nowhere.
