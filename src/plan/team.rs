@@ -4,10 +4,11 @@ use std::cell::Cell;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder, Yield};
 
 /// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
 /// packet engine is done with a picture.
@@ -15,14 +16,16 @@ const LINGER: Duration = Duration::from_millis(2);
 
 /// A thread, and others that help it.
 pub struct Team {
-    /// The threads beside the one that asks, if any.
-    others: Option<ThreadPool>,
+    /// Where the others are, if there are any, and the one that asked for the team, unless it is of another one's already.
+    pool: Option<ThreadPool>,
+    /// How many others.
+    others: usize,
 }
 
 impl Team {
     /// A thread without others.
     pub const fn alone() -> Self {
-        Team { others: None }
+        Team { pool: None, others: 0 }
     }
 
     /// A team of so many threads, at least 1: the one that was asked for last, if it has as many, so that what plans and what
@@ -39,8 +42,9 @@ impl Team {
         if let Some(team) = last.as_ref().filter(|team| team.threads() == threads) {
             return Ok(Arc::clone(team));
         }
-        let others = ThreadPoolBuilder::new().num_threads(threads - 1).build()?;
-        let team = Arc::new(Team { others: Some(others) });
+        let with_this = ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build();
+        let pool = with_this.or_else(|_| ThreadPoolBuilder::new().num_threads(threads - 1).build())?;
+        let team = Arc::new(Team { pool: Some(pool), others: threads - 1 });
         *last = Some(Arc::clone(&team));
         team.keep_awake();
         Ok(team)
@@ -48,11 +52,12 @@ impl Team {
 
     /// How many threads it has.
     pub fn threads(&self) -> usize {
-        1 + self.others.as_ref().map_or(0, ThreadPool::current_num_threads)
+        1 + self.others
     }
 
     /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
-    /// is awake. The others come from the back, and so two threads find in their caches what they wrote last time.
+    /// is awake, nor at the end for one that has not begun, as where other programs have its core. The others come from the
+    /// back, and so two threads find in their caches what they wrote last time.
     pub fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
         self.share_with(tasks, |task| (task, None), || (), |(), task| work(task));
     }
@@ -69,16 +74,15 @@ impl Team {
     ) -> Vec<S> {
         let mut own = None;
         let mut work_here = |task| work(own.get_or_insert_with(&begin), task);
-        let Some(others) = &self.others else {
+        let Some(pool) = &self.pool else {
             tasks.for_each(work_here);
             return own.into_iter().collect();
         };
         let queue = Queue { tasks: Mutex::new(tasks.collect()), halve };
         let done = AtomicUsize::new(0);
         let of_others = Mutex::new(Vec::new());
-        others.in_place_scope(|scope| {
-            let count = others.current_num_threads();
-            for _ in 0..count {
+        pool.in_place_scope(|scope| {
+            for _ in 0..self.others {
                 scope.spawn(|_| {
                     let mut theirs = None;
                     while let Some(task) = queue.take(VecDeque::pop_back) {
@@ -91,15 +95,23 @@ impl Team {
             while let Some(task) = queue.take(VecDeque::pop_front) {
                 work_here(task);
             }
-            wait_a_while(|| done.load(Ordering::Acquire) == count);
+            // Nothing is left for those who have not begun: in their place this thread finds that, if it is of the pool.
+            while rayon::yield_local() == Some(Yield::Executed) {}
+            wait_a_while(|| done.load(Ordering::Acquire) == self.others);
         });
         own.into_iter().chain(of_others.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
     }
 
     /// Has the other threads linger, from when they have nothing to do.
     pub fn keep_awake(&self) {
-        if let Some(others) = &self.others {
-            others.spawn_broadcast(|_| linger());
+        let here = thread::current().id();
+        for pool in self.pool.iter().cycle().take(self.others) {
+            pool.spawn(move || {
+                // This one has other things to do, and may find it while it waits.
+                if thread::current().id() != here {
+                    linger();
+                }
+            });
         }
     }
 }
@@ -141,7 +153,7 @@ fn linger() {
     if LINGERS.replace(true) {
         return;
     }
-    while wait_a_while(|| rayon::yield_now() == Some(rayon::Yield::Executed)) {}
+    while wait_a_while(|| rayon::yield_now() == Some(Yield::Executed)) {}
     LINGERS.set(false);
 }
 
@@ -155,7 +167,7 @@ fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
         if start.elapsed() > LINGER {
             return false;
         }
-        std::thread::yield_now();
+        thread::yield_now();
     }
 }
 

@@ -10,10 +10,12 @@ use super::image_file::{PartEncoder, Split};
 use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
-/// A band is as many whole rows as fit in this for each thread, and at least one: little enough that its pixels are still in a
-/// core's second level when they are encoded or written and when the next band takes their place, and enough that waking
-/// the threads for each does not count.
-const BAND_BYTES: usize = 512 << 10;
+/// A band is as many whole rows as fit in this for each thread, and at least one. Its film is what a first picture waits for:
+/// each of its pages costs as much when it is first touched as a thousand pixels of a sphere.
+const BAND_BYTES: usize = 128 << 10;
+
+/// A band has as many pieces of work for each of several threads, so that all are done with it at about the same time.
+const TASKS: usize = 3;
 
 /// As many bands each of several ranks has at least, if those are not shorter then than what threads take.
 const BANDS_OF_RANK: usize = 32;
@@ -101,6 +103,7 @@ impl<'a> Bands<'a> {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
+        let height = if threads > 1 { height.max(TASKS * threads * self.frame.task_rows()) } else { height };
         let height = match self.encoder.split() {
             Split::Bytes | Split::Any => height,
             Split::Strips(strip) => height.max(strip as usize * threads),
@@ -108,9 +111,10 @@ impl<'a> Bands<'a> {
         // Fewer where ranks would have too few bands to end together.
         let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
         let height = if ranks > 1 { height.min(fair) } else { height };
+        let rows_together = self.frame.tracer.rows_together();
         let together = match self.encoder.split() {
-            Split::Bytes | Split::Any => self.frame.tracer.rows_together(),
-            Split::Strips(strip) => strip,
+            Split::Strips(strip) if !rows_together.is_multiple_of(strip) => strip,
+            _ => rows_together,
         };
         height.next_multiple_of(together as usize).min(rows as usize) as u32
     }
