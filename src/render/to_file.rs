@@ -11,7 +11,7 @@ use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
 /// A band is as many whole rows as fit in this for each thread, and at least one. Its film is what a first picture waits for:
-/// each of its pages costs as much when it is first touched as a thousand pixels of a sphere.
+/// each of its pages costs as much when it is first touched as ten thousand pixels of a sphere.
 const BAND_BYTES: usize = 128 << 10;
 
 /// A band has as many pieces of work for each of several threads, so that all are done with it at about the same time.
