@@ -11,7 +11,7 @@ use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
     CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
-    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
+    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4, sys,
 };
 use crate::plan::{Keep, LargeObjects, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
 use crate::reference::geometry;
@@ -224,7 +224,9 @@ impl<E: Element> TileTracer<'_, E> {
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
         let mut scratches = self.scratches();
         self.each_wanted(rows.clone(), wanted, |tile, window| {
-            let out = TileOut { pixels: &mut *out, first: first_pixel(window, &rows, width), width };
+            let first = first_pixel(window, &rows, width);
+            ask_for_next(out, window, first, width);
+            let out = TileOut { pixels: &mut *out, first, width };
             self.trace_tile(tile, window, out, &mut scratches, &mut misses);
         });
         self.put_back(scratches);
@@ -244,6 +246,7 @@ impl<E: Element> TileTracer<'_, E> {
         let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
+            ask_for_next(out, window, first_pixel(window, &rows, width), width);
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
             self.trace_tile(tile, window, own, &mut scratches, &mut misses);
             let columns = window.columns as usize;
@@ -789,6 +792,16 @@ fn forget_unseen<E: Element>(
     let forgotten = order.len() - left;
     order.truncate(left);
     forgotten
+}
+
+/// Has the memory fetched of the pixels to the right of a window: they are written next, and in pieces of a row each, which a
+/// core does not foresee.
+fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
+    let left = width - window.column as usize - window.columns as usize;
+    for row in 0..window.rows.len() {
+        let next = first + row * width + window.columns as usize;
+        sys::ask_for(&out[next..next + left.min(TILE_WIDTH)]);
+    }
 }
 
 /// Where the first pixel of a window is in a film of these rows.
