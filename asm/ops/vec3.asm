@@ -131,7 +131,7 @@ FUNC ISA_NAME %+ _lambert3
     VZERO   v4
     VZERO   v5
 .body:
-    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0
+    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, v6, v7, v8, v9, v10, v11
 .body_end:
     STORE_RESULT rdi, v3, v4, v5
     dec     rcx

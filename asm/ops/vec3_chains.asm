@@ -95,7 +95,7 @@ END_CHAIN CHAIN_LINKS
     VZERO   v3
     VZERO   v4
     VZERO   v5
-    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, FROM_CENTRE, v6, v7, v8, v9, v10, v11, 0
+    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, v6, v7, v8, v9, v10, v11
 %endmacro
 
 %define NONE PACKET(chain_sphere), 0

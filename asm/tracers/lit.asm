@@ -10,8 +10,6 @@
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(sphere, rows, count, out, width, streaming)
 ;
-;   rayo_<p>_lit_planes             unsafe extern "sysv64" fn(sphere, rows, unused, row, pixels, stride)
-;
 ;   <object>    lit         any colours; no clamp: the light is known not to exceed white
 ;               grey        red, green and blue are equal
 ;   <output>    f32x4       linear red, green, blue, 0
@@ -26,7 +24,6 @@
 ;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and
 ;               nothing else
 ;   streaming   u64: not 0 for stores that go past the cache; not rgb8
-;   row, pixels, stride     as in spans.asm
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
 ;               of a row, r9 streaming, r10 where pixels are not yet written, r11 the end of all pixels
@@ -328,34 +325,6 @@ align 16
     END
 %endmacro
 
-; LIT_PLANES - a function that shades, of a row's span in the row of buffers of spans.asm, the pixels that are the
-; span's own. The row is the first of `rows`.
-%macro LIT_PLANES 1
-%define %%output %1     ; [in]       part of the function's name
-FUNC NAME(lit, %%output)
-    BEGIN_LIT
-    LIT_ROW_CONSTANTS rsi
-    VSPREAD v13, [rsi + ELEM * LitRows.id]
-    VMOV    v0, LIT_j
-    VADD    v0, v0, [PACKET(natural)]
-    lea     r10, [r9 + 2 * r9]
-align 16
-.packet:
-    SPHERE_LIT v1, v0, 1, v4, v5, v6, v7, v8
-    VMUL    v2, v1, LIT_green
-    VMUL    v3, v1, LIT_blue
-    VMUL    v1, v1, LIT_red
-    VLOAD   v14, [rcx]
-    MASK_EQUAL v14, v13
-    STORE_OWN rcx, r9, r10, v1, v2, v3, v4
-    VADD    v0, v0, [PACKET(step)]
-    add     rcx, VBYTES
-    sub     r8, LANES
-    ja      .packet
-    END_LIT
-ENDFUNC
-%endmacro
-
 ; LITS - the functions that make rows of one output.
 %macro LITS 2
 %define %%output %1     ; [in]       part of the functions' names
@@ -367,7 +336,6 @@ ENDFUNC
 ; LIT_TRACERS - the functions of this file, for one element type.
 %macro LIT_TRACERS 0
 %assign ESTIMATE 0
-    LIT_PLANES planes
     LITS    f32x4, F32X4
     LITS    f32x3, F32X3
 %if ELEM == 4
@@ -376,9 +344,6 @@ ENDFUNC
     LITS    f32x3_fast, F32X3
 %elif HAS_MASKS
 %assign ESTIMATE 1                      ; with Newton steps to the end
-%endif
-%if ESTIMATE
-    LIT_PLANES planes_fast
 %endif
     LITS    rgba8, RGBA8
     LITS    rgb8, RGB8

@@ -3,8 +3,7 @@
 ; Once per row and not per pixel, and so in f64, by the equations of the silhouette. With d = (x, y, f) and the terms
 ; of eq. 5 in units of the radius, D(x) = (d.c)^2 - k d.d = -m x^2 + 2 b x + c0 is above 0 between its two roots. The
 ; product b^2 + m c0 = k (g - across^2) does not cancel for far spheres, and neither does the root of the larger
-; magnitude; the other one is c0 over it. No operation is fused: plan::spans has the same ones in the same order, so
-; that the columns are the same, whoever asks.
+; magnitude; the other one is c0 over it. No operation is fused.
 ;
 ; Assembled once per ISA. The functions:
 ;
@@ -18,7 +17,7 @@
 ;
 ;   registers   rdi setup, rsi first, rdx rows left, rcx the rows' elements, v0 the rows' numbers
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
-;   equals      plan::spans, to the last bit
+;   equals      reference::packet::LitSetup::row, to the last bit
 
 ; ROW - stores a field of the rows. Clobbers v10.
 %macro ROW 2

@@ -4,19 +4,15 @@ use std::collections::BTreeSet;
 
 use super::isa::Isa;
 use super::kernel::kernel;
-use super::packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, RowSetup, Shade, ShadeRows};
+use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
-use super::records::{
-    Ball, Element, Facet, InsideSpan, NearSpan, ObjectLight, OutsideSpan, SphereHit, SpherePlanes, TriangleHit,
-    TrianglePlanes, TriangleSpan,
-};
+use super::records::{Ball, Element, Facet, ObjectLight, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes};
 use super::tiles::{Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp, Visible};
 use super::types::{Light, Sphere, Surface, Triangle, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
 /// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
-/// those of f64 add that have estimates, once usually and once in the short form, and the lanes of a packet. After a name may
-/// stand `fast` or `lit_fast`, which add that, or another table.
+/// those add that have estimates, and the lanes of a packet. After a name may stand `fast`, which adds that, or another table.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
@@ -40,55 +36,32 @@ macro_rules! tables {
         }
 
         macro_rules! $table {
-            ($d prefix:expr, $d fast:literal, $d lit_fast:literal, $d lanes_of:expr) => {
+            ($d prefix:expr, $d fast:literal, $d lanes_of:expr) => {
                 $table {
                     $($lanes: $d lanes_of,)?
-                    $($field: tables!(@make $d prefix, $d fast, $d lit_fast, $d lanes_of; $name $($how)?),)*
+                    $($field: tables!(@make $d prefix, $d fast, $d lanes_of; $name $($how)?),)*
                 }
             };
         }
     )*};
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal) => {
+    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal) => {
         kernel!(concat!($prefix, $name))
     };
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal fast) => {
+    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal fast) => {
         kernel!(concat!($prefix, $name, $fast))
     };
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal lit_fast) => {
-        kernel!(concat!($prefix, $name, $lit_fast))
+    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal single) => {
+        ElementKernels!(concat!($prefix, $name), "_fast", $lanes)
     };
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal single) => {
-        SpanKernels!(concat!($prefix, $name), "_fast", "_fast", $lanes)
+    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal double) => {
+        ElementKernels!(concat!($prefix, $name), "", $lanes / 2)
     };
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal double) => {
-        SpanKernels!(concat!($prefix, $name), "", $lit_fast, $lanes / 2)
-    };
-    (@make $prefix:expr, $fast:literal, $lit_fast:literal, $lanes:expr; $name:literal $table:ident) => {
-        $table!(concat!($prefix, $name), $fast, $lit_fast, $lanes)
+    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal $table:ident) => {
+        $table!(concat!($prefix, $name), $fast, $lanes)
     };
 }
 
 tables! { $
-    /// What shades one kind of object where it is alone.
-    struct Bodies<S, E> {
-        /// To linear floats.
-        f32x4: Shade<S, E, Vec4> = "_f32x4";
-        /// The same with estimates (in f64: as `f32x4`).
-        f32x4_fast: Shade<S, E, Vec4> = "_f32x4" fast;
-        /// To 8-bit levels (in f32: with estimates).
-        rgba8: Shade<S, E, Rgba8> = "_rgba8";
-    }
-
-    /// What traces one kind of object in a row of buffers.
-    struct InRow<S, E> {
-        /// To a row of buffers.
-        planes: Planes<S, E> = "_planes";
-        /// To a row of buffers as `rgba8` (in f64: as `planes`).
-        planes_fast: Planes<S, E> = "_planes" fast;
-        /// Finds the nearest.
-        depth: Depth<S, E> = "_depth";
-    }
-
     /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
     struct LitBodies<E> {
         /// To linear floats, four a pixel.
@@ -105,7 +78,7 @@ tables! { $
         rgb8: ShadeRows<E, Rgb8> = "_rgb8";
     }
 
-    /// The kernels that trace in object order.
+    /// The kernels that trace tile by tile.
     struct TileKernels<E> {
         /// Triangles to planes.
         set_up: SetUp<E> = "set_up";
@@ -128,49 +101,23 @@ tables! { $
     }
 
     /// All packet kernels of an ISA for one element type.
-    struct SpanKernels<E> [lanes] {
+    struct ElementKernels<E> [lanes] {
         /// The rows of a sphere from outside under one light, short form.
         lit_rows: RowSetup<E> = "lit_rows";
         /// Shades such rows.
         lit: LitBodies<E> = "lit" LitBodies;
         /// The same where the three weights are equal.
         grey: LitBodies<E> = "grey" LitBodies;
-        /// Shades a span of such a row in a row of buffers. What finds the nearest is that of any sphere from outside.
-        lit_planes: LitPlanes<E> = "lit_planes";
-        /// The same as `rgba8` does.
-        lit_planes_fast: LitPlanes<E> = "lit_planes" lit_fast;
-        /// Spheres from outside.
-        outside: Bodies<OutsideSpan<E>, E> = "outside" Bodies;
-        /// Triangles.
-        triangle: Bodies<TriangleSpan<E>, E> = "triangle" Bodies;
-        /// Spheres from outside, in a row of buffers.
-        outside_in_row: InRow<OutsideSpan<E>, E> = "outside" InRow;
-        /// To a row of buffers with the unit normal in place of the colour. (A triangle's is a constant.)
-        outside_normals: Planes<OutsideSpan<E>, E> = "outside_normals";
-        /// Spheres from outside at less than sqrt 2 radii.
-        near_in_row: InRow<NearSpan<E>, E> = "near" InRow;
-        /// Their normals.
-        near_normals: Planes<NearSpan<E>, E> = "near_normals";
-        /// Spheres from inside.
-        inside_in_row: InRow<InsideSpan<E>, E> = "inside" InRow;
-        /// Their normals.
-        inside_normals: Planes<InsideSpan<E>, E> = "inside_normals";
-        /// Triangles.
-        triangle_in_row: InRow<TriangleSpan<E>, E> = "triangle" InRow;
-        /// A row of buffers to linear floats.
-        emit_f32x4: Emit<E, Vec4> = "emit_f32x4";
-        /// A row of buffers to 8-bit levels.
-        emit_rgba8: Emit<E, Rgba8> = "emit_rgba8";
-        /// Many objects, tile by tile.
+        /// All others, tile by tile.
         tiles: TileKernels<E> = "" TileKernels;
     }
 
     /// All packet kernels of an ISA.
     struct PacketKernels {
         /// On f32.
-        single: SpanKernels<f32> = "single_" single;
+        single: ElementKernels<f32> = "single_" single;
         /// On f64.
-        double: SpanKernels<f64> = "double_" double;
+        double: ElementKernels<f64> = "double_" double;
         /// What no ray hits.
         fill: Fill = "fill";
         /// From four bytes a pixel to three.
@@ -188,12 +135,9 @@ tables! { $
     }
 }
 
-/// By [`Isa`], with the lanes of f32. AVX-512 alone has estimates in f64, for the short form.
-static PACKETS: [PacketKernels; 3] = [
-    PacketKernels!("rayo_sse41_", "", "", 4),
-    PacketKernels!("rayo_avx2_", "", "", 8),
-    PacketKernels!("rayo_avx512_", "", "_fast", 16),
-];
+/// By [`Isa`], with the lanes of f32.
+static PACKETS: [PacketKernels; 3] =
+    [PacketKernels!("rayo_sse41_", "", 4), PacketKernels!("rayo_avx2_", "", 8), PacketKernels!("rayo_avx512_", "", 16)];
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {

@@ -37,19 +37,19 @@ pub use checked::Fault;
 pub use code::code_at;
 pub use faces::{ColourRun, Faces};
 pub use ffi::{
-    AosKernels, Bodies, FEEDBACK, InRow, LitBodies, PacketElement, PacketKernels, SpanKernels, TileKernels, aos, c,
-    chains_of_aos, chains_of_packets, chains_of_paper, hits_of_c, hits_of_paper, packet_op_symbols, packet_ops,
-    packet_symbols, packets, paper,
+    AosKernels, ElementKernels, FEEDBACK, LitBodies, PacketElement, PacketKernels, TileKernels, aos, c, chains_of_aos,
+    chains_of_packets, chains_of_paper, hits_of_c, hits_of_paper, packet_op_symbols, packet_ops, packet_symbols,
+    packets, paper,
 };
 pub use isa::Isa;
 pub use kernel::Kernel;
 pub use objects::{FacePart, Facets, ObjectList};
-pub use packet::{Depth, Emit, F32x3, Fill, LitPlanes, Narrow, Planes, Rgb8, Rgba8, Row, RowSetup, Shade, ShadeRows};
+pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{
-    Ball, BoundsView, CHUNK, Element, Facet, InsideSpan, LitRow, LitSetup, LitSphere, NearSpan, ObjectLight,
-    OutsideSpan, PART_SIDE, Seen, ShortLight, Span, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight,
-    TilePoint, TileRays, TileShade, TileSphere, TileView, TriangleHit, TriangleSpan,
+    Ball, BoundsView, CHUNK, Element, Facet, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE, Seen, ShortLight,
+    SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
+    TriangleHit,
 };
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 pub use tiles::{

@@ -217,7 +217,7 @@ macro_rules! lit_row {
         }
     };
 }
-lit_row! { start end j stop m a h0 q0 id }
+lit_row! { start end j stop m a h0 q0 }
 
 impl<E: Element> Default for LitRows<E> {
     fn default() -> Self {

@@ -477,6 +477,12 @@ impl<E: Element> TileBuffers<E> {
         &self.spheres.planes
     }
 
+    /// Gives a triangle of those that were set up last another 1/t: at the tile's middle, and what a column and a row add.
+    pub fn set_inverse(&mut self, triangle: usize, [at_middle, across, down]: [E; 3]) {
+        let planes = &mut self.triangles.planes;
+        (planes.t0[triangle], planes.tx[triangle], planes.ty[triangle]) = (at_middle, across, down);
+    }
+
     /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
     fn index(lanes: usize, column: usize, row: usize) -> usize {
         let width = lanes.min(4);

@@ -15,10 +15,6 @@ pub enum Omission {
     EdgeOn,
     /// Lights of no intensity or no colour.
     DarkLights,
-    /// Lights on objects that they cannot light where they are seen.
-    IdleLights,
-    /// The shading of objects that no light reaches.
-    Unlit,
     /// Tiles that no object may be in.
     EmptyTiles,
     /// Objects in tiles that they cannot be in.
@@ -29,8 +25,6 @@ pub enum Omission {
     Misses,
     /// The search for the nearest where one object is alone.
     Search,
-    /// The depth of each pixel where two triangles' depths at the ends of what they share decide.
-    Depths,
     /// The shading of hits that are not the nearest.
     Hidden,
     /// The shading of those objects of a tile that are nearest at none of its pixels.
@@ -62,15 +56,13 @@ pub enum Switch {
 
 impl Omission {
     /// All of them, in the order in which they are told.
-    pub const ALL: [Omission; 22] = [
+    pub const ALL: [Omission; 19] = [
         Omission::Behind,
         Omission::Outside,
         Omission::NoArea,
         Omission::EdgeOn,
         Omission::Between,
         Omission::DarkLights,
-        Omission::IdleLights,
-        Omission::Unlit,
         Omission::SphereCode,
         Omission::TriangleCode,
         Omission::EmptyTiles,
@@ -78,7 +70,6 @@ impl Omission {
         Omission::Occluded,
         Omission::Misses,
         Omission::Search,
-        Omission::Depths,
         Omission::Hidden,
         Omission::Unseen,
         Omission::Constants,
@@ -96,8 +87,6 @@ impl Omission {
             Omission::NoArea => "triangles of no area",
             Omission::EdgeOn => "triangles seen edge on",
             Omission::DarkLights => "dark lights",
-            Omission::IdleLights => "lights of single objects",
-            Omission::Unlit => "unlit objects' shading",
             Omission::SphereCode => "code for spheres",
             Omission::TriangleCode => "code for triangles",
             Omission::EmptyTiles => "tiles with nothing in them",
@@ -105,7 +94,6 @@ impl Omission {
             Omission::Occluded => "set-up of hidden objects",
             Omission::Misses => "tests of rays that miss",
             Omission::Search => "searches for the nearest",
-            Omission::Depths => "depths of single pixels",
             Omission::Hidden => "shading of hidden hits",
             Omission::Unseen => "shading of what is not seen",
             Omission::Constants => "constant terms",
@@ -124,10 +112,6 @@ impl Omission {
             Omission::NoArea => "their corners are on one line, so no ray hits them",
             Omission::EdgeOn => "their plane passes through the camera, so no ray hits them",
             Omission::DarkLights => "intensity times colour is 0",
-            Omission::IdleLights => {
-                "the light is behind or inside the sphere, in the plane of the triangle, or of a colour it does not reflect"
-            }
-            Omission::Unlit => "no light reaches them: they hide what is behind them and stay black",
             Omission::SphereCode => "the picture has no sphere",
             Omission::TriangleCode => "the picture has no triangle",
             Omission::EmptyTiles => "no object's bounds meet them: they are filled with black",
@@ -137,9 +121,6 @@ impl Omission {
             }
             Omission::Misses => "an object's outline bounds the pixels of each row that can see it",
             Omission::Search => "one object is alone in the pixel",
-            Omission::Depths => {
-                "a triangle that is nearer at both ends of what two share in a row is nearer between them"
-            }
             Omission::Hidden => "the nearest hit of each pixel is known before any is shaded",
             Omission::Unseen => {
                 "set up in a tile, they are nearest at none of its pixels, which is known before any is shaded"
@@ -158,18 +139,15 @@ impl Omission {
     /// What counts it.
     pub fn unit(self) -> &'static str {
         match self {
-            Omission::Behind | Omission::Outside | Omission::Between | Omission::Unlit | Omission::Constants => {
-                "objects"
-            }
+            Omission::Behind | Omission::Outside | Omission::Between | Omission::Constants => "objects",
             Omission::NoArea | Omission::EdgeOn => "triangles",
             Omission::DarkLights => "lights",
-            Omission::IdleLights => "lights of objects",
             Omission::SphereCode | Omission::TriangleCode => "kinds",
             Omission::EmptyTiles => "tiles",
             Omission::OtherTiles | Omission::Unseen => "objects of tiles",
             Omission::Occluded => "objects of tiles",
             Omission::Misses => "rays against objects",
-            Omission::Search | Omission::Depths | Omission::FloatImage => "pixels",
+            Omission::Search | Omission::FloatImage => "pixels",
             Omission::Hidden => "hits",
             Omission::Loop | Omission::Channels => "objects",
         }
@@ -179,7 +157,13 @@ impl Omission {
     pub fn switch(self) -> Switch {
         match self {
             Omission::Loop | Omission::FloatImage => Switch::Arithmetic,
-            Omission::SphereCode | Omission::TriangleCode | Omission::Constants => Switch::None,
+            Omission::NoArea
+            | Omission::EdgeOn
+            | Omission::DarkLights
+            | Omission::SphereCode
+            | Omission::TriangleCode
+            | Omission::Search
+            | Omission::Constants => Switch::None,
             _ => Switch::Work,
         }
     }

@@ -1,11 +1,16 @@
 //! What a plan keeps and what it leaves out, counted: the lines of `rayo plan`.
 
+use std::ops::Range;
+
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::lit::LitForm;
 use super::omission::{Omission, Switch};
-use super::spans::{RowSpans, Spans, Way};
-use crate::kernels::Element;
-use crate::scene::Scene;
+use super::team::on_all_cores;
+use super::tile_report::never_hit;
+use crate::reference::geometry;
+use crate::scene::{Grid, Scene};
 
 /// What is kept of a scene, and each line of what is left out.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,8 +29,6 @@ pub struct Report {
 pub struct ByTiles {
     /// Objects of the scene.
     pub objects: u64,
-    /// From so many on tiles cost less than the spans of each row.
-    pub fewest_objects: u64,
     /// Pixels of a tile.
     pub width: u32,
     /// Pixels of a tile.
@@ -82,16 +85,14 @@ impl LeftOut {
     /// As tiles have it.
     pub(super) fn by_tiles(self) -> Self {
         match self.omission {
-            Omission::NoArea => {
-                let reason =
-                    "their corners are on one line: set-up takes them as infinitely far, and no pixel is theirs";
-                LeftOut { reason, switch: Switch::None, ..self }
-            }
-            Omission::EdgeOn => {
-                let reason = "their plane passes through the camera: set-up takes them as infinitely far, and no pixel is theirs";
-                LeftOut { reason, switch: Switch::None, ..self }
-            }
-            Omission::DarkLights => LeftOut { switch: Switch::None, ..self },
+            Omission::NoArea => LeftOut {
+                reason: "their corners are on one line: set-up takes them as infinitely far, and no pixel is theirs",
+                ..self
+            },
+            Omission::EdgeOn => LeftOut {
+                reason: "their plane passes through the camera: set-up takes them as infinitely far, and no pixel is theirs",
+                ..self
+            },
             Omission::Misses => {
                 LeftOut { reason: "an object's corners or outline bound the pixels that can see it", ..self }
             }
@@ -109,45 +110,44 @@ impl LeftOut {
     }
 }
 
-/// What is found out by looking at every row.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Survey {
-    misses: u64,
-    search: u64,
-    depths: u64,
-    hidden: u64,
-}
-
 impl Report {
-    /// Of `scene`, which `spans` is the plan of, as far as an engine makes the omissions `made`; `bytes` says whether it
-    /// writes 8 bits.
-    pub fn new<E: Element>(scene: &Scene, spans: &Spans<E>, made: &[Omission], bytes: bool) -> Self {
-        let (spheres, triangles) = spans.counts();
-        let is_made = |omission: Omission| made.contains(&omission) && !spans.keep().has(omission);
-        let unseen = |omission| if is_made(omission) { spans.left_out(omission) as usize } else { 0 };
-        let kept = if made.contains(&Omission::Outside) {
-            Kept { spheres, triangles, lights: scene.lights.len() - unseen(Omission::DarkLights) }
-        } else {
-            let triangles = scene.triangle_count() - unseen(Omission::NoArea) - unseen(Omission::EdgeOn);
-            Kept { spheres: scene.spheres.len(), triangles, lights: scene.lights.len() }
-        };
-        let by_rows = [Omission::Misses, Omission::Search, Omission::Depths, Omission::Hidden];
-        let survey = if by_rows.into_iter().any(is_made) { Survey::new(spans) } else { Survey::default() };
+    /// Of `scene`, by an engine that asks every ray about every object but for the omissions `made`.
+    pub fn of_rays(scene: &Scene, made: &[Omission]) -> Self {
+        let unhit = |why| scene.all_triangles().filter(|triangle| never_hit(triangle) == Some(why)).count();
+        let is_made = |omission| made.contains(&omission);
+        let left_out = |why| if is_made(why) { unhit(why) } else { 0 };
+        let [no_area, edge_on] = [Omission::NoArea, Omission::EdgeOn].map(left_out);
+        let triangles = scene.triangle_count() - no_area - edge_on;
+        let kept = Kept { spheres: scene.spheres.len(), triangles, lights: scene.lights.len() };
         let count = |omission| match omission {
-            Omission::Misses => survey.misses,
-            Omission::Search => survey.search,
-            Omission::Depths => survey.depths,
-            Omission::Hidden => survey.hidden,
-            Omission::SphereCode => (kept.spheres == 0).into(),
-            Omission::TriangleCode => (kept.triangles == 0).into(),
+            Omission::NoArea => no_area as u64,
+            Omission::EdgeOn => edge_on as u64,
             Omission::Constants => (kept.spheres + kept.triangles) as u64,
-            Omission::Channels | Omission::FloatImage if !bytes => 0,
-            Omission::FloatImage => spans.pixels(),
-            _ => spans.left_out(omission),
+            Omission::Hidden => hidden_hits(scene),
+            _ => 0,
         };
         let made = Omission::ALL.into_iter().filter(|omission| is_made(*omission));
-        let lines = made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) });
-        Report { kept, left_out: lines.filter(|line| line.count > 0).collect(), tiles: None }
+        Report::with(kept, None, made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) }))
+    }
+
+    /// Of a scene that is made by `form`; `hits` pixels of its picture see the sphere, and `bytes` says whether 8 bits are
+    /// written.
+    pub fn of_lit(scene: &Scene, form: &LitForm, hits: u64, bytes: bool) -> Self {
+        let line = |omission| {
+            let count = form.left_out(omission, scene, hits, bytes);
+            match omission {
+                // The form begins with the two ends of each row.
+                Omission::Misses => LeftOut { count, switch: Switch::None, ..LeftOut::none(omission) },
+                _ => LeftOut { count, ..LeftOut::none(omission) },
+            }
+        };
+        let lights = scene.lights.len() - form.left_out(Omission::DarkLights, scene, hits, bytes) as usize;
+        Report::with(Kept { spheres: 1, triangles: 0, lights }, None, Omission::ALL.into_iter().map(line))
+    }
+
+    /// The lines of which there is anything to tell.
+    pub(super) fn with(kept: Kept, tiles: Option<ByTiles>, lines: impl Iterator<Item = LeftOut>) -> Self {
+        Report { kept, left_out: lines.filter(|line| line.count > 0).collect(), tiles }
     }
 
     /// The report in lines: counts, names and reasons in columns.
@@ -173,12 +173,10 @@ impl Report {
 
 impl ByTiles {
     fn line(&self) -> String {
-        let ByTiles { objects, fewest_objects, width, height, across, down, placed } = *self;
+        let ByTiles { objects, width, height, across, down, placed } = *self;
         format!(
-            "tile by tile: {} objects, and from {fewest_objects} on that costs less than row by row; \
-             {across} x {down} tiles of {width} x {height} pixels, {} of them for an object on average",
-            grouped(objects, ','),
-            format_args!("{:.2}", placed as f64 / objects as f64),
+            "tile by tile: {across} x {down} tiles of {width} x {height} pixels, {:.2} of them for an object on average",
+            placed as f64 / objects.max(1) as f64,
         )
     }
 }
@@ -200,31 +198,57 @@ pub fn grouped(number: u64, separator: char) -> String {
     text
 }
 
-impl Survey {
-    /// Goes over all rows, with those objects at hand that a row may see.
-    fn new<E: Element>(spans: &Spans<E>) -> Self {
-        let mut survey = Survey::default();
-        let (mut in_row, mut extents) = (RowSpans::default(), Vec::new());
-        for (row, seen) in spans.rows_and_objects() {
-            extents.clear();
-            extents.extend(seen.iter().filter_map(|object| spans.row(*object, row)).map(|span| span.start..span.end));
-            let hits: u64 = extents.iter().map(|span| span.len() as u64).sum();
-            extents.sort_unstable_by_key(|span| span.start);
-            let (mut pixels, mut end) = (0, 0);
-            for span in &extents {
-                pixels += u64::from(span.end.max(end) - span.start.max(end));
-                end = end.max(span.end);
-            }
-            survey.misses += spans.tests_in_row() - hits;
-            survey.hidden += hits - pixels;
-            match spans.spans_in(row, &seen, &mut in_row) {
-                Way::Apart if hits == pixels => survey.search += pixels,
-                Way::Apart => survey.depths += pixels,
-                Way::Nearest | Way::NearestInRow => {}
-            }
-        }
-        survey
+/// How many hits are behind others, over all pixels.
+fn hidden_hits(scene: &Scene) -> u64 {
+    /// An object, and the pixels where it may be hit.
+    struct Object<'a> {
+        rows: Range<u32>,
+        columns: Range<u32>,
+        is_hit: Box<dyn Fn(DVec3) -> bool + Sync + 'a>,
     }
+    let (camera, grid) = (&scene.camera, scene.camera.grid::<f64>());
+    let object = |[across, up]: [Option<[f64; 2]>; 2], is_hit| Object {
+        columns: pixels(across.map(|ends| ends.map(|x| x + grid.half_width)), &grid, camera.width()),
+        rows: pixels(up.map(|[low, high]| [high, low].map(|y| grid.half_height - y)), &grid, camera.height()),
+        is_hit,
+    };
+    let spheres = scene.spheres.iter().map(|sphere| {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let c = centre / radius;
+        // |c x f - c z x| = sqrt(x^2 + f^2) at the outline, if that is all in front of the camera.
+        let m = c.z * c.z - 1.0;
+        let outline = |c_x: f64| {
+            let root = (c_x * c_x + m).sqrt();
+            (c.z > 1.0).then(|| [c_x * c.z - root, c_x * c.z + root].map(|x| grid.focal * x / m))
+        };
+        object([c.x, c.y].map(outline), Box::new(move |d| geometry::sphere(d, centre, radius).is_some()))
+    });
+    let triangles = scene.all_triangles().map(|triangle| {
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let outline = |over_z: [f64; 3]| {
+            let ends = [over_z.into_iter().fold(f64::MAX, f64::min), over_z.into_iter().fold(f64::MIN, f64::max)];
+            corners.iter().all(|v| v.z > 0.0).then(|| ends.map(|x| grid.focal * x))
+        };
+        let outlines = [outline(corners.map(|v| v.x / v.z)), outline(corners.map(|v| v.y / v.z))];
+        object(outlines, Box::new(move |d| geometry::triangle(d, corners).is_some()))
+    });
+    let objects: Vec<_> = spheres.chain(triangles).collect();
+    let in_row = |row: usize| {
+        let row = row as u32;
+        let mut hits = vec![0_u64; camera.width() as usize];
+        for Object { columns, is_hit, .. } in objects.iter().filter(|object| object.rows.contains(&row)) {
+            columns.clone().for_each(|column| hits[column as usize] += u64::from(is_hit(grid.ray(row, column).into())));
+        }
+        hits.into_iter().map(|hits| hits.saturating_sub(1)).sum::<u64>()
+    };
+    on_all_cores(camera.height() as usize, in_row).into_iter().sum()
+}
+
+/// Of pixels along a side of the picture, those from the first of these places to the second and some more; all where it is not
+/// known, or a NaN.
+fn pixels(ends: Option<[f64; 2]>, grid: &Grid<f64>, side: u32) -> Range<u32> {
+    let [first, last] = ends.unwrap_or([f64::NAN; 2]).map(|place| place / grid.step - 0.5);
+    if first.is_nan() || last.is_nan() { 0..side } else { (first - 2.0) as u32..side.min((last + 3.0) as u32) }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What tiles keep and leave out, counted: the lines of `rayo plan` for scenes of many objects.
+//! What tiles keep and leave out, counted.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use super::light::is_dark;
 use super::omission::{Omission, Switch};
 use super::report::{ByTiles, Kept, LeftOut, Report};
 use super::team::on_all_cores;
-use super::tiles::{FEWEST_OBJECTS, Tiles, covered};
+use super::tiles::{Tiles, covered};
 use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
 use crate::reference::geometry;
 use crate::scene::{Grid, Sphere, Triangle};
@@ -91,7 +91,7 @@ impl Frustum {
 }
 
 /// Why a triangle that has pixels in its bounds is never hit, if it is not.
-fn never_hit(triangle: &Triangle) -> Option<Omission> {
+pub(super) fn never_hit(triangle: &Triangle) -> Option<Omission> {
     let corners = triangle.vertices.map(|v| v.as_dvec3());
     match geometry::triangle_volume(corners) {
         Some(_) => None,
@@ -130,13 +130,14 @@ impl Counts {
     fn of<T>(
         count: usize,
         object: impl Fn(usize) -> T + Sync,
-        bounds: &PixelBounds,
+        bounds: &[PixelBounds],
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
         /// As many as a thread takes at a time.
         const TOGETHER: usize = 1 << 12;
-        let add = |sum: Counts, i: usize| match covered(bounds.columns[i], bounds.rows[i]) {
+        let pixels = |i: usize| bounds.iter().map(|bounds| covered(bounds.columns[i], bounds.rows[i])).sum();
+        let add = |sum: Counts, i: usize| match pixels(i) {
             0 => sum.one(Some(unseen(&object(i))), 0),
             covered => sum.one(why(&object(i)), covered),
         };
@@ -146,27 +147,33 @@ impl Counts {
 }
 
 impl Report {
-    /// Of a scene that goes by `tiles`; `survey` is of the whole picture, and `bytes` says whether the engine writes 8 bits.
-    pub fn of_tiles<E: Element>(tiles: &Tiles<'_, E>, survey: TileSurvey, bytes: bool) -> Self {
-        let (scene, frustum) = (tiles.scene(), tiles.frustum());
+    /// Of a scene that goes by the tiles of `rasters`; `survey` is of the whole picture, and `bytes` says whether the engine
+    /// writes 8 bits.
+    pub fn of_tiles<E: Element>(rasters: &[&Tiles<'_, E>], survey: TileSurvey, bytes: bool) -> Self {
+        let (scene, keep) = (rasters[0].scene(), rasters[0].keep());
+        let frustum = Frustum::new(&scene.camera.grid());
         let spheres = Counts::of(
             scene.spheres.len(),
             |i| scene.spheres[i],
-            &tiles.sphere_bounds(),
+            &rasters.iter().map(|tiles| tiles.sphere_bounds()).collect::<Vec<_>>(),
             |sphere| frustum.unseen_sphere(sphere),
             |_| None,
         );
         let triangles = Counts::of(
             scene.triangle_count(),
             |i| scene.triangle(i),
-            &tiles.triangle_bounds(),
+            &rasters.iter().map(|tiles| tiles.triangle_bounds()).collect::<Vec<_>>(),
             |triangle| frustum.unseen_triangle(triangle),
             never_hit,
         );
         let both = spheres.and(triangles);
         let dark = scene.lights.iter().filter(|light| is_dark(light)).count();
-        let [across, down] = tiles.tiles();
-        let (count, pixels) = (u64::from(across) * u64::from(down), tiles.pixels());
+        let along = |side: usize| {
+            rasters.iter().filter(|tiles| tiles.raster().first[1 - side] == 0).map(|tiles| tiles.tiles()[side]).sum()
+        };
+        let [across, down] = [0, 1].map(along);
+        let count: u64 = rasters.iter().map(|tiles| tiles.tiles().map(u64::from).iter().product::<u64>()).sum();
+        let pixels = scene.camera.pixels();
         let objects = (scene.spheres.len() + scene.triangle_count()) as u64;
         let counted = |omission: Omission| match omission {
             Omission::Behind | Omission::Outside | Omission::NoArea | Omission::EdgeOn | Omission::Between => {
@@ -187,7 +194,7 @@ impl Report {
         };
         let line = |omission: Omission| {
             let line = LeftOut::none(omission).by_tiles();
-            let kept = tiles.keep().has(omission) && line.switch != Switch::None;
+            let kept = keep.has(omission) && line.switch != Switch::None;
             LeftOut { count: if kept { 0 } else { counted(omission) }, ..line }
         };
         let kept = Kept {
@@ -197,15 +204,13 @@ impl Report {
         };
         let by_tiles = ByTiles {
             objects,
-            fewest_objects: FEWEST_OBJECTS as u64,
             width: TILE_WIDTH as u32,
             height: TILE_HEIGHT as u32,
             across,
             down,
             placed: survey.placed,
         };
-        let left_out = Omission::ALL.into_iter().map(line).filter(|line| line.count > 0).collect();
-        Report { kept, left_out, tiles: Some(by_tiles) }
+        Report::with(kept, Some(by_tiles), Omission::ALL.into_iter().map(line))
     }
 }
 

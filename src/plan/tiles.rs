@@ -1,4 +1,4 @@
-//! Tiles: what a scene of many objects becomes for the tile kernels, each object's bounds, and which tiles it may be in.
+//! Tiles: what a scene becomes for the tile kernels, each object's bounds, and which tiles it may be in.
 //!
 //! All rays leave one point, so that the pixels which see an object are known before the first ray: of each triangle the
 //! bounds of its projected corners, of each sphere those of its silhouette. Objects stay where the scene has them;
@@ -46,24 +46,46 @@ const MOST_TILES_OF_A_SPHERE: usize = 64;
 /// the others before their roots. Sorting more of them costs more than it brings.
 const MOST_SORTED: usize = 1 << 11;
 
-/// Numbers of objects are kept in f32, which has every integer up to here.
-const MOST_OBJECTS: usize = 1 << 24;
-
 /// Bounds have 16 bits.
 const LONGEST_SIDE: u32 = u16::MAX as u32;
 
-/// From here on objects are traced tile by tile: where the two cross, as docs/performance.md has measured it.
-pub(super) const FEWEST_OBJECTS: usize = 32;
+/// The rays of a picture, or of every so-many-th pixel across and down of one.
+#[derive(Clone, Copy, Debug)]
+pub struct Raster {
+    grid: Grid<f64>,
+    picture: Picture,
+    /// The first column and row.
+    pub first: [u32; 2],
+    /// From one to the next.
+    pub every: u32,
+}
 
-/// Whether a scene is to be traced tile by tile, rather than span by span: it has many objects.
-pub fn tiles_pay(scene: &Scene) -> bool {
-    (FEWEST_OBJECTS..MOST_OBJECTS).contains(&(scene.spheres.len() + scene.triangle_count()))
-        && scene.camera.width().max(scene.camera.height()) <= LONGEST_SIDE
+impl Raster {
+    /// Those of a camera: one, unless a side of the picture is too long for tiles.
+    pub fn of(camera: &Camera) -> Vec<Raster> {
+        let (grid, [width, height]) = (camera.grid::<f64>(), [camera.width(), camera.height()]);
+        let every = width.max(height).div_ceil(LONGEST_SIDE);
+        let first = (0..every.min(height)).flat_map(|down| (0..every.min(width)).map(move |across| [across, down]));
+        let of = |[across, down]: [u32; 2]| {
+            // The middle of every so many pixels is so much further left and up.
+            let off = [across, down].map(|first| (f64::from(first) + 0.5 - 0.5 * f64::from(every)) * grid.step);
+            let grid = Grid {
+                step: f64::from(every) * grid.step,
+                half_width: grid.half_width - off[0],
+                half_height: grid.half_height - off[1],
+                ..grid
+            };
+            let picture = Picture { width: (width - across).div_ceil(every), height: (height - down).div_ceil(every) };
+            Raster { grid, picture, first: [across, down], every }
+        };
+        first.map(of).collect()
+    }
 }
 
 /// A scene planned for tiles.
 pub struct Tiles<'a, E> {
     scene: &'a Scene,
+    raster: Raster,
     frame: Frame,
     keep: Keep,
     /// Where the lights stand, those that are too far for f32 brought nearer.
@@ -73,13 +95,16 @@ pub struct Tiles<'a, E> {
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned<'a>>,
+    /// Of both kinds of triangles in f64, if they are few: the kernels' own lose what cancels in a sliver's.
+    planes: Option<[Vec<ExactPlane>; 2]>,
 }
 
 /// The rays, brought to size, as what is traced is.
 #[derive(Clone, Copy)]
 struct Frame {
-    /// The camera's, times `unit`.
+    /// The raster's, times `unit`.
     grid: Grid<f64>,
+    picture: Picture,
     /// A power of two that makes the longest sides of the grid about 1.
     unit: f64,
     /// How far the scene reaches.
@@ -132,6 +157,35 @@ impl LargeObjects<'_> {
     }
 }
 
+/// The plane of a triangle to the last bits of f64: two triangles in one plane have the same, if their numbers are few.
+pub struct ExactPlane {
+    /// 1/t is its product with the ray.
+    inverse: DVec3,
+    /// Its unit normal over the scale.
+    normal: DVec3,
+    corner: DVec3,
+}
+
+impl ExactPlane {
+    fn of(triangle: &Triangle, scale: f64) -> Self {
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let n = geometry::triangle_plane(corners);
+        let inverse = geometry::triangle_volume(corners).map_or(DVec3::ZERO, |volume| scale * (n / volume));
+        ExactPlane { inverse, normal: n.normalize_or_zero() / scale, corner: corners[0] }
+    }
+
+    /// 1/t in the middle of a tile, and what a column and a row more add.
+    pub fn inverse(&self, view: &TileView<f64>) -> [f64; 3] {
+        let DVec3 { x, y, .. } = self.inverse;
+        [self.inverse.dot(DVec3::new(view.dx, view.dy, view.dz)), x * view.step, y * view.down]
+    }
+
+    /// How far a light is from it, over the scale.
+    pub fn height(&self, light: &TileLight<f64>) -> f64 {
+        self.normal.dot(DVec3::new(light.x, light.y, light.z) - self.corner).abs()
+    }
+}
+
 /// One tile of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
@@ -149,10 +203,10 @@ impl TilePlace {
 }
 
 impl Frame {
-    fn new(scene: &Scene) -> Self {
-        let (grid, unit) = unit_rays(&scene.camera);
+    fn new(scene: &Scene, Raster { grid, picture, .. }: Raster) -> Self {
+        let (grid, unit) = unit_rays(grid);
         let extent = extent(scene);
-        Frame { grid, unit, extent, scale: power_of_two(extent / grid.focal) }
+        Frame { grid, picture, unit, extent, scale: power_of_two(extent / grid.focal) }
     }
 }
 
@@ -174,13 +228,12 @@ impl<'a> Binned<'a> {
     /// For kernels in f32, or for those in f64.
     fn new(
         scene: &'a Scene,
-        &Frame { grid, extent, scale, .. }: &Frame,
+        &Frame { grid, picture, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
         (keep, team): (Keep, &Team),
         in_f32: bool,
     ) -> Self {
-        let picture = Picture::of(&scene.camera);
-        let forms = Forms::new(grid, scale, &light::lights(scene, Keep::NOTHING), far::<f32>(extent));
+        let forms = Forms::new(grid, scale, &light::lights(scene), far::<f32>(extent));
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
         // No object is in so few tiles where each is to be in all.
         let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
@@ -218,7 +271,9 @@ impl<'a> Binned<'a> {
         let of_triangles = triangles.plan(Facets::Apart(&scene.triangles), team);
         let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), team);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
-        let (near_triangles, near_faces) = (near_corners(&of_triangles), near_corners(&of_faces));
+        // Of few it costs less to look at each.
+        let few = scene.triangle_count() <= FEW_TRIANGLES;
+        let [near_triangles, near_faces] = [&of_triangles, &of_faces].map(|of| few || near_corners(of));
         let triangles = if near_triangles { turned_round(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
         let faces = if near_faces { faces_turned_round(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
@@ -240,29 +295,29 @@ impl<'a> Binned<'a> {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene` on so many threads, by kernels that find bounds, without the omissions in `keep`.
-    pub fn new(scene: &'a Scene, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
-        let frame = Frame::new(scene);
+    /// Plans `scene`, seen by these rays, on so many threads, by kernels that find bounds, without the omissions in `keep`.
+    pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
+        let frame = Frame::new(scene, raster);
         let binned = Binned::new(scene, &frame, kernels, (keep, &team(threads)), is_f32::<E>());
-        Self::of(scene, frame, keep, Arc::new(binned))
+        Self::of((scene, raster), frame, keep, Arc::new(binned))
     }
 
     /// The same plan for f64.
     pub fn in_f64(&self, kernels: &PacketKernels, threads: usize) -> Tiles<'a, f64> {
-        let &Tiles { scene, frame, keep, ref binned, .. } = self;
+        let &Tiles { scene, raster, frame, keep, ref binned, .. } = self;
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
             Arc::new(Binned::new(scene, &frame, kernels, (keep, &team(threads)), false))
         };
-        Tiles::of(scene, frame, keep, binned)
+        Tiles::of((scene, raster), frame, keep, binned)
     }
 
-    fn of(scene: &'a Scene, frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
-        let Frame { grid, extent, scale, .. } = frame;
+    fn of((scene, raster): (&'a Scene, Raster), frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
+        let Frame { grid, picture, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
         // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
-        let lights = light::lights(scene, Keep::NOTHING);
+        let lights = light::lights(scene);
         let far = far::<E>(extent);
         let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
         let points = positions.iter().map(|l| *l / scale);
@@ -277,11 +332,16 @@ impl<'a, E: Element> Tiles<'a, E> {
         };
         let weighted = |white: f64, bytes: bool| Weighted {
             lights: lights.iter().zip(&positions).map(|(of, l)| light(*l, white * of.radiance())).collect(),
-            spheres: sphere_view(&grid, scale, Picture::of(&scene.camera), far_in_radii, white),
+            spheres: sphere_view(&grid, scale, picture, far_in_radii, white),
             bytes,
         };
+        let few = !is_f32::<E>() && scene.triangle_count() <= FEW_TRIANGLES;
+        let planes = facets(&binned.triangles, &binned.faces);
+        let plane = |facets: Facets<'_>| (0..facets.len()).map(|i| ExactPlane::of(&facets.get(i), scale)).collect();
+        let planes = few.then(|| planes.map(plane));
         Tiles {
             scene,
+            raster,
             frame,
             keep,
             points,
@@ -289,6 +349,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             linear: weighted(1.0, false),
             levels: weighted(255.0, true),
             binned,
+            planes,
         }
     }
 
@@ -318,14 +379,24 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.scene
     }
 
-    /// As whom it is seen.
-    pub fn camera(&self) -> &Camera {
-        &self.scene.camera
+    /// Pixels in a row, and rows.
+    pub fn size(&self) -> [u32; 2] {
+        [self.raster.picture.width, self.raster.picture.height]
+    }
+
+    /// By which rays.
+    pub fn raster(&self) -> Raster {
+        self.raster
     }
 
     /// All triangles: those that have corners of their own, and those that share them.
     pub fn facets(&self) -> [Facets<'_>; 2] {
         facets(&self.binned.triangles, &self.binned.faces)
+    }
+
+    /// Their planes, of one of these kinds, if those of set-up are not to do.
+    pub fn planes(&self, kind: usize) -> Option<&[ExactPlane]> {
+        self.planes.as_ref().map(|planes| &planes[kind][..])
     }
 
     /// All spheres.
@@ -380,11 +451,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.keep
     }
 
-    /// Who is seen from where, to say why something is not.
-    pub(super) fn frustum(&self) -> Frustum {
-        Frustum::new(&self.frame.grid)
-    }
-
     /// How many objects a tile may see.
     pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
         let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
@@ -408,14 +474,10 @@ impl<'a, E: Element> Tiles<'a, E> {
         frustum.unseen_sphere(sphere) != Omission::Between
     }
 
-    /// Pixels of the picture.
-    pub(super) fn pixels(&self) -> u64 {
-        self.camera().pixels()
-    }
-
     /// How many tiles there are, across and down.
     pub(super) fn tiles(&self) -> [u32; 2] {
-        [self.camera().width().div_ceil(TILE_WIDTH as u32), self.camera().height().div_ceil(TILE_HEIGHT as u32)]
+        let [width, height] = self.size();
+        [width.div_ceil(TILE_WIDTH as u32), height.div_ceil(TILE_HEIGHT as u32)]
     }
 
     /// A power of two: the tile's 1/t is this over t, along the rays of [`Tiles::ray`].
@@ -524,8 +586,8 @@ fn extent(scene: &Scene) -> f64 {
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// Triangles with the near corner first of those that have one (see [`geometry::near_corner_first`]), and without area those whose
-/// planes pass through the camera although rounded sides hide it from the kernels.
+/// Triangles with the near corner first of those that have one (see [`geometry::near_corner_first`]), and without area those that
+/// are never hit although rounded sides may hide it from the kernels.
 fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(triangle)) {
         let turned = |triangle: &Triangle| {
@@ -554,7 +616,7 @@ fn faces_turned_round(faces: &Faces) -> Cow<'_, Faces> {
 }
 
 fn is_edge_on(triangle: &Triangle) -> bool {
-    geometry::is_edge_on(triangle.vertices.map(|v| v.as_dvec3()))
+    geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
 }
 
 /// Which corner is to come first.

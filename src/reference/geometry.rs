@@ -9,18 +9,20 @@ use glam::DVec3;
 /// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers. From
 /// far away h^2 and a k are like numbers too; there a r^2 - |c x d|^2 is the same.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
+    sphere_by(d, centre, radius, || power(centre, radius))
+}
+
+/// The same of a sphere whose [`power`] is known already.
+pub fn sphere_by(d: DVec3, centre: DVec3, radius: f64, power: impl Fn() -> f64) -> Option<f64> {
     let a = d.dot(d);
     let h = d.dot(centre);
     let r2 = radius * radius;
-    let disc = if centre.dot(centre) < 2.0 * r2 {
-        h * h - a * power(centre, radius)
-    } else {
-        a * r2 - centre.cross(d).length_squared()
-    };
+    let disc =
+        if centre.dot(centre) < 2.0 * r2 { h * h - a * power() } else { a * r2 - centre.cross(d).length_squared() };
     if disc.is_nan() || disc < 0.0 {
         return None;
     }
-    let k = power(centre, radius);
+    let k = power();
     let q = h + disc.sqrt().copysign(h);
     let hits = [k / q, q / a].into_iter().filter(|t| *t > 0.0);
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
@@ -110,13 +112,6 @@ pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
     let size = if exact { n } else { DVec3::splat(a.abs().max_element() * b.abs().max_element()) };
     // What is 0 but for the rounding is 0.
     (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(size.abs())).then_some(volume)
-}
-
-/// Whether the plane of a triangle passes through the camera as far as its rounded sides tell.
-pub fn is_edge_on(corners: [DVec3; 3]) -> bool {
-    let [one, two, three] = corners.map(|v| v.abs().max_element());
-    let rounded = one.min(two).min(three) < one.max(two).max(three) / (1 << 28) as f64;
-    rounded && triangle_volume(corners).is_none()
 }
 
 /// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.

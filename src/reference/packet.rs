@@ -1,6 +1,6 @@
 //! The twin of the packet macros: one lane of them.
 //!
-//! These are the operations of `asm/include/{vec3,sphere,lit,triangle,lambert}.inc`, in the same order. What belongs to a span is a
+//! These are the operations of `asm/include/{vec3,sphere,lit,triangle,lambert}.inc`, in the same order. What belongs to a row is a
 //! function of j, its pixel. Where macros take an estimate of a root, it is what a [`Cosine`] of the caller's makes it: no two
 //! CPUs need have the same. The names are those of `asm/include/layout.inc`, which says what each number is.
 
@@ -37,51 +37,6 @@ pub struct LitSphere<T> {
     pub weights: [T; 3],
 }
 
-/// A sphere, seen from outside.
-#[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of OutsideSpan is")]
-pub struct Outside<T> {
-    pub a: Linear<T>,
-    pub b: Linear<T>,
-    pub h: Linear<T>,
-    pub xyz: [Linear<T>; 3],
-    pub c: [T; 3],
-}
-
-/// A sphere, seen from outside at less than sqrt 2 radii.
-#[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of NearSpan is")]
-pub struct Near<T> {
-    pub a: Linear<T>,
-    pub b: Linear<T>,
-    pub h: Linear<T>,
-    pub x: Linear<T>,
-    pub y: T,
-    pub z: T,
-    pub c: [T; 3],
-}
-
-/// A sphere, seen from inside.
-#[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of InsideSpan is")]
-pub struct Inside<T> {
-    pub x: Linear<T>,
-    pub y: T,
-    pub z: T,
-    pub g: T,
-    pub h: Linear<T>,
-    pub k: T,
-    pub c: [T; 3],
-}
-
-/// A triangle.
-#[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "layout.inc says what each field of TriangleSpan is")]
-pub struct Triangle<T> {
-    pub w: Linear<T>,
-    pub xyz: [Linear<T>; 3],
-}
-
 /// A sphere that rays of any direction may meet.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "layout.inc says what each field of SphereHit is")]
@@ -102,26 +57,13 @@ pub struct TriangleHit<T> {
     pub edges: [([T; 3], T); 3],
 }
 
-/// One light on one object.
+/// One light on one sphere.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<T> {
-    /// From the origin of the object's points to the light.
+    /// From the centre, in radii.
     pub position: [T; 3],
-    /// For triangles: |N . (light - v)|.
-    pub cosine: T,
     /// Of red, green and blue: I_L C.
     pub weights: [T; 3],
-}
-
-/// From where the points of an object are seen, and what its normal is: the ways of LAMBERT3.
-#[derive(Clone, Copy, Debug)]
-pub enum Seen<T> {
-    /// From the centre of a sphere of radius 1: the point is the normal.
-    FromCentre,
-    /// On a plane: N . L is the light's own.
-    OnPlane,
-    /// From the camera, of a sphere of radius 1 about this centre.
-    FromCamera([T; 3]),
 }
 
 /// How light falls on a surface: n / sqrt q, of n and q.
@@ -174,7 +116,7 @@ impl Rounding {
         }
     }
 
-    /// VAFFINE.
+    /// f at j.
     fn affine<T: Real>(self, f: Linear<T>, j: T) -> T {
         self.fma(f.slope, j, f.offset)
     }
@@ -256,112 +198,60 @@ impl Rounding {
         sphere.weights.map(|weight| light * weight)
     }
 
-    /// SPHERE_DEN: 1/t at pixel j, and sqrt D.
-    fn den_and_root<T: Real>(self, [a, b, h]: [Linear<T>; 3], j: T) -> (T, T) {
-        let root = max(self.affine(a, j) * self.affine(b, j), T::ZERO).sqrt();
-        (self.affine(h, j) + root, root)
+    /// LAMBERT3 on black: the colour of the point o of a sphere of radius 1 about the origin.
+    pub fn lambert<T: Real>(self, light: &Light<T>, o: [T; 3]) -> [T; 3] {
+        let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
+        let cosine = cosine(&mut Exact, self.dot(o, l), self.dot(l, l));
+        light.weights.map(|weight| self.fma(cosine, weight, T::ZERO))
     }
+}
 
-    /// SPHERE_DEN: 1/t at pixel j.
-    pub fn outside_den<T: Real>(self, sphere: &Outside<T>, j: T) -> T {
-        self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
-    }
+/// A film and a sphere, in units of its radius, for rows of it.
+#[derive(Clone, Copy, Debug)]
+#[expect(missing_docs, reason = "layout.inc says what each field of LitSetup is")]
+pub struct LitSetup {
+    pub step: f64,
+    pub half: [f64; 2],
+    pub columns: f64,
+    pub width: f64,
+    pub c: [f64; 3],
+    pub k: f64,
+    pub m: f64,
+    pub nx: f64,
+    pub zz: f64,
+    pub cyz: f64,
+    pub czz: f64,
+    pub h: f64,
+    pub q: f64,
+    pub v: [f64; 3],
+}
 
-    /// SPHERE_OUTSIDE: the unit normal at pixel j.
-    pub fn outside_normal<T: Real>(self, sphere: &Outside<T>, j: T) -> [T; 3] {
-        let (den, root) = self.den_and_root([sphere.a, sphere.b, sphere.h], j);
-        let t = T::ONE / den;
-        let along = |i: usize| self.fma(-root, sphere.c[i], self.affine(sphere.xyz[i], j)) * t;
-        [0, 1, 2].map(along)
-    }
-
-    /// SPHERE_OUTSIDE and its lights: the colour at pixel j.
-    pub fn outside<T: Real>(self, sphere: &Outside<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
-        self.lights(lights, self.outside_normal(sphere, j), Seen::FromCentre, cosine)
-    }
-
-    /// SPHERE_DEN: 1/t at pixel j.
-    pub fn near_den<T: Real>(self, sphere: &Near<T>, j: T) -> T {
-        self.den_and_root([sphere.a, sphere.b, sphere.h], j).0
-    }
-
-    /// SPHERE_NEAR: the point at pixel j.
-    fn near_point<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
-        let t = T::ONE / self.near_den(sphere, j);
-        [self.affine(sphere.x, j) * t, t * sphere.y, t * sphere.z]
-    }
-
-    /// The unit normal that LAMBERT3 takes at pixel j.
-    pub fn near_normal<T: Real>(self, sphere: &Near<T>, j: T) -> [T; 3] {
-        let p = self.near_point(sphere, j);
-        [0, 1, 2].map(|i| p[i] - sphere.c[i])
-    }
-
-    /// SPHERE_NEAR and its lights: the colour at pixel j.
-    pub fn near<T: Real>(self, sphere: &Near<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
-        self.lights(lights, self.near_point(sphere, j), Seen::FromCamera(sphere.c), cosine)
-    }
-
-    /// SPHERE_FAR_WALL: t at pixel j, and d.x.
-    fn far_wall<T: Real>(self, sphere: &Inside<T>, j: T) -> (T, T) {
-        let (x, h) = (self.affine(sphere.x, j), self.affine(sphere.h, j));
-        let a = x * x + sphere.g;
-        let ka = a * sphere.k;
-        let p = max(h, T::ZERO) + max(h, T::ZERO);
-        let m = ka / (((h * h + ka).sqrt() + p) - h);
-        ((m + p) / a, x)
-    }
-
-    /// 1/t at pixel j.
-    pub fn inside_den<T: Real>(self, sphere: &Inside<T>, j: T) -> T {
-        T::ONE / self.far_wall(sphere, j).0
-    }
-
-    /// SPHERE_INSIDE: the point at pixel j.
-    fn inside_point<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
-        let (t, x) = self.far_wall(sphere, j);
-        [x * t, t * sphere.y, t * sphere.z]
-    }
-
-    /// The unit normal that LAMBERT3 takes at pixel j.
-    pub fn inside_normal<T: Real>(self, sphere: &Inside<T>, j: T) -> [T; 3] {
-        let p = self.inside_point(sphere, j);
-        [0, 1, 2].map(|i| p[i] - sphere.c[i])
-    }
-
-    /// SPHERE_INSIDE and its lights: the colour at pixel j.
-    pub fn inside<T: Real>(self, sphere: &Inside<T>, lights: &[Light<T>], j: T, cosine: impl Cosine<T>) -> [T; 3] {
-        self.lights(lights, self.inside_point(sphere, j), Seen::FromCamera(sphere.c), cosine)
-    }
-
-    /// 1/t at pixel j.
-    pub fn triangle_den<T: Real>(self, triangle: &Triangle<T>, j: T) -> T {
-        self.affine(triangle.w, j)
-    }
-
-    /// TRIANGLE_PLANE and its lights: the colour at pixel j.
-    pub fn triangle<T: Real>(
-        self,
-        triangle: &Triangle<T>,
-        lights: &[Light<T>],
-        j: T,
-        cosine: impl Cosine<T>,
-    ) -> [T; 3] {
-        let t = T::ONE / self.triangle_den(triangle, j);
-        self.lights(lights, triangle.xyz.map(|f| self.affine(f, j) * t), Seen::OnPlane, cosine)
-    }
-
-    /// LAMBERT3 of every light, on black: the colour of the point o.
-    pub fn lights<T: Real>(self, lights: &[Light<T>], o: [T; 3], seen: Seen<T>, mut cosine: impl Cosine<T>) -> [T; 3] {
-        lights.iter().fold([T::ZERO; 3], |colour, light| {
-            let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
-            let numerator = match seen {
-                Seen::FromCentre => self.dot(o, l),
-                Seen::OnPlane => light.cosine,
-                Seen::FromCamera(c) => self.dot([0, 1, 2].map(|i| o[i] - c[i]), l),
-            };
-            let cosine = self::cosine(&mut cosine, numerator, self.dot(l, l));
-            [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
-        })
+impl LitSetup {
+    /// Of a row of the picture start, end, j, stop, m, a, h0 and q0, see LitRows; no columns where it misses the sphere, and the
+    /// rest is left open then.
+    pub fn row(&self, row: u32) -> [f64; 8] {
+        let [cx, cy, cz] = self.c;
+        let y = self.half[1] - (f64::from(row) + 0.5) * self.step;
+        let g = y * y + self.zz;
+        let across = self.cyz - y * cz;
+        let root = ((g - across * across) * self.k).sqrt();
+        let h = y * cy + self.czz;
+        let b = h * cx;
+        let q = b + root.copysign(b);
+        let p = if q == 0.0 { 0.0 } else { (g * self.nx - across * across) / q };
+        let one = q / self.m;
+        let (left, right) = (min(one, -p), max(-p, one));
+        let middle = (left + right) * 0.5;
+        if root.is_nan() || middle * cx + h <= 0.0 {
+            return [0.0; 8];
+        }
+        let column = |x: f64| (x + self.half[0]) * self.columns - 0.5;
+        let inside = |column: f64| min(max(column, 0.0), self.width);
+        let (start, end) = (inside(column(left).ceil()), inside(column(right).floor() + 1.0));
+        let origin = ((start + end) * 0.5).floor();
+        let x = (origin + 0.5) * self.step - self.half[0];
+        let half = (right - left) * 0.5 * self.columns;
+        let q0 = (x * self.v[0] + y * self.v[1] + self.v[2]) * self.q;
+        [start, end, start - origin, end - origin, (middle - x) * self.columns, half * half, (x * cx + h) * self.h, q0]
     }
 }

@@ -351,7 +351,7 @@ mod tests {
     fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
         let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
         let mut seen = [0, 0];
-        // In tiles, in the dark, and along spans.
+        // Of many objects, in the dark, of few, and of one of each kind.
         for (objects, lit) in [(20, true), (20, false), (3, true), (1, true)] {
             let scene = many(objects, objects, 3);
             let lights = if lit { scene.lights } else { Vec::new() };

@@ -11,9 +11,9 @@ mod frame;
 mod hits;
 #[cfg(feature = "files")]
 mod image_file;
+mod lit;
 #[cfg(feature = "files")]
 mod output;
-mod packet;
 mod plan;
 pub mod reference;
 mod rust;

@@ -1,20 +1,18 @@
 //! The plan: by what a scene is traced and what that leaves out, decided once for whoever traces and whoever reports it.
 
 use super::aos::AosTracer;
-use super::packet::PacketTracer;
+use super::lit::LitTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
-use super::tiles::TileTracer;
+use super::tiles::{Interleaved, TileTracer};
 use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
-use crate::kernels::{self, Element, PacketKernels};
-use crate::plan::tiles_pay;
-use crate::plan::{Keep, Report, Spans};
+use crate::kernels::{self, Element, ElementKernels, PacketKernels};
+use crate::plan::{Raster, Report};
 use crate::scene::Scene;
 
 /// A scene planned for an engine.
 pub struct Plan<'a> {
     engine: Engine,
-    precision: Precision,
     scene: &'a Scene,
     /// Whether it is for 8 bits.
     bytes: bool,
@@ -25,14 +23,14 @@ pub struct Plan<'a> {
 enum Way<'a> {
     /// Every ray against every object.
     Rays(Box<dyn Tracer + 'a>),
-    /// Packets of rays: those of each object's spans, or those of each tile.
+    /// Packets of rays: those of the rows of one sphere under one light, or those of each tile.
     Packets(Box<dyn PacketPlan + 'a>),
 }
 
 /// A tracer of packets, with the plan that it goes by.
 pub(super) trait PacketPlan: Tracer {
-    /// What is kept and left out of `scene`, which is the plan's; `bytes` says whether 8 bits are written.
-    fn report(&self, scene: &Scene, bytes: bool) -> Report;
+    /// What is kept and left out; `bytes` says whether 8 bits are written.
+    fn report(&self, bytes: bool) -> Report;
 }
 
 impl<'a> Plan<'a> {
@@ -46,55 +44,26 @@ impl<'a> Plan<'a> {
         let way = match engine {
             Engine::Packet(isa) => {
                 let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(engine))?;
-                if tiles_pay(scene) {
-                    scene.check_lights()?;
-                    // Set-up reads every object, and so sees for nothing whether they have numbers that a scene may have.
-                    let (way, valid) = tiles(kernels, precision, scene, purpose);
-                    if !valid {
-                        scene.check()?;
-                    }
-                    way
-                } else {
-                    scene.check()?;
-                    spans(kernels, precision, scene, purpose)
-                }
+                scene.check_lights()?;
+                match precision {
+                    Precision::Double => packets(kernels, (&kernels.double, false), scene, purpose),
+                    _ => packets(kernels, (&kernels.single, precision == Precision::Fast), scene, purpose),
+                }?
             }
             _ => {
                 scene.check()?;
                 Way::Rays(ray_tracer(engine, scene)?)
             }
         };
-        Ok(Self::of(engine, precision, scene, purpose, way))
-    }
-
-    /// Plans `scene`, whose numbers are valid, for tiles, however few objects there are. None for an engine that has none,
-    /// here.
-    pub fn by_tiles(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Option<Self> {
-        let Engine::Packet(isa) = engine else { return None };
-        let precision = engine.precision_for(purpose).ok()?;
-        let (way, _) = tiles(kernels::packets(isa)?, precision, scene, purpose);
-        Some(Self::of(engine, precision, scene, purpose, way))
-    }
-
-    fn of(engine: Engine, precision: Precision, scene: &'a Scene, purpose: Purpose, way: Way<'a>) -> Self {
-        Plan { engine, precision, scene, bytes: purpose.format.is_none_or(PixelFormat::is_8bit), way }
+        let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
+        Ok(Plan { engine, scene, bytes, way })
     }
 
     /// What is kept and what is left out. Where the purpose has no format, for bytes.
     pub fn report(&self) -> Report {
         match &self.way {
-            Way::Packets(plan) => plan.report(self.scene, self.bytes),
-            // What these leave out is as it is, and what they do for nothing is what spans know of.
-            Way::Rays(_) => {
-                let omissions = self.engine.omissions();
-                if self.precision == Precision::Double {
-                    let spans = Spans::<f64>::new(self.scene, None, Keep::NOTHING);
-                    Report::new(self.scene, &spans, omissions, self.bytes)
-                } else {
-                    let spans = Spans::<f32>::new(self.scene, None, Keep::NOTHING);
-                    Report::new(self.scene, &spans, omissions, self.bytes)
-                }
-            }
+            Way::Packets(plan) => plan.report(self.bytes),
+            Way::Rays(_) => Report::of_rays(self.scene, self.engine.omissions()),
         }
     }
 
@@ -130,27 +99,30 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
     })
 }
 
-fn spans<'a>(kernels: &'static PacketKernels, precision: Precision, scene: &Scene, purpose: Purpose) -> Way<'a> {
-    Way::Packets(match precision {
-        Precision::Double => Box::new(PacketTracer::double(kernels, scene, purpose)),
-        _ => Box::new(PacketTracer::single(kernels, precision == Precision::Fast, scene, purpose)),
-    })
-}
-
-/// And whether planning has seen that the scene's objects are [valid](crate::plan::Tiles::is_valid).
-fn tiles<'a>(
-    kernels: &'static PacketKernels,
-    precision: Precision,
+fn packets<'a, E: Element>(
+    packets: &'static PacketKernels,
+    kernels: (&'static ElementKernels<E>, bool),
     scene: &'a Scene,
     purpose: Purpose,
-) -> (Way<'a>, bool) {
-    fn way<'a, E: Element>(tracer: TileTracer<'a, E>) -> (Way<'a>, bool) {
-        let valid = tracer.is_valid();
-        (Way::Packets(Box::new(tracer)), valid)
+) -> Result<Way<'a>, EngineError> {
+    if scene.spheres.len() == 1 {
+        scene.check()?;
+        if let Some(tracer) = LitTracer::new(packets, kernels, scene, purpose) {
+            return Ok(Way::Packets(Box::new(tracer)));
+        }
     }
     let planning = (purpose.keep, purpose.threads);
-    match precision {
-        Precision::Double => way(TileTracer::double(kernels, scene, planning)),
-        _ => way(TileTracer::single(kernels, precision == Precision::Fast, scene, planning)),
+    let part = |raster| TileTracer::new(packets, kernels, (scene, raster), planning);
+    let mut parts: Vec<_> = Raster::of(&scene.camera).into_iter().map(part).collect();
+    // Set-up reads every object, and so sees for nothing whether they have numbers that a scene may have.
+    if !parts[0].is_valid() {
+        scene.check()?;
     }
+    Ok(Way::Packets(match parts.pop() {
+        Some(only) if parts.is_empty() => Box::new(only),
+        last => {
+            parts.extend(last);
+            Box::new(Interleaved::new(scene.camera.width(), parts))
+        }
+    }))
 }

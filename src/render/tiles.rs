@@ -1,6 +1,9 @@
-//! The engines `sse41`, `avx2` and `avx512` on many objects: the nearest of each pixel tile by tile, then shaded once.
+//! The engines `sse41`, `avx2` and `avx512`: the nearest of each pixel tile by tile, then shaded once.
 
+mod interleaved;
 mod normals;
+
+pub use interleaved::Interleaved;
 
 use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -10,10 +13,11 @@ use glam::DVec3;
 use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
-    CHUNK, Element, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile, SpanKernels,
-    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4, sys,
+    CHUNK, Element, ElementKernels, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile,
+    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileView, TileWindow, Triangles,
+    Vec4, sys,
 };
-use crate::plan::{Keep, LargeObjects, Omission, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
+use crate::plan::{Keep, LargeObjects, Omission, Raster, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene};
 
@@ -51,13 +55,16 @@ fn covers(seen: &[Seen], window: &TileWindow) -> u32 {
 /// made by each tile, of the spheres that have a pixel there.
 const MOST_RECORDS: usize = 4096;
 
+/// A tile of more spheres forgets those that have no pixel of it: their numbers stay within what f32 counts.
+const MOST_SPHERES: usize = 1 << 16;
+
 /// In a tile of fewer spheres it costs more to find out which of them have a pixel than to make all their records.
 const FEWEST_OWNERS: usize = 128;
 
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
-    kernels: &'static SpanKernels<E>,
+    kernels: &'static ElementKernels<E>,
     /// Whether the shade may come from estimates in floats too.
     fast: bool,
     plan: Tiles<'a, E>,
@@ -70,19 +77,20 @@ pub struct TileTracer<'a, E: Element> {
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Plans `scene` for kernels, of which `kernels` are those for one element type; see [`Tiles::new`].
-    fn planned(
+    /// Plans `scene` for kernels, of which `kernels` are those for one element type, with estimates where `fast`; see
+    /// [`Tiles::new`].
+    pub fn new(
         packets: &'static PacketKernels,
-        kernels: &'static SpanKernels<E>,
-        scene: &'a Scene,
+        (kernels, fast): (&'static ElementKernels<E>, bool),
+        (scene, raster): (&'a Scene, Raster),
         (keep, threads): (Keep, usize),
     ) -> Self {
-        let plan = Tiles::new(scene, packets, keep, threads);
+        let plan = Tiles::new(scene, raster, packets, keep, threads);
         let wide = || Box::new(TileTracer::of(packets, &packets.double, plan.in_f64(packets, threads)));
-        TileTracer { wide: plan.any_wide().then(wide), ..Self::of(packets, kernels, plan) }
+        TileTracer { wide: plan.any_wide().then(wide), fast, ..Self::of(packets, kernels, plan) }
     }
 
-    fn of(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>, plan: Tiles<'a, E>) -> Self {
+    fn of(packets: &'static PacketKernels, kernels: &'static ElementKernels<E>, plan: Tiles<'a, E>) -> Self {
         TileTracer {
             packets,
             kernels,
@@ -97,20 +105,6 @@ impl<'a, E: Element> TileTracer<'a, E> {
     /// See [`Tiles::is_valid`].
     pub fn is_valid(&self) -> bool {
         self.plan.is_valid()
-    }
-}
-
-impl<'a> TileTracer<'a, f32> {
-    /// Plans `scene` for the kernels in f32, with estimates where `fast`; the other arguments are those of [`Tiles::new`].
-    pub fn single(packets: &'static PacketKernels, fast: bool, scene: &'a Scene, planning: (Keep, usize)) -> Self {
-        TileTracer { fast, ..Self::planned(packets, &packets.single, scene, planning) }
-    }
-}
-
-impl<'a> TileTracer<'a, f64> {
-    /// Plans `scene` for the kernels in f64.
-    pub fn double(packets: &'static PacketKernels, scene: &'a Scene, planning: (Keep, usize)) -> Self {
-        Self::planned(packets, &packets.double, scene, planning)
     }
 }
 
@@ -159,7 +153,7 @@ struct Scratch<E: Element> {
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
     looks: SphereLooks<E>,
-    /// Triangles that were set up, and forgotten since.
+    /// Objects that were set up, and forgotten since.
     forgotten: usize,
 }
 
@@ -220,7 +214,7 @@ impl<E: Element> TileTracer<'_, E> {
         out: &mut [P],
         mut misses: Misses<P>,
     ) -> Option<u64> {
-        let width = self.plan.camera().width() as usize;
+        let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
         let mut scratches = self.scratches();
         self.each_wanted(rows.clone(), wanted, |tile, window| {
@@ -241,7 +235,7 @@ impl<E: Element> TileTracer<'_, E> {
         narrow: &Narrow<Four, P>,
         hits: Option<u64>,
     ) -> Option<u64> {
-        let width = self.plan.camera().width() as usize;
+        let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
         let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
@@ -345,7 +339,7 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// Says of all tiles of `rows` what of them is in these.
     fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
-        let (width, height) = (self.plan.camera().width(), TILE_HEIGHT as u32);
+        let (width, height) = (self.plan.size()[0], TILE_HEIGHT as u32);
         if rows.is_empty() {
             return;
         }
@@ -455,9 +449,9 @@ impl<E: Element> TileTracer<'_, E> {
         order.clear();
         order.push(0);
         if !room.is_empty() {
-            self.nearest_spheres(room, weighted, buffers, layers, order, looks, window);
+            self.nearest_spheres(room, weighted, buffers, layers, order, (looks, forgotten), window);
             self.each_large(large_spheres, (tile, window), room, buffers, |seen, buffers| {
-                self.nearest_spheres(seen, weighted, buffers, layers, order, looks, window);
+                self.nearest_spheres(seen, weighted, buffers, layers, order, (looks, forgotten), window);
             });
             let by_force = so_far.is_some();
             self.look_at_spheres(weighted, buffers, looks, by_force);
@@ -477,7 +471,8 @@ impl<E: Element> TileTracer<'_, E> {
                     shades.resize(shades.len().max(dark), TileShade::default());
                     shades[..dark].fill(TileShade::default());
                 } else if order.len() - first_triangle > TILE_WIDTH * TILE_HEIGHT {
-                    *forgotten += forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
+                    let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
+                    *forgotten += owns.into_iter().filter(|owns| !owns).count();
                 }
                 self.near_first(triangles, layers, buffers, window, |seen, buffers| {
                     for start in (0..seen.len()).step_by(CHUNK) {
@@ -486,6 +481,7 @@ impl<E: Element> TileTracer<'_, E> {
                         let triangles = Triangles { facets: *facets, lights: &weighted.lights, seen, first_id };
                         order.extend(seen.iter().take(CHUNK).map(|seen| before + seen.id));
                         kernels.set_up.call(&view, triangles, buffers, shades);
+                        self.refine(kind, triangles, &view, buffers, shades);
                         kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());
                         if let Some(so_far) = &mut so_far {
                             so_far(buffers, shades, looks);
@@ -500,6 +496,26 @@ impl<E: Element> TileTracer<'_, E> {
             before += facets.len() as u32;
         }
         any
+    }
+
+    /// Sets what was set up to the planes that the plan has, if it has them.
+    fn refine(
+        &self,
+        kind: usize,
+        Triangles { lights, seen, first_id, .. }: Triangles<'_>,
+        view: &TileView<f64>,
+        buffers: &mut TileBuffers<E>,
+        shades: &mut [TileShade<E>],
+    ) {
+        let Some(planes) = self.plan.planes(kind) else { return };
+        for (i, seen) in seen.iter().take(CHUNK).enumerate() {
+            let plane = &planes[seen.id as usize];
+            buffers.set_inverse(i, plane.inverse(view).map(E::from_f64));
+            let shades = &mut shades[(first_id + i) * lights.len()..][..lights.len()];
+            for (shade, light) in shades.iter_mut().zip(lights) {
+                shade.cosine = E::from_f64(plane.height(light));
+            }
+        }
     }
 
     /// Has those traced of what is in many tiles that are still to come, and not behind all of this one.
@@ -588,7 +604,7 @@ impl<E: Element> TileTracer<'_, E> {
         buffers: &mut TileBuffers<E>,
         layers: &mut Layers,
         order: &mut Vec<u32>,
-        looks: &mut SphereLooks<E>,
+        (looks, forgotten): (&mut SphereLooks<E>, &mut usize),
         window: &TileWindow,
     ) {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
@@ -601,6 +617,13 @@ impl<E: Element> TileTracer<'_, E> {
         }
         self.near_first(spheres, layers, buffers, window, |seen, buffers| {
             for start in (0..seen.len()).step_by(CHUNK) {
+                if order.len() > MOST_SPHERES {
+                    let owns = forget_unseen(buffers, 1, order, &mut [], 0);
+                    let mut owns = owns.into_iter().skip(1);
+                    *forgotten += looks.seen.len();
+                    looks.seen.retain(|_| owns.next() == Some(true));
+                    *forgotten -= looks.seen.len();
+                }
                 let first_id = order.len();
                 let seen = &seen[start..];
                 let chunk = &seen[..seen.len().min(CHUNK)];
@@ -682,10 +705,11 @@ impl<E: Element> TileTracer<'_, E> {
             return;
         }
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let power = geometry::power(centre, radius);
         for row in window.rows.clone() {
             for column in 0..window.columns {
                 let d = self.ray(window, column, row);
-                if let Some(t) = geometry::sphere(d, centre, radius) {
+                if let Some(t) = geometry::sphere_by(d, centre, radius, || power) {
                     let near = E::from_f64(self.plan.scale() / t);
                     buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, order);
                 }
@@ -730,25 +754,28 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// As [`Tracer::hits`], of its `own` tiles.
     fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
-        let width = self.plan.camera().width() as usize;
+        let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];
         let spheres = self.plan.balls().len();
-        self.each_nearest(rows.clone(), own, |window, Scratch { buffers, order, .. }| {
+        self.each_nearest(rows.clone(), own, |window, scratch| {
             for (row, column) in pixels_of(window) {
-                let (near, who) = buffers.pixel(self.kernels.lanes, column, row);
+                let (near, who) = scratch.buffers.pixel(self.kernels.lanes, column, row);
                 if who > 0 {
-                    let place = order[who] as usize - 1;
-                    let object = match place.checked_sub(spheres) {
-                        None => Object::Sphere(place),
-                        Some(triangle) => Object::Triangle(triangle),
+                    let place = scratch.order[who] as usize - 1;
+                    let (object, normal) = match place.checked_sub(spheres) {
+                        None => {
+                            let normal = self.normal_of_sphere((who, near), (window, row, column), scratch);
+                            (Object::Sphere(place), normal)
+                        }
+                        Some(triangle) => (Object::Triangle(triangle), self.normal_of_triangle(triangle)),
                     };
                     let distance = Distance::Inverse(near.to_f64() / self.plan.inverse_unit());
                     let place = (window.row as usize + row - rows.start as usize) * width;
-                    found[place + window.column as usize + column] = Some(Found { object, distance, normal: None });
+                    let at = place + window.column as usize + column;
+                    found[at] = Some(Found { object, distance, normal: Some(normal) });
                 }
             }
         });
-        self.add_normals(rows, &mut found);
         found
     }
 }
@@ -766,21 +793,21 @@ fn not_behind(seen: &mut [Seen], count: usize, least: f32) -> usize {
     left
 }
 
-/// Forgets those triangles of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
-/// there on. How many are forgotten.
+/// Forgets those objects of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
+/// there on. Who had a pixel, by the numbers before; those up to the first are taken to have one.
 fn forget_unseen<E: Element>(
     buffers: &mut TileBuffers<E>,
     first: usize,
     order: &mut Vec<u32>,
     shades: &mut [TileShade<E>],
     lights: usize,
-) -> usize {
+) -> Vec<bool> {
     let mut owners = vec![false; order.len()];
     buffers.mark_owners(&mut owners);
     owners[..first].fill(true);
     let mut left = 0;
     let mut numbers = Vec::with_capacity(order.len());
-    for (i, owns) in owners.into_iter().enumerate() {
+    for (i, owns) in owners.iter().copied().enumerate() {
         numbers.push(left as u32);
         if owns {
             order[left] = order[i];
@@ -789,9 +816,8 @@ fn forget_unseen<E: Element>(
         }
     }
     buffers.renumber(&numbers, left);
-    let forgotten = order.len() - left;
     order.truncate(left);
-    forgotten
+    owners
 }
 
 /// Has the memory fetched of the pixels to the right of a window: they are written next, and in pieces of a row each, which a
@@ -815,9 +841,10 @@ fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
     rows.flat_map(move |row| (0..columns).map(move |column| (row, column)))
 }
 
-impl<E: Element> PacketPlan for TileTracer<'_, E> {
-    fn report(&self, _: &Scene, bytes: bool) -> Report {
-        let height = self.plan.camera().height();
+impl<E: Element> TileTracer<'_, E> {
+    /// What is left out of the whole picture.
+    fn survey_all(&self) -> TileSurvey {
+        let height = self.plan.size()[1];
         let surveys = on_all_cores((height as usize).div_ceil(TILE_HEIGHT), |down| {
             let start = (down * TILE_HEIGHT) as u32;
             let rows = start..height.min(start + TILE_HEIGHT as u32);
@@ -828,7 +855,13 @@ impl<E: Element> PacketPlan for TileTracer<'_, E> {
             )
         });
         let survey = surveys.into_iter().fold(TileSurvey::default(), TileSurvey::and);
-        Report::of_tiles(&self.plan, TileSurvey { short: self.count_short(), ..survey }, bytes)
+        TileSurvey { short: self.count_short(), ..survey }
+    }
+}
+
+impl<E: Element> PacketPlan for TileTracer<'_, E> {
+    fn report(&self, bytes: bool) -> Report {
+        Report::of_tiles(&[&self.plan], self.survey_all(), bytes)
     }
 }
 

@@ -1,8 +1,8 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, InsideSpan, Isa, Light, LitRow, LitSphere, NearSpan, ObjectLight, OpRef,
-    OutsideSpan, PacketKernels, Sphere, Surface, Triangle, TriangleSpan, Vec4,
+    self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, Sphere, Surface, Triangle,
+    Vec4,
 };
 use rayo::scene::Rng;
 
@@ -25,33 +25,6 @@ pub fn packet_kernels() -> Vec<(Isa, &'static PacketKernels)> {
     usable.into_iter().map(|isa| (isa, kernels::packets(isa).unwrap())).collect()
 }
 
-/// Records of the packet kernels with a random number in every field but those of the span.
-macro_rules! random_records {
-    ($($function:ident: $record:ident { $($field:ident)* })*) => {
-        $(
-            /// Of a span of so many pixels, j being 0 in its middle.
-            pub fn $function<E: Element>(numbers: Numbers, id: f64, pixels: usize, rng: &mut Rng) -> $record<E> {
-                let j = -((pixels / 2) as f64);
-                $record {
-                    j,
-                    end: j + pixels as f64,
-                    id,
-                    depth: numbers.next(rng).into(),
-                    $($field: numbers.next(rng).into()),*
-                }
-                .round()
-            }
-        )*
-    };
-}
-
-random_records! {
-    outside_span: OutsideSpan { a1 a0 b1 b0 h1 h0 x1 x0 y1 y0 z1 z0 cx cy cz }
-    near_span: NearSpan { a1 a0 b1 b0 h1 h0 x1 x0 y z cx cy cz }
-    inside_span: InsideSpan { x1 x0 y z g h1 h0 k cx cy cz }
-    triangle_span: TriangleSpan { w1 w0 x1 x0 y1 y0 z1 z0 }
-}
-
 /// A sphere under one light, with a random number in every field, and weights that are finite and not below 0.
 pub fn lit_sphere<E: Element>(numbers: Numbers, rng: &mut Rng) -> LitSphere<E> {
     let [h1, least, q1, kn, ke, red, green, blue] = [0; 8].map(|_| numbers.next(rng).into());
@@ -67,13 +40,7 @@ pub fn lit_row<E: Element>(numbers: Numbers, width: usize, rng: &mut Rng) -> Lit
     let middle = (start + end) / 2;
     let [start, end, middle] = [start, end, middle].map(|column| column as f64);
     let [m, a, h0, q0] = [0; 4].map(|_| numbers.next(rng).into());
-    LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0, id: 1.0 }.round()
-}
-
-/// A light on an object, with a random number in every field.
-pub fn lit<E: Element>(numbers: Numbers, rng: &mut Rng) -> ObjectLight<E> {
-    let [x, y, z, cosine, red, green, blue] = [0; 7].map(|_| numbers.next(rng).into());
-    ObjectLight { x, y, z, cosine, red, green, blue, padding: 0.0 }.round()
+    LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0 }.round()
 }
 
 /// The seed of this run: RAYO_SEED, or a fixed one. It is printed, and so shown where a test fails.

@@ -10,13 +10,13 @@ use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels,
 use glam::Vec3;
 use rayo::kernels::harness::{self, BROKEN, Guarded, Side, broken_read, broken_write, without_denormals};
 use rayo::kernels::{
-    Bodies, BoundsView, CHUNK, ColourRun, Depth, Element, Emit, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
-    Frame, Hits, InRow, InsideSpan, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, ObjectLight,
-    Objects, Op, OpRef, PART_SIDE, PacketKernels, Parts, Plain, Planes, Rgb8, Rgba8, Row, RowSetup, Seen, Shade,
-    ShadeRows, ShadeTile, SpanKernels, Sphere, SphereRecords, SphereView, Spheres, Surface, TILE_PARTS, TILE_WIDTH,
-    TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4, hits_of_c, hits_of_paper,
+    BoundsView, CHUNK, ColourRun, Element, ElementKernels, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
+    Frame, Hits, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, Objects, Op, OpRef, PART_SIDE,
+    PacketKernels, Parts, Plain, Rgb8, Rgba8, RowSetup, Seen, ShadeRows, ShadeTile, Sphere, SphereRecords, SphereView,
+    Spheres, Surface, TILE_PARTS, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4,
+    hits_of_c, hits_of_paper,
 };
-use rayo::plan::{Keep, TilePlace, Tiles};
+use rayo::plan::{Keep, Raster, TilePlace, Tiles};
 use rayo::reference::tile::{hides, middle, parts};
 use rayo::scene::{self, Rng};
 
@@ -349,32 +349,6 @@ fn check_writes<P: Pixel>(
     }
 }
 
-fn check_shade<S: Plain, E: Element, P: Pixel>(
-    kernel: &Shade<S, E, P>,
-    span: impl Fn(usize) -> S,
-    lits: &[ObjectLight<E>],
-) {
-    let spans: Vec<_> = COUNTS.map(span).collect();
-    let span = |pixels: usize| &spans[pixels - COUNTS.start];
-    for lits in [&lits[..0], &lits[..1], lits] {
-        for streaming in [false, true] {
-            check_writes(
-                kernel.symbol(),
-                |pixels, out| kernel.call_checked(span(pixels), lits, out, streaming),
-                |pixels, out| kernel.call(span(pixels), lits, out, streaming),
-            );
-        }
-    }
-    // The record and the lights are read to their ends and no further.
-    for side in SIDES {
-        let span = Guarded::new(&[*span(COUNTS.start)], side).unwrap();
-        let lits = Guarded::new(lits, side).unwrap();
-        let mut out = vec![P::CANARY; 1];
-        let alive = survives(|| kernel.call(&span[0], &lits, &mut out, false)).unwrap();
-        assert!(alive, "{} touches the guard page {side:?} of its record or lights", kernel.symbol());
-    }
-}
-
 /// Rows of every width and number, with a span anywhere.
 fn check_shade_rows<E: Element, P: Pixel>(kernel: &ShadeRows<E, P>, sphere: &LitSphere<E>, rng: &mut Rng) {
     for count in [1, 2, 5] {
@@ -404,28 +378,6 @@ fn check_shade_rows<E: Element, P: Pixel>(kernel: &ShadeRows<E, P>, sphere: &Lit
     }
 }
 
-/// Pixels that are the row's own, among those of another object.
-fn check_lit_planes<E: Element>(kernels: &SpanKernels<E>, lits: &[ObjectLight<E>], rng: &mut Rng) {
-    let mut recoloured = 0;
-    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
-        let x = start..start + pixels;
-        let mut row =
-            row(&kernels.outside_in_row, lits, &kernel_cases::outside_span(Numbers::Ordinary, 1.0, WIDTH, rng));
-        let nearer = kernel_cases::outside_span(Numbers::Ordinary, 2.0, pixels, rng);
-        kernels.outside_in_row.depth.call(&nearer, &mut row, x.clone());
-        let sphere = kernel_cases::lit_sphere(Numbers::Ordinary, rng);
-        let lit_row = LitRow { id: nearer.id, ..kernel_cases::lit_row(Numbers::Ordinary, pixels, rng) };
-        let mut rows = Guarded::new(&[LitRows::default()], Side::After).unwrap();
-        rows[0].set_row(0, &lit_row);
-        for kernel in [&kernels.lit_planes, &kernels.lit_planes_fast] {
-            let checked = |row: &mut Row<E>, x| kernel.call_checked(&sphere, &rows[0], row, x);
-            let call = |row: &mut Row<E>, x| kernel.call(&sphere, &rows[0], row, x);
-            recoloured += check_own(kernel.symbol(), &row, x.clone(), checked, call);
-        }
-    }
-    assert!(recoloured > 0, "{}: no pixel is coloured", kernels.lit_planes.symbol());
-}
-
 /// Any number of rows, the setup and the rows between guard pages.
 fn check_row_setup<E: Element>(kernel: &RowSetup<E>, rng: &mut Rng) {
     let mut setup = LitSetup::<f64>::default();
@@ -444,150 +396,9 @@ fn check_row_setup<E: Element>(kernel: &RowSetup<E>, rng: &mut Rng) {
     }
 }
 
-/// The five planes of a row.
-fn planes<E: Element>(row: &Row<E>) -> [Vec<u64>; 5] {
-    [0, 1, 2, 3, 4].map(|plane| row.plane(plane).iter().map(|x| x.to_f64().to_bits()).collect())
-}
-
-/// A row in which the object 1 is, seen and shaded, in some places.
-fn row<S: Plain, E: Element>(bodies: &InRow<S, E>, lits: &[ObjectLight<E>], first: &S) -> Row<E> {
-    let mut row = Row::new(WIDTH);
-    bodies.depth.call(first, &mut row, 0..WIDTH);
-    bodies.planes.call(first, lits, &mut row, 0..WIDTH);
-    row
-}
-
-/// How many pixels become the second object's.
-fn check_depth<S: Plain, E: Element>(kernel: &Depth<S, E>, row: &Row<E>, span: &S, x: Range<usize>) -> usize {
-    let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
-    let what = format!("{} at {x:?}", kernel.symbol());
-    assert_eq!(kernel.call_checked(span, &mut after, x.clone()), Ok(()), "{what}");
-    kernel.call(span, &mut unchecked, x.clone());
-    assert_eq!(planes(&after), planes(&unchecked), "{what}");
-    let changed = planes(&after);
-    assert_eq!(changed[1..4], before[1..4], "{what} writes a colour");
-    let mut won = 0;
-    for i in 0..before[0].len() {
-        let same = changed[0][i] == before[0][i] && changed[4][i] == before[4][i];
-        let nearer = f64::from_bits(changed[4][i]) > f64::from_bits(before[4][i]);
-        let wins = x.contains(&i) && nearer && changed[0][i] == 2f64.to_bits();
-        assert!(same || wins, "{what}: pixel {i}");
-        won += usize::from(wins);
-    }
-    won
-}
-
-/// How many pixels take another colour.
-fn check_planes<S: Plain, E: Element>(
-    kernel: &Planes<S, E>,
-    lits: &[ObjectLight<E>],
-    row: &Row<E>,
-    span: &S,
-    x: Range<usize>,
-) -> usize {
-    let checked = |row: &mut Row<E>, x| kernel.call_checked(span, lits, row, x);
-    check_own(kernel.symbol(), row, x, checked, |row, x| kernel.call(span, lits, row, x))
-}
-
-/// How many of the pixels `x` of the row are coloured by a kernel, all of which must be the second object's.
-fn check_own<E: Element>(
-    symbol: &str,
-    row: &Row<E>,
-    x: Range<usize>,
-    checked: impl FnOnce(&mut Row<E>, Range<usize>) -> Result<(), Vec<Fault>>,
-    call: impl FnOnce(&mut Row<E>, Range<usize>),
-) -> usize {
-    let (before, mut after, mut unchecked) = (planes(row), row.clone(), row.clone());
-    let what = format!("{symbol} at {x:?}");
-    assert_eq!(checked(&mut after, x.clone()), Ok(()), "{what}");
-    call(&mut unchecked, x.clone());
-    let changed = planes(&after);
-    assert_eq!(changed, planes(&unchecked), "{what}");
-    assert_eq!((&changed[0], &changed[4]), (&before[0], &before[4]), "{what} changes who is where");
-    let differs = |i: &usize| (1..4).any(|plane| changed[plane][*i] != before[plane][*i]);
-    let recoloured: Vec<_> = (0..before[0].len()).filter(differs).collect();
-    let own = |i: &usize| x.contains(i) && before[0][*i] == 2f64.to_bits();
-    assert!(recoloured.iter().all(own), "{what} writes pixels that are not its own");
-    recoloured.len()
-}
-
-/// All kernels of an object but those of the short form.
-fn check_bodies<S: Plain, E: Element>(
-    alone: Option<&Bodies<S, E>>,
-    bodies: &InRow<S, E>,
-    normals: Option<&Planes<S, E>>,
-    lits: &[ObjectLight<E>],
-    mut span: impl FnMut(f64, usize) -> S,
-) {
-    let spans: Vec<_> = (0..COUNTS.end).map(|pixels| span(2.0, pixels)).collect();
-    if let Some(alone) = alone {
-        check_shade(&alone.f32x4, |pixels| spans[pixels], lits);
-        check_shade(&alone.f32x4_fast, |pixels| spans[pixels], lits);
-        check_shade(&alone.rgba8, |pixels| spans[pixels], lits);
-    }
-    let (mut won, mut recoloured, mut tried) = (0, 0, 0);
-    for (start, pixels) in MISALIGNED.flat_map(|start| COUNTS.map(move |pixels| (start, pixels))) {
-        let x = start..start + pixels;
-        let mut row = row(bodies, lits, &span(1.0, WIDTH));
-        won += check_depth(&bodies.depth, &row, &spans[pixels], x.clone());
-        tried += pixels;
-        bodies.depth.call(&spans[pixels], &mut row, x.clone());
-        recoloured += check_planes(&bodies.planes, lits, &row, &spans[pixels], x.clone());
-        recoloured += check_planes(&bodies.planes_fast, lits, &row, &spans[pixels], x.clone());
-        if let Some(normals) = normals {
-            recoloured += check_planes(normals, &[], &row, &spans[pixels], x);
-        }
-    }
-    let symbol = bodies.depth.symbol();
-    assert!((tried / 50..tried).contains(&won), "{symbol}: {won} of {tried} pixels are won");
-    assert!(recoloured > won / 10, "{symbol}: {recoloured} colours of {won} pixels");
-}
-
-fn check_emit<E: Element, P: Pixel>(kernel: &Emit<E, P>, row: &Row<E>, expected: impl Fn([f64; 3]) -> P) {
-    for start in MISALIGNED {
-        let (mut checked, mut unchecked) = (row.clone(), row.clone());
-        let what = format!("{} from {start}", kernel.symbol());
-        // The row is read, never written; Emit takes it as one that may be.
-        check_writes(
-            &what,
-            |_, out| kernel.call_checked(&mut checked, start, out),
-            |_, out| kernel.call(&mut row.clone(), start, out),
-        );
-        assert_eq!(planes(&checked), planes(row), "{what} writes the row");
-        let mut out = vec![P::CANARY; COUNTS.end];
-        kernel.call(&mut unchecked, start, &mut out);
-        for (i, pixel) in out.iter().enumerate() {
-            let colour = [1, 2, 3].map(|plane| row.plane(plane)[start + i].to_f64());
-            assert_eq!(pixel.bits(), expected(colour).bits(), "{what}: pixel {i} of {colour:?}");
-        }
-    }
-}
-
-fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
-    let numbers = Numbers::Ordinary;
-    // Each light and one opposite to it, so that some light is on every side of a surface.
-    let lits = (0..3).map(|_| kernel_cases::lit(numbers, rng));
-    let opposite =
-        |l: ObjectLight<E>| ObjectLight { x: E::from_f64(-l.x.to_f64()), y: E::from_f64(-l.y.to_f64()), ..l };
-    let opposite = |l: ObjectLight<E>| [l, ObjectLight { z: E::from_f64(-l.z.to_f64()), ..opposite(l) }];
-    let lits: Vec<_> = lits.flat_map(opposite).collect();
-    let (outside, triangle) = (Some(&kernels.outside), Some(&kernels.triangle));
-    check_bodies(outside, &kernels.outside_in_row, Some(&kernels.outside_normals), &lits, |id, pixels| {
-        kernel_cases::outside_span(numbers, id, pixels, rng)
-    });
-    check_bodies(None, &kernels.near_in_row, Some(&kernels.near_normals), &lits, |id, pixels| {
-        kernel_cases::near_span(numbers, id, pixels, rng)
-    });
-    check_bodies(None, &kernels.inside_in_row, Some(&kernels.inside_normals), &lits, |id, pixels| {
-        // No root of what is below 0: it would be black.
-        let span: InsideSpan<E> = kernel_cases::inside_span(numbers, id, pixels, rng);
-        InsideSpan { g: E::from_f64(100.0), k: E::from_f64(span.k.to_f64().abs()), ..span }
-    });
-    check_bodies(triangle, &kernels.triangle_in_row, None, &lits, |id, pixels| {
-        kernel_cases::triangle_span(numbers, id, pixels, rng)
-    });
+fn check_lit_kernels<E: Element>(kernels: &ElementKernels<E>, rng: &mut Rng) {
     for bodies in [&kernels.lit, &kernels.grey] {
-        let sphere = kernel_cases::lit_sphere(numbers, rng);
+        let sphere = kernel_cases::lit_sphere(Numbers::Ordinary, rng);
         check_shade_rows(&bodies.f32x4, &sphere, rng);
         check_shade_rows(&bodies.f32x4_fast, &sphere, rng);
         check_shade_rows(&bodies.f32x3, &sphere, rng);
@@ -596,34 +407,14 @@ fn check_span_kernels<E: Element>(kernels: &SpanKernels<E>, rng: &mut Rng) {
         check_shade_rows(&bodies.rgb8, &sphere, rng);
     }
     check_row_setup(&kernels.lit_rows, rng);
-    check_lit_planes(kernels, &lits, rng);
-    // A light of weights from 0 to 300, so that levels are clamped.
-    let [red, green, blue] = [300.0, 200.0, 100.0].map(E::from_f64);
-    let light = ObjectLight { red, green, blue, ..lits[0] };
-    let row = (0..20).map(|_| {
-        let mut span = kernel_cases::outside_span(numbers, 1.0, WIDTH, rng);
-        span.depth = E::from_f64(1.0);
-        row(&kernels.outside_in_row, &[light], &span)
-    });
-    let coloured = |row: &Row<E>| row.plane(1).iter().filter(|x| x.to_f64() > 1.0).count();
-    let row = row.max_by_key(coloured).unwrap();
-    assert!(coloured(&row) > WIDTH / 10, "a row that has colours");
-    check_emit(&kernels.emit_f32x4, &row, |c| {
-        let [r, g, b] = c.map(|x| x as f32);
-        Vec4::new(r, g, b)
-    });
-    check_emit(&kernels.emit_rgba8, &row, |c| {
-        let [r, g, b] = c.map(|x| x.min(255.0) as u8);
-        [r, g, b, 255]
-    });
 }
 
 #[test]
 fn every_packet_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alone() {
     let seed = seed();
     for (_, kernels) in packet_kernels() {
-        check_span_kernels(&kernels.single, &mut Rng::new(seed));
-        check_span_kernels(&kernels.double, &mut Rng::new(seed));
+        check_lit_kernels(&kernels.single, &mut Rng::new(seed));
+        check_lit_kernels(&kernels.double, &mut Rng::new(seed));
         check_fill(&kernels.fill);
         check_narrow(&kernels.narrow_rgb8, |i| [i, i + 1, i + 2, 255], |[r, g, b, _]| [r, g, b]);
         let four = |i: u8| Vec4::new(i.into(), f32::from(i) + 0.5, f32::MAX);
@@ -684,38 +475,19 @@ fn check_fill(fill: &Fill) {
     }
 }
 
-/// A kernel's symbol, and a call of it.
-type Write<'a> = (&'a str, &'a mut dyn FnMut(&mut [Rgba8]));
-
 /// An `Rgba8` is four bytes, which Rust aligns to one.
 #[test]
 fn pixels_of_bytes_may_begin_at_any_address() {
-    let mut rng = Rng::new(seed());
     for (_, kernels) in packet_kernels() {
-        for pixels in COUNTS {
-            let span = kernel_cases::triangle_span(Numbers::Ordinary, 1.0, pixels, &mut rng);
-            let lits = [kernel_cases::lit(Numbers::Ordinary, &mut rng)];
-            let kernel = &kernels.single.triangle.rgba8;
-            let mut row = Row::<f32>::new(WIDTH);
-            row.clear(0..WIDTH);
-            let mut writes: [Write; 5] = [
-                (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, false)),
-                (kernel.symbol(), &mut |out| kernel.call(&span, &lits, out, true)),
-                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out, false)),
-                (kernels.fill.symbol(), &mut |out| kernels.fill.rgba8(out, true)),
-                (kernels.single.emit_rgba8.symbol(), &mut |out| kernels.single.emit_rgba8.call(&mut row, 0, out)),
-            ];
-            for (symbol, write) in &mut writes {
-                let mut expected = vec![Rgba8::CANARY; pixels];
-                write(&mut expected);
-                for offset in 0..8 {
-                    let mut bytes = [7; 4 * WIDTH];
-                    let end = offset + 4 * pixels;
-                    write(bytes[offset..end].as_chunks_mut().0);
-                    assert_eq!(bytes[offset..end], *expected.as_flattened(), "{symbol}: {pixels} pixels at {offset}");
-                    let beside = [&bytes[..offset], &bytes[end..]].concat();
-                    assert!(beside.iter().all(|byte| *byte == 7), "{symbol}: {pixels} pixels at {offset}");
-                }
+        for (pixels, streaming) in COUNTS.flat_map(|pixels| [false, true].map(|streaming| (pixels, streaming))) {
+            for offset in 0..8 {
+                let mut bytes = [7; 4 * WIDTH];
+                let end = offset + 4 * pixels;
+                kernels.fill.rgba8(bytes[offset..end].as_chunks_mut().0, streaming);
+                let what = format!("{}: {pixels} pixels at {offset}", kernels.fill.symbol());
+                assert!(bytes[offset..end].as_chunks::<4>().0.iter().all(|pixel| *pixel == [0, 0, 0, 255]), "{what}");
+                let beside = [&bytes[..offset], &bytes[end..]].concat();
+                assert!(beside.iter().all(|byte| *byte == 7), "{what}");
             }
         }
     }
@@ -761,13 +533,13 @@ fn check_shade_tile<E: Element, P: Pixel>(
     }
 }
 
-fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, seed: u64) {
+fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKernels<E>, seed: u64) {
     let (kernels, lanes) = (&kernels.tiles, kernels.lanes);
     for (count, lights) in [(1, 1), (2, 0), (3, 2), (63, 1), (64, 2)] {
         let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
         let mut scene = scene::Scene { camera, ..scene::many(count, count, seed) };
         scene.lights.truncate(lights);
-        let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
+        let plan = Tiles::<E>::new(&scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
         let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];

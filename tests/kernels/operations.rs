@@ -11,13 +11,12 @@ use std::ops::Range;
 
 use crate::kernel_cases::{self, Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Bodies, Element, Frame, InRow, InsideSpan, Isa, LIT_ROWS, Light, LitRow, LitRows, LitSphere, NearSpan, ObjectLight,
-    Objects, OpRef, OutsideSpan, Planes, Rgb8, Rgba8, Row, Shade, ShadeRows, SpanKernels, Sphere, Trace, Triangle,
-    TriangleSpan, Vec4,
+    Element, ElementKernels, Frame, Isa, LIT_ROWS, Light, LitRow, LitRows, LitSphere, Objects, OpRef, Rgb8, Rgba8,
+    ShadeRows, Sphere, Trace, Triangle, Vec4,
 };
-use rayo::plan::{Keep, Omission, Packed, Scale, ShortForm, Spans, UseRecord};
+use rayo::plan::{Keep, LitForm, Packed, Scale};
 use rayo::reference::aos::{self, Form, Lanes};
-use rayo::reference::packet::{self, Cosine, Exact, Linear, Rounding};
+use rayo::reference::packet::{self, Linear, Rounding};
 use rayo::reference::{Real, paper_c};
 use rayo::scene::{Camera, Rng, Scene, many};
 
@@ -430,82 +429,6 @@ fn linear<E>(slope: E, offset: E) -> Linear<E> {
     Linear { slope, offset }
 }
 
-fn twin_of_lits<E: Element>(lits: &[ObjectLight<E>]) -> Vec<packet::Light<E>> {
-    let light = |l: &ObjectLight<E>| packet::Light {
-        position: [l.x, l.y, l.z],
-        cosine: l.cosine,
-        weights: [l.red, l.green, l.blue],
-    };
-    lits.iter().map(light).collect()
-}
-
-/// A span record, its twin, and what the twin makes of it.
-trait Record<E>: Copy + std::fmt::Debug {
-    fn first(&self) -> E;
-    fn depth(&self) -> E;
-    fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3];
-    fn den(&self, rounding: Rounding, j: E) -> E;
-    /// None for a triangle.
-    fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]>;
-}
-
-/// Gives a record its twin: the value that is made of `$s`, and the functions that take it.
-macro_rules! record {
-    ($name:ident, $s:ident => $twin:expr, $colour:ident, $den:ident $(, $normal:ident)?) => {
-        impl<E: Element + Real> Record<E> for $name<E> {
-            fn first(&self) -> E {
-                self.j
-            }
-            fn depth(&self) -> E {
-                self.depth
-            }
-            fn colour(&self, rounding: Rounding, lights: &[packet::Light<E>], j: E, cosine: impl Cosine<E>) -> [E; 3] {
-                let $s = self;
-                rounding.$colour(&$twin, lights, j, cosine)
-            }
-            fn den(&self, rounding: Rounding, j: E) -> E {
-                let $s = self;
-                rounding.$den(&$twin, j)
-            }
-            fn normal(&self, rounding: Rounding, j: E) -> Option<[E; 3]> {
-                let ($s, _rounding, _j) = (self, rounding, j);
-                let _twin = $twin;
-                [$(_rounding.$normal(&_twin, _j))?].into_iter().next()
-            }
-        }
-    };
-}
-
-record!(OutsideSpan, s => packet::Outside {
-    a: linear(s.a1, s.a0),
-    b: linear(s.b1, s.b0),
-    h: linear(s.h1, s.h0),
-    xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
-    c: [s.cx, s.cy, s.cz],
-}, outside, outside_den, outside_normal);
-record!(NearSpan, s => packet::Near {
-    a: linear(s.a1, s.a0),
-    b: linear(s.b1, s.b0),
-    h: linear(s.h1, s.h0),
-    x: linear(s.x1, s.x0),
-    y: s.y,
-    z: s.z,
-    c: [s.cx, s.cy, s.cz],
-}, near, near_den, near_normal);
-record!(InsideSpan, s => packet::Inside {
-    x: linear(s.x1, s.x0),
-    y: s.y,
-    z: s.z,
-    g: s.g,
-    h: linear(s.h1, s.h0),
-    k: s.k,
-    c: [s.cx, s.cy, s.cz],
-}, inside, inside_den, inside_normal);
-record!(TriangleSpan, s => packet::Triangle {
-    w: linear(s.w1, s.w0),
-    xyz: [linear(s.x1, s.x0), linear(s.y1, s.y0), linear(s.z1, s.z0)],
-}, triangle, triangle_den);
-
 fn twin_of_lit<E: Element>(s: &LitSphere<E>, row: &LitRow<E>) -> packet::LitSphere<E> {
     packet::LitSphere {
         m: row.m,
@@ -570,80 +493,6 @@ impl Compared {
     }
 }
 
-fn shaded<S, E, P: Copy>(
-    kernel: &Shade<S, E, P>,
-    span: &S,
-    lits: &[ObjectLight<E>],
-    pixels: usize,
-    canary: P,
-) -> Vec<P> {
-    let mut out = vec![canary; pixels];
-    kernel.call(span, lits, &mut out, false);
-    out
-}
-
-/// Compares the exact kernels of one kind of object with their twin, over random records.
-fn check_bodies<S: Record<E>, E: Element + Real>(
-    alone: Option<&Bodies<S, E>>,
-    bodies: &InRow<S, E>,
-    normals: Option<&Planes<S, E>>,
-    rounding: Rounding,
-    random: impl Fn(Numbers, usize, &mut Rng) -> S,
-    rng: &mut Rng,
-) -> Compared {
-    let mut compared = Compared::default();
-    for case in 0..PACKET_CASES * Numbers::ALL.len() {
-        let numbers = Numbers::ALL[case % Numbers::ALL.len()];
-        let pixels = 1 + rng.next_u64() as usize % MOST_PIXELS;
-        let span = random(numbers, pixels, rng);
-        let lits: Vec<ObjectLight<E>> = (0..rng.next_u64() % 4).map(|_| kernel_cases::lit(numbers, rng)).collect();
-        let lights = twin_of_lits(&lits);
-        let j = |i: usize| E::from_u32(i as u32) + span.first();
-        let colours: Vec<_> = (0..pixels).map(|i| span.colour(rounding, &lights, j(i), Exact)).collect();
-
-        let f32x4 = alone.map(|alone| shaded(&alone.f32x4, &span, &lits, pixels, Vec4::default()));
-        let rgba8 = alone.map(|alone| shaded(&alone.rgba8, &span, &lits, pixels, [0; 4]));
-        // In f32 the bytes come from estimates.
-        let rgba8 = rgba8.filter(|_| size_of::<E>() == 8);
-        let mut row = Row::new(pixels);
-        bodies.depth.call(&span, &mut row, 0..pixels);
-        bodies.planes.call(&span, &lits, &mut row, 0..pixels);
-        for (i, colour) in colours.into_iter().enumerate() {
-            let what = || format!("case {case} of {numbers:?}, pixel {i} of {pixels}, {lits:?}, {span:?}");
-            if let Some(f32x4) = &f32x4 {
-                compared.floats(f32x4[i].lanes(), float_pixel(colour), &what);
-            }
-            if let Some(rgba8) = &rgba8 {
-                compared.levels(rgba8[i], levels(colour, true), &what);
-            }
-            let in_row = [0, 1, 2, 3, 4].map(|plane| row.plane(plane)[i]);
-            let den = span.den(rounding, j(i)) * span.depth();
-            // Nobody is as near as 0, and NaN is no place.
-            let zero = E::from_f32(0.0);
-            let [r, g, b] = colour;
-            let expected = if den > zero { [E::from_f32(2.0), r, g, b, den] } else { [zero; 5] };
-            if den > zero {
-                compared.floats(float_pixel([in_row[1], in_row[2], in_row[3]]), float_pixel(colour), &what);
-            }
-            let bits = |x: E| x.to_f64().to_bits();
-            let equal = |(a, b): (E, E)| bits(a) == bits(b) || a.to_f64().is_nan() && b.to_f64().is_nan();
-            let all = in_row.into_iter().zip(expected).all(equal);
-            assert!(all, "{in_row:?} instead of {expected:?}: {}", what());
-            let mut owned = Row::new(pixels);
-            bodies.depth.call(&span, &mut owned, 0..pixels);
-            assert_eq!(normals.is_some(), span.normal(rounding, j(i)).is_some());
-            if let (Some(kernel), Some(normal)) = (normals, span.normal(rounding, j(i))) {
-                kernel.call(&span, &[], &mut owned, 0..pixels);
-                let found = [1, 2, 3].map(|plane| owned.plane(plane)[i]);
-                let expected = if den > zero { normal } else { [zero; 3] };
-                let all = found.into_iter().zip(expected).all(equal);
-                assert!(all, "the normal {found:?} instead of {expected:?}: {}", what());
-            }
-        }
-    }
-    compared
-}
-
 /// What the twin makes of rows, each `width` pixels: None where the kernel's pixel is black because no span has it.
 /// `packets` gives the number of a pixel's packet in memory.
 fn twins_of_lit<E: Element + Real>(
@@ -686,7 +535,7 @@ fn lit_rows<E: Element, P: Copy>(
     (out, move |pixel| (first + pixel) / lanes)
 }
 
-fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
+fn check_lit<E: Element + Real>(isa: Isa, kernels: &ElementKernels<E>, rounding: Rounding, rng: &mut Rng) -> Compared {
     // In f32, and with AVX-512 in f64 too, the bytes come from estimates.
     let exact = size_of::<E>() == 8 && isa != Isa::Avx512;
     let mut compared = Compared::default();
@@ -710,19 +559,6 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
             for (i, (pixel, twin)) in f32x3.iter().zip(twins).enumerate() {
                 compared.floats(four(*pixel), float_pixel(twin.unwrap_or(black)), &|| what(i));
             }
-            let row = &rows[0];
-            let pixels = (row.end.to_f64() - row.start.to_f64()).max(0.0) as usize;
-            let mut in_row = owned(kernels, row.j, row.stop, pixels);
-            let mut of_row = LitRows::default();
-            of_row.set_row(0, row);
-            kernels.lit_planes.call(sphere, &of_row, &mut in_row, 0..pixels);
-            for i in 0..pixels {
-                let found = [1, 2, 3].map(|plane| in_row.plane(plane)[i]);
-                let j = E::from_u32(i as u32) + row.j;
-                let twin = rounding.lit(&twin_of_lit(sphere, row), j, true);
-                let rounded = |x: E| x.to_f64() as f32;
-                compared.floats(four(found.map(rounded)), four(twin.map(rounded)), &|| what(i));
-            }
             let (rgba8, packets) = lit_rows(&bodies.rgba8, kernels.lanes, sphere, &rows, width, [0; 4]);
             let twins = twins_of_lit(rounding, sphere, &rows, width, packets);
             for (i, (pixel, twin)) in rgba8.iter().zip(twins).enumerate() {
@@ -742,74 +578,15 @@ fn check_lit<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, rounding: Ro
     compared
 }
 
-/// A row in which all pixels are those of object 1: a sphere with 1/t = 1 everywhere.
-fn owned<E: Element>(kernels: &SpanKernels<E>, j: E, end: E, pixels: usize) -> Row<E> {
-    let [zero, one] = [0.0, 1.0].map(E::from_f64);
-    let everywhere = OutsideSpan { j, end, id: one, depth: one, h0: one, ..OutsideSpan::<f64>::default().round() };
-    let mut row = Row::new(pixels);
-    kernels.outside_in_row.depth.call(&everywhere, &mut row, 0..pixels);
-    assert!(row.plane(0)[..pixels].iter().all(|who| *who != zero));
-    row
-}
-
-fn check_packets<E: Element + Real>(isa: Isa, kernels: &SpanKernels<E>, seed: u64) {
+fn check_packets<E: Element + Real>(isa: Isa, kernels: &ElementKernels<E>, seed: u64) {
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
-    let rng = &mut Rng::new(seed);
-    for (name, compared) in [
-        ("lit", check_lit(isa, kernels, rounding, rng)),
-        (
-            "outside",
-            check_bodies(
-                Some(&kernels.outside),
-                &kernels.outside_in_row,
-                Some(&kernels.outside_normals),
-                rounding,
-                |n, p, rng| kernel_cases::outside_span(n, 2.0, p, rng),
-                rng,
-            ),
-        ),
-        (
-            "near",
-            check_bodies(
-                None,
-                &kernels.near_in_row,
-                Some(&kernels.near_normals),
-                rounding,
-                |n, p, rng| kernel_cases::near_span(n, 2.0, p, rng),
-                rng,
-            ),
-        ),
-        (
-            "inside",
-            check_bodies(
-                None,
-                &kernels.inside_in_row,
-                Some(&kernels.inside_normals),
-                rounding,
-                |n, p, rng| kernel_cases::inside_span(n, 2.0, p, rng),
-                rng,
-            ),
-        ),
-        (
-            "triangle",
-            check_bodies(
-                Some(&kernels.triangle),
-                &kernels.triangle_in_row,
-                None,
-                rounding,
-                |n, p, rng| kernel_cases::triangle_span(n, 2.0, p, rng),
-                rng,
-            ),
-        ),
-    ] {
-        let Compared { all, ordinary } = compared;
-        println!("{isa}, {} bytes, {name}: {all} compared, {ordinary} ordinary numbers", size_of::<E>());
-        assert!(ordinary > all / 100, "{isa} {name}: {ordinary} of {all} are ordinary numbers");
-    }
+    let Compared { all, ordinary } = check_lit(isa, kernels, rounding, &mut Rng::new(seed));
+    println!("{isa}, {} bytes: {all} compared, {ordinary} ordinary numbers", size_of::<E>());
+    assert!(ordinary > all / 100, "{isa}: {ordinary} of {all} are ordinary numbers");
 }
 
 #[test]
-fn every_packet_kernel_without_estimates_equals_its_twin_to_the_last_bit() {
+fn every_kernel_of_a_sphere_under_one_light_without_estimates_equals_its_twin_to_the_last_bit() {
     let seed = seed();
     for (isa, kernels) in packet_kernels() {
         check_packets(isa, &kernels.single, seed);
@@ -817,154 +594,74 @@ fn every_packet_kernel_without_estimates_equals_its_twin_to_the_last_bit() {
     }
 }
 
-/// Compares what a kernel makes of a planned span with what its twin does.
-struct Planned<'a, E: 'static> {
-    kernels: &'static SpanKernels<E>,
-    rounding: Rounding,
-    lits: &'a [ObjectLight<E>],
-    pixels: usize,
-    compared: &'a mut Compared,
-}
-
-impl<E: Element + Real> Planned<'_, E> {
-    fn check<S: Record<E>>(&mut self, kernel: &Shade<S, E, Vec4>, span: &S) {
-        let lights = twin_of_lits(self.lits);
-        let found = shaded(kernel, span, self.lits, self.pixels, Vec4::default());
-        for (i, pixel) in found.into_iter().enumerate() {
-            let colour = span.colour(self.rounding, &lights, E::from_u32(i as u32) + span.first(), Exact);
-            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
-        }
-    }
-
-    /// The record's id is nobody's, as all pixels of a new row are.
-    fn check_in_row<S: Record<E>>(&mut self, bodies: &InRow<S, E>, span: &S) {
-        let lights = twin_of_lits(self.lits);
-        let mut row = Row::new(self.pixels);
-        bodies.planes.call(span, self.lits, &mut row, 0..self.pixels);
-        for i in 0..self.pixels {
-            let found = [1, 2, 3].map(|plane| row.plane(plane)[i]);
-            let colour = span.colour(self.rounding, &lights, E::from_u32(i as u32) + span.first(), Exact);
-            self.compared.floats(float_pixel(found), float_pixel(colour), &|| format!("pixel {i} of {span:?}"));
-        }
+/// The twin of a form's rows.
+fn setup_of(form: &LitForm, scale: Scale) -> packet::LitSetup {
+    let s = form.setup(scale);
+    packet::LitSetup {
+        step: s.step,
+        half: [s.half_width, s.half_height],
+        columns: s.columns,
+        width: s.width,
+        c: [s.cx, s.cy, s.cz],
+        k: s.k,
+        m: s.m,
+        nx: s.nx,
+        zz: s.zz,
+        cyz: s.cyz,
+        czz: s.czz,
+        h: s.h,
+        q: s.q,
+        v: [s.vx, s.vy, s.vzz],
     }
 }
 
-impl<E: Element + Real> UseRecord<E> for Planned<'_, E> {
-    type Result = ();
-
-    fn lit(self, form: &ShortForm, row: &LitRow<E>) {
-        let (sphere, width) = (form.sphere(Scale::Linear).round(), self.pixels);
-        let rows = [*row];
-        let bodies = &self.kernels.lit;
-        let (found, packets) = lit_rows(&bodies.f32x4, self.kernels.lanes, &sphere, &rows, width, Vec4::default());
-        let twins = twins_of_lit(self.rounding, &sphere, &rows, width, packets);
-        for (i, (pixel, twin)) in found.into_iter().zip(twins).enumerate() {
-            let colour = twin.expect("a span that fills its row");
-            self.compared.floats(pixel.lanes(), float_pixel(colour), &|| format!("pixel {i} of {row:?} of {sphere:?}"));
-        }
-    }
-    fn outside(mut self, span: &OutsideSpan<E>) {
-        self.check(&self.kernels.outside.f32x4, span);
-    }
-    fn near(mut self, span: &NearSpan<E>) {
-        self.check_in_row(&self.kernels.near_in_row, span);
-    }
-    fn inside(mut self, span: &InsideSpan<E>) {
-        self.check_in_row(&self.kernels.inside_in_row, span);
-    }
-    fn triangle(mut self, span: &TriangleSpan<E>) {
-        self.check(&self.kernels.triangle.f32x4, span);
-    }
-}
-
-fn check_planned<E: Element + Real>(isa: Isa, kernels: &'static SpanKernels<E>) {
+/// Compares the rows of a sphere, as a kernel finds them, with its twin's, and their pixels.
+fn check_rows_of<E: Element + Real>(isa: Isa, kernels: &'static ElementKernels<E>, scene: &Scene) -> usize {
     let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
+    let Some(form) = LitForm::of::<E>(scene, Keep::NOTHING) else { return 0 };
+    let (twin, sphere) = (setup_of(&form, Scale::Linear), form.sphere(Scale::Linear).round());
+    let (width, height) = (scene.camera.width() as usize, scene.camera.height());
     let mut compared = Compared::default();
-    for (lights, keep) in [(1, Keep::NOTHING), (1, Keep::only(Omission::Loop)), (2, Keep::NOTHING)] {
-        let mut scene = Scene { camera: Camera::new(201, 151, 1.0, 1.0).unwrap(), ..many(12, 12, 31) };
-        scene.lights.truncate(lights);
-        // One sphere has the camera in it, and one nearly.
-        scene.spheres[0].radius = 400.0;
-        scene.spheres[1].radius = 0.9 * scene.spheres[1].centre.length();
-        let spans = Spans::<E>::new(&scene, Some(Scale::Linear), keep);
-        for row in 0..scene.camera.height() {
-            for object in spans.seen_in(&(row..row + 1)) {
-                let Some(span) = spans.row(object, row) else { continue };
-                let (lits, pixels) = (spans.lits(object, Scale::Linear), (span.end - span.start) as usize);
-                let user = Planned { kernels, rounding, lits, pixels, compared: &mut compared };
-                spans.with_record(&span, row, 0.0, Some(Scale::Linear), user);
+    let mut seen = 0;
+    for first in (0..height).step_by(LIT_ROWS - 1) {
+        let mut found = LitRows::default();
+        let count = (height - first).min(LIT_ROWS as u32 - 1);
+        kernels.lit_rows.call(form.setup(Scale::Linear), first, count as usize, &mut found);
+        for row in 0..count {
+            let what = format!("row {}", first + row);
+            let [start, end, j, stop, m, a, h0, q0] = twin.row(first + row);
+            let found = found.row(row as usize);
+            if start >= end {
+                assert!(found.start >= found.end, "{what}: {found:?} instead of nothing");
+                continue;
+            }
+            assert_eq!(found, LitRow { start, end, j, stop, m, a, h0, q0 }.round(), "{what}");
+            seen += 1;
+            let (made, packets) =
+                lit_rows(&kernels.lit.f32x4, kernels.lanes, &sphere, &[found], width, Vec4::default());
+            let twins = twins_of_lit(rounding, &sphere, &[found], width, packets);
+            for (i, (pixel, twin)) in made.into_iter().zip(twins).enumerate() {
+                let black = [E::from_u32(0); 3];
+                compared.floats(pixel.lanes(), float_pixel(twin.unwrap_or(black)), &|| format!("{what}, pixel {i}"));
             }
         }
     }
-    let Compared { all, ordinary } = compared;
-    println!("{isa}, {} bytes: {all} compared, {ordinary} ordinary numbers", size_of::<E>());
-    assert!(ordinary > all / 4, "{isa}: {ordinary} of {all} are ordinary numbers");
+    seen
 }
 
 #[test]
-fn the_spans_of_a_scene_are_shaded_as_their_twins_to_the_last_bit() {
-    for (isa, kernels) in packet_kernels() {
-        check_planned(isa, &kernels.single);
-        check_planned(isa, &kernels.double);
-    }
-}
-
-/// Compares the rows of the spheres of a scene, as a kernel finds them, with the plan's.
-fn check_lit_rows<E: Element + Real>(kernels: &'static SpanKernels<E>, scene: &Scene) -> usize {
-    struct Row;
-    impl<E: Element> UseRecord<E> for Row {
-        type Result = LitRow<E>;
-        fn lit(self, _: &ShortForm, row: &LitRow<E>) -> LitRow<E> {
-            *row
-        }
-        fn outside(self, _: &OutsideSpan<E>) -> LitRow<E> {
-            unreachable!("the object has a short form")
-        }
-        fn near(self, _: &NearSpan<E>) -> LitRow<E> {
-            unreachable!("the object has a short form")
-        }
-        fn inside(self, _: &InsideSpan<E>) -> LitRow<E> {
-            unreachable!("the object has a short form")
-        }
-        fn triangle(self, _: &TriangleSpan<E>) -> LitRow<E> {
-            unreachable!("the object has a short form")
-        }
-    }
-    let plan = Spans::<E>::new(scene, Some(Scale::Linear), Keep::default());
-    let height = scene.camera.height();
-    let mut compared = 0;
-    for object in plan.seen_in(&(0..height)) {
-        let Some(form) = plan.short_form(object) else { continue };
-        for first in (0..height).step_by(LIT_ROWS - 1) {
-            let mut found = LitRows::default();
-            let count = (height - first).min(LIT_ROWS as u32 - 1);
-            kernels.lit_rows.call(form.setup(Scale::Linear), first, count as usize, &mut found);
-            for row in 0..count {
-                let what = format!("row {} of object {object}", first + row);
-                // Who it is, is not the kernel's to say.
-                let found = LitRow { id: E::from_u32(1), ..found.row(row as usize) };
-                let Some(span) = plan.row(object, first + row) else {
-                    assert!(found.start >= found.end, "{what}: {found:?} instead of nothing");
-                    continue;
-                };
-                let expected = plan.with_record(&span, first + row, 1.0, Some(Scale::Linear), Row);
-                // Where it is alone, its first column is column 0.
-                let [start, end] = [span.start, span.end].map(E::from_u32);
-                assert_eq!(found, LitRow { start, end, ..expected }, "{what}");
-                compared += 1;
-            }
-        }
-    }
-    compared
-}
-
-#[test]
-fn the_rows_of_a_sphere_are_those_of_the_plan_to_the_last_bit() {
+fn the_rows_of_a_sphere_are_found_and_made_as_by_their_twins_to_the_last_bit() {
     for (isa, kernels) in packet_kernels() {
         for (width, height) in [(201, 151), (1, 67), (333, 5)] {
-            let mut scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), ..many(60, 0, 7) };
-            scene.lights.truncate(1);
-            let compared = [check_lit_rows(&kernels.single, &scene), check_lit_rows(&kernels.double, &scene)];
+            let many = many(60, 0, 7);
+            let mut compared = [0; 2];
+            for sphere in &many.spheres {
+                let camera = Camera::new(width, height, 1.0, 1.0).unwrap();
+                let (spheres, lights) = (vec![*sphere], many.lights[..1].to_vec());
+                let scene = Scene { camera, spheres, lights, ..many.clone() };
+                compared[0] += check_rows_of(isa, &kernels.single, &scene);
+                compared[1] += check_rows_of(isa, &kernels.double, &scene);
+            }
             println!("{isa}, {width}x{height}: {compared:?} rows");
             assert!(compared[0] > 10 && compared[0] == compared[1], "{isa}: {compared:?} rows compared");
         }

@@ -5,10 +5,10 @@
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 
 use rayo::kernels::{
-    Element, LitRow, LitRows, LitSphere, Looks, PacketKernels, Parts, Row, Seen, SpanKernels, SphereRecords, Spheres,
-    TILE_PARTS, TileBuffers, TileOut, TileShade, TileWindow, TriangleSpan, Triangles, Vec4,
+    Element, ElementKernels, LitRow, LitRows, LitSphere, Looks, PacketKernels, Parts, Seen, SphereRecords, Spheres,
+    TILE_PARTS, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
 };
-use rayo::plan::{Keep, TilePlace, Tiles};
+use rayo::plan::{Keep, Raster, TilePlace, Tiles};
 use rayo::scene;
 
 use crate::calling_convention::survives;
@@ -29,24 +29,13 @@ fn accepted(calls: Calls<'_>) -> Vec<String> {
     calls.iter().filter(|(_, call)| !refused(call)).map(|(what, _)| (*what).to_owned()).collect()
 }
 
-/// The length of a row of which the five planes have 64 elements, modulo 2^64.
-const FIVE_WRAP: usize = 0x3333_3333_3333_3340;
-
-fn rows<E: Element>(kernels: &SpanKernels<E>) -> Vec<String> {
-    let span = TriangleSpan::<E>::default;
-    let depth = |width: usize, x| kernels.triangle_in_row.depth.call(&span(), &mut Row::new(width), x);
+fn rows<E: Element>(kernels: &ElementKernels<E>) -> Vec<String> {
     let lit = |start: f64, end: f64| {
         let mut rows = LitRows::default();
         (0..2).for_each(|row| rows.set_row(row, &LitRow { start, end, ..LitRow::default() }.round()));
         kernels.lit.f32x4.call(&LitSphere::default(), &rows, &mut [Vec4::default(); 128], 64, false);
     };
     let calls: Calls<'_> = &[
-        ("a row as long as memory", &|| depth(usize::MAX, 0..64)),
-        ("a row five times as long as memory", &|| depth(FIVE_WRAP - 16, 0..1 << 20)),
-        ("pixels up to the end of memory", &|| depth(64, 0..usize::MAX - 8)),
-        ("pixels past the end of memory", &|| {
-            kernels.emit_f32x4.call(&mut Row::new(64), usize::MAX, &mut [Vec4::default(); 2]);
-        }),
         ("a row that ends before it begins", &|| lit(0.0, -1.0)),
         ("a row that ends at no number", &|| lit(0.0, f64::NAN)),
         ("a row that ends past its last column", &|| lit(0.0, 65.0)),
@@ -54,7 +43,7 @@ fn rows<E: Element>(kernels: &SpanKernels<E>) -> Vec<String> {
     accepted(calls)
 }
 
-fn tiles<E: Element>(packets: &PacketKernels, kernels: &SpanKernels<E>, plan: &Tiles<'_, E>) -> Vec<String> {
+fn tiles<E: Element>(packets: &PacketKernels, kernels: &ElementKernels<E>, plan: &Tiles<'_, E>) -> Vec<String> {
     let kernels = &kernels.tiles;
     let window = TileWindow { column: 0, row: 0, columns: 64, rows: 0..2 };
     let seen = [0, 1].map(|id| Seen { id, columns: 64 << 16, rows: 32 << 16, most: 1.0 });
@@ -118,11 +107,11 @@ fn tiles<E: Element>(packets: &PacketKernels, kernels: &SpanKernels<E>, plan: &T
     accepted(calls)
 }
 
-fn attack<E: Element>(packets: &'static PacketKernels, kernels: &'static SpanKernels<E>) {
+fn attack<E: Element>(packets: &'static PacketKernels, kernels: &'static ElementKernels<E>) {
     let camera = scene::Camera::new(64, 32, 1.0, 1.0).unwrap();
     let mut scene = scene::Scene { camera, ..scene::many(2, 2, 1) };
     scene.lights = vec![scene.lights[0]; 8];
-    let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
+    let plan = Tiles::<E>::new(&scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
     let accepted = [rows(kernels), tiles(packets, kernels, &plan)].concat();
     assert!(accepted.is_empty(), "{} lanes: {accepted:#?}", kernels.lanes);
 }

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use rayo::kernels::{
-    CHUNK, Element, Isa, PacketKernels, Seen, SpanKernels, SphereRecords, Spheres, TileBuffers, packets,
+    CHUNK, Element, ElementKernels, Isa, PacketKernels, Seen, SphereRecords, Spheres, TileBuffers, packets,
 };
-use rayo::plan::{Keep, Tiles};
+use rayo::plan::{Keep, Raster, Tiles};
 use rayo::reference::tile::{InFront, SphereView, lit, weights};
 use rayo::scene::{Camera, Grid, Light, Rng, Scene, Sphere, many};
 
@@ -38,8 +38,8 @@ fn scene(seed: u64) -> Scene {
     scene
 }
 
-fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels: &SpanKernels<E>, scene: &Scene) {
-    let plan = Tiles::<E>::new(scene, packets, Keep::NOTHING, 1);
+fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels: &ElementKernels<E>, scene: &Scene) {
+    let plan = Tiles::<E>::new(scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
     let (view, scale) = (&plan.levels().spheres, plan.scale());
     let sides = [scene.camera.width(), scene.camera.height()];
     let Grid { step, half_width, half_height, focal } = scene.camera.grid::<f64>();

@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3};
 use rayo::kernels::{
-    self, CHUNK, Element, Facets, Isa, Looks, PacketKernels, Rgba8, Seen, SpanKernels, SphereRecords, Spheres,
+    self, CHUNK, Element, ElementKernels, Facets, Isa, Looks, PacketKernels, Rgba8, Seen, SphereRecords, Spheres,
     TileBuffers, TileGrid, TileOut, TileRays, TileShade, TileWindow, Triangles, Vec4, packets,
 };
-use rayo::plan::{Keep, TilePlace, Tiles, Weighted};
+use rayo::plan::{Keep, Raster, TilePlace, Tiles, Weighted};
 use rayo::reference::Real;
 use rayo::reference::packet::{Exact, Rounding};
 use rayo::reference::tile::{self, BoundsView, Plane, SpherePlanes, SphereView, TileView, TrianglePlanes};
@@ -19,7 +19,7 @@ const COUNT: usize = 60;
 /// What is compared.
 struct Check<'a, E> {
     packets: &'static PacketKernels,
-    kernels: &'a SpanKernels<E>,
+    kernels: &'a ElementKernels<E>,
     rounding: Rounding,
     scene: &'a Scene,
     plan: &'a Tiles<'a, E>,
@@ -226,10 +226,15 @@ impl<E: Element + Real> Check<'_, E> {
     }
 }
 
-fn check<E: Element + Real>(isa: Isa, packets: &'static PacketKernels, kernels: &SpanKernels<E>, seed: u64) -> usize {
+fn check<E: Element + Real>(
+    isa: Isa,
+    packets: &'static PacketKernels,
+    kernels: &ElementKernels<E>,
+    seed: u64,
+) -> usize {
     let camera = Camera::new(WIDTH as u32, HEIGHT as u32, 1.0, 1.0).unwrap();
     let scene = Scene { camera, ..many(COUNT, COUNT, seed) };
-    let plan = Tiles::<E>::new(&scene, packets, Keep::NOTHING, 1);
+    let plan = Tiles::<E>::new(&scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
     let TileGrid { step, half_width, half_height, focal } = plan.grid();
     let mut check = Check {
         packets,

@@ -130,19 +130,6 @@ fn three_channels_are_the_first_three_of_four_where_they_are_stored_past_the_cac
 }
 
 #[test]
-fn an_engine_ready_for_one_number_of_channels_writes_the_other_and_no_other_scale() {
-    let scene = sized(many(2, 2, 9), 20, 10);
-    for contender in writers().iter().filter(|contender| contender.engine.name() != "reference") {
-        for own in PixelFormat::ALL {
-            let tracer = prepare(contender, &scene, own);
-            for other in PixelFormat::ALL {
-                assert_eq!(tracer.writes(other), own.is_8bit() == other.is_8bit(), "{contender}");
-            }
-        }
-    }
-}
-
-#[test]
 fn four_floats_become_what_a_file_has() {
     let linear = [Vec4::new(0.5, 1.5, -0.25)];
     let (mut floats, mut bytes, mut rgba) = ([[9.0; 3]], [[9; 3]], [[9; 4]]);

@@ -1,4 +1,4 @@
-//! Many objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
+//! Objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
 
 use crate::contenders::{Contender, Truth, contenders, film, levels};
 use crate::extent;
@@ -25,7 +25,7 @@ fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn
 
 fn by_tiles<'a>(contender: &Contender, scene: &'a Scene, purpose: Purpose) -> Box<dyn Tracer + 'a> {
     let purpose = Purpose { precision: Some(contender.precision), ..purpose };
-    Plan::by_tiles(contender.engine, scene, purpose).expect("a packet engine that runs here").into_tracer()
+    Plan::new(contender.engine, scene, purpose).expect("a packet engine that runs here").into_tracer()
 }
 
 /// A picture, every bit of it.
@@ -335,6 +335,36 @@ fn every_size_of_a_picture_is_written_whole_and_nothing_else() {
     }
 }
 
+/// Bounds have 16 bits.
+#[test]
+fn a_picture_with_a_side_of_more_than_16_bits_is_that_of_the_reference() {
+    for (width, height) in [(70_001, 3), (2, 131_072)] {
+        let mut scene = Scene { camera: camera(width, height), ..many(0, 0, 1) };
+        for i in -4..5_i16 {
+            let along = |at: f32| if width > height { Vec3::new(at, 0.0, 4.0) } else { Vec3::new(0.0, at, 4.0) };
+            let (at, colour) = (f32::from(i) * 0.4, Vec3::new(0.5, 0.1 * f32::from(i).abs(), 1.0));
+            scene.spheres.push(Sphere { radius: 0.1, colour, centre: along(at) });
+            let beside = Vec3::new(if width > height { 0.0 } else { 1.0 }, if width > height { 1.0 } else { 0.0 }, 0.0);
+            let vertices = [along(at + 0.15), along(at + 0.3) + beside, along(at + 0.25) - beside];
+            scene.triangles.push(Triangle { colour, vertices });
+        }
+        let truth = Truth::new(&scene);
+        for contender in extent::sampled(packets(), 3) {
+            let tracer = tiles(&contender, &scene, false);
+            if let Err(error) = truth.compare(&contender, &bytes(&contender, &scene)) {
+                panic!("{width} x {height}: {error}");
+            }
+            let hits = tracer.hits(1..height).into_iter().map(|found| found.map(|found| found.object));
+            let expected = (1..height).flat_map(|row| (0..width).map(move |column| (row, column)));
+            let differing = hits.zip(expected).filter(|(hit, (row, column))| *hit != truth.object(*row, *column)).count();
+            assert!(differing < 10, "{contender}: {differing}");
+            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
+            let kept = Plan::new(contender.engine, &scene, purpose).unwrap().report().kept;
+            assert_eq!((kept.spheres, kept.triangles), (9, 9), "{contender}");
+        }
+    }
+}
+
 #[test]
 fn threads_and_splits_give_the_same_bytes() {
     let scene = scattered(40, 500, 8, camera(301, 131));
@@ -446,7 +476,7 @@ fn what_shares_its_corners_is_seen_as_what_has_its_own() {
             assert_eq!(found(&joined), found(&apart), "{contender}");
             let report = |scene| {
                 let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-                Plan::by_tiles(contender.engine, scene, purpose).unwrap().report()
+                Plan::new(contender.engine, scene, purpose).unwrap().report()
             };
             // What hides what depends on the order in which they are asked.
             let counts = |report: &Report| {

@@ -9,7 +9,7 @@ use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, ObjectList, S
 use crate::plan::Team;
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
-use crate::scene::{Camera, Grid};
+use crate::scene::Grid;
 
 /// A thread that plans fewer objects costs more than it brings.
 const FEWEST_PER_THREAD: usize = 1 << 14;
@@ -29,18 +29,17 @@ const FEWEST_IN_PIECE: usize = 1 << 13;
 /// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
 
+/// Kernels count objects in f32, which has every integer up to here.
+const MOST_COUNTED: usize = 1 << 24;
+
 /// The size of the picture.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Picture {
     pub(super) width: u32,
     pub(super) height: u32,
 }
 
 impl Picture {
-    pub(super) fn of(camera: &Camera) -> Self {
-        Picture { width: camera.width(), height: camera.height() }
-    }
-
     /// The bounds of an object that may be anywhere.
     pub(super) fn whole(self) -> [u32; 2] {
         [self.width << 16, self.height << 16]
@@ -55,8 +54,8 @@ pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> Bou
     let margin = (width + height) / f64::from(1 << 20);
     let view = BoundsView {
         to_pixels: grid.focal / grid.step,
-        column: 0.5 * width - 0.5,
-        row: 0.5 * height - 0.5,
+        column: grid.half_width / grid.step - 0.5,
+        row: grid.half_height / grid.step - 0.5,
         low: 1.0 - margin,
         high: 1.0 + margin,
         width,
@@ -163,8 +162,12 @@ where
         wide: &mut Vec<Seen>,
     ) -> (&'a [Seen], Option<Extremes>) {
         let all = self.widening.keep != Keep::NOTHING;
-        let (count, extremes) = self.kernel.call(&self.view, objects, first_id, all, room).unzip();
+        let first = if first_id as usize + objects.len() <= MOST_COUNTED { first_id } else { 0 };
+        let (count, extremes) = self.kernel.call(&self.view, objects, first, all, room).unzip();
         let mut count = count.unwrap_or(0);
+        if first < first_id {
+            room[..count].iter_mut().for_each(|seen| seen.id += first_id);
+        }
         let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
         // A NaN is not known to be less than anything.
         let is_sure = |near: f32| near <= narrow;

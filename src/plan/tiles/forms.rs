@@ -275,7 +275,7 @@ mod tests {
             let (focal, film) = (power(&mut rng, -12, 8) as f32, power(&mut rng, -6, 6) as f32);
             let width = 1 + (rng.next_u64() % 65_535) as u32;
             let camera = Camera::new(width, 1 + width / 2, focal, film).unwrap();
-            let (grid, _) = unit_rays(&camera);
+            let (grid, _) = unit_rays(camera.grid());
             let extent = power(&mut rng, -20, 20);
             let light = Light {
                 intensity: 1.0,

@@ -1,0 +1,177 @@
+//! One sphere under one light, the paper's own scene: its light in closed form, and what its rows are made of.
+
+use glam::DVec3;
+
+use super::light::{is_dark, lights, reaches};
+use super::omission::{Keep, Omission};
+use super::tile_report::Frustum;
+use super::unit_rays;
+use crate::kernels::{Element, LitSetup, LitSphere};
+use crate::reference::geometry;
+use crate::scene::{Camera, Grid, Light, Scene, Sphere};
+
+/// The form's error may be so many times that of its operations, see SPHERE_LIT. Estimates, which are right to 1.5 2^-12, then
+/// still keep to three quarters of a level.
+const LOSS: f64 = 32.0;
+
+/// Elements count columns exactly up to here.
+const WIDTH: u32 = 1 << 24;
+
+/// Half of a silhouette may have so many columns; one column inside of it, p is then far above its rounding.
+const COLUMNS: f64 = 1048576.0;
+
+/// A sphere with less than this for |c|^2 - 1 in radii is less than sqrt 2 radii away.
+const NEAR: f64 = 1.0;
+
+/// The form multiplies three lengths, and the weight squared: they keep below this for f32 to hold that.
+const CUBED: f64 = (1u64 << 36) as f64;
+
+/// What full light is in the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// 1, for floats.
+    Linear,
+    /// 255, for bytes.
+    Levels,
+}
+
+impl Scale {
+    /// Both.
+    const ALL: [Scale; 2] = [Scale::Linear, Scale::Levels];
+
+    fn white(self) -> f64 {
+        match self {
+            Scale::Linear => 1.0,
+            Scale::Levels => 255.0,
+        }
+    }
+}
+
+/// A sphere from outside under one light, for SPHERE_LIT.
+#[derive(Clone, Copy, Debug)]
+pub struct LitForm {
+    /// What its rows are made of, in each scale.
+    setups: [LitSetup<f64>; Scale::ALL.len()],
+    /// What its rows share, in each scale.
+    spheres: [LitSphere<f64>; Scale::ALL.len()],
+    /// Whether red, green and blue are equal.
+    is_grey: bool,
+    /// Whether one channel is to be made in place of three then.
+    makes_grey: bool,
+}
+
+impl LitForm {
+    /// Of a scene of one sphere in the picture under one light, whose numbers are valid. None of any other, and where the form
+    /// is not to be taken, its terms would cancel too much, or it would have to clamp.
+    pub fn of<E: Element>(scene: &Scene, keep: Keep) -> Option<Self> {
+        let ([sphere], [light], 0) = (&scene.spheres[..], &lights(scene)[..], scene.triangle_count()) else {
+            return None;
+        };
+        let (grid, _) = unit_rays(scene.camera.grid());
+        let is_seen = Frustum::new(&grid).unseen_sphere(sphere) == Omission::Between;
+        if keep.has(Omission::Loop) || !is_seen || scene.camera.width() > WIDTH {
+            return None;
+        }
+        let form = Self::new::<E>(sphere, light, &grid, &scene.camera)?;
+        Some(LitForm { makes_grey: form.is_grey && !keep.has(Omission::Channels), ..form })
+    }
+
+    fn new<E: Element>(sphere: &Sphere, light: &Light, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let (c, k) = (centre / radius, geometry::power(centre, radius) / (radius * radius));
+        let towards = (light.position.as_dvec3() - centre) / radius;
+        let weights = |scale: Scale| light.radiance() * (scale.white() * sphere.colour.as_dvec3());
+        let weight = weights(Scale::Linear).max_element();
+        let (far, distance) = (c.length(), towards.length());
+        let (kn, ke) = (-1.0 - c.dot(towards), distance * distance - 1.0);
+        // k w + kn c, which is the length of c times smaller than its terms.
+        let v = c.cross(towards.cross(c)) - towards - c;
+        let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
+        let loss = f64::max(terms / gap, (ke + 2.0 * terms) / (gap * gap));
+        let m = c.y * c.y + c.z * c.z - 1.0;
+        let columns = 1.0 / grid.step;
+        // sqrt(k (g - across^2)) / m is half the width of the silhouette.
+        let [_, y, z] = grid.ray(0, 0);
+        let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
+        let gain = Scale::ALL.map(|scale| 0.25 * weights(scale).max_element().powi(2));
+        // sqrt D is so many sqrt p.
+        let pixel = m.sqrt() * grid.step;
+        // Of the square of a half of the silhouette so little is less than p's rounding; of a row's, less than a column.
+        let least = (E::EPSILON / 32.0 * (grid.focal / pixel).powi(2)).min(0.5);
+        let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
+        // A bound of (ke den - n) den / p.
+        let largest = 16.0 * gain[1] * (distance * far * reach / pixel).powi(2) / least;
+        let in_range = [far, distance, 1.0 / grid.focal, 1.0 / gain[0]].into_iter().all(|x| x < CUBED)
+            && E::from_f64(largest).to_f64().is_finite();
+        let fine = k >= NEAR && gap > 0.0 && loss < LOSS && m > 0.0 && weight <= 1.0 && in_range;
+        if !(fine && half_width < COLUMNS && reaches(c, towards)) {
+            return None;
+        }
+        let setups = gain.map(|gain| LitSetup {
+            step: grid.step,
+            half_width: grid.half_width,
+            half_height: grid.half_height,
+            columns,
+            width: camera.width().into(),
+            cx: c.x,
+            cy: c.y,
+            cz: c.z,
+            k,
+            m,
+            nx: 1.0 - c.x * c.x,
+            zz: z * z,
+            cyz: c.y * z,
+            czz: c.z * z,
+            h: 1.0 / pixel,
+            q: 2.0 * gain / pixel,
+            vx: v.x,
+            vy: v.y,
+            vzz: v.z * z,
+        });
+        let DVec3 { x: red, y: green, z: blue } = weights(Scale::Linear) / weight;
+        let spheres = Scale::ALL.map(|scale| {
+            let (setup, gain) = (&setups[scale as usize], gain[scale as usize]);
+            LitSphere {
+                h1: setup.cx * grid.step * setup.h,
+                least,
+                q1: setup.vx * grid.step * setup.q,
+                kn: 2.0 * gain * kn,
+                ke: gain * ke,
+                red,
+                green,
+                blue,
+            }
+        });
+        Some(LitForm { setups, spheres, is_grey: red == green && green == blue, makes_grey: false })
+    }
+
+    /// What its rows are made of.
+    pub fn setup(&self, scale: Scale) -> &LitSetup<f64> {
+        &self.setups[scale as usize]
+    }
+
+    /// What its rows share.
+    pub fn sphere(&self, scale: Scale) -> &LitSphere<f64> {
+        &self.spheres[scale as usize]
+    }
+
+    /// Whether red, green and blue are equal, and one of them is to be made.
+    pub fn makes_grey(&self) -> bool {
+        self.makes_grey
+    }
+
+    /// How much of what is left out of `scene`, of whose picture so many pixels see the sphere; `bytes` says whether 8 bits are
+    /// written.
+    pub(super) fn left_out(&self, omission: Omission, scene: &Scene, hits: u64, bytes: bool) -> u64 {
+        let pixels = scene.camera.pixels();
+        match omission {
+            Omission::DarkLights => scene.lights.iter().filter(|light| is_dark(light)).count() as u64,
+            Omission::TriangleCode | Omission::Constants | Omission::Loop => 1,
+            Omission::Misses => pixels - hits,
+            Omission::Search => hits,
+            Omission::Channels if bytes => self.makes_grey.into(),
+            Omission::FloatImage if bytes => pixels,
+            _ => 0,
+        }
+    }
+}

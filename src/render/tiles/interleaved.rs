@@ -1,0 +1,79 @@
+//! Pictures with a side that is too long for tiles: some pictures of every so-many-th pixel, side by side.
+
+use std::ops::Range;
+
+use super::TileTracer;
+use crate::kernels::Element;
+use crate::plan::{Report, TileSurvey};
+use crate::render::film::with_pixels;
+use crate::render::plan::PacketPlan;
+use crate::render::{FilmMut, Found, Pixel, PixelFormat, Tracer};
+
+/// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
+pub struct Interleaved<'a, E: Element> {
+    /// Pixels in a row.
+    width: usize,
+    parts: Vec<TileTracer<'a, E>>,
+}
+
+impl<'a, E: Element> Interleaved<'a, E> {
+    /// Of all parts of a picture of so many columns.
+    pub fn new(width: u32, parts: Vec<TileTracer<'a, E>>) -> Self {
+        Interleaved { width: width as usize, parts }
+    }
+
+    /// Says of each part which of its rows are among `rows`, and where their pixels are in these.
+    fn each_part(
+        &self,
+        rows: &Range<u32>,
+        mut say: impl FnMut(&TileTracer<'a, E>, Range<u32>, &dyn Fn(usize) -> usize),
+    ) {
+        for part in &self.parts {
+            let (raster, columns) = (part.plan.raster(), part.plan.size()[0] as usize);
+            let ([across, down], every) = (raster.first.map(|first| first as usize), raster.every as usize);
+            // Its rows before one of the picture.
+            let before = |row: u32| (row as usize).saturating_sub(down).div_ceil(every);
+            let own = before(rows.start)..before(rows.end);
+            let place = |i: usize| {
+                let row = down + (own.start + i / columns) * every - rows.start as usize;
+                row * self.width + across + i % columns * every
+            };
+            if !own.is_empty() {
+                say(part, own.start as u32..own.end as u32, &place);
+            }
+        }
+    }
+}
+
+impl<E: Element> PacketPlan for Interleaved<'_, E> {
+    fn report(&self, bytes: bool) -> Report {
+        let tiles: Vec<_> = self.parts.iter().map(|part| &part.plan).collect();
+        let surveys: Vec<_> = self.parts.iter().map(TileTracer::survey_all).collect();
+        let short = surveys.iter().map(|survey| survey.short).max().unwrap_or(0);
+        let survey = surveys.into_iter().fold(TileSurvey::default(), TileSurvey::and);
+        Report::of_tiles(&tiles, TileSurvey { short, ..survey }, bytes)
+    }
+}
+
+impl<E: Element> Tracer for Interleaved<'_, E> {
+    fn writes(&self, _: PixelFormat) -> bool {
+        true
+    }
+
+    fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
+        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        with_pixels!(FilmMut(out) = out => self.each_part(&rows, |part, own, place| {
+            let mut pixels = vec![out[0]; own.len() * part.plan.size()[0] as usize];
+            part.rows(own, Pixel::film(&mut pixels));
+            pixels.into_iter().enumerate().for_each(|(i, pixel)| out[place(i)] = pixel);
+        }));
+    }
+
+    fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let mut hits = vec![None; rows.len() * self.width];
+        self.each_part(&rows, |part, own, place| {
+            part.hits(own).into_iter().enumerate().for_each(|(i, hit)| hits[place(i)] = hit);
+        });
+        hits
+    }
+}
