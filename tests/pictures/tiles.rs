@@ -356,7 +356,8 @@ fn a_picture_with_a_side_of_more_than_16_bits_is_that_of_the_reference() {
             }
             let hits = tracer.hits(1..height).into_iter().map(|found| found.map(|found| found.object));
             let expected = (1..height).flat_map(|row| (0..width).map(move |column| (row, column)));
-            let differing = hits.zip(expected).filter(|(hit, (row, column))| *hit != truth.object(*row, *column)).count();
+            let differing =
+                hits.zip(expected).filter(|(hit, (row, column))| *hit != truth.object(*row, *column)).count();
             assert!(differing < 10, "{contender}: {differing}");
             let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
             let kept = Plan::new(contender.engine, &scene, purpose).unwrap().report().kept;
