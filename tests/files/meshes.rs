@@ -91,6 +91,9 @@ fn an_obj_file_has_the_colours_of_its_vertices_or_those_of_its_materials() {
     let lost = Mesh::read(&folder.path().join("lost.obj")).unwrap();
     assert_eq!(lost.notes, ["its materials are not all there: `lost.mtl` cannot be read"]);
     assert!(lost.colours.is_empty());
+    write("both.obj", &format!("mtllib my box.mtl\n{OBJ_SQUARE}v 0 0 0 1 0 0\nusemtl blue\nf 1 2 3\nf 5 5 5\n"));
+    let both = Mesh::read(&folder.path().join("both.obj")).unwrap();
+    assert_eq!(both.notes, ["not read: materials, since vertices have colours"]);
 }
 
 #[test]

@@ -77,8 +77,11 @@ impl Materials {
 
     /// Gives a mesh that has no colours those of the materials, whose files are in this folder.
     pub(super) fn paint(&self, mesh: &mut Mesh, folder: &Path) {
-        if self.uses.is_empty() || !mesh.colours.is_empty() {
+        if self.uses.is_empty() {
             return;
+        }
+        if !mesh.colours.is_empty() {
+            return mesh.note_unread(&[("materials, since vertices have colours", true)]);
         }
         let mut known = HashMap::new();
         for library in &self.libraries {
