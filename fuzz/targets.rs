@@ -70,9 +70,6 @@ pub fn mesh_stl(source: &[u8]) {
 
 fn mesh(source: &[u8], format: MeshFormat) {
     let read = Mesh::from_bytes(source.to_vec(), format, "fuzz");
-    let with_care = Mesh::from_bytes_with_care(source.to_vec(), format, "fuzz");
-    // Debug tells -0 from 0.
-    assert_eq!(format!("{read:?}"), format!("{with_care:?}"));
     match read {
         Ok(mesh) => {
             assert!(!mesh.triangles.is_empty());

@@ -1,8 +1,6 @@
 //! Triangle meshes: what their files hold, and where a scene puts them.
 
 #[cfg(feature = "files")]
-mod bulk;
-#[cfg(feature = "files")]
 mod materials;
 #[cfg(feature = "files")]
 mod obj;

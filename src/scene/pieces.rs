@@ -1,6 +1,6 @@
 //! A file read piece by piece.
 
-use std::io::Read;
+use std::io::{self, BufRead, ErrorKind, Read};
 
 /// So much is read at a time, which stays in a core's caches. To get memory for all of a file takes longer than to fill it.
 pub(super) const PIECE: usize = 128 << 10;
@@ -77,5 +77,24 @@ impl<R: Read> Pieces<R> {
     /// Has read all that is at hand but for so many bytes.
     pub(super) fn leave(&mut self, bytes: usize) {
         self.at = self.bytes.len() - bytes;
+    }
+}
+
+impl<R: Read> BufRead for Pieces<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        self.fill(&[]).ok_or(ErrorKind::Other)?;
+        Ok(self.rest())
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.at += amount;
+    }
+}
+
+impl<R: Read> Read for Pieces<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(buffer)?;
+        self.consume(read);
+        Ok(read)
     }
 }

@@ -101,6 +101,7 @@ impl Obj {
     }
 
     /// Takes a line that is as nearly all are; if there is none, nothing has changed but the place.
+    #[inline]
     fn usual(&mut self, rest: &mut &[u8]) -> Option<()> {
         while let [b' ' | b'\t' | b'\r' | 0x0c, after @ ..] = *rest {
             *rest = after;

@@ -1,6 +1,6 @@
 //! PLY, text and binary: ply-rs-bw reads header and elements; what the header claims is held against the file first.
 
-use std::io::BufRead;
+use std::io::{BufRead, Read};
 
 use glam::Vec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -9,13 +9,16 @@ use ply_rs_bw::ply::{
 };
 
 use super::Mesh;
+use super::polygon::Fan;
 use super::read::{Fault, counted, not_finite};
+use crate::kernels::sys::room;
+use crate::scene::pieces::Pieces;
 
 /// What an element of triangle strips is called.
 const STRIPS: &str = "tristrips";
 
 /// The header, held to what is a mesh and to what the file, of this length, can hold; what follows it, and in which line.
-pub(super) fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
+fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
     if !source.starts_with(b"ply") {
         return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
     }
@@ -35,72 +38,252 @@ pub(super) fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usi
     Ok((header, payload, line))
 }
 
-pub(super) fn parse(source: &[u8]) -> Result<Mesh, Fault> {
-    let (header, payload, line) = header(source, source.len())?;
-    let mut elements = Elements { rest: payload, encoding: header.encoding, line, text: String::new() };
-    let (mut mesh, mut fans, mut tints) = (Mesh::default(), Vec::new(), Vec::new());
-    let vertices = header.elements["vertex"].count;
-    let vertex = |owner: &str, number: usize, corner: usize, index: i64| {
-        u32::try_from(index).ok().filter(|index| (*index as usize) < vertices).ok_or_else(|| {
-            let message = format!("{owner} {number}'s corner {corner} is vertex {index}, which the file has not");
-            Fault::new(message).expected(format!("0 to {}, counted from 0", vertices as i64 - 1))
-        })
-    };
-    for element in header.elements.values() {
-        let is_coloured = colour_of(element).is_some();
-        if is_coloured {
-            // Those of an element before that has no colours.
-            mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
+/// The mesh of a file of this length; nothing where that cannot be read.
+pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
+    let mut pieces = Pieces::new(file, length);
+    pieces.fill(&[])?;
+    let (header, left, line) = loop {
+        match header(pieces.rest(), length) {
+            Ok((header, rest, line)) => break (header, rest.len(), line),
+            Err(fault) if pieces.ended() => return Some(Err(fault)),
+            // Its end may be further on.
+            Err(_) => pieces.lengthen(&[])?,
         }
-        match element.name.as_str() {
-            "vertex" => {
-                mesh.vertices.reserve_exact(element.count);
-                for number in 1..=element.count {
-                    let Point { at: point, colour } = elements.next("vertex", number, element)?;
-                    if !point.is_finite() {
-                        return Err(elements.at(not_finite(&format!("vertex {number}"))));
+    };
+    pieces.leave(left);
+    let mut elements = Elements { pieces, encoding: header.encoding, line, text: String::new() };
+    match elements.mesh(&header) {
+        // What cannot be read is not what is wrong.
+        Err(_) if elements.pieces.lengthen(&[]).is_none() => None,
+        read => Some(read),
+    }
+}
+
+impl<R: Read> Elements<R> {
+    fn mesh(&mut self, header: &Header) -> Result<Mesh, Fault> {
+        let (mut mesh, mut fans, mut tints) = (Mesh::default(), Vec::new(), Vec::new());
+        let vertices = header.elements["vertex"].count;
+        let vertex = |owner: &str, number: usize, corner: usize, index: i64| {
+            u32::try_from(index).ok().filter(|index| (*index as usize) < vertices).ok_or_else(|| {
+                let message = format!("{owner} {number}'s corner {corner} is vertex {index}, which the file has not");
+                Fault::new(message).expected(format!("0 to {}, counted from 0", vertices as i64 - 1))
+            })
+        };
+        for element in header.elements.values() {
+            let is_coloured = colour_of(element).is_some();
+            if is_coloured {
+                // Those of an element before that has no colours.
+                mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
+            }
+            let usual = Usual::of(element, self.encoding);
+            match element.name.as_str() {
+                "vertex" => {
+                    // With the one that faces have behind them.
+                    mesh.vertices = room(element.count + 1);
+                    tints = room(if is_coloured { element.count } else { 0 });
+                    while mesh.vertices.len() < element.count {
+                        if let Some(usual) = &usual {
+                            self.usual_vertices(usual, element.count, &mut mesh.vertices, &mut tints);
+                        }
+                        let number = mesh.vertices.len() + 1;
+                        if number > element.count {
+                            break;
+                        }
+                        let Point { at: point, colour } = self.next("vertex", number, element)?;
+                        if !point.is_finite() {
+                            return Err(self.at(not_finite(&format!("vertex {number}"))));
+                        }
+                        mesh.vertices.push(point);
+                        tints.extend(is_coloured.then_some(colour));
                     }
-                    mesh.vertices.push(point);
-                    tints.extend(is_coloured.then_some(colour));
+                }
+                "face" => {
+                    if mesh.triangles.is_empty() {
+                        mesh.triangles = room(element.count);
+                    }
+                    let (mut corners, mut read) = (Vec::new(), 0);
+                    while read < element.count {
+                        if let Some(usual) = &usual {
+                            self.usual_faces(usual, vertices, (&mut read, element.count), &mut mesh, &mut fans);
+                        }
+                        if read == element.count {
+                            break;
+                        }
+                        read += 1;
+                        let Face { corners: indices, colour } = self.next("face", read, element)?;
+                        corners.clear();
+                        for (corner, index) in (1..).zip(indices) {
+                            corners.push(vertex("face", read, corner, index).map_err(|fault| self.at(fault))?);
+                        }
+                        if corners.len() < 3 {
+                            let message = format!("face {read} has {}", counted(corners.len(), "corner", "corners"));
+                            return Err(self.at(Fault::new(message).expected("at least three")));
+                        }
+                        mesh.push_face(read, &corners, &mut fans);
+                        if is_coloured {
+                            mesh.paint_to(mesh.triangles.len(), colour);
+                        }
+                    }
+                }
+                STRIPS => {
+                    for number in 1..=element.count {
+                        let Face { corners, colour } = self.next(STRIPS, number, element)?;
+                        mesh.push_strips(&corners, |corner, index| vertex("strip", number, corner, index))
+                            .map_err(|fault| self.at(fault))?;
+                        if is_coloured {
+                            mesh.paint_to(mesh.triangles.len(), colour);
+                        }
+                    }
+                }
+                name => {
+                    for number in 1..=element.count {
+                        self.next::<Skipped>(name, number, element)?;
+                    }
                 }
             }
-            "face" => {
-                mesh.triangles.reserve_exact(element.count);
-                let mut corners = Vec::new();
-                for number in 1..=element.count {
-                    let Face { corners: indices, colour } = elements.next("face", number, element)?;
-                    corners.clear();
-                    for (corner, index) in (1..).zip(indices) {
-                        corners.push(vertex("face", number, corner, index).map_err(|fault| elements.at(fault))?);
-                    }
-                    if corners.len() < 3 {
-                        let message = format!("face {number} has {}", counted(corners.len(), "corner", "corners"));
-                        return Err(elements.at(Fault::new(message).expected("at least three")));
-                    }
-                    mesh.push_face(number, &corners, &mut fans);
-                    if is_coloured {
-                        mesh.paint_to(mesh.triangles.len(), colour);
-                    }
+        }
+        Ok(painted(mesh.cut(&fans)?, header, &tints))
+    }
+
+    /// Reads vertices, of which there are to be so many, up to one that is unusual or not all at hand.
+    fn usual_vertices(&mut self, usual: &Usual<'_>, count: usize, points: &mut Vec<Vec3>, tints: &mut Vec<Vec3>) {
+        let Some([x, y, z]) = usual.places(["x", "y", "z"]).filter(|_| !usual.corners) else { return };
+        if [x, y, z].iter().any(|(_, of)| **of != ScalarType::Float) {
+            return;
+        }
+        let [x, y, z] = [x, y, z].map(|(at, _)| at);
+        while points.len() < count && self.pieces.fill(&[]).is_some() {
+            let (rest, before) = (self.pieces.rest(), points.len());
+            let here = (rest.len() / usual.size).min(count - before);
+            for bytes in rest.chunks_exact(usual.size).take(here) {
+                let [x, y, z] = [x, y, z].map(|at| bytes[at..].first_chunk().map(|it| f32::from_le_bytes(*it)));
+                let (Some(x), Some(y), Some(z)) = (x, y, z) else { break };
+                let point = Vec3::new(x, y, z);
+                if !point.is_finite() {
+                    break;
                 }
+                points.push(point);
             }
-            STRIPS => {
-                for number in 1..=element.count {
-                    let Face { corners, colour } = elements.next(STRIPS, number, element)?;
-                    mesh.push_strips(&corners, |corner, index| vertex("strip", number, corner, index))
-                        .map_err(|fault| elements.at(fault))?;
-                    if is_coloured {
-                        mesh.paint_to(mesh.triangles.len(), colour);
-                    }
-                }
+            let read = points.len() - before;
+            if let Some(colour) = usual.colour {
+                tints.extend(rest.chunks_exact(usual.size).take(read).map(|bytes| channels(bytes, colour)));
             }
-            name => {
-                for number in 1..=element.count {
-                    elements.next::<Skipped>(name, number, element)?;
-                }
+            let left = rest.len() - read * usual.size;
+            self.pieces.leave(left);
+            if read < here || read == 0 {
+                return;
             }
         }
     }
-    Ok(painted(mesh.cut(&fans)?, &header, &tints))
+
+    /// Reads faces, of which some have been read and there are to be so many, up to one that is unusual or not all at hand.
+    fn usual_faces(
+        &mut self,
+        usual: &Usual<'_>,
+        vertices: usize,
+        (read, count): (&mut usize, usize),
+        mesh: &mut Mesh,
+        fans: &mut Vec<Fan>,
+    ) {
+        // A negative index is beyond it, too.
+        let end = vertices.min(1 << 31) as u32;
+        let index = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
+        let mut corners = Vec::new();
+        while usual.corners && *read < count && self.pieces.fill(&[]).is_some() {
+            let mut rest = self.pieces.rest();
+            let before = *read;
+            while *read < count {
+                let mut after = rest;
+                let Some(indices) =
+                    after.split_off_first().and_then(|count| after.split_off(..4 * usize::from(*count)))
+                else {
+                    break;
+                };
+                let Some(numbers) = after.split_off(..usual.size) else { break };
+                match indices.as_chunks().0 {
+                    [a, b, c] if index(a).max(index(b)).max(index(c)) < end => {
+                        mesh.triangles.push([a, b, c].map(index));
+                    }
+                    indices @ [_, _, _, _, ..] => {
+                        corners.clear();
+                        corners.extend(indices.iter().map(index));
+                        if corners.iter().any(|corner| *corner >= end) {
+                            break;
+                        }
+                        mesh.push_face(*read + 1, &corners, fans);
+                    }
+                    _ => break,
+                }
+                if let Some(colour) = usual.colour {
+                    mesh.paint_to(mesh.triangles.len(), channels(numbers, colour));
+                }
+                (rest, *read) = (after, *read + 1);
+            }
+            let left = rest.len();
+            self.pieces.leave(left);
+            if *read == before {
+                return;
+            }
+        }
+    }
+}
+
+/// Where a number is among the bytes of its element, and of what type it is.
+type Place<'a> = (usize, &'a ScalarType);
+
+/// Elements as nearly all are, little-endian: numbers, of which before those of a face stand its corners.
+struct Usual<'a> {
+    corners: bool,
+    numbers: Vec<(&'a str, Place<'a>)>,
+    /// Bytes of all the numbers.
+    size: usize,
+    colour: Option<[Place<'a>; 3]>,
+}
+
+impl<'a> Usual<'a> {
+    /// Nothing where they are not.
+    fn of(element: &'a ElementDef, encoding: Encoding) -> Option<Self> {
+        let mut usual = Usual { corners: false, numbers: Vec::new(), size: 0, colour: None };
+        for (i, (name, property)) in element.properties.iter().enumerate() {
+            match &property.data_type {
+                PropertyType::Scalar(scalar) => {
+                    usual.numbers.push((name, (usual.size, scalar)));
+                    usual.size += least_bytes(&property.data_type);
+                }
+                PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt)
+                    if i == 0 && is_corners(name) =>
+                {
+                    usual.corners = true;
+                }
+                PropertyType::List(..) => return None,
+            }
+        }
+        usual.colour = colour_of(element).and_then(|names| usual.places(names));
+        (encoding == Encoding::BinaryLittleEndian).then_some(usual)
+    }
+
+    fn places(&self, names: [&str; 3]) -> Option<[Place<'a>; 3]> {
+        let [a, b, c] = names.map(|name| self.numbers.iter().find(|(of, _)| *of == name).map(|(_, place)| *place));
+        Some([a?, b?, c?])
+    }
+}
+
+/// The first bytes, of an element that has as many.
+fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    *bytes.first_chunk().expect("the element has them")
+}
+
+/// The colour whose channels are at these places.
+fn channels(bytes: &[u8], places: [Place<'_>; 3]) -> Vec3 {
+    Vec3::from(places.map(|(at, scalar)| {
+        let bytes = &bytes[at..];
+        channel(&match scalar {
+            ScalarType::UChar => Property::UChar(bytes[0]),
+            ScalarType::UShort => Property::UShort(u16::from_le_bytes(first(bytes))),
+            ScalarType::Float => Property::Float(f32::from_le_bytes(first(bytes))),
+            _ => Property::Double(f64::from_le_bytes(first(bytes))),
+        })
+    }))
 }
 
 impl Mesh {
@@ -133,7 +316,7 @@ fn channel_of(name: &str) -> Option<usize> {
 }
 
 /// The properties that are an element's colour.
-pub(super) fn colour_of(element: &ElementDef) -> Option<[&str; 3]> {
+fn colour_of(element: &ElementDef) -> Option<[&str; 3]> {
     use ScalarType::{Double, Float, UChar, UShort};
     let mut names = [None; 3];
     for (name, property) in &element.properties {
@@ -149,7 +332,7 @@ pub(super) fn colour_of(element: &ElementDef) -> Option<[&str; 3]> {
 }
 
 /// A channel of a colour: levels as shares of the highest one, and what no colour can have as the nearest that it can.
-pub(super) fn channel(property: &Property) -> f32 {
+fn channel(property: &Property) -> f32 {
     let value = match *property {
         Property::UChar(level) => f32::from(level) / 255.0,
         Property::UShort(level) => f32::from(level) / 65535.0,
@@ -163,7 +346,7 @@ pub(super) fn channel(property: &Property) -> f32 {
 
 /// The mesh of a file, of which those faces are painted that have colours of their own: or else by its vertices, if these have
 /// `tints`; and noted what is not read.
-pub(super) fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
+fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
     if mesh.colours.is_empty() && !tints.is_empty() {
         mesh.paint_by_vertices(tints);
     } else if !mesh.colours.is_empty() {
@@ -237,7 +420,7 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
 }
 
 /// The fewest bytes that a property takes in a binary file.
-pub(super) fn least_bytes(property: &PropertyType) -> usize {
+fn least_bytes(property: &PropertyType) -> usize {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = property;
     match scalar {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -252,21 +435,21 @@ fn is_corners(property: &str) -> bool {
 }
 
 /// What follows the header, element by element.
-struct Elements<'a> {
-    rest: &'a [u8],
+struct Elements<R> {
+    pieces: Pieces<R>,
     encoding: Encoding,
     /// In text, the line that is read next.
     line: usize,
     text: String,
 }
 
-impl Elements<'_> {
+impl<R: Read> Elements<R> {
     fn next<E: PropertyAccess>(&mut self, name: &str, number: usize, element: &ElementDef) -> Result<E, Fault> {
         let parser = Parser::<E>::new();
         let read = match self.encoding {
             Encoding::Ascii => {
                 self.text.clear();
-                match self.rest.read_line(&mut self.text) {
+                match self.pieces.read_line(&mut self.text) {
                     Ok(0) => return Err(self.cut_off(name, number, element)),
                     Ok(_) => self.line += 1,
                     Err(_) => {
@@ -276,8 +459,8 @@ impl Elements<'_> {
                 }
                 parser.read_ascii_element(&self.text, element)
             }
-            Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut self.rest, element),
-            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.rest, element),
+            Encoding::BinaryLittleEndian => parser.read_little_endian_element(&mut self.pieces, element),
+            Encoding::BinaryBigEndian => parser.read_big_endian_element(&mut self.pieces, element),
         };
         read.map_err(|error| self.misread(name, number, element, &error))
     }

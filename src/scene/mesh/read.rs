@@ -1,11 +1,11 @@
 //! Mesh files read: what all formats share, from the file's name to faces of any number of corners.
 
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
 use super::materials::Materials;
 use super::polygon::{self, Fan};
-use super::{Mesh, MeshError, MeshFormat, bulk, obj, ply, stl};
+use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
 use crate::scene::open;
 
 /// What is wrong with a mesh, before it is known by which name its file goes.
@@ -52,13 +52,11 @@ impl Mesh {
                 _ => Fault::new(format!("the file cannot be read: {cause}")),
             })
         };
-        let in_bulk = open::read_twice(path).map(|(file, length)| bulk::read(file, length, format));
-        let read = match in_bulk {
-            Some(Some(read)) => read,
-            Some(None) => Mesh::parse_with_care(open::contents(path).map_err(unread)?, format),
-            None => Mesh::parse(open::contents(path).map_err(unread)?, format),
+        let in_pieces = open::read_twice(path).and_then(|(file, length)| parse(file, length, format));
+        let (mut mesh, materials) = match in_pieces {
+            Some(read) => read.map_err(fault)?,
+            None => parse_all(&open::contents(path).map_err(unread)?, format).map_err(fault)?,
         };
-        let (mut mesh, materials) = read.and_then(with_faces).map_err(fault)?;
         materials.paint(&mut mesh, path.parent().unwrap_or(Path::new("")));
         Ok(mesh)
     }
@@ -69,30 +67,7 @@ impl Mesh {
     /// As [`Mesh::read`].
     pub fn from_bytes(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse(source, format).and_then(with_faces).map(|(mesh, _)| mesh).map_err(fault)
-    }
-
-    /// As [`Mesh::from_bytes`], without reading in bulk: tests hold the two against each other.
-    #[doc(hidden)]
-    pub fn from_bytes_with_care(source: Vec<u8>, format: MeshFormat, name: &str) -> Result<Mesh, MeshError> {
-        let fault = |Fault { line, message, expected }| MeshError { path: name.into(), line, message, expected };
-        Mesh::parse_with_care(source, format).and_then(with_faces).map(|(mesh, _)| mesh).map_err(fault)
-    }
-
-    fn parse(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
-        let in_bulk = bulk::read(&source[..], source.len(), format);
-        in_bulk.unwrap_or_else(|| Mesh::parse_with_care(source, format))
-    }
-
-    pub(super) fn parse_with_care(source: Vec<u8>, format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
-        if source.is_empty() {
-            return Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}")));
-        }
-        match format {
-            MeshFormat::Obj => obj::read(&source[..], source.len()).expect("memory can be read"),
-            MeshFormat::Ply => Ok((ply::parse(&source)?, Materials::default())),
-            MeshFormat::Stl => Ok((stl::parse(source)?, Materials::default())),
-        }
+        parse_all(&source, format).map(|(mesh, _)| mesh).map_err(fault)
     }
 
     /// Adds the face of this number, of three corners or more, as a fan around its first.
@@ -111,12 +86,23 @@ impl Mesh {
     }
 }
 
-/// A mesh that is not empty.
-fn with_faces(read: (Mesh, Materials)) -> Result<(Mesh, Materials), Fault> {
-    if read.0.triangles.is_empty() {
-        return Err(Fault::new("the mesh is empty").expected("at least one face"));
+/// The mesh of a file of this length, of which only a piece at a time is in memory; nothing where that cannot be read.
+fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), Fault>> {
+    if length == 0 {
+        return Some(Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}"))));
     }
-    Ok(read)
+    let alone = |mesh| (mesh, Materials::default());
+    let read = match format {
+        MeshFormat::Obj => obj::read(file, length)?,
+        MeshFormat::Ply => ply::read(file, length)?.map(alone),
+        MeshFormat::Stl => stl::read(file, length)?.map(alone),
+    };
+    let empty = || Fault::new("the mesh is empty").expected("at least one face");
+    Some(read.and_then(|read| if read.0.triangles.is_empty() { Err(empty()) } else { Ok(read) }))
+}
+
+fn parse_all(source: &[u8], format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
+    parse(source, source.len(), format).expect("memory can be read")
 }
 
 /// What is said of a vertex that is nowhere.

@@ -1,21 +1,19 @@
-//! STL, text and binary: stl_io reads the facets; which of both it is, and how many there can be, is decided before.
+//! STL, binary piece by piece, and text, of which stl_io reads the facets.
 
-use std::io::{Cursor, ErrorKind};
+use std::io::{Cursor, ErrorKind, Read};
 
 use glam::Vec3;
 
 use super::Mesh;
 use super::read::{Fault, not_finite};
+use crate::kernels::sys::room;
 
 /// A binary file: this many bytes of anything, a count of 4 bytes, and the facets.
-pub(super) const TITLE: usize = 80;
-pub(super) const FACET: usize = 50;
-
-/// So many facets have as many vertices as there are numbers for, and one more.
-pub(super) const MOST_FACETS: u32 = u32::MAX / 3 - 1;
+const TITLE: usize = 80;
+const FACET: usize = 50;
 
 /// Whether a file of so many bytes that begins like this is binary: its title may begin like a text does.
-pub(super) fn is_binary(source: &[u8], length: usize) -> bool {
+fn is_binary(source: &[u8], length: usize) -> bool {
     let body = length.saturating_sub(TITLE + 4);
     let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
     fits || !source.starts_with(b"solid")
@@ -23,8 +21,8 @@ pub(super) fn is_binary(source: &[u8], length: usize) -> bool {
 
 /// The vertices of facets, which share none in a file: a corner that is bit by bit one that was met lately becomes the same.
 /// Facets are nearly always written beside their neighbours, so that few are missed; nothing but memory is lost by one.
-pub(super) struct Corners {
-    pub(super) vertices: Vec<Vec3>,
+struct Corners {
+    vertices: Vec<Vec3>,
     /// The last vertex of each hash.
     met: Vec<u32>,
 }
@@ -33,12 +31,12 @@ impl Corners {
     const BITS: u32 = 15;
 
     /// None so far, and where they are to be put.
-    pub(super) fn new(room: Vec<Vec3>) -> Self {
+    fn new(room: Vec<Vec3>) -> Self {
         Corners { vertices: room, met: vec![u32::MAX; 1 << Self::BITS] }
     }
 
     /// The number of this one's vertex.
-    pub(super) fn vertex(&mut self, corner: Vec3) -> u32 {
+    fn vertex(&mut self, corner: Vec3) -> u32 {
         let bits = |vertex: Vec3| vertex.to_array().map(f32::to_bits);
         let [x, y, z] = bits(corner);
         // Odd numbers without a pattern: what differs anywhere differs in the upper bits.
@@ -77,43 +75,80 @@ fn join_solids(source: &mut [u8]) {
     }
 }
 
-pub(super) fn parse(mut source: Vec<u8>) -> Result<Mesh, Fault> {
-    let binary = is_binary(&source, source.len());
-    if binary {
-        let body = source.len().saturating_sub(TITLE + 4);
-        let Some(claimed) = claimed(&source) else {
-            let message = format!("the file has {} bytes", source.len());
-            return Err(Fault::new(message).expected("the word solid at its start, or 84 bytes and more"));
-        };
-        if claimed as usize > body / FACET {
-            let message = format!("the header claims {claimed} facets, and the file has no room for so many");
-            return Err(Fault::new(message).expected(format!("at most {}: {body} bytes follow it", body / FACET)));
-        }
-        source[..TITLE].fill(0);
-    } else {
-        join_solids(&mut source);
-        if source.get(5).is_none_or(|&after| after != b' ') {
-            // A solid without a name; stl_io looks for the space before it.
-            source.insert(5, b' ');
+/// The mesh of a file of this length; nothing where that cannot be read.
+pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
+    let mut source = Vec::new();
+    file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut source).ok()?;
+    if is_binary(&source, length) {
+        return binary(file, &source, length);
+    }
+    file.read_to_end(&mut source).ok()?;
+    Some(text(source))
+}
+
+/// What follows the head of a binary file.
+fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh, Fault>> {
+    /// Facets of a piece, which stays in a core's caches.
+    const TOGETHER: usize = 2048;
+    let body = length.saturating_sub(TITLE + 4);
+    let Some(claimed) = claimed(head) else {
+        let fault = Fault::new(format!("the file has {length} bytes"));
+        return Some(Err(fault.expected("the word solid at its start, or 84 bytes and more")));
+    };
+    let (count, most) = (claimed as usize, body / FACET);
+    if count > most {
+        let message = format!("the header claims {claimed} facets, and the file has no room for so many");
+        return Some(Err(Fault::new(message).expected(format!("at most {most}: {body} bytes follow it"))));
+    }
+    // A closed mesh has half as many vertices.
+    let (mut vertices, mut triangles) = (Corners::new(room(count + 1)), room(count));
+    let mut piece = vec![[0; FACET]; count.min(TOGETHER)];
+    for first in (0..count).step_by(TOGETHER) {
+        let facets = &mut piece[..TOGETHER.min(count - first)];
+        file.read_exact(facets.as_flattened_mut()).ok()?;
+        for facet in facets {
+            // After the normal.
+            let [a, b, c] = *facet[12..48].as_chunks::<4>().0.as_chunks::<3>().0 else { return None };
+            let point = |corner: [[u8; 4]; 3]| Vec3::from(corner.map(f32::from_le_bytes));
+            let mut vertex = |corner| Some(point(corner)).filter(|it| it.is_finite()).map(|it| vertices.vertex(it));
+            let (Some(a), Some(b), Some(c)) = (vertex(a), vertex(b), vertex(c)) else {
+                let corner = [a, b, c].iter().position(|corner| !point(*corner).is_finite());
+                return Some(Err(nowhere(triangles.len() + 1, corner?)));
+            };
+            triangles.push([a, b, c]);
         }
     }
+    Some(Ok(Mesh { vertices: vertices.vertices, triangles, ..Mesh::default() }))
+}
 
+fn nowhere(facet: usize, corner: usize) -> Fault {
+    not_finite(&format!("facet {facet}'s vertex {}", corner + 1))
+}
+
+fn text(mut source: Vec<u8>) -> Result<Mesh, Fault> {
+    join_solids(&mut source);
+    if source.get(5).is_none_or(|&after| after != b' ') {
+        // A solid without a name; stl_io looks for the space before it.
+        source.insert(5, b' ');
+    }
     let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());
     let mut cursor = Cursor::new(source);
     let facets = stl_io::create_stl_reader(&mut cursor).map_err(|error| Fault::new(error.to_string()))?;
-    for (number, facet) in (1_u32..).zip(facets) {
+    for (number, facet) in (1..).zip(facets) {
         let facet = facet.map_err(|error| {
             let end = error.kind() == ErrorKind::UnexpectedEof;
-            let message = if end { format!("the file ends in facet {number}") } else { format!("facet {number} cannot be understood") };
-            let expected = if binary { "50 bytes" } else { "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid" };
-            Fault::new(message).expected(expected)
+            let fault = Fault::new(if end {
+                format!("the file ends in facet {number}")
+            } else {
+                format!("facet {number} cannot be understood")
+            });
+            fault.expected(
+                "facet normal x y z, outer loop, three times vertex x y z with finite numbers, endloop, endfacet; or endsolid",
+            )
         })?;
-        if number > MOST_FACETS {
-            return Err(Fault::new("the file has too many facets").expected(format!("at most {MOST_FACETS}")));
-        }
         let corners = facet.vertices.map(|vertex| Vec3::from_array(vertex.0));
         if let Some(corner) = corners.iter().position(|corner| !corner.is_finite()) {
-            return Err(not_finite(&format!("facet {number}'s vertex {}", corner + 1)));
+            return Err(nowhere(number, corner));
         }
         triangles.push(corners.map(|corner| vertices.vertex(corner)));
     }
@@ -125,7 +160,7 @@ mod tests {
     use glam::Vec3;
 
     use super::super::shapes::{icosphere, terrain};
-    use super::{Corners, parse};
+    use super::{Corners, read};
     use crate::scene::MeshFormat;
 
     #[test]
@@ -133,7 +168,7 @@ mod tests {
         for shape in [icosphere(80_000, 0.1, 1), terrain(80_000, 2)] {
             let mut file = Vec::new();
             shape.write(MeshFormat::Stl, &mut file).unwrap();
-            let mesh = parse(file).unwrap();
+            let mesh = read(&file[..], file.len()).unwrap().unwrap();
             assert!(mesh.triangles.iter().zip(&shape.triangles).all(|(a, b)| mesh.corners(*a) == shape.corners(*b)));
             let (found, least) = (mesh.vertices.len(), shape.vertices.len());
             assert!((least..least + least / 10).contains(&found), "{found} in place of {least}");
