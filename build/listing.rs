@@ -9,6 +9,8 @@
 //!   109 000210FD 450F59D2            <3>  mulps %%d, %%b
 //! ```
 //!
+//! NASM 2.15 has a call with its parameters one deeper, and goes on counting lines where it includes a file.
+//!
 //! `src/measure/source.rs` reads what is written here: numbers of seven bits a byte, the lowest first, the eighth bit saying
 //! that more follow; and strings, each after its length. It is, each list after its length,
 //!
@@ -184,6 +186,38 @@ fn read_sources(strings: &mut Strings) -> Sources {
     Sources { macros, places, comments }
 }
 
+/// How many lines too many each file has, of those that a listing includes.
+#[derive(Default)]
+struct Shifts {
+    of_files: HashMap<usize, usize>,
+    /// The files that are open: how deep the line is that includes each, and how many its own have too many.
+    open: Vec<(usize, usize)>,
+    /// Of the line before, if it includes a file.
+    included: Option<(usize, usize, usize)>,
+}
+
+impl Shifts {
+    /// Takes the next line.
+    fn take(&mut self, line: &Line<'_>, strings: &mut Strings) {
+        self.open.retain(|(depth, _)| *depth < line.depth);
+        if let Some((depth, number, file)) = self.included.take() {
+            let shift = if line.number == number + 1 { number } else { 0 };
+            self.open.push((depth, shift));
+            self.of_files.insert(file, shift);
+        }
+        if let Some(path) = line.text.strip_prefix("%include \"") {
+            let file = strings.place(&format!("asm/{}", path.trim_end_matches('"')));
+            self.included = Some((line.depth, line.number, file));
+        }
+    }
+
+    /// The number of that line in the file of the macro around it, or else in the one that is open.
+    fn number(&self, line: &Line<'_>, around: Option<usize>) -> usize {
+        let of = |file| self.of_files.get(&file).copied();
+        line.number - around.map_or(self.open.last().map(|(_, shift)| *shift), of).unwrap_or(0)
+    }
+}
+
 /// Whether `function` is there for a measurement alone: a chain of one operation, or the tracer whose operations lie elsewhere.
 fn is_measured(function: &str) -> bool {
     function.ends_with("_latency") || function.ends_with("_throughput") || function.starts_with("calls_")
@@ -201,8 +235,8 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
     let mut instructions: Vec<Instruction> = Vec::new();
     let (mut text_section, mut wanted) = (false, false);
     let listing = fs::read_to_string(listing).unwrap();
-    let mut last_text = "";
-    let mut continues = false;
+    let (mut last_text, mut last_depth) = ("", 0);
+    let (mut continues, mut shifts) = (false, Shifts::default());
     for line in listing.lines().filter_map(Line::new) {
         if let (true, Some((_, bytes))) = (continues, line.code) {
             continues = bytes.ends_with('-');
@@ -211,6 +245,7 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
             }
             continue;
         }
+        shifts.take(&line, &mut strings);
         if let Some(section) = line.text.strip_prefix("section ") {
             text_section = section == ".text";
         }
@@ -219,19 +254,21 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
             if name == "FUNC" {
                 wanted = !is_measured(rest.trim_matches(['{', '}']));
             }
-            open.retain(|&open| calls[open].depth < line.depth);
+            let depth = line.depth.min(last_depth);
+            open.retain(|&open| calls[open].depth < depth);
             if let Some(&of) = places.get(name) {
                 let around = open.last().map(|&open: &usize| macros[calls[open].of].file);
-                let comment = around.and_then(|file| comments.get(&(file, line.number))).copied().unwrap_or(nothing);
+                let number = shifts.number(&line, around);
+                let comment = around.and_then(|file| comments.get(&(file, number))).copied().unwrap_or(nothing);
                 let within = open.last().map_or(0, |&open| open + 1);
                 let arguments = arguments(rest).into_iter().map(|argument| strings.place(argument)).collect();
                 let text = strings.place(last_text);
                 open.push(calls.len());
-                calls.push(Call { within, of, line: line.number, text, comment, arguments, depth: line.depth });
+                calls.push(Call { within, of, line: number, text, comment, arguments, depth });
             }
             continue;
         }
-        last_text = line.text;
+        (last_text, last_depth) = (line.text, line.depth);
         let Some((offset, bytes)) = line.code else { continue };
         continues = bytes.ends_with('-');
         // Bytes that are repeated fill up to an alignment.
@@ -243,9 +280,10 @@ pub fn table(listing: &Path, object: &Path) -> Vec<u8> {
         }
         let call = open.last().map_or(0, |&open| open + 1);
         let around = open.last().map(|&open| macros[calls[open].of].file);
-        let comment = around.and_then(|file| comments.get(&(file, line.number))).copied().unwrap_or(nothing);
+        let number = shifts.number(&line, around);
+        let comment = around.and_then(|file| comments.get(&(file, number))).copied().unwrap_or(nothing);
         let text = strings.place(line.text);
-        let mut instruction = Instruction { offset, bytes: Vec::new(), call, line: line.number, text, comment };
+        let mut instruction = Instruction { offset, bytes: Vec::new(), call, line: number, text, comment };
         add_bytes(&mut instruction.bytes, bytes);
         instructions.push(instruction);
     }
