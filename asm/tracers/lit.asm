@@ -11,7 +11,7 @@
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(sphere, rows, count, out, width, streaming)
 ;
 ;   <object>    lit         any colours; no clamp: the light is known not to exceed white
-;               grey        red, green and blue are equal
+;               grey        red, green and blue are equal; in f32 alone
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
@@ -330,7 +330,9 @@ align 16
 %define %%output %1     ; [in]       part of the functions' names
 %define %%format %2     ; [in]       F32X4, F32X3, RGBA8 or RGB8
     LIT     lit, %%output, LIT, %%format
+%if ELEM == 4
     LIT     grey, %%output, GREY, %%format
+%endif
 %endmacro
 
 ; LIT_TRACERS - the functions of this file, for one element type.

@@ -279,6 +279,8 @@ align 16
     SPHERE_RECORD
 .sphere_lights:
     mov     rcx, [rsi + ShadeTask.light_count]
+    cmp     dword [r10 + ELEM * TileSphere.around + ELEM - 4], 0
+    jne     .around
     VMOV    v7, COLUMNS
     ELEMENT_OPERAND [r10 + ELEM * TileSphere.column], v9
     VSUB    v7, v7, ONE                 ; x
@@ -379,6 +381,20 @@ align 16
     lea     r11, [r8 + WHO]
     xor     r15d, r15d
     jmp     .sphere_lights
+
+.around:
+    RAY_X
+    AROUND_NORMAL v10, v11, v12, v0, v4, v5, v14, r10, v7
+    add     r13, [rsi + ShadeTask.lits]
+    mov     rax, [rsi + ShadeTask.lights]
+.around_light:
+    AROUND_COSINE v13, v0, v4, v5, v14, v10, v11, v12, rax, v7, v8, v9, v15
+    ADD_LIGHT v13, ObjectLight, v7, v8
+    add     r13, ELEM * ObjectLight_size
+    add     rax, ELEM * 4
+    dec     rcx
+    jnz     .around_light
+    jmp     .next_sphere
 
 %if %[%%format]_FLOATS == 0
 .long:

@@ -4,7 +4,7 @@
 ;
 ;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of
 ;   its silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one,
-;   which no kernel traces, gets the whole picture and the largest f32 as what its 1/t cannot exceed. The same number,
+;   which is for around.asm, gets the whole picture and the largest f32 as what its 1/t cannot exceed. The same number,
 ;   but its own pixels, has one whose outline reaches so far to the side that its planes may lose digits,
 ;   k > 2 (cz^2 - 1): it is for the plan to look at.
 ;

@@ -7,12 +7,15 @@ use super::kernel::kernel;
 use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
 use super::records::{Ball, Element, Facet, ObjectLight, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes};
-use super::tiles::{Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp, Visible};
+use super::tiles::{
+    Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp, Visible,
+};
 use super::types::{Light, Sphere, Surface, Triangle, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
 /// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
-/// those add that have estimates, and the lanes of a packet. After a name may stand `fast`, which adds that, or another table.
+/// those add that have estimates, how those of equal channels are called, and the lanes of a packet. After a name may stand `fast`,
+/// which adds the former, `grey`, which is the latter, or another table.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
@@ -36,28 +39,31 @@ macro_rules! tables {
         }
 
         macro_rules! $table {
-            ($d prefix:expr, $d fast:literal, $d lanes_of:expr) => {
+            ($d prefix:expr, $d fast:literal, $d grey:literal, $d lanes_of:expr) => {
                 $table {
                     $($lanes: $d lanes_of,)?
-                    $($field: tables!(@make $d prefix, $d fast, $d lanes_of; $name $($how)?),)*
+                    $($field: tables!(@make $d prefix, $d fast, $d grey, $d lanes_of; $name $($how)?),)*
                 }
             };
         }
     )*};
-    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal) => {
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal) => {
         kernel!(concat!($prefix, $name))
     };
-    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal fast) => {
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal fast) => {
         kernel!(concat!($prefix, $name, $fast))
     };
-    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal single) => {
-        ElementKernels!(concat!($prefix, $name), "_fast", $lanes)
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal grey) => {
+        LitBodies!(concat!($prefix, $grey), $fast, $grey, $lanes)
     };
-    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal double) => {
-        ElementKernels!(concat!($prefix, $name), "", $lanes / 2)
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal single) => {
+        ElementKernels!(concat!($prefix, $name), "_fast", "grey", $lanes)
     };
-    (@make $prefix:expr, $fast:literal, $lanes:expr; $name:literal $table:ident) => {
-        $table!(concat!($prefix, $name), $fast, $lanes)
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal double) => {
+        ElementKernels!(concat!($prefix, $name), "", "lit", $lanes / 2)
+    };
+    (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal $table:ident) => {
+        $table!(concat!($prefix, $name), $fast, $grey, $lanes)
     };
 }
 
@@ -84,6 +90,8 @@ tables! { $
         set_up: SetUp<E> = "set_up";
         /// The nearest of triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
+        /// The nearest wall of a sphere around the camera or beside it.
+        around: Around<E> = "around";
         /// What is farthest in each part of a tile.
         farthest: Farthest<E> = "farthest";
         /// Spheres to planes.
@@ -106,8 +114,8 @@ tables! { $
         lit_rows: RowSetup<E> = "lit_rows";
         /// Shades such rows.
         lit: LitBodies<E> = "lit" LitBodies;
-        /// The same where the three weights are equal.
-        grey: LitBodies<E> = "grey" LitBodies;
+        /// The same where the three weights are equal (in f64: as `lit`).
+        grey: LitBodies<E> = "" grey;
         /// All others, tile by tile.
         tiles: TileKernels<E> = "" TileKernels;
     }
@@ -136,8 +144,11 @@ tables! { $
 }
 
 /// By [`Isa`], with the lanes of f32.
-static PACKETS: [PacketKernels; 3] =
-    [PacketKernels!("rayo_sse41_", "", 4), PacketKernels!("rayo_avx2_", "", 8), PacketKernels!("rayo_avx512_", "", 16)];
+static PACKETS: [PacketKernels; 3] = [
+    PacketKernels!("rayo_sse41_", "", "", 4),
+    PacketKernels!("rayo_avx2_", "", "", 8),
+    PacketKernels!("rayo_avx512_", "", "", 16),
+];
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {

@@ -47,14 +47,15 @@ pub use objects::{FacePart, Facets, ObjectList};
 pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{
-    Ball, BoundsView, CHUNK, Element, Facet, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE, Seen, ShortLight,
-    SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView,
-    TriangleHit,
+    AroundSphere, Ball, BoundsView, CHUNK, Element, Facet, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE, Seen,
+    ShortLight, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
+    TileView, TriangleHit,
 };
 pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
 pub use tiles::{
-    Bounded, Bounds, Extremes, Farthest, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile, SphereLooks,
-    SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow, Triangles, Visible,
+    Around, Bounded, Bounds, Extremes, Farthest, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
+    SphereLooks, SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow,
+    Triangles, Visible,
 };
 pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};

@@ -170,8 +170,8 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which no
-    /// kernel traces.
+    /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which
+    /// has a kernel of its own.
     pub const ANY: f32 = f32::MAX;
 }
 

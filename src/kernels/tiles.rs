@@ -5,10 +5,10 @@ use std::ops::Range;
 use super::kernel::{kinds, reads, writes};
 use super::objects::{Facets, ObjectList};
 use super::records::{
-    Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask, MOST_LANES,
-    NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes, VisibleTask,
-    VisibleView,
+    AroundSphere, Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask,
+    MOST_LANES, NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView,
+    TILE_HEIGHT, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
+    VisibleTask, VisibleView,
 };
 use super::types::Plain;
 
@@ -130,6 +130,18 @@ kinds! {
         seen[count..count.next_multiple_of(MOST_LANES)].fill(Seen { most: -1.0, ..Seen::ZERO });
         let task = VisibleTask { seen: writes(seen), count: count as u64, parts: reads(&parts.0) };
         enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
+    }
+
+    /// Finds the nearest wall of a sphere around the camera or beside it.
+    Around<E: Element>
+
+    /// Makes those pixels of the tile that of the last object in it where nothing is nearer than this sphere, and nothing as
+    /// near that comes first: `order` has everyone's place in the scene, 0 for nobody.
+    fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |enter| {
+        window.check();
+        let mut near = [E::ZERO; TILE_PIXELS];
+        enter([reads(sphere), writes(&mut near), window.column.into(), window.row.into(), 0, 0]);
+        buffers.keep_nearer(&near, order);
     }
 
     /// Turns triangles into planes over a tile's pixels.
@@ -262,7 +274,7 @@ kinds! {
         window.check();
         let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
         let (objects, count) = (buffers.most + 1, lights.len());
-        // Spheres that no kernel traces may be more than have a pixel.
+        // Spheres around the camera may be more than have a pixel.
         let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
         let shade_count = for_each(objects, count);
         assert!(triangle_count == 0 || shades.len() >= shade_count);
@@ -512,15 +524,25 @@ impl<E: Element> TileBuffers<E> {
         self.most > 0
     }
 
-    /// Makes a pixel that of the last object in the tile, with this 1/t, unless something nearer is there, or something as near
-    /// that comes first: `order` has everyone's place in the scene.
-    pub(crate) fn nearest(&mut self, lanes: usize, column: usize, row: usize, near: E, order: &[u32]) {
-        let (i, who) = (Self::index(lanes, column, row), order.len() - 1);
-        let there = (self.tile.near[i], order[self.tile.who[i].to_index() as usize]);
-        if near > there.0 || near == there.0 && order[who] < there.1 {
-            self.most = self.most.max(last_id(who, 1));
-            self.tile.near[i] = near;
-            self.tile.who[i] = E::from_f64(who as f64);
+    /// Makes those pixels that of the last object in the tile where its 1/t, which is `near` or 0, is more than what is there, or
+    /// as much and it comes first: `order` has everyone's place in the scene.
+    fn keep_nearer(&mut self, near: &[E; TILE_PIXELS], order: &[u32]) {
+        assert!(self.most < order.len(), "everyone has a place in the scene");
+        let who = order.len() - 1;
+        self.most = self.most.max(last_id(who, 1));
+        let (own, mut ties) = (E::from_f64(who as f64), false);
+        // Without branches: in registers.
+        for ((near, there), there_who) in near.iter().zip(&mut self.tile.near).zip(&mut self.tile.who) {
+            ties |= *near == *there;
+            *there_who = if *near > *there { own } else { *there_who };
+            *there = if *near > *there { *near } else { *there };
+        }
+        if ties {
+            for ((near, there), there_who) in near.iter().zip(&self.tile.near).zip(&mut self.tile.who) {
+                if *near == *there && *near > E::ZERO && order[who] < order[there_who.to_index() as usize] {
+                    *there_who = own;
+                }
+            }
         }
     }
 
@@ -719,20 +741,20 @@ mod tests {
     fn no_number_of_a_tile_is_beyond_what_kernels_are_told_is_the_greatest() {
         type Change = fn(&mut TileBuffers<f32>);
         let changes: [(&str, Change, usize); 4] = [
-            ("a number that f32 has not", |buffers| buffers.nearest(4, 1, 0, 1.0, &vec![0; MOST_ID + 2]), 1),
+            ("a number that f32 has not", |buffers| buffers.keep_nearer(&[1.0; TILE_PIXELS], &vec![0; MOST_ID + 2]), 1),
             ("new numbers of which one is past the end", |buffers| buffers.renumber(&[5000, 9000], 6000), 5999),
             ("new numbers of which f32 has not all", |buffers| buffers.renumber(&[0, 1], MOST_ID + 2), 1),
             ("new numbers of which there is none", |buffers| buffers.renumber(&[0, 1], 0), 1),
         ];
         for (what, change, most) in changes {
             let mut buffers = TileBuffers::<f32>::default();
-            buffers.nearest(4, 0, 0, 1.0, &[0, 1]);
+            buffers.keep_nearer(&[1.0; TILE_PIXELS], &[0, 1]);
             assert!(catch_unwind(AssertUnwindSafe(|| change(&mut buffers))).is_err(), "{what}");
             assert_eq!(buffers.most, most, "{what}");
         }
         let mut buffers = TileBuffers::<f32>::default();
         (buffers.triangles.count, buffers.spheres.count) = (1, 1);
-        buffers.nearest(4, 0, 0, 1.0, &[0, 1, 2, 3]);
+        buffers.keep_nearer(&[1.0; TILE_PIXELS], &[0, 1, 2, 3]);
         buffers.renumber(&[0, 0, 0, 1], 2);
         assert_eq!((buffers.most, buffers.triangles.count, buffers.spheres.count), (1, 0, 0), "set up by old numbers");
     }

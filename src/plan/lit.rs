@@ -56,7 +56,7 @@ pub struct LitForm {
     spheres: [LitSphere<f64>; Scale::ALL.len()],
     /// Whether red, green and blue are equal.
     is_grey: bool,
-    /// Whether one channel is to be made in place of three then.
+    /// Whether one channel is to be made in place of three then, for which f32 has kernels.
     makes_grey: bool,
 }
 
@@ -73,7 +73,7 @@ impl LitForm {
             return None;
         }
         let form = Self::new::<E>(sphere, light, &grid, &scene.camera)?;
-        Some(LitForm { makes_grey: form.is_grey && !keep.has(Omission::Channels), ..form })
+        Some(LitForm { makes_grey: size_of::<E>() == 4 && form.is_grey && !keep.has(Omission::Channels), ..form })
     }
 
     fn new<E: Element>(sphere: &Sphere, light: &Light, grid: &Grid<f64>, camera: &Camera) -> Option<Self> {

@@ -22,8 +22,8 @@ use super::team::Team;
 use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
-    Element, Extremes, Faces, Facets, ObjectList, PacketKernels, PixelBounds, Seen, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow,
+    AroundSphere, Element, Extremes, Faces, Facets, ObjectList, PacketKernels, PixelBounds, Seen, SphereView,
+    TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow,
 };
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
@@ -466,6 +466,33 @@ impl<'a, E: Element> Tiles<'a, E> {
         large.len() + in_few.iter().sum::<usize>()
     }
 
+    /// A sphere around the camera or beside it, for the kernel that finds its nearest wall; None of one in front.
+    pub fn around(&self, sphere: &Sphere) -> Option<AroundSphere<f64>> {
+        if forms::is_in_front(sphere) {
+            return None;
+        }
+        let Frame { grid: Grid { step, half_width, half_height, focal }, scale, .. } = self.frame;
+        let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let (r2, k) = (radius * radius, geometry::power(c, radius));
+        Some(AroundSphere {
+            step,
+            half_width,
+            half_height,
+            square: focal * focal,
+            cx: c.x,
+            cy: c.y,
+            cz: c.z,
+            along: focal * c.z,
+            cx_focal: c.x * focal,
+            cy_focal: c.y * focal,
+            r2,
+            k,
+            over_k: if k == 0.0 { 0.0 } else { scale / k },
+            scale,
+            far: if c.dot(c) < 2.0 * r2 { 0.0 } else { 1.0 },
+        })
+    }
+
     /// Whether no ray of a tile meets a sphere.
     pub fn misses(&self, &TileWindow { column, row, .. }: &TileWindow, sphere: &Sphere) -> bool {
         let (first, past) = (self.ray(row, column), self.ray(row + TILE_HEIGHT as u32, column + TILE_WIDTH as u32));
@@ -581,7 +608,9 @@ fn extent(scene: &Scene) -> f64 {
         sizes.extend((size > 0 && size < f32::INFINITY.to_bits()).then_some(size));
     };
     (0..count).step_by(count / 1024 + 1).for_each(|i| scene.triangle(i).vertices.into_iter().for_each(&mut add));
-    scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(sphere.centre));
+    // One that is about the camera reaches as far as its radius.
+    let reach = |sphere: &Sphere| if sphere.centre == Vec3::ZERO { Vec3::splat(sphere.radius) } else { sphere.centre };
+    scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(reach(sphere)));
     let middle = sizes.len() / 2;
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }

@@ -9,20 +9,18 @@ use glam::DVec3;
 /// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers. From
 /// far away h^2 and a k are like numbers too; there a r^2 - |c x d|^2 is the same.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
-    sphere_by(d, centre, radius, || power(centre, radius))
-}
-
-/// The same of a sphere whose [`power`] is known already.
-pub fn sphere_by(d: DVec3, centre: DVec3, radius: f64, power: impl Fn() -> f64) -> Option<f64> {
     let a = d.dot(d);
     let h = d.dot(centre);
     let r2 = radius * radius;
-    let disc =
-        if centre.dot(centre) < 2.0 * r2 { h * h - a * power() } else { a * r2 - centre.cross(d).length_squared() };
+    let disc = if centre.dot(centre) < 2.0 * r2 {
+        h * h - a * power(centre, radius)
+    } else {
+        a * r2 - centre.cross(d).length_squared()
+    };
     if disc.is_nan() || disc < 0.0 {
         return None;
     }
-    let k = power();
+    let k = power(centre, radius);
     let q = h + disc.sqrt().copysign(h);
     let hits = [k / q, q / a].into_iter().filter(|t| *t > 0.0);
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())

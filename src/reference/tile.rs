@@ -7,8 +7,8 @@ use std::ops::{Range, RangeInclusive};
 
 use glam::DVec3;
 
-use super::Real;
 use super::packet::{Cosine, Rounding, cosine, max, min};
+use super::{Real, geometry};
 
 /// A sphere is in front if its centre is at least so many radii before the camera's plane.
 const FRONT: f64 = 1.001;
@@ -383,7 +383,31 @@ pub fn outside_sphere(d: DVec3, centre: DVec3, radius: f64) -> bool {
     !hit
 }
 
+/// AROUND: what stands for 1/t of the nearest wall of a sphere around the camera or beside it, 0 where the ray misses it. `scale` is
+/// 1/t where t is 1.
+pub fn around(d: DVec3, centre: DVec3, radius: f64, scale: f64) -> f64 {
+    let (a, h, k, r2) = (d.dot(d), d.dot(centre), geometry::power(centre, radius), radius * radius);
+    let far = centre.dot(centre) >= 2.0 * r2;
+    let disc = if far { a * r2 - centre.cross(d).length_squared() } else { h * h - a * k };
+    let q = h + disc.sqrt().copysign(h);
+    let one = max(q * if k == 0.0 { 0.0 } else { scale / k }, 0.0);
+    let other = max(a * scale / q, 0.0);
+    max(one, if other < f64::INFINITY { other } else { 0.0 })
+}
+
 impl Rounding {
+    /// AROUND_NORMAL: of 1/t, the ray, and the centre and the radius over the scale, the latter inverted.
+    pub fn around_normal<T: Real>(self, w: T, ray: [T; 3], centre: [T; 3], over_radius: T) -> [T; 3] {
+        let t = T::ONE / w;
+        [0, 1, 2].map(|i| (ray[i] * t - centre[i]) * over_radius)
+    }
+
+    /// AROUND_COSINE: of 1/t, the ray, the normal and the light.
+    pub fn around_cosine<T: Real>(self, w: T, ray: [T; 3], n: [T; 3], light: [T; 3], by: &mut impl Cosine<T>) -> T {
+        let to_light = [0, 1, 2].map(|i| self.fma(light[i], w, -ray[i]));
+        cosine(by, self.dot(n, to_light), self.dot(to_light, to_light))
+    }
+
     /// What a tile keeps of a triangle, by TRIANGLE_VOLUME and TRIANGLE_EDGE: where its volume is 0 but for the rounding it
     /// is at no distance, and so never nearest.
     pub fn set_up(self, [a, b, c]: [DVec3; 3], most: f64, view: &TileView) -> Triangle {

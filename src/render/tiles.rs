@@ -13,12 +13,11 @@ use glam::DVec3;
 use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
-    CHUNK, Element, ElementKernels, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8, Seen, ShadeTile,
-    SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileView, TileWindow, Triangles,
-    Vec4, sys,
+    AroundSphere, CHUNK, Element, ElementKernels, Fill, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8,
+    Seen, ShadeTile, SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileView,
+    TileWindow, Triangles, Vec4, sys,
 };
 use crate::plan::{Keep, LargeObjects, Omission, Raster, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
-use crate::reference::geometry;
 use crate::scene::{Object, Scene};
 
 /// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
@@ -191,6 +190,35 @@ struct Misses<P> {
     hits: Option<u64>,
 }
 
+/// Tiles side by side that have nobody: they are filled together, since memory takes long pieces sooner.
+struct Nobody {
+    rows: Range<u32>,
+    columns: Range<u32>,
+}
+
+impl Nobody {
+    /// Adds a window, and gives those that it is not beside.
+    fn add(those: &mut Option<Nobody>, window: &TileWindow) -> Option<Nobody> {
+        let rows = window.row + window.rows.start..window.row + window.rows.end;
+        let columns = window.column..window.column + window.columns;
+        match those {
+            Some(those) if those.rows == rows && those.columns.end == columns.start => {
+                those.columns.end = columns.end;
+                None
+            }
+            _ => those.replace(Nobody { rows, columns }),
+        }
+    }
+
+    /// Says of each row where its pixels are in a film of `rows` of so many pixels.
+    fn each_row(self, rows: &Range<u32>, width: usize, mut say: impl FnMut(Range<usize>)) {
+        for row in self.rows {
+            let first = (row - rows.start) as usize * width;
+            say(first + self.columns.start as usize..first + self.columns.end as usize);
+        }
+    }
+}
+
 /// Is told who is nearest so far.
 type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
 
@@ -200,9 +228,11 @@ impl<E: Element> TileTracer<'_, E> {
         let (wanted, hits): (&Wanted<'_>, _) = (&|rows, _| rows, counted.then_some(0));
         match out {
             FilmMut::F32x4(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::F32x3(out) => self.trace_three::<_, Vec4>(rows, out, &self.packets.narrow_f32x3, hits),
+            FilmMut::F32x3(out) => {
+                self.trace_three::<_, Vec4>(rows, out, &self.packets.narrow_f32x3, Fill::f32x3, hits)
+            }
             FilmMut::Rgba8(out) => self.trace(rows, wanted, out, Misses { rest: None, hits }),
-            FilmMut::Rgb8(out) => self.trace_three::<_, Rgba8>(rows, out, &self.packets.narrow_rgb8, hits),
+            FilmMut::Rgb8(out) => self.trace_three::<_, Rgba8>(rows, out, &self.packets.narrow_rgb8, Fill::rgb8, hits),
         }
     }
 
@@ -216,13 +246,22 @@ impl<E: Element> TileTracer<'_, E> {
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let mut scratches = self.scratches();
+        let (mut scratches, mut nobody, rest) = (self.scratches(), None, misses.rest);
+        let fill = |out: &mut [P], nobody: Nobody| {
+            nobody.each_row(&rows, width, |pixels| match rest {
+                Some(rest) => out[pixels].fill(rest),
+                None => P::fill(self, &mut out[pixels]),
+            });
+        };
         self.each_wanted(rows.clone(), wanted, |tile, window| {
             let first = first_pixel(window, &rows, width);
             ask_for_next(out, window, first, width);
-            let out = TileOut { pixels: &mut *out, first, width };
-            self.trace_tile(tile, window, out, &mut scratches, &mut misses);
+            let own = TileOut { pixels: &mut *out, first, width };
+            if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
+                Nobody::add(&mut nobody, window).into_iter().for_each(|nobody| fill(out, nobody));
+            }
         });
+        nobody.into_iter().for_each(|nobody| fill(out, nobody));
         self.put_back(scratches);
         misses.hits
     }
@@ -233,22 +272,30 @@ impl<E: Element> TileTracer<'_, E> {
         rows: Range<u32>,
         out: &mut [P],
         narrow: &Narrow<Four, P>,
+        fill: fn(&Fill, &mut [P], bool),
         hits: Option<u64>,
     ) -> Option<u64> {
         let width = self.plan.size()[0] as usize;
         assert_eq!(out.len(), rows.len() * width, "the film must have the size of the rows");
-        let (mut scratches, mut misses) = (self.scratches(), Misses { rest: None, hits });
+        let (mut scratches, mut nobody, mut misses) = (self.scratches(), None, Misses { rest: None, hits });
+        let fill = |out: &mut [P], nobody: Nobody| {
+            nobody.each_row(&rows, width, |pixels| fill(&self.packets.fill, &mut out[pixels], false));
+        };
         let mut four = vec![Four::ZERO; TILE_WIDTH * TILE_HEIGHT];
         self.each_tile(rows.clone(), |tile, window| {
             ask_for_next(out, window, first_pixel(window, &rows, width), width);
             let own = TileOut { pixels: &mut four, first: 0, width: TILE_WIDTH };
-            self.trace_tile(tile, window, own, &mut scratches, &mut misses);
+            if !self.trace_tile(tile, window, own, &mut scratches, &mut misses) {
+                Nobody::add(&mut nobody, window).into_iter().for_each(|nobody| fill(out, nobody));
+                return;
+            }
             let columns = window.columns as usize;
             let out = out[first_pixel(window, &rows, width)..].chunks_mut(width);
             for (four, out) in four.chunks(TILE_WIDTH).zip(out).take(window.rows.len()) {
                 narrow.call(&four[..columns], &mut out[..columns]);
             }
         });
+        nobody.into_iter().for_each(|nobody| fill(out, nobody));
         self.put_back(scratches);
         misses.hits
     }
@@ -261,7 +308,7 @@ impl<E: Element> TileTracer<'_, E> {
         self.free.lock().unwrap_or_else(PoisonError::into_inner).push(scratches);
     }
 
-    /// A tile in the elements that hold its objects.
+    /// A tile in the elements that hold its objects; false, and nothing written, where nobody can be in it.
     fn trace_tile<P: Output<E> + Output<f64>>(
         &self,
         tile: TilePlace,
@@ -269,10 +316,10 @@ impl<E: Element> TileTracer<'_, E> {
         out: TileOut<'_, P>,
         (scratch, wide_scratch): &mut Scratches<E>,
         misses: &mut Misses<P>,
-    ) {
+    ) -> bool {
         match &self.wide {
             Some(wide) if self.plan.is_wide(tile) => {
-                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses);
+                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses)
             }
             _ => self.trace_own(tile, window, out, scratch, misses),
         }
@@ -379,7 +426,7 @@ impl<E: Element> TileTracer<'_, E> {
         out: TileOut<'_, P>,
         scratch: &mut Scratch<E>,
         misses: &mut Misses<P>,
-    ) {
+    ) -> bool {
         let weighted = P::weighted(&self.plan);
         let (_, rays) = self.plan.view(tile);
         let TileOut { pixels, first, width } = out;
@@ -398,14 +445,7 @@ impl<E: Element> TileTracer<'_, E> {
         };
         let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
         if !self.find_nearest(tile, window, by_force, weighted, scratch) {
-            for row in 0..window.rows.len() {
-                let out = &mut pixels[first + row * width..][..window.columns as usize];
-                match misses.rest {
-                    Some(rest) => out.fill(rest),
-                    None => P::fill(self, out),
-                }
-            }
-            return;
+            return false;
         }
         let Scratch { buffers, looks, shades, .. } = scratch;
         if let Some(hits) = &mut misses.hits {
@@ -415,9 +455,7 @@ impl<E: Element> TileTracer<'_, E> {
         if let Some(rest) = misses.rest {
             buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
         }
-        if looks.seen.iter().any(|sphere| sphere.most == Seen::ANY) {
-            self.shade_odd(&looks.seen, buffers, window, TileOut { pixels, first, width });
-        }
+        true
     }
 
     /// Finds who is nearest at the pixels of a tile; false where nobody can be. `so_far` is called whenever that may have
@@ -595,7 +633,7 @@ impl<E: Element> TileTracer<'_, E> {
         (Parts::new(alone), alone.into_iter().fold(f32::MAX, f32::min))
     }
 
-    /// Spheres of a tile: first those that no kernel takes.
+    /// Spheres of a tile: first those that are not in front.
     #[expect(clippy::too_many_arguments, reason = "parts of one Scratch")]
     fn nearest_spheres(
         &self,
@@ -610,9 +648,13 @@ impl<E: Element> TileTracer<'_, E> {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if spheres.iter().any(|seen| seen.most == Seen::ANY) {
             for seen in spheres.extract_if(.., |seen| seen.most == Seen::ANY) {
+                let sphere = &self.plan.balls()[seen.id as usize];
+                let Some(around) = self.plan.around(sphere) else { continue };
                 order.push(1 + seen.id);
                 looks.seen.push(seen);
-                self.nearest_odd(seen.id, order, buffers, window);
+                if self.plan.keep().has(Omission::Misses) || !self.plan.misses(window, sphere) {
+                    kernels.around.call(&around, window, buffers, order);
+                }
             }
         }
         self.near_first(spheres, layers, buffers, window, |seen, buffers| {
@@ -663,6 +705,18 @@ impl<E: Element> TileTracer<'_, E> {
         for first in (0..seen.len()).step_by(CHUNK) {
             let spheres = Spheres { balls: self.plan.balls(), seen: &seen[first..] };
             self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, short, first, records);
+            for (i, seen) in (first..).zip(&seen[first..]).take(CHUNK) {
+                let sphere = &self.plan.balls()[seen.id as usize];
+                let Some(AroundSphere { cx, cy, cz, scale, .. }) = self.plan.around(sphere) else { continue };
+                let record = &mut records.spheres[i];
+                [record.ux, record.uy, record.uz] = [cx, cy, cz].map(|c| E::from_f64(c / scale));
+                (record.mx, record.around) = (E::from_f64(scale / f64::from(sphere.radius)), E::from_f64(1.0));
+                let white = weighted.spheres.white * sphere.colour.as_dvec3();
+                for (lit, light) in records.lits[i * lights.len()..].iter_mut().zip(lights) {
+                    let weights = [white.x * light.red, white.y * light.green, white.z * light.blue];
+                    [lit.red, lit.green, lit.blue] = weights.map(E::from_f64);
+                }
+            }
         }
     }
 
@@ -695,56 +749,6 @@ impl<E: Element> TileTracer<'_, E> {
             }
             // Where nobody has a pixel, all of them have the records of the first.
             self.make_records(weighted, &owning[..count.max(1)], records);
-        }
-    }
-
-    /// A sphere around the camera, or one that reaches behind its plane, the last of the tile's so far: in f64, ray by ray.
-    fn nearest_odd(&self, sphere: u32, order: &[u32], buffers: &mut TileBuffers<E>, window: &TileWindow) {
-        let sphere = &self.plan.balls()[sphere as usize];
-        if !self.plan.keep().has(Omission::Misses) && self.plan.misses(window, sphere) {
-            return;
-        }
-        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-        let power = geometry::power(centre, radius);
-        for row in window.rows.clone() {
-            for column in 0..window.columns {
-                let d = self.ray(window, column, row);
-                if let Some(t) = geometry::sphere_by(d, centre, radius, || power) {
-                    let near = E::from_f64(self.plan.scale() / t);
-                    buffers.nearest(self.kernels.lanes, column as usize, row as usize, near, order);
-                }
-            }
-        }
-    }
-
-    /// Shades what no kernel does.
-    fn shade_odd<P: Output<E>>(
-        &self,
-        spheres: &[Seen],
-        buffers: &TileBuffers<E>,
-        window: &TileWindow,
-        out: TileOut<'_, P>,
-    ) {
-        for row in window.rows.clone() {
-            for column in 0..window.columns {
-                let (_, who) = buffers.pixel(self.kernels.lanes, column as usize, row as usize);
-                let Some(Seen { id, most, .. }) = who.checked_sub(1).and_then(|i| spheres.get(i)) else { continue };
-                if *most != Seen::ANY {
-                    continue;
-                }
-                let d = self.ray(window, column, row);
-                let sphere = &self.plan.balls()[*id as usize];
-                let centre = sphere.centre.as_dvec3();
-                if let Some(t) = geometry::sphere(d, centre, sphere.radius.into()) {
-                    let (p, n) = (t * d, geometry::sphere_normal(t * d, centre));
-                    let light = |light: &crate::scene::Light| {
-                        geometry::lambert(light.position.as_dvec3(), p, n) * light.radiance()
-                    };
-                    let light: DVec3 = self.plan.scene().lights.iter().map(light).sum();
-                    let place = out.first + (row - window.rows.start) as usize * out.width + column as usize;
-                    out.pixels[place] = P::of_colour(light * sphere.colour.as_dvec3());
-                }
-            }
         }
     }
 

@@ -446,7 +446,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 191] = [
+const PACKET_SNIPPETS: [Snippet; 193] = [
     ("ELEMENT", "", "ELEM"),
     ("CLEAN_UPPER", "", ""),
     ("DISTINCT", "", "v0, v1"),
@@ -579,6 +579,8 @@ const PACKET_SNIPPETS: [Snippet; 191] = [
     ("TRIANGLE_HIT3", "", "v0, v1, v2, v3, v4, v5, v6"),
     ("COSINE", "", "v0, v1, v2"),
     ("LAMBERT3", "", "v0, v1, v2, v3, v4, v5, rdi, v6, v7, v8, v9, v10, v11"),
+    ("AROUND_NORMAL", "", "v0, v1, v2, v3, v4, v5, v6, rdi, v7"),
+    ("AROUND_COSINE", "", "v0, v1, v2, v3, v4, v5, v6, v7, rdi, v8, v9, v10, v11"),
     ("VAND", "", "v0, v0, v1"),
     ("VAND", "where d is neither a nor b", "v0, v1, v2"),
     ("VXOR", "", "v0, v0, v1"),

@@ -590,6 +590,8 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
             let long = records(false);
             assert!(long.spheres.iter().all(|sphere| sphere.short == E::ZERO));
             let records = records(true);
+            let ball = scene::Sphere { radius: 2.0, colour: Vec3::ONE, centre: Vec3::Z };
+            let inside = Guarded::new(&[plan.around(&ball).unwrap()], side).unwrap();
             for window in [(64, 0..32), (1, 0..1), (37, 3..5), (64, 31..32), (63, 1..30)] {
                 let window = TileWindow { column: 0, row: 0, columns: window.0, rows: window.1 };
                 let (mut checked, mut unchecked) = (TileBuffers::default(), TileBuffers::default());
@@ -627,6 +629,10 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
                 let of = |buffers: &TileBuffers<E>| all().map(|(x, y)| buffers.pixel(4, x, y)).collect::<Vec<_>>();
                 assert!(of(&checked) == of(&unchecked), "{what}");
                 assert_eq!(kernels.farthest.call_checked(&checked), Ok(()), "{what}");
+                let mut around = TileBuffers::default();
+                assert_eq!(kernels.around.call_checked(&inside[0], &window, &mut around, &order), Ok(()), "{what}");
+                let alive = survives(|| kernels.around.call(&inside[0], &window, &mut TileBuffers::default(), &order));
+                assert!(alive.unwrap() && around.has_somebody(), "{what}");
                 for (part, farthest) in kernels.farthest.call(&checked).into_iter().enumerate() {
                     let (left, top) = (part % (64 / PART_SIDE) * PART_SIDE, part / (64 / PART_SIDE) * PART_SIDE);
                     let pixels = (0..PART_SIDE * PART_SIDE).map(|i| (left + i % PART_SIDE, top + i / PART_SIDE));

@@ -9,7 +9,7 @@ use rayo::plan::{Keep, Raster, TilePlace, Tiles, Weighted};
 use rayo::reference::Real;
 use rayo::reference::packet::{Exact, Rounding};
 use rayo::reference::tile::{self, BoundsView, Plane, SpherePlanes, SphereView, TileView, TrianglePlanes};
-use rayo::scene::{Camera, Rng, Scene, Triangle, many};
+use rayo::scene::{Camera, Rng, Scene, Sphere, Triangle, many};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 32;
@@ -139,11 +139,19 @@ impl<E: Element + Real> Check<'_, E> {
         (nearest, who)
     }
 
+    /// The ray through a pixel.
+    fn ray(&self, rays: &TileRays<E>, column: usize, row: usize) -> [E; 3] {
+        let of = |x: usize, side: usize| <E as Element>::from_f64(x as f64 - (side / 2) as f64);
+        let across = Plane { origin: rays.dx, across: rays.step, down: <E as Real>::ZERO };
+        let down = Plane { origin: rays.dy, across: rays.down, down: <E as Real>::ZERO };
+        let along = |plane, x| self.rounding.plane_at(plane, x, <E as Real>::ZERO);
+        [along(&across, of(column, WIDTH)), along(&down, of(row, HEIGHT)), rays.dz]
+    }
+
     /// The colour of a pixel whose nearest object is `who` at 1/t = w.
     fn colour(&self, (w, who): (E, usize), rays: &TileRays<E>, column: usize, row: usize) -> [E; 3] {
         let mut colour = [<E as Real>::ZERO; 3];
         let lights = self.plan.points();
-        let of = |x: usize, side: usize| <E as Element>::from_f64(x as f64 - (side / 2) as f64);
         for (number, point) in lights.iter().enumerate() {
             let (cosine, weights) = match who {
                 0 => return colour,
@@ -153,7 +161,14 @@ impl<E: Element + Real> Check<'_, E> {
                     let [x, y] = [column, row].map(|x| <E as Element>::from_f64(x as f64));
                     let (x, y) = (x - record.column, y - record.row);
                     let at = (who - 1) * lights.len() + number;
-                    if record.short == E::ONE {
+                    if record.around == E::ONE {
+                        let lit = &self.records.lits[at];
+                        let (centre, light) = ([record.ux, record.uy, record.uz], [point[0], point[1], point[2]]);
+                        let ray = self.ray(rays, column, row);
+                        let n = self.rounding.around_normal(w, ray, centre, record.mx);
+                        let cosine = self.rounding.around_cosine(w, ray, n, light, &mut Exact);
+                        (cosine, [lit.red, lit.green, lit.blue])
+                    } else if record.short == E::ONE {
                         let lit = &self.records.shorts[at];
                         let short = [lit.q0, lit.qx, lit.qy, lit.kn, lit.ke];
                         let cosine = self.rounding.short_cosine(short, w, x, y, &mut Exact);
@@ -167,10 +182,7 @@ impl<E: Element + Real> Check<'_, E> {
                 }
                 _ => {
                     let shade = &self.shades[who * lights.len() + number];
-                    let across = Plane { origin: rays.dx, across: rays.step, down: <E as Real>::ZERO };
-                    let down = Plane { origin: rays.dy, across: rays.down, down: <E as Real>::ZERO };
-                    let along = |plane, x| self.rounding.plane_at(plane, x, <E as Real>::ZERO);
-                    let ray = [along(&across, of(column, WIDTH)), along(&down, of(row, HEIGHT)), rays.dz];
+                    let ray = self.ray(rays, column, row);
                     let light = [point[0], point[1], point[2]];
                     let cosine = self.rounding.triangle_cosine(shade.cosine, w, ray, light, &mut Exact);
                     (cosine, [shade.red, shade.green, shade.blue])
@@ -226,6 +238,31 @@ impl<E: Element + Real> Check<'_, E> {
     }
 }
 
+/// Spheres around the camera, beside it and behind, at every pixel of a tile.
+fn check_around<E: Element + Real>(kernels: &ElementKernels<E>, plan: &Tiles<'_, E>, seed: u64) {
+    let mut rng = Rng::new(seed);
+    let [mut inside, mut far, mut hits] = [0; 3];
+    for _ in 0..60 {
+        let [x, y, z] = [0; 3].map(|_| rng.between(-3.0, 3.0));
+        let sphere = Sphere { radius: rng.between(0.1, 4.0), colour: Vec3::ONE, centre: Vec3::new(x, y, z.min(0.5)) };
+        let Some(around) = plan.around(&sphere) else { continue };
+        let mut buffers = TileBuffers::<E>::default();
+        let window = TileWindow { column: 0, row: 0, columns: WIDTH as u32, rows: 0..HEIGHT as u32 };
+        kernels.tiles.around.call(&around, &window, &mut buffers, &[0, 1]);
+        (inside, far) = (inside + usize::from(around.k < 0.0), far + usize::from(around.far == 1.0));
+        for (row, column) in (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (row, column))) {
+            let d = plan.ray(row as u32, column as u32);
+            let expected = tile::around(d, sphere.centre.as_dvec3(), sphere.radius.into(), plan.scale());
+            let (near, who) = buffers.pixel(kernels.lanes, column, row);
+            let expected = <E as Element>::from_f64(expected);
+            assert!(near == expected, "{near:?} and not {expected:?} at {row}, {column} of {sphere:?}");
+            assert_eq!(who, usize::from(expected > <E as Real>::ZERO));
+            hits += who;
+        }
+    }
+    assert!(inside > 10 && far > 5 && hits > 1000, "{inside}, {far}, {hits}");
+}
+
 fn check<E: Element + Real>(
     isa: Isa,
     packets: &'static PacketKernels,
@@ -251,6 +288,13 @@ fn check<E: Element + Real>(
     };
     check.set_up(plan.linear());
     assert!(check.pixels(false) > 100);
+    // Some are shaded as spheres around the camera are.
+    for record in check.records.spheres.iter_mut().step_by(3) {
+        let [x, y, z, over_radius, around] = [0.25, -0.125, 3.0, 0.75, 1.0].map(<E as Element>::from_f64);
+        (record.ux, record.uy, record.uz, record.mx, record.around) = (x, y, z, over_radius, around);
+    }
+    assert!(check.pixels(false) > 100);
+    check_around(kernels, &plan, seed);
     // In f32 bytes have estimates.
     if size_of::<E>() == 8 {
         check.set_up(plan.levels());

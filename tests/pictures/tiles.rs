@@ -235,6 +235,21 @@ fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_the
     }
 }
 
+#[test]
+fn a_tile_of_more_spheres_than_are_remembered_is_that_of_the_nearest() {
+    let mut rng = Rng::new(6);
+    let mut scene = Scene { camera: camera(64, 32), ..many(0, 0, 6) };
+    for _ in 0..70_000 {
+        let z = rng.between(2.0, 9.0);
+        let [x, y] = [0.4, 0.2].map(|side| rng.between(-side, side) * z);
+        let colour = Vec3::new(rng.next_f32(), rng.next_f32(), 1.0);
+        scene.spheres.push(Sphere { radius: rng.between(0.001, 0.003) * z, colour, centre: Vec3::new(x, y, z) });
+    }
+    for contender in extent::sampled(packets(), 4) {
+        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
+    }
+}
+
 /// Red, green and blue of each pixel, made in bytes by tiles.
 fn bytes(contender: &Contender, scene: &Scene) -> Vec<[u8; 3]> {
     let picture = film(tiles(contender, scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8);

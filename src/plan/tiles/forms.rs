@@ -1,4 +1,4 @@
-//! In what numbers the tile kernels can trace an object: f32, f64, or not at all, so that it is traced ray by ray.
+//! In what numbers the tile kernels can trace an object: f32, or f64.
 //!
 //! Kernels compare w = 1/t in units of the scene's `scale`. What they make of an object in f32 is as exact as documented if:
 //!
@@ -45,19 +45,26 @@ const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
 /// nearly so: PACKET(front).
 const FRONT: f64 = 1.001;
 
+/// f32 holds the normal of a sphere beside the camera from its point as the camera sees it, if it is no more radii away.
+const FARTHEST_AROUND: f64 = 64.0;
+
 /// In the unit of a scene, or in radii of a sphere, lights are this far away at most where f32 is to hold their squares.
 pub(super) const FAR: f64 = (1u64 << 40) as f64;
 pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
+
+/// Whether all of a sphere is in front of the camera, by [`FRONT`]; others have a kernel of their own.
+pub(super) fn is_in_front(sphere: &Sphere) -> bool {
+    let c = sphere.centre.as_dvec3() / f64::from(sphere.radius);
+    c.z >= FRONT && c.dot(c) < f64::INFINITY
+}
 
 /// By what an object is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     /// Kernels in f32, or f64 if those are asked for.
     Narrow,
-    /// Kernels in f64, or none.
+    /// Kernels in f64.
     Wide,
-    /// No kernel; its 1/t is a number in f32.
-    RayByRay,
 }
 
 /// What the form of an object depends on beside the object.
@@ -123,12 +130,16 @@ impl Forms {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
         let power = c.dot(c);
-        if !(c.z >= FRONT && power < f64::INFINITY) {
+        if !is_in_front(sphere) {
             // Its walls, the nearer one no nearer than rounding tells.
             let [near, far] = [(power.sqrt() - 1.0).abs().max(f64::EPSILON), power.sqrt() + 1.0];
-            let in_f32 =
-                self.extent() / (radius * near) <= MOST_OVER_A_TILE && radius * far <= self.extent() * MOST_OVER_A_TILE;
-            return if in_f32 { Form::RayByRay } else { Form::Wide };
+            let most = self.extent() / (radius * near);
+            let narrow = most.max(1.0) * self.farthest.max(1.0) <= MOST
+                && self.extent() >= LEAST_INVERSE * radius * far
+                && radius * MOST >= self.extent()
+                && far <= FARTHEST_AROUND
+                && light::is_in_f32(sphere.colour.as_dvec3() * self.radiance);
+            return if narrow { Form::Narrow } else { Form::Wide };
         }
         let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
         seen.most = bounded(near);

@@ -31,7 +31,8 @@ impl PngParts {
 
 impl Encode for PngParts {
     fn split(&self) -> Split {
-        Split::Strips(STRIP_BYTES.div_ceil(self.row) as u32)
+        // A power of two fits rows of tiles, which would be traced twice where they are cut.
+        Split::Strips(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
     }
 
     /// Blocks, and before them the sum of what they hold and the length of that.

@@ -80,7 +80,9 @@ pub(super) struct TiffParts {
 impl TiffParts {
     pub(super) fn new(extent: &Extent) -> Self {
         let width = extent.width as usize;
-        TiffParts { width, rows: STRIP_BYTES.div_ceil(3 * width).min(extent.height() as usize) as u32 }
+        // A power of two fits rows of tiles, which would be traced twice where they are cut.
+        let rows = STRIP_BYTES.div_ceil(3 * width).next_power_of_two();
+        TiffParts { width, rows: rows.min(extent.height() as usize) as u32 }
     }
 }
 

@@ -32,7 +32,8 @@ impl<E: Element> TileTracer<'_, E> {
         }
         let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&looks.records);
         let record = &spheres[looks.places[who - 1] as usize];
-        let numbers: [f64; 20] = std::array::from_fn(|i| record.numbers()[i].to_f64());
+        let all = record.numbers();
+        let numbers: [f64; 20] = std::array::from_fn(|i| all[i].to_f64());
         let [x, y] = [(window.column + column, record.column), (window.row + row, record.row)]
             .map(|(pixel, origin)| f64::from(pixel) - origin.to_f64());
         let is_sse = self.kernels.lanes * size_of::<E>() == 16;

@@ -1,0 +1,133 @@
+; around.asm - the nearest wall of a sphere around the camera or beside it, at all pixels of a tile, in f64.
+;
+; Such a sphere has no outline that a quadratic over a tile keeps exactly enough: its silhouette is no ellipse, and D
+; cancels next to a wall. With a = d.d, h = d.c and k = c.c - r^2 the roots of eq. 5 are k/q and q/a with
+; q = h + sqrt(D) with the sign of h, by the operations of reference::geometry: D = h^2 - k a of a sphere that is near,
+; D = r^2 a - |c x d|^2 of one that is far for its size. What is kept is their inverse: the greater of q/k and a/q,
+; and 0 where neither is above 0 or both are infinite.
+;
+; Assembled once per ISA, in the pass for f64. The functions:
+;
+;   rayo_<isa>_single_around, rayo_<isa>_double_around      unsafe extern "sysv64" fn(sphere, near, column, row)
+;
+;   sphere      *const AroundSphere, in f64
+;   near        *mut of a tile's 1/t in f32 or f64, in blocks of a register each
+;   column, row u64: of the tile's first pixel in the picture
+;
+;   registers   rdi sphere, rsi near, edx blocks of a row to go, ecx rows of blocks; and 1/2 more than the numbers of
+;               columns, v0, and rows, v10, in the picture; v1 and v2 those of the first block of a row
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
+;   equals      reference::tile::around
+
+; AROUND - a function that writes elements of `out` bytes, of which a block has %%parts registers of f64.
+%macro AROUND 2
+%define %%precision %1  ; [in]       part of the function's name
+%define %%out %2        ; [in]       4 or 8
+%assign %%parts 8 / %%out
+%if LANES == 2
+%assign %%width 2 * %%parts             ; of a block
+%assign %%height 1
+%else
+%assign %%width 4
+%assign %%height LANES / 4 * %%parts
+%endif
+FUNC ISA %+ _ %+ %%precision %+ _around
+    CONSTANTS AroundSphere_size
+    VSPREAD_INTEGER 1, rcx
+    VADD    v1, v1, [PACKET(block_y)]
+    VADD    v1, v1, [PACKET(halves)]
+    VSPREAD_INTEGER 2, rdx
+    VADD    v2, v2, [PACKET(block_x)]
+    VADD    v2, v2, [PACKET(halves)]
+    mov     ecx, TILE_HEIGHT / %%height
+.row:
+    VMOV    v0, v2
+    mov     edx, TILE_WIDTH / %%width
+align 16
+.block:
+    VMOV    v10, v1
+%assign %%part 0
+%rep %%parts
+    VMUL    v3, v0, K(AroundSphere.step)
+    VSUB    v3, v3, K(AroundSphere.half_width)      ; the ray
+    VMUL    v5, v10, K(AroundSphere.step)
+    KLOAD   v4, AroundSphere.half_height
+    VSUB    v4, v4, v5
+    VMUL    v5, v3, v3
+    VMUL    v6, v4, v4
+    VADD    v5, v5, v6
+    VADD    v5, v5, K(AroundSphere.square)          ; a
+    VMUL    v6, v3, K(AroundSphere.cx)
+    VMUL    v7, v4, K(AroundSphere.cy)
+    VADD    v6, v6, v7
+    VADD    v6, v6, K(AroundSphere.along)           ; h
+    cmp     qword [rdi + 8 * AroundSphere.far], 0
+    jne     .far%[%%part]
+    VMUL    v7, v6, v6
+    VMUL    v8, v5, K(AroundSphere.k)
+    VSUB    v7, v7, v8
+    jmp     .discriminant%[%%part]
+.far%[%%part]:
+    VMUL    v8, v4, K(AroundSphere.cz)
+    KLOAD   v9, AroundSphere.cy_focal
+    VSUB    v9, v9, v8
+    VMUL    v9, v9, v9
+    VMUL    v8, v3, K(AroundSphere.cz)
+    VSUB    v8, v8, K(AroundSphere.cx_focal)
+    VMUL    v8, v8, v8
+    VADD    v9, v9, v8
+    VMUL    v8, v4, K(AroundSphere.cx)
+    VMUL    v7, v3, K(AroundSphere.cy)
+    VSUB    v8, v8, v7
+    VMUL    v8, v8, v8
+    VADD    v9, v9, v8
+    VMUL    v7, v5, K(AroundSphere.r2)
+    VSUB    v7, v7, v9
+.discriminant%[%%part]:
+    VSQRT   v7, v7
+    VSIGN   v7, v6, v8
+    VADD    v6, v6, v7                  ; q
+    VMUL    v7, v6, K(AroundSphere.over_k)
+    VMAX    v7, v7, [PACKET(zeros)]
+    VMUL    v5, v5, K(AroundSphere.scale)
+    VDIV    v5, v5, v6
+    VMAX    v5, v5, [PACKET(zeros)]
+    VMOV    v6, [PACKET(infinite)]
+    MASK_GREATER v6, v5
+    MASK_KEEP v5
+    VMAX    v7, v7, v5
+%if %%out == 8
+    VSTORE  [rsi], v7
+%else
+    NARROW  7
+    STORE_NUMBERS rsi, 7
+%endif
+    add     rsi, %%out * LANES
+%assign %%part %%part + 1
+%if LANES == 2
+    VADD    v0, v0, [PACKET(block_step)]
+%else
+%rep LANES / 4
+    VADD    v10, v10, [PACKET(ones)]
+%endrep
+%endif
+%endrep
+%if LANES > 2
+    VADD    v0, v0, [PACKET(block_step)]
+%endif
+    dec     edx
+    jnz     .block
+%rep %%height
+    VADD    v1, v1, [PACKET(ones)]
+%endrep
+    dec     ecx
+    jnz     .row
+    UNCONSTANTS
+ENDFUNC
+%endmacro
+
+; AROUNDS - the functions of this file.
+%macro AROUNDS 0
+    AROUND  single, 4
+    AROUND  double, 8
+%endmacro
