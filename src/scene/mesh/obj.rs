@@ -323,6 +323,10 @@ fn blanks(text: &[u8]) -> &[u8] {
 
 /// Takes what is left of the line; nothing if it goes on in the next one.
 fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    if let [b'\n', after @ ..] = *rest {
+        *rest = after;
+        return Some(&[]);
+    }
     let end = rest.iter().position(|byte| *byte == b'\n').map_or(rest.len(), |end| end + 1);
     let line = rest.split_off(..end)?.trim_ascii_end();
     (!line.ends_with(b"\\")).then_some(line)
