@@ -428,8 +428,7 @@ fn of_meshes<E: PacketElement>(family: &Family, seed: u64, quick: bool) -> Vec<O
 /// An ordinary sphere and triangle with each number in turn made NaN or infinite, and rays that are: nothing is hit.
 fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
     let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
-    let mut rows = Vec::new();
-    for sweep in &SWEEPS[1..] {
+    let of = |sweep: &Sweep| {
         let mut rng = Rng::new(seed);
         let (shape, at) = (sweep.make)(1.0, &mut rng);
         let rays = aimed::<E>(&at, rays, &mut rng);
@@ -450,37 +449,24 @@ fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
                 Shape::Triangle(vertices)
             }
         };
-        let held = |shape: Shape, rays: Vec<[E; 3]>| {
-            let (record, unit) = shape.record(reach);
-            Held { record, unit, rays, expected: Vec::new() }
-        };
-        let ordinary = held(shape, rays.clone());
-        let mut cases: Vec<Held<E>> =
-            (0..numbers).flat_map(|at| bad.map(|bad| held(spoilt(at, bad), rays.clone()))).collect();
+        let mut cases = vec![(shape, rays.clone())];
+        cases.extend((0..numbers).flat_map(|at| bad.map(|bad| (spoilt(at, bad), rays.clone()))));
         cases.extend((0..3).map(|axis| {
             let mut rays = rays.clone();
             rays.iter_mut().for_each(|ray| ray[axis] = E::from_f64(f64::NAN));
-            held(shape, rays)
+            (shape, rays)
         }));
-        for isa in usable() {
-            let op = op_of::<E>(isa, sweep.operation).expect("every instruction set has it");
-            let (_, usual) = ordinary.call(op, RUNS);
-            let (mut wrong_hits, mut slowdown) = (0, 0.0_f64);
-            for case in &cases {
-                let (hits, ns) = case.call(op, RUNS);
-                wrong_hits += hits.into_iter().filter(|t| *t != f64::INFINITY).count();
-                slowdown = slowdown.max(ns / usual);
-            }
-            rows.push(OperationRow {
-                from: "NaN".into(),
-                to: "infinity".into(),
-                rays: rays.len(),
-                wrong_hits,
-                breaks_at: (wrong_hits > 0).then(|| "NaN".into()),
-                slowdown,
-                ..empty::<E>("N1", sweep.operation, isa)
-            });
-        }
-    }
-    rows
+        let values = [vec!["NaN".to_owned(); cases.len() - 1], vec!["infinity".into()]].concat();
+        let over = Over { id: "N1", operation: sweep.operation, values: &values, ordinary: 0 };
+        let held = |case: usize| {
+            let (shape, rays) = &cases[case];
+            let (record, unit) = shape.record(reach);
+            // Of the ordinary one only the time is asked for.
+            let miss = Expected { hit: None, margin: f64::INFINITY };
+            let expected = vec![miss; if case == 0 { 0 } else { rays.len() }];
+            vec![Held { record, unit, rays: rays.clone(), expected }]
+        };
+        rows_of(&over, held).into_iter().map(|row| OperationRow { rays: rays.len(), ..row }).collect::<Vec<_>>()
+    };
+    SWEEPS[1..].iter().flat_map(of).collect()
 }
