@@ -105,10 +105,14 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
         convert::write(figure, |out| out.write_all(svg.as_bytes()))?;
     }
     let document = Document { machine: Machine::this(), report: &report };
-    print_result(args.json, &document, || match () {
-        () if args.asm => listing::text(&report, width, colour),
-        () if args.markdown => markdown::text(&report),
-        () => table::text(&report, !args.op.is_empty(), args.executed, width),
+    print_result(args.json, &document, || {
+        if args.asm {
+            listing::text(&report, width, colour)
+        } else if args.markdown {
+            markdown::text(&report)
+        } else {
+            table::text(&report, !args.op.is_empty(), args.executed, width)
+        }
     })?;
     Ok(ExitCode::SUCCESS)
 }

@@ -182,16 +182,16 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
 
 /// Standard output holds one thing, and a terminal one process.
 fn can_be_shown(args: &RenderArgs, party: &Party, to_standard_output: bool) -> Result<(), Failure> {
-    let problem = match () {
-        () if !party.is_alone() => "--preview is for one process: start it without MPI, or leave it out",
-        () if to_standard_output => {
-            "--preview prints where the picture is to go, to standard output: name a file with -o"
-        }
-        () if args.json => "--preview prints a picture where --json prints a document: leave one of them out",
-        () if args.stats && args.output.is_none() => {
-            "--stats is of a picture that is written, and --preview alone writes none: name a file with -o"
-        }
-        () => return Ok(()),
+    let problem = if !party.is_alone() {
+        "--preview is for one process: start it without MPI, or leave it out"
+    } else if to_standard_output {
+        "--preview prints where the picture is to go, to standard output: name a file with -o"
+    } else if args.json {
+        "--preview prints a picture where --json prints a document: leave one of them out"
+    } else if args.stats && args.output.is_none() {
+        "--stats is of a picture that is written, and --preview alone writes none: name a file with -o"
+    } else {
+        return Ok(());
     };
     Err(Failure::input(problem))
 }
@@ -199,14 +199,17 @@ fn can_be_shown(args: &RenderArgs, party: &Party, to_standard_output: bool) -> R
 /// A number for each picture, one scene, and one process.
 fn can_go_round(args: &RenderArgs, party: &Party) -> Result<(), Failure> {
     let name = args.output.as_deref().unwrap_or(Path::new(""));
-    let problem = match () {
-        () if !party.is_alone() => "--orbit is for one process: start it without MPI, or leave it out".into(),
-        () if args.scenes.len() > 1 => "--orbit goes round one scene: render the others in calls of their own".into(),
-        () if numbered(name, 0).is_none() => format!(
+    let problem = if !party.is_alone() {
+        "--orbit is for one process: start it without MPI, or leave it out".into()
+    } else if args.scenes.len() > 1 {
+        "--orbit goes round one scene: render the others in calls of their own".into()
+    } else if numbered(name, 0).is_none() {
+        format!(
             "--orbit writes several pictures, and {} is the name of one: give it a number, as in frames/%04d.png",
             shown(name)
-        ),
-        () => return Ok(()),
+        )
+    } else {
+        return Ok(());
     };
     Err(Failure::input(problem))
 }

@@ -321,11 +321,14 @@ fn factor(evidence: &Evidence<'_>) -> (Verdict, String) {
     if let Some(called) = called {
         figure += &format!("; {:.2} [{:.2}, {:.2}] where C calls its functions", called.value, called.low, called.high);
     }
-    let (verdict, where_it_is) = match () {
-        () if (ours.high - ours.low) / ours.value > READABLE => (Verdict::NotTestable, "is too wide to judge by"),
-        () if low <= ours.low && ours.high <= high => (Verdict::Reproduced, "is within that"),
-        () if ours.high < low || high < ours.low => (Verdict::NotReproduced, "is outside of that"),
-        () => (Verdict::NotTestable, "is in part outside of that"),
+    let (verdict, where_it_is) = if (ours.high - ours.low) / ours.value > READABLE {
+        (Verdict::NotTestable, "is too wide to judge by")
+    } else if low <= ours.low && ours.high <= high {
+        (Verdict::Reproduced, "is within that")
+    } else if ours.high < low || high < ours.low {
+        (Verdict::NotReproduced, "is outside of that")
+    } else {
+        (Verdict::NotTestable, "is in part outside of that")
     };
     (verdict, format!("{figure}; about 6 is from {low} to {high}, and the interval {where_it_is}"))
 }
@@ -347,14 +350,16 @@ fn constant_ratio(speedup: &Speedup) -> (Verdict, String) {
     // A median that noise has moved keeps the others' within its interval.
     let middle = median(&ratios);
     let widest = rows.iter().map(|row| (row.ratio_high - row.ratio_low) / row.ratio_to_c).fold(0.0, f64::max);
-    let verdict = match () {
-        () if rows.len() < 2 => return (Verdict::NotTestable, format!("{figure}: one size only")),
-        () if high / low - 1.0 <= paper_spread => Verdict::Reproduced,
-        () if widest > READABLE => {
-            return (Verdict::NotTestable, format!("{figure}, but intervals of up to {:.0} %", 100.0 * widest));
-        }
-        () if rows.iter().all(|row| row.ratio_low <= middle && middle <= row.ratio_high) => Verdict::Reproduced,
-        () => Verdict::NotReproduced,
+    let verdict = if rows.len() < 2 {
+        return (Verdict::NotTestable, format!("{figure}: one size only"));
+    } else if high / low - 1.0 <= paper_spread {
+        Verdict::Reproduced
+    } else if widest > READABLE {
+        return (Verdict::NotTestable, format!("{figure}, but intervals of up to {:.0} %", 100.0 * widest));
+    } else if rows.iter().all(|row| row.ratio_low <= middle && middle <= row.ratio_high) {
+        Verdict::Reproduced
+    } else {
+        Verdict::NotReproduced
     };
     (verdict, figure)
 }
@@ -393,10 +398,12 @@ fn linear(evidence: &Evidence<'_>, axis: Axis) -> (Verdict, String) {
         .collect();
     let straight = of_axis.iter().all(|sweep| sweep.line.slope > 0.0 && sweep.line.residual <= STRAIGHT);
     let (floor, figure) = (evidence.speedup.noise_floor, figures.join("; "));
-    match () {
-        () if straight => (Verdict::Reproduced, figure),
-        () if floor > QUIET => (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor)),
-        () => (Verdict::NotReproduced, figure),
+    if straight {
+        (Verdict::Reproduced, figure)
+    } else if floor > QUIET {
+        (Verdict::NotTestable, format!("{figure}, at a noise floor of {:.1} %", 100.0 * floor))
+    } else {
+        (Verdict::NotReproduced, figure)
     }
 }
 

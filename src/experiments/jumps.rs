@@ -312,10 +312,12 @@ impl Jumps {
         let jumps = |finding: &&Finding| finding.core_change > STEADY;
         let bound = |finding: &Finding| finding.bandwidth_share.is_some_and(|share| share > BOUND);
         let jumping: Vec<_> = findings.iter().filter(jumps).collect();
-        let verdict = match () {
-            () if jumping.is_empty() => Some(false),
-            () if noise_floor > STEADY => None,
-            () => Some(jumping.into_iter().any(bound)),
+        let verdict = if jumping.is_empty() {
+            Some(false)
+        } else if noise_floor > STEADY {
+            None
+        } else {
+            Some(jumping.into_iter().any(bound))
         };
         let figures: Vec<_> = findings
             .iter()

@@ -224,10 +224,12 @@ fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, NoPoints> {
 fn flops(instruction: &Instruction) -> u32 {
     let (mnemonic, operands) = instruction.text.split_once(' ').unwrap_or((&instruction.text, ""));
     let name = mnemonic.strip_prefix('v').unwrap_or(mnemonic);
-    let bytes = match () {
-        () if operands.contains("zmm") => 64,
-        () if operands.contains("ymm") => 32,
-        () => 16,
+    let bytes = if operands.contains("zmm") {
+        64
+    } else if operands.contains("ymm") {
+        32
+    } else {
+        16
     };
     let Some((operation, kind)) = name.split_at_checked(name.len().saturating_sub(2)) else { return 0 };
     let lanes = match kind {

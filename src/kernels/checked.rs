@@ -96,10 +96,12 @@ convention! {
 
 /// How wide this CPU's vectors are.
 pub(super) fn vector_bytes() -> u64 {
-    match () {
-        () if detected!("avx512f") => 64,
-        () if detected!("avx") => 32,
-        () => 16,
+    if detected!("avx512f") {
+        64
+    } else if detected!("avx") {
+        32
+    } else {
+        16
     }
 }
 

@@ -378,12 +378,16 @@ fn class(raw: &iced_x86::Instruction, reads: bool, writes: bool) -> Class {
     }
     // `cmov` and `movmsk` compute; `mov`, `movaps`, `movss`, `movzx` and so on copy.
     let copies = name.starts_with("mov") && !name.starts_with("movmsk") || ["push", "pop", "leave"].contains(&&*name);
-    match () {
-        () if copies && writes => Class::Store,
-        () if (copies || name.starts_with("broadcast")) && reads => Class::Load,
-        () if copies => Class::Move,
-        () if name.starts_with("broadcast") => Class::Shuffle,
-        () => Class::Arithmetic,
+    if copies && writes {
+        Class::Store
+    } else if (copies || name.starts_with("broadcast")) && reads {
+        Class::Load
+    } else if copies {
+        Class::Move
+    } else if name.starts_with("broadcast") {
+        Class::Shuffle
+    } else {
+        Class::Arithmetic
     }
 }
 

@@ -169,10 +169,14 @@ fn band(text: &mut String, base: &Counts, others: &[&&Counts], width: usize, col
             let cell = lines.get(i).map_or(String::new(), cell);
             // A listing without a body, as those of C, is not dim as a whole, nor all of it other than the first.
             let has_body = lines.iter().any(|line| line.line.body);
-            let style = lines.get(i).map_or(PLAIN, |line| match () {
-                () if has_body && !line.line.body => DIM,
-                () if has_body && !line.common => YELLOW,
-                () => PLAIN,
+            let style = lines.get(i).map_or(PLAIN, |line| {
+                if has_body && !line.line.body {
+                    DIM
+                } else if has_body && !line.common {
+                    YELLOW
+                } else {
+                    PLAIN
+                }
             });
             (format!("{cell:<width$.width$} "), style)
         });

@@ -204,13 +204,9 @@ impl Describer {
         };
         let compared = self.comparison(step, &raw, &place, kind);
         let cancelled_bits = changed.iter().flat_map(|change| change.cancelled_bits.clone()).collect();
-        let source = match () {
-            // It fills up to an alignment.
-            () if place.line == 0 => text.clone(),
-            // Names that only NASM knows.
-            () if place.source.contains('%') => text.clone(),
-            () => place.source.clone(),
-        };
+        // What fills up to an alignment has none, and names with % are NASM's alone.
+        let is_of_nasm = place.line == 0 || place.source.contains('%');
+        let source = if is_of_nasm { text.clone() } else { place.source.clone() };
         let line = Line {
             number: step.number,
             text,
@@ -469,12 +465,13 @@ fn kind_of(raw: &iced_x86::Instruction, kernel: &str) -> Kind {
         || name.contains("2si")
         || name.starts_with("vmovdqu")
         || name.starts_with("vmovdqa");
-    match () {
-        () if whole => Kind::Whole(32),
-        () if name.ends_with("ps") || name.ends_with("ss") => Kind::Single,
-        () if name.ends_with("pd") || name.ends_with("sd") => Kind::Double,
-        () if kernel.contains("_double_") => Kind::Double,
-        () => Kind::Single,
+    let ends = |with: [&str; 2]| with.iter().any(|end| name.ends_with(end));
+    if whole {
+        Kind::Whole(32)
+    } else if ends(["pd", "sd"]) || kernel.contains("_double_") && !ends(["ps", "ss"]) {
+        Kind::Double
+    } else {
+        Kind::Single
     }
 }
 

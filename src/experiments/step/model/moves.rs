@@ -203,10 +203,14 @@ fn blend_by_signs(i: &mut Instruction, bytes: u32) -> Option<()> {
 fn insert_element(i: &mut Instruction) -> Option<()> {
     let (a, b, immediate) = (i.first()?, i.last()?, i.immediate()? as u32);
     let source = if b.is_memory() { 0 } else { immediate >> 6 & 3 };
-    i.each(4, |_, lane| match () {
-        () if immediate >> lane & 1 == 1 => Value::zero(),
-        () if lane == immediate >> 4 & 3 => Value::copy(b.element(source, 4)),
-        () => Value::copy(a.element(lane, 4)),
+    i.each(4, |_, lane| {
+        if immediate >> lane & 1 == 1 {
+            Value::zero()
+        } else if lane == immediate >> 4 & 3 {
+            Value::copy(b.element(source, 4))
+        } else {
+            Value::copy(a.element(lane, 4))
+        }
     })
 }
 
