@@ -213,6 +213,21 @@ fn comments_and_strings_are_no_code() {
     assert_eq!(tokens(&code(text)), ["a", "b", "c", "d"]);
 }
 
+/// What is added takes the place of something, or argues for more here.
+#[test]
+fn it_stays_small() {
+    const LINES: usize = 56_460;
+    const KERNELS: usize = 45;
+    let sources = sources(&["rs", "asm", "inc", "c", "h"]);
+    let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));
+    let lines: usize = of_product.map(|(_, text)| text.lines().count()).sum();
+    assert!(lines <= LINES, "src and asm have {lines} lines, of which there may be {LINES}");
+    assert!(lines > LINES - 500, "src and asm have {lines} lines: lower the budget of {LINES} to what they need");
+    let kernels = rayo::kernels::packet_symbols();
+    let of_one = kernels.iter().filter(|symbol| symbol.starts_with("rayo_avx2_")).count();
+    assert!(of_one <= KERNELS, "{of_one} packet kernels, of which there may be {KERNELS} for each instruction set");
+}
+
 #[test]
 fn only_the_kernels_are_unsafe() {
     let sources = sources(&["rs"]);
