@@ -104,8 +104,9 @@ impl Team {
 
     /// Has the other threads linger, from when they have nothing to do.
     pub fn keep_awake(&self) {
+        let Some(pool) = &self.pool else { return };
         let here = thread::current().id();
-        for pool in self.pool.iter().cycle().take(self.others) {
+        for _ in 0..self.others {
             pool.spawn(move || {
                 // This one has other things to do, and may find it while it waits.
                 if thread::current().id() != here {
