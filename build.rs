@@ -471,7 +471,8 @@ mod layout {
         pub fn to_c(&self) -> String {
             let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
             for Struc { name, fields, size, .. } in self.strucs.iter().filter(|struc| struc.fields[0].unit > 1) {
-                let name = name.to_lowercase();
+                // The paper's C has no other spheres and triangles.
+                let name = name.trim_start_matches("Paper").to_lowercase();
                 for Field { name: field, offset, .. } in fields {
                     write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();
                 }

@@ -32,17 +32,17 @@ vector_b:   dd 1.5, 0.625, -0.25, 0.0
 scalar:     dd 0.875, 0.0, 0.0, 0.0
 ray:        dd 0.0625, -0.125, 1.0, 0.0
 sphere:
-istruc Sphere
-    at Sphere.centre, dd 0.25, -0.5, 4.0, 0.0
-    at Sphere.colour, dd 1.0, 0.5, 0.25, 0.0
-    at Sphere.radius, dd 1.5
+istruc PaperSphere
+    at PaperSphere.centre, dd 0.25, -0.5, 4.0, 0.0
+    at PaperSphere.colour, dd 1.0, 0.5, 0.25, 0.0
+    at PaperSphere.radius, dd 1.5
 iend
 triangle:
-istruc Triangle
-    at Triangle.v1, dd -1.0, -1.0, 3.0, 0.0
-    at Triangle.v2, dd 1.0, -1.0, 3.5, 0.0
-    at Triangle.v3, dd 0.25, 1.0, 4.0, 0.0
-    at Triangle.colour, dd 1.0, 0.5, 0.25, 0.0
+istruc PaperTriangle
+    at PaperTriangle.v1, dd -1.0, -1.0, 3.0, 0.0
+    at PaperTriangle.v2, dd 1.0, -1.0, 3.5, 0.0
+    at PaperTriangle.v3, dd 0.25, 1.0, 4.0, 0.0
+    at PaperTriangle.colour, dd 1.0, 0.5, 0.25, 0.0
 iend
 light:
 istruc Light

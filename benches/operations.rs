@@ -12,7 +12,7 @@ use std::hint::black_box;
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3A;
-use rayo::kernels::{self, AosKernels, Light, Op, Plain, Sphere, Surface, Triangle, Vec4};
+use rayo::kernels::{self, AosKernels, Light, Op, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
 use rayo::reference::aos::{self, Form};
 use rayo::scene::Rng;
 
@@ -25,8 +25,8 @@ struct Inputs {
     others: Vec<Vec4>,
     scalars: Vec<f32>,
     rays: Vec<Vec4>,
-    spheres: Vec<Sphere>,
-    triangles: Vec<Triangle>,
+    spheres: Vec<PaperSphere>,
+    triangles: Vec<PaperTriangle>,
     surfaces: Vec<Surface>,
     lights: Vec<Light>,
 }
@@ -44,11 +44,14 @@ impl Inputs {
         let mut unit = Rng::new(SEED);
         Inputs {
             scalars: (0..INPUTS).map(|_| unit.between(-9.0, 9.0)).collect(),
-            spheres: centres.iter().map(|&centre| Sphere { centre, colour, radius: 1.0, padding: [0.0; 3] }).collect(),
+            spheres: centres
+                .iter()
+                .map(|&centre| PaperSphere { centre, colour, radius: 1.0, padding: [0.0; 3] })
+                .collect(),
             triangles: (0..INPUTS)
                 .map(|i| {
                     let [v1, v2, v3] = [0, 1, 2].map(|corner| corners[(i + 7 * corner) % INPUTS]);
-                    Triangle { v1, v2, v3, colour }
+                    PaperTriangle { v1, v2, v3, colour }
                 })
                 .collect(),
             surfaces: vectors
@@ -139,10 +142,11 @@ fn operations(c: &mut Criterion) {
     group!(normalise, vectors, others, twin |a: &Vec4, _: &Vec4| aos::normalise(form, a.lanes()),
         glam &glams, &glam_others => |a: &Vec3A, _: &Vec3A| a.normalize());
 
-    let twin = |b: &Sphere| aos::Sphere { centre: b.centre.lanes(), colour: b.colour.lanes(), radius: b.radius };
-    group!(sphere, rays, spheres, twin |a: &Vec4, b: &Sphere| aos::sphere(form, a.lanes(), &twin(b)));
-    let twin = |b: &Triangle| aos::Triangle { vertices: [b.v1, b.v2, b.v3].map(Vec4::lanes), colour: b.colour.lanes() };
-    group!(triangle, rays, triangles, twin |a: &Vec4, b: &Triangle| aos::triangle(form, a.lanes(), &twin(b)));
+    let twin = |b: &PaperSphere| aos::Sphere { centre: b.centre.lanes(), colour: b.colour.lanes(), radius: b.radius };
+    group!(sphere, rays, spheres, twin |a: &Vec4, b: &PaperSphere| aos::sphere(form, a.lanes(), &twin(b)));
+    let twin =
+        |b: &PaperTriangle| aos::Triangle { vertices: [b.v1, b.v2, b.v3].map(Vec4::lanes), colour: b.colour.lanes() };
+    group!(triangle, rays, triangles, twin |a: &Vec4, b: &PaperTriangle| aos::triangle(form, a.lanes(), &twin(b)));
     let twin = |sides: u32| {
         move |a: &Surface, b: &Light| {
             let surface = aos::Surface { point: a.point.lanes(), normal: a.normal.lanes(), colour: a.colour.lanes() };

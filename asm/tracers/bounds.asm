@@ -9,15 +9,16 @@
 ;   pixels that they can hold, and if one edge or another has each of them outside by more than the rounding, they are
 ;   made empty.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; rdx facets or faces, rcx those to go, r8 corners,
-;               r9 the next id, r10 seen, r11 packets to go, r15 the last of them
+;   registers   rdi view, whose fields are the constants K; rsi task; rdx triangles or faces, rcx those to go,
+;               r8 corners, r9 the next id, r10 candidates, r11 packets to go, r15 the last of them
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the
 ;               greatest of what 1/t cannot exceed
-;   writes      a Seen for each triangle that may have a pixel, one after another, with room for all up to a multiple of
-;               CHUNK: what is past the last one may be there too, under numbers of its own; how many they are; and of
-;               all triangles together, to judge the scene's numbers by, those in BoundsFound; faces have no colours
-;   requires    the CPUID features of the ISA; facets, or faces of vertices that there are, count >= 1 of them; 4 bytes
-;               more behind the vertices
+;   writes      a Candidate for each triangle that may have a pixel, one after another, with room for all up to a
+;               multiple of CHUNK: what is past the last one may be there too, under numbers of its own; how many they
+;               are; and of all triangles together, to judge the scene's numbers by, those in BoundsFound; faces have no
+;               colours
+;   requires    the CPUID features of the ISA; triangles, or faces of vertices that there are, count >= 1 of them; 4
+;               bytes more behind the vertices
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
 ; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
@@ -44,15 +45,15 @@
 %define %%high %2       ; [out]      vreg
 %define %%axis %3       ; [in]       x or y
 %define %%t %4          ; [clobbered] vreg
-    VMUL    %%low, v0, [r8 + Corners.a %+ %%axis]
-    VMUL    %%high, v1, [r8 + Corners.b %+ %%axis]
-    VMOV_TO [r8 + Corners.a %+ %%axis], %%low
-    VMOV_TO [r8 + Corners.b %+ %%axis], %%high
+    VMUL    %%low, v0, [r8 + TriangleArrays.a %+ %%axis]
+    VMUL    %%high, v1, [r8 + TriangleArrays.b %+ %%axis]
+    VMOV_TO [r8 + TriangleArrays.a %+ %%axis], %%low
+    VMOV_TO [r8 + TriangleArrays.b %+ %%axis], %%high
     VMOV    %%t, %%low
     VMIN    %%low, %%low, %%high
     VMAX    %%high, %%high, %%t
-    VMUL    %%t, v2, [r8 + Corners.c %+ %%axis]
-    VMOV_TO [r8 + Corners.c %+ %%axis], %%t
+    VMUL    %%t, v2, [r8 + TriangleArrays.c %+ %%axis]
+    VMOV_TO [r8 + TriangleArrays.c %+ %%axis], %%t
     VMIN    %%low, %%low, %%t
     VMAX    %%high, %%high, %%t
 %endmacro
@@ -134,7 +135,7 @@
     PUSH_OWNED
     mov     rdx, [rsi + BoundsTask.objects]
     mov     r9, [rsi + BoundsTask.first_id]
-    mov     r10, [rsi + BoundsTask.seen]
+    mov     r10, [rsi + BoundsTask.candidates]
     mov     rcx, [rsi + BoundsTask.count]
     CONSTANTS %%constants
     VZERO   v12
@@ -143,20 +144,20 @@
     VMOV_TO [SCRATCH], v14
 %endmacro
 
-; TURN_CHUNK - turns a chunk of objects round, from rdx on.
-%macro TURN_CHUNK 2
+; TRANSPOSE_CHUNK - transposes a chunk of objects, from rdx on.
+%macro TRANSPOSE_CHUNK 2
 %define %%bytes %1      ; [in]       of an object
-%define %%turn %2       ; [in]       what turns four of them round
+%define %%transpose %2  ; [in]       what transposes four of them
     imul    r15, [rsi + BoundsTask.count], %%bytes
     add     r15, [rsi + BoundsTask.objects]
     sub     r15, %%bytes
-    mov     r8, [rsi + BoundsTask.turned]
+    mov     r8, [rsi + BoundsTask.arrays]
 %%four:
     FOUR_AT %%bytes
-    %%turn  r8, r14, rbx, r12, r13
+    %%transpose  r8, r14, rbx, r12, r13
     add     r8, 16
     mov     rax, r8
-    sub     rax, [rsi + BoundsTask.turned]
+    sub     rax, [rsi + BoundsTask.arrays]
     cmp     eax, 4 * CHUNK
     jb      %%four
 %endmacro
@@ -174,27 +175,27 @@
     VSTORE  [r8 + BoundsFound.brightest], v14
     VMOV    v0, [SCRATCH]
     VSTORE  [r8 + BoundsFound.nearest], v0
-    sub     r10, [rsi + BoundsTask.seen]
-    shr     r10, ilog2e(Seen_size)
+    sub     r10, [rsi + BoundsTask.candidates]
+    shr     r10, ilog2e(Candidate_size)
     mov     [r8 + BoundsFound.count], r10
     UNCONSTANTS
     POP_OWNED
 ENDFUNC
 %endmacro
 
-; TURN_BLACK_FACES - turns four faces round, whose colours others know. Clobbers rax, r11, v0 to v4.
-%macro TURN_BLACK_FACES 5
-%define %%to %1         ; [out]      general register: address of the first of the four in Corners
+; TRANSPOSE_BLACK_FACES - transposes four faces, whose colours others know. Clobbers rax, r11, v0 to v4.
+%macro TRANSPOSE_BLACK_FACES 5
+%define %%to %1         ; [out]      general register: address of the first of the four in TriangleArrays
 %define %%f0 %2         ; [in]       general register: address of a face
 %define %%f1 %3         ; [in]       general register
 %define %%f2 %4         ; [in]       general register
 %define %%f3 %5         ; [in]       general register
     mov     r11, [rsi + BoundsTask.vertices]
-    TURN_FACES %%to, %%f0, %%f1, %%f2, %%f3, r11, rax
+    TRANSPOSE_FACES %%to, %%f0, %%f1, %%f2, %%f3, r11, rax
     VZERO   v0
-    STORE128 [%%to + Corners.red], x, 0, 0
-    STORE128 [%%to + Corners.green], x, 0, 0
-    STORE128 [%%to + Corners.blue], x, 0, 0
+    STORE128 [%%to + TriangleArrays.red], x, 0, 0
+    STORE128 [%%to + TriangleArrays.green], x, 0, 0
+    STORE128 [%%to + TriangleArrays.blue], x, 0, 0
 %endmacro
 
 ; BOUNDS - the function.
@@ -204,31 +205,31 @@ FUNC ISA %+ _bounds
 .chunk:
     cmp     qword [rsi + BoundsTask.vertices], 0
     jne     .faces
-    TURN_CHUNK Facet_size, TURN_FACETS
-    jmp     .turned
+    TRANSPOSE_CHUNK Triangle_size, TRANSPOSE_TRIANGLES
+    jmp     .transposed
 .faces:
-    TURN_CHUNK FACE_BYTES, TURN_BLACK_FACES
-.turned:
-    mov     r8, [rsi + BoundsTask.turned]
+    TRANSPOSE_CHUNK FACE_BYTES, TRANSPOSE_BLACK_FACES
+.transposed:
+    mov     r8, [rsi + BoundsTask.arrays]
     mov     r11d, CHUNK / LANES
 .packet:
-    VLOAD   v0, [r8 + Corners.az]
-    VLOAD   v1, [r8 + Corners.bz]
-    VLOAD   v2, [r8 + Corners.cz]
+    VLOAD   v0, [r8 + TriangleArrays.az]
+    VLOAD   v1, [r8 + TriangleArrays.bz]
+    VLOAD   v2, [r8 + TriangleArrays.cz]
     VAND    v5, v0, [PACKET(magnitude)]
     SIZE    VMOV, v1
     SIZE    VMOV, v2
-    SIZE    VLOAD, [r8 + Corners.ax]
-    SIZE    VLOAD, [r8 + Corners.ay]
-    SIZE    VLOAD, [r8 + Corners.bx]
-    SIZE    VLOAD, [r8 + Corners.by]
-    SIZE    VLOAD, [r8 + Corners.cx]
-    SIZE    VLOAD, [r8 + Corners.cy]
+    SIZE    VLOAD, [r8 + TriangleArrays.ax]
+    SIZE    VLOAD, [r8 + TriangleArrays.ay]
+    SIZE    VLOAD, [r8 + TriangleArrays.bx]
+    SIZE    VLOAD, [r8 + TriangleArrays.by]
+    SIZE    VLOAD, [r8 + TriangleArrays.cx]
+    SIZE    VLOAD, [r8 + TriangleArrays.cy]
     IOP     pmaxud, w12, w12, w5
     IOP     pminud, w13, w13, w5
-    IOP     pmaxud, w14, w14, [r8 + Corners.red]
-    IOP     pmaxud, w14, w14, [r8 + Corners.green]
-    IOP     pmaxud, w14, w14, [r8 + Corners.blue]
+    IOP     pmaxud, w14, w14, [r8 + TriangleArrays.red]
+    IOP     pmaxud, w14, w14, [r8 + TriangleArrays.green]
+    IOP     pmaxud, w14, w14, [r8 + TriangleArrays.blue]
     VMIN    v3, v0, v1
     VMIN    v3, v3, v2
     VMAX    v4, v0, v1
@@ -243,9 +244,9 @@ FUNC ISA %+ _bounds
     PROJECT v5, v6, x, v9
     PROJECT v10, v7, y, v9
     VSUB    v8, v6, v5
-    VMOV_TO [r8 + Corners.red], v8
+    VMOV_TO [r8 + TriangleArrays.red], v8
     VSUB    v8, v7, v10
-    VMOV_TO [r8 + Corners.green], v8
+    VMOV_TO [r8 + TriangleArrays.green], v8
     VADD    v5, v5, K(BoundsView.column)
     VADD    v6, v6, K(BoundsView.column)
     KLOAD   v8, BoundsView.row
@@ -270,32 +271,32 @@ FUNC ISA %+ _bounds
     VDIV    v7, v7, v3
     VMOV    v8, [PACKET(largest)]
     VSELECT v8, v7
-    VMOV_TO [r8 + Corners.most], v8
+    VMOV_TO [r8 + TriangleArrays.most], v8
     VMOV    v8, [PACKET(largest)]
-    VMOV    v7, [r8 + Corners.red]
+    VMOV    v7, [r8 + TriangleArrays.red]
     VSELECT v8, v7
-    VMOV_TO [r8 + Corners.red], v8
+    VMOV_TO [r8 + TriangleArrays.red], v8
     MASK_GREATER v4, [PACKET(zeros)]
     MASK_KEEP v6
     MASK_KEEP v9
-    VMOV    v8, [r8 + Corners.most]
+    VMOV    v8, [r8 + TriangleArrays.most]
     MASK_KEEP v8
     NEARNESS 8
-    VMOV_TO [r8 + Corners.columns], v6
-    VMOV_TO [r8 + Corners.rows], v9
+    VMOV_TO [r8 + TriangleArrays.columns], v6
+    VMOV_TO [r8 + TriangleArrays.rows], v9
 
     ; Corners from the first pixel within the bounds, and their edges there: within a triangle all have one sign.
-    VMOV    v3, [r8 + Corners.ax]
+    VMOV    v3, [r8 + TriangleArrays.ax]
     VSUB    v3, v3, v0
-    VMOV    v4, [r8 + Corners.ay]
+    VMOV    v4, [r8 + TriangleArrays.ay]
     VSUB    v4, v4, v2
-    VMOV    v5, [r8 + Corners.bx]
+    VMOV    v5, [r8 + TriangleArrays.bx]
     VSUB    v5, v5, v0
-    VMOV    v6, [r8 + Corners.by]
+    VMOV    v6, [r8 + TriangleArrays.by]
     VSUB    v6, v6, v2
-    VMOV    v7, [r8 + Corners.cx]
+    VMOV    v7, [r8 + TriangleArrays.cx]
     VSUB    v7, v7, v0
-    VMOV    v8, [r8 + Corners.cy]
+    VMOV    v8, [r8 + TriangleArrays.cy]
     VSUB    v8, v8, v2
     CROSS2  v9, v3, v4, v5, v6
     CROSS2  v10, v5, v6, v7, v8
@@ -326,14 +327,14 @@ FUNC ISA %+ _bounds
     VMAX    v3, v3, v5
     KLOAD   v5, BoundsView.outside
     MASK_GREATER v5, v3
-    VMOV    v3, [r8 + Corners.red]
+    VMOV    v3, [r8 + TriangleArrays.red]
     MASK_AND_LESS v3, K(BoundsView.reach), v5
-    VMOV    v3, [r8 + Corners.green]
+    VMOV    v3, [r8 + TriangleArrays.green]
     MASK_AND_LESS v3, K(BoundsView.reach), v5
-    VMOV    v3, [r8 + Corners.columns]
+    VMOV    v3, [r8 + TriangleArrays.columns]
     VZERO   v5
     VSELECT v3, v5
-    VMOV    v4, [r8 + Corners.rows]
+    VMOV    v4, [r8 + TriangleArrays.rows]
     LENGTH  0, 3
     LENGTH  1, 4
     VMOV    v5, v0
@@ -350,8 +351,8 @@ FUNC ISA %+ _bounds
     VSPREAD_INTEGER 2, r9
     VADD    v2, v2, [PACKET(natural)]
     LEVELS  2
-    VMOV    v5, [r8 + Corners.most]
-    STORE_SEEN r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
+    VMOV    v5, [r8 + TriangleArrays.most]
+    STORE_CANDIDATES r10, 2, 3, 4, 5, 6, 7, 8, eax, r12
     add     r8, VBYTES
     END_BOUNDS
 %endmacro

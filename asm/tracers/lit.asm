@@ -84,8 +84,8 @@
 %endmacro
 
 ; The pixels of a body: of floats in w4 and up, of bytes from w1 on.
-%define LIT_PIXELS_LIT_F32X4 TURN_F32X4 1, 2, 3, 4, 8, 9
-%define LIT_PIXELS_LIT_F32X3 TURN_F32X3 1, 2, 3, 4, 8
+%define LIT_PIXELS_LIT_F32X4 TRANSPOSE_F32X4 1, 2, 3, 4, 8, 9
+%define LIT_PIXELS_LIT_F32X3 TRANSPOSE_F32X3 1, 2, 3, 4, 8
 %define LIT_PIXELS_LIT_RGBA8 PACK_RGBA8 1, 2, 3, 0
 %define LIT_PIXELS_LIT_RGB8 PACK_RGB8 1, 2, 3
 %define LIT_PIXELS_GREY_F32X4 SPREAD_F32X4 1, 4, edi, k2

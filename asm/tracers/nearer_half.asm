@@ -14,7 +14,7 @@
 ;   requires    the CPUID features of the ISA; count >= 1
 ;   equals      Iterator::partition, at reference::tile::middle
 
-%assign SEEN_LANES VBYTES / Seen_size   ; records in a register
+%assign CANDIDATE_LANES VBYTES / Candidate_size ; records in a register
 
 ; EXTREMES_HERE - widens the least and the greatest, x2 and x3 or all of v2 and v3, to those at r8. Clobbers v0 and,
 ;                 without masks, v1.
@@ -42,10 +42,10 @@
 ; NEARER_HALF - the function.
 %macro NEARER_HALF 0
 FUNC ISA %+ _nearer_half
-    mov     r8, [rdi + HalfTask.seen]
+    mov     r8, [rdi + HalfTask.candidates]
     mov     rcx, [rdi + HalfTask.count]
     VZERO   v3
-%if SEEN_LANES == 1
+%if CANDIDATE_LANES == 1
     INSERT128 2, [r8], 0
 %else
 %if HAS_MASKS
@@ -54,7 +54,7 @@ FUNC ISA %+ _nearer_half
     vbroadcasti128 v2, [r8]
 %endif
     mov     rax, rcx
-    shr     rax, ilog2e(SEEN_LANES)
+    shr     rax, ilog2e(CANDIDATE_LANES)
     jz      .few
 align 16
 .many:
@@ -73,33 +73,33 @@ align 16
     vpminud x2, x2, x0
     vextracti128 x0, ymm3, 1
     vpmaxud x3, x3, x0
-    and     ecx, SEEN_LANES - 1
+    and     ecx, CANDIDATE_LANES - 1
     jz      .middle
 %endif
 align 16
 .extremes:
     EXTREMES_HERE x
-    add     r8, Seen_size
+    add     r8, Candidate_size
     dec     rcx
     jnz     .extremes
 
 .middle:
-    VEX(pextrd) edx, x2, Seen.most / 4
-    VEX(pextrd) eax, x3, Seen.most / 4
+    VEX(pextrd) edx, x2, Candidate.most / 4
+    VEX(pextrd) eax, x3, Candidate.most / 4
     add     edx, eax
     shr     edx, 1
-    mov     r8, [rdi + HalfTask.seen]
+    mov     r8, [rdi + HalfTask.candidates]
     mov     rcx, [rdi + HalfTask.count]
     mov     r9, [rdi + HalfTask.nearer]
     mov     r10, [rdi + HalfTask.farther]
 %if HAS_MASKS
     vpbroadcastd v2, edx
-    sub     rcx, SEEN_LANES
+    sub     rcx, CANDIDATE_LANES
     jb      .last
 align 16
 .four:
     VLOAD   v0, [r8]
-    vpshufd v1, v0, 0x55 * (Seen.most / 4)
+    vpshufd v1, v0, 0x55 * (Candidate.most / 4)
     vpcmpnltud k1, v1, v2
     knotw   k2, k1
     vpcompressd v1 {k1} {z}, v0
@@ -113,10 +113,10 @@ align 16
     sub     r10, rax
     add     r10, VBYTES
     add     r8, VBYTES
-    sub     rcx, SEEN_LANES
+    sub     rcx, CANDIDATE_LANES
     jae     .four
 .last:
-    add     rcx, SEEN_LANES
+    add     rcx, CANDIDATE_LANES
     jz      .done
 %endif
 align 16
@@ -124,19 +124,19 @@ align 16
     INSERT128 0, [r8], 0
     STORE128 [r9], x, 0, 0
     STORE128 [r10], x, 0, 0
-    cmp     [r8 + Seen.most], edx
+    cmp     [r8 + Candidate.most], edx
     sbb     rax, rax
-    and     eax, Seen_size              ; of the farther ones, 0 of the others
+    and     eax, Candidate_size         ; of the farther ones, 0 of the others
     add     r10, rax
-    xor     eax, Seen_size
+    xor     eax, Candidate_size
     add     r9, rax
-    add     r8, Seen_size
+    add     r8, Candidate_size
     dec     rcx
     jnz     .next
 .done:
     mov     rax, r9
     sub     rax, [rdi + HalfTask.nearer]
-    shr     rax, ilog2e(Seen_size)
+    shr     rax, ilog2e(Candidate_size)
     CLEAN_UPPER
 ENDFUNC
 %endmacro

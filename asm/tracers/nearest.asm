@@ -372,7 +372,7 @@ endstruc
 
 ; NEAREST - a function that finds the nearest of triangles or spheres.
 ;
-;   registers   rdi planes, rdx what is turned round, both of one object or one packet; rsi task; r8 tile
+;   registers   rdi planes, rdx what is transposed, both of one object or one packet; rsi task; r8 tile
 ;               of a packet: r10 hits, r11 pixels asked, r14 the same in every byte, r13 LANES in every byte, r15
 ;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
 ;               them, v8 x
@@ -383,7 +383,7 @@ endstruc
 %define %%name %1       ; [in]       triangles or spheres
 %define %%kind %2       ; [in]       TRIANGLE or SPHERE
 %define %%planes %3     ; [in]       TrianglePlanes or SpherePlanes
-%define %%turned %4     ; [in]       Corners or Balls
+%define %%arrays %4     ; [in]       TriangleArrays or SphereArrays
 %if ELEM == 4                           ; registers of an element's size
 %define %%cx ecx
 %define %%d12 r12d
@@ -395,7 +395,7 @@ endstruc
 %endif
 FUNC NAME(nearest, %%name)
     ENTER_OWNED NearestStack_size, VBYTES
-    mov     rdx, [rsi + NearestTask.turned]
+    mov     rdx, [rsi + NearestTask.arrays]
     mov     rcx, [rsi + NearestTask.count]
     mov     r8, [rsi + NearestTask.tile]
     mov     eax, [rsi + NearestTask.column]
@@ -418,12 +418,12 @@ FUNC NAME(nearest, %%name)
     mov     [COUNT], rcx
     mov     [PLANES_AT], rdi
     mov     [TURNED_AT], rdx
-    HALVES  0, 1, rdx + %%turned %+ .columns
+    HALVES  0, 1, rdx + %%arrays %+ .columns
     VSUB    v0, v0, [rsp + NearestStack.origin_x]
     VSUB    v1, v1, [rsp + NearestStack.origin_x]
     VMAX    v0, v0, [rsp + NearestStack.low_x]
     VMIN    v1, v1, [rsp + NearestStack.high_x]
-    HALVES  2, 3, rdx + %%turned %+ .rows
+    HALVES  2, 3, rdx + %%arrays %+ .rows
     VSUB    v2, v2, [rsp + NearestStack.origin_y]
     VSUB    v3, v3, [rsp + NearestStack.origin_y]
     VMAX    v2, v2, [rsp + NearestStack.low_y]
@@ -623,8 +623,8 @@ align 16
     mov     rdx, [TURNED_AT]
     lea     rdi, [rdi + ELEM * r9]
     lea     rdx, [rdx + 4 * r9]
-    mov     eax, [rdx + %%turned %+ .columns]
-    mov     ebx, [rdx + %%turned %+ .rows]
+    mov     eax, [rdx + %%arrays %+ .columns]
+    mov     ebx, [rdx + %%arrays %+ .rows]
     CLIP    .large
     mov     r11d, r9d
     xor     r10d, r10d
@@ -807,6 +807,6 @@ align 16
 
 ; NEAREST_TILES - the functions of this file, for one element type.
 %macro NEAREST_TILES 0
-    NEAREST triangles, TRIANGLE, TrianglePlanes, Corners
-    NEAREST spheres, SPHERE, SpherePlanes, Balls
+    NEAREST triangles, TRIANGLE, TrianglePlanes, TriangleArrays
+    NEAREST spheres, SPHERE, SpherePlanes, SphereArrays
 %endmacro

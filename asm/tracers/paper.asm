@@ -87,8 +87,8 @@ FUNC AOS_NAME(trace)
     mov     rdi, [rdi + Frame.width]
     imul    rdi, rdi, PIXEL_SIZE
     LIST    rbp, r12, Lists.light, Light_size
-    LIST    r11, rbx, Lists.triangle, Triangle_size
-    LIST    rsi, r10, Lists.sphere, Sphere_size
+    LIST    r11, rbx, Lists.triangle, PaperTriangle_size
+    LIST    rsi, r10, Lists.sphere, PaperSphere_size
 
 .row:                                   ; line 5
     lea     r9, [r8 + rdi]
@@ -122,11 +122,11 @@ align 16
     movaps  xmm4, xmm0
     VEC_SCALE xmm4, xmm3                ; P = t r_d
     movaps  xmm5, xmm4
-    VEC_SUB xmm5, [rax + Sphere.centre]
+    VEC_SUB xmm5, [rax + PaperSphere.centre]
     VEC_NORMALISE xmm5, xmm8, xmm9      ; N = (P - c) / |P - c|
-    SHADE_SURFACE [rax + Sphere.colour], 1
+    SHADE_SURFACE [rax + PaperSphere.colour], 1
 .next_sphere:
-    add     rax, Sphere_size
+    add     rax, PaperSphere_size
     cmp     rax, r10
     jb      .sphere
 .spheres_done:
@@ -140,9 +140,9 @@ align 16
     jae     .next_triangle
     movaps  xmm2, xmm3                  ; line 17
     VEC_NORMALISE xmm5, xmm8, xmm9      ; N = n / |n|
-    SHADE_SURFACE [rax + Triangle.colour], 2
+    SHADE_SURFACE [rax + PaperTriangle.colour], 2
 .next_triangle:
-    add     rax, Triangle_size
+    add     rax, PaperTriangle_size
     cmp     rax, rbx
     jb      .triangle
 .triangles_done:

@@ -11,30 +11,30 @@
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
 ;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
 ;   writes      planes and shades of count triangles, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of facets, or of faces of vertices that there
-;               are, behind which there are 4 bytes more, and whose colours are in turned
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are triangles, or faces of
+;               vertices that there are, behind which there are 4 bytes more, and whose colours are in the arrays
 ;   equals      reference::tile::set_up and shade, rounded once
 
-; SEEN_OBJECT - r = the address of the object number i of those seen from r8 on, of which rcx are left, or else of the
-;               first of them, in the list at rdx; its bounds go to what is turned round at r9. Clobbers r14.
-%macro SEEN_OBJECT 5
+; CANDIDATE_OBJECT - r = the address of the object of candidate i from r8 on, of which rcx are left, or else of the
+;               first of them, in the list at rdx; its bounds go to what is transposed at r9. Clobbers r14.
+%macro CANDIDATE_OBJECT 5
 %define %%i %1          ; [in]       0 to 3
 %define %%r %2          ; [out]      general register
 %define %%e %3          ; [clobbered] its 32 bits
 %define %%bytes %4      ; [in]       of an object
-%define %%turned %5     ; [in]       Corners or Balls
+%define %%arrays %5     ; [in]       TriangleArrays or SphereArrays
     xor     r14d, r14d
     cmp     rcx, %%i + 1
     adc     r14d, r14d                  ; 1 where there is none
     dec     r14d
-    and     r14d, Seen_size * %%i
-    mov     %%e, [r8 + r14 + Seen.columns]
-    mov     [r9 + %%turned %+ .columns + 4 * %%i], %%e
-    mov     %%e, [r8 + r14 + Seen.rows]
-    mov     [r9 + %%turned %+ .rows + 4 * %%i], %%e
-    mov     %%e, [r8 + r14 + Seen.most]
-    mov     [r9 + %%turned %+ .most + 4 * %%i], %%e
-    mov     r14d, [r8 + r14 + Seen.id]
+    and     r14d, Candidate_size * %%i
+    mov     %%e, [r8 + r14 + Candidate.columns]
+    mov     [r9 + %%arrays %+ .columns + 4 * %%i], %%e
+    mov     %%e, [r8 + r14 + Candidate.rows]
+    mov     [r9 + %%arrays %+ .rows + 4 * %%i], %%e
+    mov     %%e, [r8 + r14 + Candidate.most]
+    mov     [r9 + %%arrays %+ .most + 4 * %%i], %%e
+    mov     r14d, [r8 + r14 + Candidate.id]
     imul    r14, r14, %%bytes
     lea     %%r, [rdx + r14]
 %endmacro
@@ -53,39 +53,39 @@
     add     r12, CHUNK * %%chunks
     mov     r13d, CHUNK * (%%chunks + 1)
     sub     r13, rcx                    ; a chunk that is followed by one is full
-    shl     r12, ilog2e(Seen_size)
-    shl     r13, ilog2e(Seen_size)
-    add     r12, [rsi + SetupTask.seen]
-    add     r13, [rsi + SetupTask.seen]
+    shl     r12, ilog2e(Candidate_size)
+    shl     r13, ilog2e(Candidate_size)
+    add     r12, [rsi + SetupTask.candidates]
+    add     r13, [rsi + SetupTask.candidates]
     mov     r11, [rsi + SetupTask.objects]
 %rep LANES
     cmp     r13, r12
     cmova   r13, r12
-    mov     eax, [r13 + Seen.id]
+    mov     eax, [r13 + Candidate.id]
     imul    rax, rax, %%bytes
     %%fetch %%bytes
-    add     r13, Seen_size
+    add     r13, Candidate_size
 %endrep
 %%none:
 %endmacro
 
-; TURN_SEEN - turns the objects of the task round.
+; TRANSPOSE_CANDIDATES - transposes the objects of the task.
 ;             Clobbers rax, rbx, rcx, rdx, r8, r9, r12, r13, r14 and v0 to v4.
-%macro TURN_SEEN 3
+%macro TRANSPOSE_CANDIDATES 3
 %define %%bytes %1      ; [in]       of an object
-%define %%turned %2     ; [in]       Corners or Balls
-%define %%turn %3       ; [in]       what turns four of them round
+%define %%arrays %2     ; [in]       TriangleArrays or SphereArrays
+%define %%transpose %3  ; [in]       what transposes four of them
     mov     rdx, [rsi + SetupTask.objects]
-    mov     r8, [rsi + SetupTask.seen]
-    mov     r9, [rsi + SetupTask.turned]
+    mov     r8, [rsi + SetupTask.candidates]
+    mov     r9, [rsi + SetupTask.arrays]
     mov     rcx, [rsi + SetupTask.count]
 %%four:
-    SEEN_OBJECT 0, rax, eax, %%bytes, %%turned
-    SEEN_OBJECT 1, rbx, ebx, %%bytes, %%turned
-    SEEN_OBJECT 2, r12, r12d, %%bytes, %%turned
-    SEEN_OBJECT 3, r13, r13d, %%bytes, %%turned
-    %%turn  r9, rax, rbx, r12, r13
-    add     r8, 4 * Seen_size
+    CANDIDATE_OBJECT 0, rax, eax, %%bytes, %%arrays
+    CANDIDATE_OBJECT 1, rbx, ebx, %%bytes, %%arrays
+    CANDIDATE_OBJECT 2, r12, r12d, %%bytes, %%arrays
+    CANDIDATE_OBJECT 3, r13, r13d, %%bytes, %%arrays
+    %%transpose  r9, rax, rbx, r12, r13
+    add     r8, 4 * Candidate_size
     add     r9, 16
     sub     rcx, 4
     ja      %%four
@@ -117,15 +117,15 @@
 %endrep
 %endmacro
 
-; TURN_SEEN_FACES - turns four faces round, whose colours are there. Clobbers r10, r14, v0 to v4.
-%macro TURN_SEEN_FACES 5
-%define %%to %1         ; [out]      general register: address of the first of the four in Corners
+; TRANSPOSE_CANDIDATE_FACES - transposes four faces, whose colours are there. Clobbers r10, r14, v0 to v4.
+%macro TRANSPOSE_CANDIDATE_FACES 5
+%define %%to %1         ; [out]      general register: address of the first of the four in TriangleArrays
 %define %%f0 %2         ; [in]       general register: address of a face
 %define %%f1 %3         ; [in]       general register
 %define %%f2 %4         ; [in]       general register
 %define %%f3 %5         ; [in]       general register
     mov     r10, [rsi + SetupTask.vertices]
-    TURN_FACES %%to, %%f0, %%f1, %%f2, %%f3, r10, r14
+    TRANSPOSE_FACES %%to, %%f0, %%f1, %%f2, %%f3, r10, r14
 %endmacro
 
 ; ROUNDED_STORE - stores a register as elements of `out` bytes, in a field at r9.
@@ -147,9 +147,9 @@
 %define %%y %2          ; [out]      vreg
 %define %%z %3          ; [out]      vreg
 %define %%corner %4     ; [in]       a, b or c
-    WIDEN   %%x, [r8 + Corners. %+ %%corner %+ x]
-    WIDEN   %%y, [r8 + Corners. %+ %%corner %+ y]
-    WIDEN   %%z, [r8 + Corners. %+ %%corner %+ z]
+    WIDEN   %%x, [r8 + TriangleArrays. %+ %%corner %+ x]
+    WIDEN   %%y, [r8 + TriangleArrays. %+ %%corner %+ y]
+    WIDEN   %%z, [r8 + TriangleArrays. %+ %%corner %+ z]
 %endmacro
 
 ; STORE_EDGE - the edge in v11, v12, v13 as fields e<n>x, e<n>y, e<n>0.
@@ -166,7 +166,7 @@
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
 %define %%channel %2    ; [in]       red, green or blue
-    WIDEN   v%[%%i], [r8 + Corners. %+ %%channel]
+    WIDEN   v%[%%i], [r8 + TriangleArrays. %+ %%channel]
     VSPREAD v15, [r11 + 8 * TileLight. %+ %%channel]
     VMUL    v%[%%i], v%[%%i], v15
 %endmacro
@@ -181,7 +181,7 @@
     NARROW  12
     NARROW  13
     NARROW  14
-    TURN4   11, 12, 13, 14, 8, 9, 10, 1
+    TRANSPOSE4   11, 12, 13, 14, 8, 9, 10, 1
 %assign %%c 0
 %rep LANES > 4 ? LANES / 4 : 1
     STORE128 [r13], w, 8, %%c
@@ -195,7 +195,7 @@
 %assign %%c %%c + 1
 %endrep
 %else
-    TURN4   11, 12, 13, 14, 8, 9, 10, 0
+    TRANSPOSE4   11, 12, 13, 14, 8, 9, 10, 0
 %assign %%c 0
 %rep LANES / 2
     STORE128 [r13], v, 8, %%c
@@ -216,12 +216,12 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     PUSH_OWNED
     cmp     qword [rsi + SetupTask.vertices], 0
     jne     .faces
-    TURN_SEEN Facet_size, Corners, TURN_FACETS
-    jmp     .turned
+    TRANSPOSE_CANDIDATES Triangle_size, TriangleArrays, TRANSPOSE_TRIANGLES
+    jmp     .transposed
 .faces:
-    TURN_SEEN FACE_BYTES, Corners, TURN_SEEN_FACES
-.turned:
-    mov     r8, [rsi + SetupTask.turned]
+    TRANSPOSE_CANDIDATES FACE_BYTES, TriangleArrays, TRANSPOSE_CANDIDATE_FACES
+.transposed:
+    mov     r8, [rsi + SetupTask.arrays]
     mov     r9, [rsi + SetupTask.planes]
     mov     r10, [rsi + SetupTask.shades]
     mov     rcx, [rsi + SetupTask.count]
@@ -231,7 +231,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
 .packet:
     cmp     qword [rsi + SetupTask.vertices], 0
     jne     .ask_for_faces
-    ASK_FOR ahead, 1, Facet_size, FETCH_ALL
+    ASK_FOR ahead, 1, Triangle_size, FETCH_ALL
     jmp     .asked
 .ask_for_faces:
     ASK_FOR ahead, 1, FACE_BYTES, FETCH_VERTICES
@@ -267,7 +267,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     ROUNDED_STORE %%out, TrianglePlanes.id, 8
     VMOV    v8, v7
     ROUNDED_STORE %%out, TrianglePlanes.side, 8
-    WIDEN   v8, [r8 + Corners.most]
+    WIDEN   v8, [r8 + TriangleArrays.most]
     ROUNDED_STORE %%out, TrianglePlanes.most, 8
 
     ; What each light does to it: |n . (l - v)| / |n|, and the weights.

@@ -84,7 +84,7 @@
 
 ; PIXELS_OUT - a block's pixels of floats from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
 %macro PIXELS_OUT 0
-    TURN_F32X4 1, 2, 3, 7, 11, 12
+    TRANSPOSE_F32X4 1, 2, 3, 7, 11, 12
 %assign %%c 0
 %rep BLOCK_HEIGHT
 %assign %%e 0

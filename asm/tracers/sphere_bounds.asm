@@ -37,38 +37,38 @@
 FUNC ISA %+ _sphere_bounds
     BEGIN_BOUNDS 8, [single_magnitude]
 .chunk:
-    TURN_CHUNK Ball_size, TURN_BALLS
+    TRANSPOSE_CHUNK Sphere_size, TRANSPOSE_SPHERES
 
     ; As many f32 as a register has.
-    mov     r8, [rsi + BoundsTask.turned]
+    mov     r8, [rsi + BoundsTask.arrays]
     mov     r11d, 4 * CHUNK / VBYTES
 .sizes:
-    VMOV    v0, [r8 + Balls.radius]
+    VMOV    v0, [r8 + SphereArrays.radius]
     IOP     pminud, v13, v13, v0
     IOP     pmaxud, v12, v12, v0
-    VMOV    v0, [r8 + Balls.x]
+    VMOV    v0, [r8 + SphereArrays.x]
     VAND    v0, v0, [single_magnitude]
     IOP     pmaxud, v12, v12, v0
-    VMOV    v0, [r8 + Balls.y]
+    VMOV    v0, [r8 + SphereArrays.y]
     VAND    v0, v0, [single_magnitude]
     IOP     pmaxud, v12, v12, v0
-    VMOV    v0, [r8 + Balls.z]
+    VMOV    v0, [r8 + SphereArrays.z]
     VAND    v0, v0, [single_magnitude]
     IOP     pmaxud, v12, v12, v0
-    IOP     pmaxud, v14, v14, [r8 + Balls.red]
-    IOP     pmaxud, v14, v14, [r8 + Balls.green]
-    IOP     pmaxud, v14, v14, [r8 + Balls.blue]
+    IOP     pmaxud, v14, v14, [r8 + SphereArrays.red]
+    IOP     pmaxud, v14, v14, [r8 + SphereArrays.green]
+    IOP     pmaxud, v14, v14, [r8 + SphereArrays.blue]
     add     r8, VBYTES
     dec     r11d
     jnz     .sizes
 
-    mov     r8, [rsi + BoundsTask.turned]
+    mov     r8, [rsi + BoundsTask.arrays]
     mov     r11d, CHUNK / LANES
 .packet:
-    WIDEN   v3, [r8 + Balls.radius]
-    WIDEN   v0, [r8 + Balls.x]
-    WIDEN   v1, [r8 + Balls.y]
-    WIDEN   v2, [r8 + Balls.z]
+    WIDEN   v3, [r8 + SphereArrays.radius]
+    WIDEN   v0, [r8 + SphereArrays.x]
+    WIDEN   v1, [r8 + SphereArrays.y]
+    WIDEN   v2, [r8 + SphereArrays.z]
     VSUB    v4, v2, v3
     KLOAD   v10, SphereView.most
     VDIV    v10, v10, v4
@@ -117,7 +117,7 @@ FUNC ISA %+ _sphere_bounds
     VSPREAD_INTEGER 2, r9
     VADD    v2, v2, [PACKET(natural)]
     LEVELS  2
-    STORE_SEEN r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
+    STORE_CANDIDATES r10, 2, 5, 7, 3, 6, 8, 10, eax, r12
     add     r8, 4 * LANES
     END_BOUNDS
 %endmacro

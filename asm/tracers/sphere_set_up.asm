@@ -4,18 +4,18 @@
 ;
 ;   rayo_<isa>_single_sphere_set_up    writes f32: SpherePlanes, to find the nearest
 ;   rayo_<isa>_double_sphere_set_up    writes f64
-;   rayo_<isa>_single_sphere_looks     writes f32: TileSpheres, Lits and ShortLits, for shading
-;   rayo_<isa>_double_sphere_looks     writes f64
+;   rayo_<isa>_single_sphere_shading     writes f32: TileSpheres, Lits and ShortLits, for shading
+;   rayo_<isa>_double_sphere_shading     writes f64
 ;
 ;   The macros before the functions share set_up.asm's. Nothing is fused, so that the numbers are the same on every ISA.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; r8 spheres turned round, r15 work W; rcx spheres
+;   registers   rdi view, whose fields are the constants K; rsi task; r8 spheres transposed, r15 work W; rcx spheres
 ;               to go, r11 a light
 ;               set_up: r9 planes, rdx the next id
 ;               looks: r9 records, r10 Lits, r14 ShortLits or 0, rbx from one sphere's to the next one's
 ;   writes      planes or records of count spheres, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; seen of spheres. What comes of a sphere that is
-;               not wholly in front, or that the camera is inside of, is not to be used
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are spheres. What comes of one
+;               that is not wholly in front, or that the camera is inside of, is not to be used
 ;   equals      reference::tile::InFront and lit, rounded once
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
@@ -109,10 +109,10 @@
 ;   where that is a piece of the limb, D is small and has all its digits.
 ;   equals      reference::tile::sphere_d
 %macro SPHERE_D 0
-    WIDEN   v3, [r8 + Balls.radius]
-    WIDEN   v0, [r8 + Balls.x]
-    WIDEN   v1, [r8 + Balls.y]
-    WIDEN   v2, [r8 + Balls.z]
+    WIDEN   v3, [r8 + SphereArrays.radius]
+    WIDEN   v0, [r8 + SphereArrays.x]
+    WIDEN   v1, [r8 + SphereArrays.y]
+    WIDEN   v2, [r8 + SphereArrays.z]
     VDIV    v0, v0, v3
     VDIV    v1, v1, v3
     VDIV    v2, v2, v3
@@ -198,14 +198,14 @@
     VMUL    v4, v4, v1
 %endmacro
 
-; BEGIN_SPHERES - begins a function: turns the spheres of the task round and makes room for W.
+; BEGIN_SPHERES - begins a function: transposes the spheres of the task and makes room for W.
 %macro BEGIN_SPHERES 0
     PUSH_OWNED
-    TURN_SEEN Ball_size, Balls, TURN_BALLS
+    TRANSPOSE_CANDIDATES Sphere_size, SphereArrays, TRANSPOSE_SPHERES
     sub     rsp, VBYTES * (W_places + 1)
     lea     r15, [rsp + VBYTES - 1]
     and     r15, -VBYTES
-    mov     r8, [rsi + SetupTask.turned]
+    mov     r8, [rsi + SetupTask.arrays]
     mov     r9, [rsi + SetupTask.planes]
     mov     rcx, [rsi + SetupTask.count]
 %endmacro
@@ -244,7 +244,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     mov     rdx, [rsi + SetupTask.first_id]
     CONSTANTS 10
 .packet:
-    ASK_FOR ahead, 1, Ball_size, FETCH_ALL
+    ASK_FOR ahead, 1, Sphere_size, FETCH_ALL
     SPHERE_D
 
     ; D is rounded by no more than a few units of its terms at the outline.
@@ -271,7 +271,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VMUL    v2, v3, W(sy)
     VXOR    v2, v2, [PACKET(sign)]
     ROUNDED_STORE %%out, SpherePlanes.hy, 2
-    WIDEN   v2, [r8 + Balls.most]
+    WIDEN   v2, [r8 + SphereArrays.most]
     ROUNDED_STORE %%out, SpherePlanes.most, 2
     VSPREAD_INTEGER 2, rdx
     VADD    v2, v2, [PACKET(natural)]
@@ -332,16 +332,16 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 ; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in radii, which are in v3.
 ;   equals      reference::tile::to_light
 %macro TO_LIGHT 0
-    WIDEN   v3, [r8 + Balls.x]
+    WIDEN   v3, [r8 + SphereArrays.x]
     VSPREAD v0, [r11 + 8 * TileLight.x]
     VSUB    v0, v0, v3
-    WIDEN   v3, [r8 + Balls.y]
+    WIDEN   v3, [r8 + SphereArrays.y]
     VSPREAD v1, [r11 + 8 * TileLight.y]
     VSUB    v1, v1, v3
-    WIDEN   v3, [r8 + Balls.z]
+    WIDEN   v3, [r8 + SphereArrays.z]
     VSPREAD v2, [r11 + 8 * TileLight.z]
     VSUB    v2, v2, v3
-    WIDEN   v3, [r8 + Balls.radius]
+    WIDEN   v3, [r8 + SphereArrays.radius]
     VDIV    v0, v0, v3
     VDIV    v1, v1, v3
     VDIV    v2, v2, v3
@@ -369,7 +369,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %define %%channel %2    ; [in]       red, green or blue
 %define %%white %3      ; [in]       aligned memory or K
 %define %%out %4        ; [in]       4 or 8
-    WIDEN   %%d, [r8 + Balls. %+ %%channel]
+    WIDEN   %%d, [r8 + SphereArrays. %+ %%channel]
     VMUL    %%d, %%d, %%white
     VSPREAD v5, [r11 + 8 * TileLight. %+ %%channel]
     VMUL    %%d, %%d, v5
@@ -382,13 +382,13 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %macro SPHERE_LOOKS 2
 %define %%precision %1  ; [in]       part of the function's name
 %define %%out %2        ; [in]       4 or 8
-FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
+FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
     BEGIN_SPHERES
     mov     r10, [rsi + SetupTask.shades]
     mov     r14, [rsi + SetupTask.shorts]
     CONSTANTS 10
 .packet:
-    ASK_FOR ahead, 1, Ball_size, FETCH_ALL
+    ASK_FOR ahead, 1, Sphere_size, FETCH_ALL
     SPHERE_D
     VMOV_TO W(d0), v2
     VMOV_TO W(dx), v6
@@ -403,7 +403,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_looks
     VDIV    v1, v1, v4
     VMOV    v2, W(sy)
     VDIV    v2, v2, v4
-    WIDEN   v4, [r8 + Balls.radius]
+    WIDEN   v4, [r8 + SphereArrays.radius]
     KLOAD   v3, SphereView.scale
     VDIV    v3, v3, v4
     VMOV_TO W(per), v3

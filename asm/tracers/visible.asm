@@ -8,7 +8,7 @@
 ;   farthest in the parts, row by row: in each one alone, with the next one across, with the next one down, and with
 ;   both and the one between these.
 ;
-;   Of four registers of records each number is in one, turned round within 128 bits: what is element 4c + k there is of
+;   Of four registers of records each number is in one, transposed within 128 bits: what is element 4c + k there is of
 ;   the 128 bits number c of register k.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 the next, rcx those to go, r9 where they go,
@@ -122,12 +122,12 @@
 %assign %%bit 4 * %%c + %%k
     STORE128 [r9], v, %%k, %%c
     mov     edx, eax
-%if %%bit < ilog2e(Seen_size)
-    shl     edx, ilog2e(Seen_size) - %%bit
-%elif %%bit > ilog2e(Seen_size)
-    shr     edx, %%bit - ilog2e(Seen_size)
+%if %%bit < ilog2e(Candidate_size)
+    shl     edx, ilog2e(Candidate_size) - %%bit
+%elif %%bit > ilog2e(Candidate_size)
+    shr     edx, %%bit - ilog2e(Candidate_size)
 %endif
-    and     edx, Seen_size
+    and     edx, Candidate_size
     add     r9, rdx
 %assign %%j %%j + 1
 %endrep
@@ -138,7 +138,7 @@
 %macro VISIBLE 0
 FUNC ISA %+ _visible
     PUSH_OWNED
-    mov     r8, [rsi + VisibleTask.seen]
+    mov     r8, [rsi + VisibleTask.candidates]
     mov     rcx, [rsi + VisibleTask.count]
     mov     r10, [rsi + VisibleTask.parts]
     mov     r9, r8
@@ -194,8 +194,8 @@ FUNC ISA %+ _visible
     sub     rcx, LANES
     ja      .packet
     mov     rax, r9
-    sub     rax, [rsi + VisibleTask.seen]
-    shr     rax, ilog2e(Seen_size)
+    sub     rax, [rsi + VisibleTask.candidates]
+    shr     rax, ilog2e(Candidate_size)
     jmp     .done
 
 .many:
@@ -212,9 +212,9 @@ FUNC ISA %+ _visible
     and     r11d, 3
     shr     r12d, 2
     imul    r11d, r11d, VBYTES
-    shl     r12d, ilog2e(Seen_size)
+    shl     r12d, ilog2e(Candidate_size)
     add     r12, r8
-    VEX(movss) x4, [r11 + r12 + Seen.most]
+    VEX(movss) x4, [r11 + r12 + Candidate.most]
     mov     r11d, [SCRATCH + 2 * VBYTES + 4 * rdx]
 .row:
     cmp     r11d, [SCRATCH + 3 * VBYTES + 4 * rdx]

@@ -230,7 +230,7 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     if recording.executed != executed {
         return Err(WatchError::Differs(executed, recording.executed));
     }
-    let seen = Seen::of(recording.steps());
+    let seen = Candidate::of(recording.steps());
     let of_pixel = |bytes: &Range<u64>| (bytes.start..bytes.end).map(|byte| Element::new(Place::Memory, byte, 1));
     let mut slice = slice::slice(&seen.steps, of_pixel(&run.pixel));
     let lanes = lanes(engine, precision);
@@ -274,7 +274,7 @@ pub fn watch_operation(op: &str, engine: Engine, a: Vec<f32>, b: Option<Vec<f32>
     let watched = [unit.code.clone()];
     let all = 0..u64::MAX;
     let recording = step::record(&watched, from_ref(&all), operation::MOST, || result = operation.call())?;
-    let seen = Seen::of(recording.steps());
+    let seen = Candidate::of(recording.steps());
     let visits: Vec<_> = seen.steps.iter().map(|(s, _)| Visit { rip: s.before.rip, address: 0, bytes: 0 }).collect();
     let mut items = vec![Item::Kernel];
     items.extend((0..visits.len()).map(Item::Step));
@@ -433,14 +433,14 @@ fn others(items: &mut Vec<Item>, more: usize) {
 }
 
 /// Instructions that were recorded, with what the model and the exact values have to say of each.
-struct Seen<'a> {
+struct Candidate<'a> {
     steps: Vec<(Step<'a>, StepError)>,
 }
 
-impl<'a> Seen<'a> {
+impl<'a> Candidate<'a> {
     fn of(steps: impl Iterator<Item = Step<'a>>) -> Self {
         let mut shadow = Shadow::new();
-        Seen { steps: steps.map(|step| (step, shadow.step(&step))).collect() }
+        Candidate { steps: steps.map(|step| (step, shadow.step(&step))).collect() }
     }
 
     /// What there is to be told of some of them.

@@ -1,7 +1,7 @@
 //! The paper's C as small functions that take vectors by value, at each optimisation level: to be counted, by no engine.
 
 use super::isa::psabi_level;
-use super::types::{Light, Sphere, Triangle, Vec4};
+use super::types::{Light, PaperSphere, PaperTriangle, Vec4};
 
 /// A ray as the paper's C has it.
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +75,9 @@ by_value! {
         /// a / ||a||.
         fn normalise(a: Vec4) -> Vec4;
         /// Whether the ray meets the sphere; then t is where.
-        fn sphere(ray: Ray, sphere: &Sphere, t: &mut f32) -> bool;
+        fn sphere(ray: Ray, sphere: &PaperSphere, t: &mut f32) -> bool;
         /// Whether the ray meets the triangle; then t is where.
-        fn triangle(ray: Ray, triangle: &Triangle, t: &mut f32) -> bool;
+        fn triangle(ray: Ray, triangle: &PaperTriangle, t: &mut f32) -> bool;
         /// What the light adds at the point with that normal.
         fn lambert(light: &Light, point: Vec4, normal: Vec4, colour: Vec4, two_sided: bool) -> Vec4;
     }

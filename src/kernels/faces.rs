@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::records::{FACE_BYTES, Facet};
+use super::records::{FACE_BYTES, Triangle};
 
 const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() == FACE_BYTES);
 
@@ -125,12 +125,12 @@ impl Faces {
     }
 
     /// A face as a triangle.
-    pub fn get(&self, face: usize) -> Facet {
-        Facet { colour: run_of_colour(&self.colours, face).1, vertices: self.corners_of(face) }
+    pub fn get(&self, face: usize) -> Triangle {
+        Triangle { colour: run_of_colour(&self.colours, face).1, vertices: self.corners_of(face) }
     }
 
     /// All of them as triangles.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = Facet> + Clone {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Triangle> + Clone {
         (0..self.len()).map(|face| self.get(face))
     }
 

@@ -6,11 +6,11 @@ use super::isa::Isa;
 use super::kernel::kernel;
 use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
-use super::records::{Ball, Element, Facet, ObjectLight, SphereHit, SpherePlanes, TriangleHit, TrianglePlanes};
+use super::records::{Element, ObjectLight, Sphere, SphereHit, SpherePlanes, Triangle, TriangleHit, TrianglePlanes};
 use super::tiles::{
-    Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereLooks, SphereSetUp, Visible,
+    Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
-use super::types::{Light, Sphere, Surface, Triangle, Vec4};
+use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
 /// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
@@ -99,7 +99,7 @@ tables! { $
         /// The nearest of spheres.
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
         /// Spheres to what shades them.
-        sphere_looks: SphereLooks<E> = "sphere_looks";
+        sphere_shading: SphereShading<E> = "sphere_shading";
         /// To linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
@@ -133,9 +133,9 @@ tables! { $
         /// From four floats a pixel to three.
         narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
         /// Which pixels triangles can cover.
-        bounds: Bounds<Facet> = "bounds";
+        bounds: Bounds<Triangle> = "bounds";
         /// Which pixels spheres can cover.
-        sphere_bounds: Bounds<Ball> = "sphere_bounds";
+        sphere_bounds: Bounds<Sphere> = "sphere_bounds";
         /// Which objects of a tile go first.
         nearer_half: NearerHalf = "nearer_half";
         /// Which objects of a tile are not hidden.
@@ -204,9 +204,9 @@ operations! { $
     /// a / ||a||; b is not read.
     normalise: Vector(Vec4, Vec4) -> Vec4;
     /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none: eq. 5.
-    sphere: Sphere(Vec4, Sphere) -> f32;
+    sphere: Sphere(Vec4, PaperSphere) -> f32;
     /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
-    triangle: Triangle(Vec4, Triangle) -> f32;
+    triangle: Triangle(Vec4, PaperTriangle) -> f32;
     /// What the light b adds to the surface a on the side of its normal: eq. 11.
     lambert: Lambert(Surface, Light) -> Vec4;
     /// The same where the surface has two sides.

@@ -43,21 +43,21 @@ pub use ffi::{
 };
 pub use isa::Isa;
 pub use kernel::Kernel;
-pub use objects::{FacePart, Facets, ObjectList};
+pub use objects::{FacePart, ObjectList, TriangleList};
 pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use records::{
-    AroundSphere, Ball, BoundsView, CHUNK, Element, Facet, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE, Seen,
-    ShortLight, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade, TileSphere,
-    TileView, TriangleHit,
+    AroundSphere, BoundsView, CHUNK, Candidate, Element, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE,
+    ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
+    TileSphere, TileView, Triangle, TriangleHit,
 };
-pub use records::{Balls, Corners, LIT_ROWS, LitRows, SpherePlanes, TrianglePlanes};
+pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
 pub use tiles::{
-    Around, Bounded, Bounds, Extremes, Farthest, Looks, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
-    SphereLooks, SphereRecords, SphereSetUp, Spheres, TILE_PARTS, TileBuffers, TileGrid, TileOut, TileWindow,
-    Triangles, Visible,
+    Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
+    ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TileBuffers, TileGrid, TileOut,
+    TileWindow, TriangleChunk, Visible,
 };
-pub use types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for those who want to disassemble them.

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::faces::{ColourRun, Faces, run_of_colour};
 use super::kernel::reads;
-use super::records::{Ball, Facet, Seen};
+use super::records::{Candidate, Sphere, Triangle};
 
 /// Some [`Faces`], one after another.
 #[derive(Clone, Copy, Debug)]
@@ -33,18 +33,18 @@ impl<'a> FacePart<'a> {
     }
 
     /// Writes the colours of those that are `seen`, a channel after another, as bits.
-    pub(super) fn paint(&self, seen: &[Seen], channels: [&mut [u32]; 3]) {
-        let number = |seen: &Seen| self.first + seen.id as usize;
-        let Some(first) = seen.first() else { return };
+    pub(super) fn paint(&self, candidates: &[Candidate], channels: [&mut [u32]; 3]) {
+        let number = |candidate: &Candidate| self.first + candidate.id as usize;
+        let Some(first) = candidates.first() else { return };
         let (run, colour) = run_of_colour(self.colours, number(first));
         // Nearly always they have one.
-        if self.colours.len() == 1 || seen.iter().all(|seen| run.contains(&number(seen))) {
+        if self.colours.len() == 1 || candidates.iter().all(|candidate| run.contains(&number(candidate))) {
             let colour = colour.to_array().map(f32::to_bits);
-            return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..seen.len()].fill(of));
+            return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..candidates.len()].fill(of));
         }
         let [red, green, blue] = channels;
-        for (i, seen) in seen.iter().enumerate() {
-            let colour = run_of_colour(self.colours, number(seen)).1;
+        for (i, candidate) in candidates.iter().enumerate() {
+            let colour = run_of_colour(self.colours, number(candidate)).1;
             [red[i], green[i], blue[i]] = colour.to_array().map(f32::to_bits);
         }
     }
@@ -59,9 +59,9 @@ impl<'a> From<&'a Faces> for FacePart<'a> {
 
 /// Triangles of a scene, one after another.
 #[derive(Clone, Copy, Debug)]
-pub enum Facets<'a> {
+pub enum TriangleList<'a> {
     /// Each with corners of its own.
-    Apart(&'a [Facet]),
+    Apart(&'a [Triangle]),
     /// Those that share theirs.
     Joined(FacePart<'a>),
 }
@@ -91,16 +91,16 @@ pub unsafe trait ObjectList: Copy + Send + Sync {
     }
 }
 
-// SAFETY: a slice of them, where set-up reads balls in place.
-unsafe impl ObjectList for &[Ball] {
-    type Object = Ball;
+// SAFETY: a slice of them, where set-up reads spheres in place.
+unsafe impl ObjectList for &[Sphere] {
+    type Object = Sphere;
     fn len(self) -> usize {
-        <[Ball]>::len(self)
+        <[Sphere]>::len(self)
     }
     fn part(self, range: Range<usize>) -> Self {
         &self[range]
     }
-    fn get(self, at: usize) -> Ball {
+    fn get(self, at: usize) -> Sphere {
         self[at]
     }
     fn addresses(self) -> [u64; 2] {
@@ -111,27 +111,27 @@ unsafe impl ObjectList for &[Ball] {
     }
 }
 
-// SAFETY: a slice of facets; or one of faces, whose numbers are those of vertices, behind which there is one more.
-unsafe impl ObjectList for Facets<'_> {
-    type Object = Facet;
+// SAFETY: a slice of triangles; or one of faces, whose numbers are those of vertices, behind which there is one more.
+unsafe impl ObjectList for TriangleList<'_> {
+    type Object = Triangle;
     fn len(self) -> usize {
         match self {
-            Facets::Apart(facets) => facets.len(),
-            Facets::Joined(part) => part.corners.len(),
+            TriangleList::Apart(triangles) => triangles.len(),
+            TriangleList::Joined(part) => part.corners.len(),
         }
     }
     fn part(self, Range { start, end }: Range<usize>) -> Self {
         match self {
-            Facets::Apart(facets) => Facets::Apart(&facets[start..end]),
-            Facets::Joined(part) => {
-                Facets::Joined(FacePart { corners: &part.corners[start..end], first: part.first + start, ..part })
+            TriangleList::Apart(triangles) => TriangleList::Apart(&triangles[start..end]),
+            TriangleList::Joined(part) => {
+                TriangleList::Joined(FacePart { corners: &part.corners[start..end], first: part.first + start, ..part })
             }
         }
     }
-    fn get(self, at: usize) -> Facet {
+    fn get(self, at: usize) -> Triangle {
         match self {
-            Facets::Apart(facets) => facets[at],
-            Facets::Joined(part) => Facet {
+            TriangleList::Apart(triangles) => triangles[at],
+            TriangleList::Joined(part) => Triangle {
                 colour: run_of_colour(part.colours, part.first + at).1,
                 vertices: part.corners[at].map(|corner| part.vertices[corner as usize]),
             },
@@ -139,14 +139,14 @@ unsafe impl ObjectList for Facets<'_> {
     }
     fn addresses(self) -> [u64; 2] {
         match self {
-            Facets::Apart(facets) => [reads(facets), 0],
-            Facets::Joined(FacePart { vertices, corners, .. }) => [reads(corners), reads(vertices)],
+            TriangleList::Apart(triangles) => [reads(triangles), 0],
+            TriangleList::Joined(FacePart { vertices, corners, .. }) => [reads(corners), reads(vertices)],
         }
     }
     fn colours(self) -> impl Iterator<Item = Vec3> {
         let of_faces = match self {
-            Facets::Apart(_) => [].iter(),
-            Facets::Joined(FacePart { colours, corners, first, .. }) => {
+            TriangleList::Apart(_) => [].iter(),
+            TriangleList::Joined(FacePart { colours, corners, first, .. }) => {
                 let run = |face: usize| colours.partition_point(|(end, _)| *end <= face);
                 colours[run(first)..colours.len().min(run(first + corners.len()) + 1)].iter()
             }

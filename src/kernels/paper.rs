@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::kernel::{kinds, reads, writes};
 use super::records::Lists;
-use super::types::{Frame, Light, Objects, Plain, Sphere, Surface, Triangle, Vec4};
+use super::types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
 
 kinds! {
     /// An operation `out = op(a, b)` on single values.
@@ -68,9 +68,9 @@ pub enum OpRef {
     /// (vector, vector) -> scalar.
     Scalar(Op<Vec4, Vec4, f32>),
     /// (ray, sphere) -> t.
-    Sphere(Op<Vec4, Sphere, f32>),
+    Sphere(Op<Vec4, PaperSphere, f32>),
     /// (ray, triangle) -> t.
-    Triangle(Op<Vec4, Triangle, f32>),
+    Triangle(Op<Vec4, PaperTriangle, f32>),
     /// (surface, light) -> colour.
     Lambert(Op<Surface, Light, Vec4>),
 }

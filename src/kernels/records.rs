@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::types::Plain;
-use super::types::{Frame, Light, Sphere, Surface, Triangle, Vec4};
+use super::types::{Frame, Light, PaperSphere, PaperTriangle, Surface, Vec4};
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialOrd + Send + Sync {
@@ -75,7 +75,7 @@ macro_rules! elements {
     };
 }
 
-/// Defines many records turned round: all numbers of one field after those of another. Words of 32 bits may be floats.
+/// Defines many records transposed: all numbers of one field after those of another. Words of 32 bits may be floats.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident $(<$element:ident>)?: $type:ty, $len:literal {
         $($(#[$field_doc:meta])* $field:ident,)*
@@ -125,7 +125,7 @@ include!(concat!(env!("OUT_DIR"), "/layout.rs"));
 /// A flat triangle, seen from both sides: as a scene holds it, where set-up reads it in place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
-pub struct Facet {
+pub struct Triangle {
     /// Red, green, blue, each at least 0.
     pub colour: Vec3,
     /// The three corners, in the camera's frame and in the file's order.
@@ -133,15 +133,15 @@ pub struct Facet {
 }
 
 // SAFETY: twelve floats that fill it, as the offsets asserted below show.
-unsafe impl Plain for Facet {
-    const ZERO: Self = Facet { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
+unsafe impl Plain for Triangle {
+    const ZERO: Self = Triangle { colour: Vec3::ZERO, vertices: [Vec3::ZERO; 3] };
 }
 
 /// A sphere, eq. 2 of the paper: all points at distance `radius` from `centre`. As a scene holds it, where set-up reads it in
 /// place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
-pub struct Ball {
+pub struct Sphere {
     /// Greater than 0.
     pub radius: f32,
     /// Red, green, blue, each at least 0.
@@ -151,33 +151,33 @@ pub struct Ball {
 }
 
 // SAFETY: seven floats that fill it, as the offsets asserted below show.
-unsafe impl Plain for Ball {
-    const ZERO: Self = Ball { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
+unsafe impl Plain for Sphere {
+    const ZERO: Self = Sphere { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
 }
 
 /// An object that a tile may see.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
-pub struct Seen {
+pub struct Candidate {
     /// Its number in the scene.
     pub id: u32,
     /// The columns of the picture where it may be: the first, and the one past the last in the upper 16 bits.
     pub columns: u32,
     /// The rows.
     pub rows: u32,
-    /// What its 1/t cannot exceed: [`Seen::ANY`] if it may be any, infinity if that is beyond f32.
+    /// What its 1/t cannot exceed: [`Candidate::ANY`] if it may be any, infinity if that is beyond f32.
     pub most: f32,
 }
 
-impl Seen {
+impl Candidate {
     /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which
     /// has a kernel of its own.
     pub const ANY: f32 = f32::MAX;
 }
 
 // SAFETY: four numbers that fill it, as the offsets asserted below show.
-unsafe impl Plain for Seen {
-    const ZERO: Self = Seen { id: 0, columns: 0, rows: 0, most: 0.0 };
+unsafe impl Plain for Candidate {
+    const ZERO: Self = Candidate { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
 
 /// As visible takes it.

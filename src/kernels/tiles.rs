@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::kernel::{kinds, reads, writes};
-use super::objects::{Facets, ObjectList};
+use super::objects::{ObjectList, TriangleList};
 use super::records::{
-    AroundSphere, Ball, Balls, BoundsFound, BoundsTask, BoundsView, CHUNK, Corners, Element, Facet, HalfTask,
-    MOST_LANES, NearestTask, ObjectLight, PART_SIDE, Seen, SetupTask, ShadeTask, ShortLight, SpherePlanes, SphereView,
-    TILE_HEIGHT, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, TrianglePlanes,
-    VisibleTask, VisibleView,
+    AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
+    ObjectLight, PART_SIDE, SetupTask, ShadeTask, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
+    TILE_HEIGHT, TILE_WIDTH, Tile, TileLight, TilePoint, TileRays, TileShade, TileSphere, TileView, Triangle,
+    TriangleArrays, TrianglePlanes, VisibleTask, VisibleView,
 };
 use super::types::Plain;
 
@@ -50,14 +50,14 @@ kinds! {
     /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
     /// be. There must be room for all objects, up to a multiple of [`CHUNK`]. None where there is no object.
     fn call(
-        view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, seen: &mut [Seen],
+        view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, candidates: &mut [Candidate],
     ) -> Option<(usize, Extremes)>; |enter| {
-        assert!(seen.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
+        assert!(candidates.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
         assert!(first_id as usize + objects.len() <= MOST_ID, "f32 has every number up to here");
         if objects.is_empty() {
             return None;
         }
-        let (mut turned, mut found) = (T::Turned::ZERO, BoundsFound::NONE);
+        let (mut arrays, mut found) = (T::Arrays::ZERO, BoundsFound::NONE);
         let [objects_at, vertices] = objects.addresses();
         let task = BoundsTask {
             objects: objects_at,
@@ -65,14 +65,14 @@ kinds! {
             count: objects.len() as u64,
             first_id: first_id.into(),
             keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
-            turned: writes(&mut turned),
-            seen: writes(seen),
+            arrays: writes(&mut arrays),
+            candidates: writes(candidates),
             found: writes(&mut found),
         };
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
         // What fills the last chunk comes last.
         let past = first_id + objects.len() as u32;
-        let count = seen[..found.count as usize].iter().rposition(|seen| seen.id < past).map_or(0, |last| last + 1);
+        let count = candidates[..found.count as usize].iter().rposition(|candidate| candidate.id < past).map_or(0, |last| last + 1);
         let colours = objects.colours().flat_map(|colour| colour.to_array().map(f32::to_bits));
         let brightest = &mut found.brightest[0];
         *brightest = colours.fold(*brightest, u32::max);
@@ -85,13 +85,13 @@ kinds! {
     /// Copies those of `seen` that are nearer than half way from the nearest to the farthest to the front of
     /// `nearer`, and the others to that of `farther`, in order; and gives how many are nearer. What is behind them there
     /// is spoiled. There must be room for all in both.
-    fn call(seen: &[Seen], nearer: &mut [Seen], farther: &mut [Seen]) -> usize; |enter| {
-        assert!(nearer.len() >= seen.len() && farther.len() >= seen.len(), "either may get all");
-        if seen.is_empty() {
+    fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |enter| {
+        assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
+        if candidates.is_empty() {
             return 0;
         }
-        let (count, seen, nearer, farther) = (seen.len() as u64, reads(seen), writes(nearer), writes(farther));
-        enter([reads(&HalfTask { seen, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
+        let (count, candidates, nearer, farther) = (candidates.len() as u64, reads(candidates), writes(nearer), writes(farther));
+        enter([reads(&HalfTask { candidates, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
     }
 
     /// Finds what is farthest in each part of a tile.
@@ -110,7 +110,7 @@ kinds! {
     /// Brings those of the first `count` objects to the front, in order, that the window may show; and gives how many they
     /// are. The others are all behind what is farthest in those parts of the tile, within the window, where they may be. What
     /// is behind them is spoiled. There must be room for as many as fill the last register.
-    fn call(seen: &mut [Seen], count: usize, parts: &Parts, window: &TileWindow) -> usize; |enter| {
+    fn call(candidates: &mut [Candidate], count: usize, parts: &Parts, window: &TileWindow) -> usize; |enter| {
         window.check();
         let TileWindow { column, row, columns, rows } = window;
         let view = VisibleView {
@@ -127,8 +127,8 @@ kinds! {
             return 0;
         }
         // Behind everything, even behind nobody.
-        seen[count..count.next_multiple_of(MOST_LANES)].fill(Seen { most: -1.0, ..Seen::ZERO });
-        let task = VisibleTask { seen: writes(seen), count: count as u64, parts: reads(&parts.0) };
+        candidates[count..count.next_multiple_of(MOST_LANES)].fill(Candidate { most: -1.0, ..Candidate::ZERO });
+        let task = VisibleTask { candidates: writes(candidates), count: count as u64, parts: reads(&parts.0) };
         enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
     }
 
@@ -150,32 +150,32 @@ kinds! {
     /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
     /// of the tile as there are lights, get those of the chunk, and grow where they must.
     fn call(
-        view: &TileView<f64>, triangles: Triangles<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
+        view: &TileView<f64>, triangles: TriangleChunk<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |enter| {
-        let Triangles { facets, lights, seen, first_id } = triangles;
-        let (seen, [ahead, later]) = chunk_of(seen, facets.len());
-        let turned = &mut *buffers.triangles.turned;
-        if let Facets::Joined(faces) = facets {
-            faces.paint(seen, [&mut turned.red, &mut turned.green, &mut turned.blue]);
+        let TriangleChunk { triangles, lights, candidates, first_id } = triangles;
+        let (candidates, [ahead, later]) = chunk_of(candidates, triangles.len());
+        let arrays = &mut *buffers.triangles.arrays;
+        if let TriangleList::Joined(faces) = triangles {
+            faces.paint(candidates, [&mut arrays.red, &mut arrays.green, &mut arrays.blue]);
         }
-        let last_id = last_id(first_id, seen.len());
+        let last_id = last_id(first_id, candidates.len());
         // The last packet writes as many as it has lanes.
         let past = for_each(last_id + 1 + MOST_SET_UP, lights.len());
         let before = first_id * lights.len();
         if shades.len() < past {
             shades.resize(past, TileShade::ZERO);
         }
-        buffers.triangles.count = seen.len();
+        buffers.triangles.count = candidates.len();
         buffers.most = buffers.most.max(last_id);
-        let [objects, vertices] = facets.addresses();
+        let [objects, vertices] = triangles.addresses();
         let task = SetupTask {
             objects,
             vertices,
-            seen: reads(seen),
-            count: seen.len() as u64,
+            candidates: reads(candidates),
+            count: candidates.len() as u64,
             ahead,
             later,
-            turned: writes(turned),
+            arrays: writes(arrays),
             planes: writes(&mut *buffers.triangles.planes),
             shades: writes(&mut shades[before..]),
             shorts: 0,
@@ -191,27 +191,27 @@ kinds! {
 
     /// Sets up a chunk of spheres in `buffers`, of which the first is number `first_id` in the tile.
     fn call(
-        view: &SphereView<f64>, spheres: Spheres<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
+        view: &SphereView<f64>, spheres: SphereChunk<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
     ); |enter| {
         // There is room for a chunk, and so for the last packet of one.
-        let Chunk { turned, planes, count } = &mut buffers.spheres;
-        let task = SetupTask { planes: writes(&mut **planes), first_id: first_id as u64, ..spheres.task(turned) };
+        let Chunk { arrays, planes, count } = &mut buffers.spheres;
+        let task = SetupTask { planes: writes(&mut **planes), first_id: first_id as u64, ..spheres.task(arrays) };
         buffers.most = buffers.most.max(last_id(first_id, task.count as usize));
         *count = task.count as usize;
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
     /// Turns spheres into what shades them.
-    SphereLooks<E: Element>
+    SphereShading<E: Element>
 
     /// Makes the records of a chunk of spheres, from number `first` on, under these lights; if `short`, in the short form
     /// where it is accurate enough, and otherwise in the long one.
     fn call(
-        view: &SphereView<f64>, spheres: Spheres<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
+        view: &SphereView<f64>, spheres: SphereChunk<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
         records: &mut SphereRecords<E>,
     ); |enter| {
-        let mut turned = Balls::ZERO;
-        let task = spheres.task(&mut turned);
+        let mut arrays = SphereArrays::ZERO;
+        let task = spheres.task(&mut arrays);
         records.hold(first.saturating_add(task.count as usize), lights.len());
         let before = first * lights.len();
         let task = SetupTask {
@@ -237,16 +237,16 @@ kinds! {
     ); |enter| {
         window.check();
         assert!(buffers.most < order.len(), "everyone has a place in the scene");
-        let (tile, Chunk { turned, planes, count }) = P::in_tile(buffers);
+        let (tile, Chunk { arrays, planes, count }) = P::in_tile(buffers);
         if *count == 0 {
             return;
         }
         // Whole packets are read: what is past the chunk is seen nowhere.
-        P::columns(turned)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
+        P::columns(arrays)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
         // There is room for a chunk and a tile, and the kernel clips all bounds to the window, which is within the tile.
         let task = NearestTask {
             tile: writes(tile),
-            turned: reads(&**turned),
+            arrays: reads(&**arrays),
             order: reads(order),
             count: *count as u64,
             column: window.column.into(),
@@ -268,11 +268,11 @@ kinds! {
 
     /// Writes the pixels of the window.
     fn call(
-        rays: &TileRays<E>, buffers: &TileBuffers<E>, looks: Looks<'_, E>, window: &TileWindow, out: TileOut<'_, P>,
+        rays: &TileRays<E>, buffers: &TileBuffers<E>, shading: ShadingRecords<'_, E>, window: &TileWindow, out: TileOut<'_, P>,
     ); |enter| {
         // Every object of the tile has its shades or is a sphere with its lights, and the window's pixels are in `out`.
         window.check();
-        let Looks { shades, lights, sphere_ids, spheres, lits, shorts } = looks;
+        let ShadingRecords { shades, lights, sphere_ids, spheres, lits, shorts } = shading;
         let (objects, count) = (buffers.most + 1, lights.len());
         // Spheres around the camera may be more than have a pixel.
         let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
@@ -327,7 +327,7 @@ pub struct Extremes {
     pub least: f32,
     /// The greatest number in a colour, or a negative one.
     pub brightest: f32,
-    /// The greatest [`Seen::most`] of those in front of the camera.
+    /// The greatest [`Candidate::most`] of those in front of the camera.
     pub nearest: f32,
     /// The longest side of a triangle's bounds, in pixels of the picture.
     pub longest: f32,
@@ -414,7 +414,7 @@ impl TileWindow {
 
 /// Objects of one kind that are set up.
 pub struct Chunk<T, P> {
-    turned: Box<T>,
+    arrays: Box<T>,
     planes: Box<P>,
     count: usize,
 }
@@ -424,38 +424,38 @@ pub struct Chunk<T, P> {
 pub trait InTile: Sized {
     /// Its numbers.
     type Element: Element;
-    /// The same objects turned round.
-    type Turned;
+    /// The same objects transposed.
+    type Arrays;
     /// The nearest objects of a tile, and those of this kind that were set up for it last.
-    fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> (&mut Tile<Self::Element>, &mut Chunk<Self::Turned, Self>);
+    fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> (&mut Tile<Self::Element>, &mut Chunk<Self::Arrays, Self>);
     /// Where the objects' columns are.
-    fn columns(turned: &mut Self::Turned) -> &mut [u32; CHUNK];
+    fn columns(arrays: &mut Self::Arrays) -> &mut [u32; CHUNK];
 }
 
-/// Says of planes where they are in the buffers, and what is turned round for them.
+/// Says of planes where they are in the buffers, and what is transposed for them.
 macro_rules! planes {
-    ($planes:ident, $turned:ident, $field:ident) => {
+    ($planes:ident, $arrays:ident, $field:ident) => {
         impl<E: Element> InTile for $planes<E> {
             type Element = E;
-            type Turned = $turned;
-            fn in_tile(buffers: &mut TileBuffers<E>) -> (&mut Tile<E>, &mut Chunk<$turned, Self>) {
+            type Arrays = $arrays;
+            fn in_tile(buffers: &mut TileBuffers<E>) -> (&mut Tile<E>, &mut Chunk<$arrays, Self>) {
                 (&mut buffers.tile, &mut buffers.$field)
             }
-            fn columns(turned: &mut $turned) -> &mut [u32; CHUNK] {
-                &mut turned.columns
+            fn columns(arrays: &mut $arrays) -> &mut [u32; CHUNK] {
+                &mut arrays.columns
             }
         }
     };
 }
 
-planes!(TrianglePlanes, Corners, triangles);
-planes!(SpherePlanes, Balls, spheres);
+planes!(TrianglePlanes, TriangleArrays, triangles);
+planes!(SpherePlanes, SphereArrays, spheres);
 
 /// A tile's nearest objects, and the chunks of triangles and of spheres that are set up for it: half of a core's cache.
 pub struct TileBuffers<E> {
     tile: Box<Tile<E>>,
-    triangles: Chunk<Corners, TrianglePlanes<E>>,
-    spheres: Chunk<Balls, SpherePlanes<E>>,
+    triangles: Chunk<TriangleArrays, TrianglePlanes<E>>,
+    spheres: Chunk<SphereArrays, SpherePlanes<E>>,
     /// The greatest number of an object of the tile.
     most: usize,
 }
@@ -464,8 +464,12 @@ impl<E: Element> Default for TileBuffers<E> {
     fn default() -> Self {
         TileBuffers {
             tile: Box::new(Tile { near: [E::ZERO; TILE_PIXELS], who: [E::ZERO; TILE_PIXELS] }),
-            triangles: Chunk { turned: Box::new(Corners::ZERO), planes: Box::new(TrianglePlanes::ZERO), count: 0 },
-            spheres: Chunk { turned: Box::new(Balls::ZERO), planes: Box::new(SpherePlanes::ZERO), count: 0 },
+            triangles: Chunk {
+                arrays: Box::new(TriangleArrays::ZERO),
+                planes: Box::new(TrianglePlanes::ZERO),
+                count: 0,
+            },
+            spheres: Chunk { arrays: Box::new(SphereArrays::ZERO), planes: Box::new(SpherePlanes::ZERO), count: 0 },
             most: 0,
         }
     }
@@ -601,56 +605,56 @@ pub trait Bounded: Plain {
     type Many<'a>: ObjectList<Object = Self>;
     /// How it sees the picture.
     type View;
-    /// A chunk of them, turned round.
-    type Turned: Plain;
+    /// A chunk of them, transposed.
+    type Arrays: Plain;
 }
 
-impl Bounded for Facet {
-    type Many<'a> = Facets<'a>;
+impl Bounded for Triangle {
+    type Many<'a> = TriangleList<'a>;
     type View = BoundsView<f32>;
-    type Turned = Corners;
+    type Arrays = TriangleArrays;
 }
 
-impl Bounded for Ball {
-    type Many<'a> = &'a [Ball];
+impl Bounded for Sphere {
+    type Many<'a> = &'a [Sphere];
     type View = SphereView<f64>;
-    type Turned = Balls;
+    type Arrays = SphereArrays;
 }
 
 /// Triangles, the lights, and which of them a chunk is.
 #[derive(Clone, Copy)]
-pub struct Triangles<'a> {
+pub struct TriangleChunk<'a> {
     /// All triangles of the scene, or those that share their corners, or the others.
-    pub facets: Facets<'a>,
+    pub triangles: TriangleList<'a>,
     /// The lights.
     pub lights: &'a [TileLight<f64>],
     /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
-    pub seen: &'a [Seen],
+    pub candidates: &'a [Candidate],
     /// The number in the tile of the first of them.
     pub first_id: usize,
 }
 
 /// Spheres, and which of them a chunk is.
 #[derive(Clone, Copy)]
-pub struct Spheres<'a> {
+pub struct SphereChunk<'a> {
     /// All spheres of the scene.
-    pub balls: &'a [Ball],
+    pub spheres: &'a [Sphere],
     /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
-    pub seen: &'a [Seen],
+    pub candidates: &'a [Candidate],
 }
 
-impl Spheres<'_> {
-    /// What both kinds of set-up share: those of the chunk, turned round, and nothing to write.
-    fn task(self, turned: &mut Balls) -> SetupTask {
-        let Spheres { balls, seen } = self;
-        let (seen, [ahead, later]) = chunk_of(seen, balls.len());
+impl SphereChunk<'_> {
+    /// What both kinds of set-up share: those of the chunk, transposed, and nothing to write.
+    fn task(self, arrays: &mut SphereArrays) -> SetupTask {
+        let SphereChunk { spheres, candidates } = self;
+        let (candidates, [ahead, later]) = chunk_of(candidates, spheres.len());
         SetupTask {
-            objects: reads(balls),
-            seen: reads(seen),
-            count: seen.len() as u64,
+            objects: reads(spheres),
+            candidates: reads(candidates),
+            count: candidates.len() as u64,
             ahead,
             later,
-            turned: writes(turned),
+            arrays: writes(arrays),
             ..SetupTask::default()
         }
     }
@@ -658,13 +662,13 @@ impl Spheres<'_> {
 
 /// The first of what is seen, which is a chunk of so many objects, and how many are in the next two chunks, which are fetched
 /// ahead.
-fn chunk_of(seen: &[Seen], objects: usize) -> (&[Seen], [u64; 2]) {
-    let (seen, others) = seen.split_at(seen.len().min(CHUNK));
+fn chunk_of(candidates: &[Candidate], objects: usize) -> (&[Candidate], [u64; 2]) {
+    let (candidates, others) = candidates.split_at(candidates.len().min(CHUNK));
     let (ahead, others) = others.split_at(others.len().min(CHUNK));
     // Of those ahead, too, faces are read, to fetch their vertices.
-    let most = seen.iter().chain(ahead).map(|seen| seen.id).max();
+    let most = candidates.iter().chain(ahead).map(|candidate| candidate.id).max();
     assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
-    (seen, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
+    (candidates, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
 }
 
 /// What shading needs to know of the spheres that have a pixel.
@@ -695,7 +699,7 @@ impl<E: Element> SphereRecords<E> {
 
 /// What the objects of a tile look like.
 #[derive(Clone, Copy)]
-pub struct Looks<'a, E> {
+pub struct ShadingRecords<'a, E> {
     /// As many for each object of the tile as there are lights, from nobody on; zeros for the spheres.
     pub shades: &'a [TileShade<E>],
     /// Where the lights stand.

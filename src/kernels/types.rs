@@ -52,7 +52,7 @@ pub struct Light {
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
-pub struct Sphere {
+pub struct PaperSphere {
     /// Its centre.
     pub centre: Vec4,
     /// Its colour.
@@ -66,7 +66,7 @@ pub struct Sphere {
 /// A triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
-pub struct Triangle {
+pub struct PaperTriangle {
     /// First vertex.
     pub v1: Vec4,
     /// Second vertex.
@@ -95,9 +95,9 @@ pub struct Objects<'a> {
     /// All lights.
     pub lights: &'a [Light],
     /// All spheres; they come before the triangles.
-    pub spheres: &'a [Sphere],
+    pub spheres: &'a [PaperSphere],
     /// All triangles.
-    pub triangles: &'a [Triangle],
+    pub triangles: &'a [PaperTriangle],
 }
 
 impl Vec4 {
@@ -150,7 +150,7 @@ plain! {
     Vec4 = ORIGIN,
     Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
     Light = Light { position: ORIGIN, radiance: ORIGIN },
-    Sphere = Sphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
-    Triangle = Triangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },
+    PaperSphere = PaperSphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
+    PaperTriangle = PaperTriangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },
     Surface = Surface { point: ORIGIN, normal: ORIGIN, colour: ORIGIN },
 }

@@ -1,8 +1,8 @@
 //! A scene as the kernels of one vector per register read it.
 
-use crate::kernels::{Frame, Light, Objects, Sphere, Triangle, Vec4};
+use crate::kernels::{Frame, Light, Objects, PaperSphere, PaperTriangle, Vec4};
 use crate::reference::geometry;
-use crate::scene::{Object, Scene, Triangle as Facet};
+use crate::scene::{Object, Scene, Triangle};
 
 /// Numbers of objects have two digits, each exact in f32.
 const DIGIT: usize = 1 << 20;
@@ -12,8 +12,8 @@ const DIGIT: usize = 1 << 20;
 pub struct Packed {
     frame: Frame,
     lights: Vec<Light>,
-    spheres: Vec<Sphere>,
-    triangles: Vec<Triangle>,
+    spheres: Vec<PaperSphere>,
+    triangles: Vec<PaperTriangle>,
     /// Which of the scene's triangles these are.
     sources: Vec<usize>,
 }
@@ -26,7 +26,7 @@ impl Packed {
             .lights
             .iter()
             .map(|light| Light { position: light.position.into(), radiance: light.radiance_in_f32().into() });
-        let spheres = scene.spheres.iter().map(|sphere| Sphere {
+        let spheres = scene.spheres.iter().map(|sphere| PaperSphere {
             centre: sphere.centre.into(),
             colour: sphere.colour.into(),
             radius: sphere.radius,
@@ -36,9 +36,9 @@ impl Packed {
         let hit = |i: &usize| geometry::triangle_volume(scene.triangle(*i).vertices.map(|v| v.as_dvec3())).is_some();
         let sources: Vec<usize> = (0..scene.triangle_count()).filter(hit).collect();
         let triangles = sources.iter().map(|i| {
-            let Facet { colour, vertices } = scene.triangle(*i);
+            let Triangle { colour, vertices } = scene.triangle(*i);
             let [v1, v2, v3] = vertices.map(Into::into);
-            Triangle { v1, v2, v3, colour: colour.into() }
+            PaperTriangle { v1, v2, v3, colour: colour.into() }
         });
         let grid = scene.camera.grid::<f32>();
         Packed {

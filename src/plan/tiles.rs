@@ -22,8 +22,8 @@ use super::team::Team;
 use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
-    AroundSphere, Element, Extremes, Faces, Facets, ObjectList, PacketKernels, PixelBounds, Seen, SphereView,
-    TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow,
+    AroundSphere, Candidate, Element, Extremes, Faces, ObjectList, PacketKernels, PixelBounds, SphereView, TILE_HEIGHT,
+    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
 };
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
@@ -115,7 +115,7 @@ struct Frame {
 
 /// Where all objects are, which f32 and f64 share.
 struct Binned<'a> {
-    /// The scene's triangles, those that have a near corner turned round.
+    /// The scene's triangles, those rotated so that a near corner comes first.
     triangles: Cow<'a, [Triangle]>,
     /// The same of those that share their corners.
     faces: Cow<'a, Faces>,
@@ -152,7 +152,7 @@ impl LargeObjects<'_> {
     }
 
     /// Adds the next ones, up to `count` of them, that may be in a tile, and `least` or nearer there.
-    pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Seen>) {
+    pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
         self.bins.add_large(tile, &mut self.next, count.min(MOST_AT_ONCE), least, room);
     }
 }
@@ -244,7 +244,7 @@ impl<'a> Binned<'a> {
             widening: &widening,
             unseen: Frustum::unseen_sphere,
             surely_narrow: &|extremes| forms.surely_narrow_spheres(extremes),
-            form: &|sphere, seen| forms.of_sphere(sphere, seen),
+            form: &|sphere, candidate| forms.of_sphere(sphere, candidate),
             steep: &|_, _, _| (),
             most_tiles: most_tiles(MOST_TILES_OF_A_SPHERE),
             most_sorted: MOST_SORTED,
@@ -257,8 +257,8 @@ impl<'a> Binned<'a> {
             widening: &widening,
             unseen: Frustum::unseen_triangle,
             surely_narrow: &|extremes| forms.surely_narrow_triangles(extremes),
-            form: &|triangle, seen| forms.of_triangle(triangle, seen),
-            steep: &|triangle, seen, tiles| forms.steep_tiles(triangle, seen, tiles),
+            form: &|triangle, candidate| forms.of_triangle(triangle, candidate),
+            steep: &|triangle, candidate, tiles| forms.steep_tiles(triangle, candidate, tiles),
             most_tiles: most_tiles(if scene.triangle_count() <= FEW_TRIANGLES {
                 MOST_TILES_OF_FEW
             } else {
@@ -268,20 +268,21 @@ impl<'a> Binned<'a> {
             in_f32,
         };
         let of_spheres = spheres.plan(&scene.spheres, team);
-        let of_triangles = triangles.plan(Facets::Apart(&scene.triangles), team);
-        let of_faces = triangles.plan(Facets::Joined((&scene.faces).into()), team);
+        let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), team);
+        let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), team);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
         // Of few it costs less to look at each.
         let few = scene.triangle_count() <= FEW_TRIANGLES;
         let [near_triangles, near_faces] = [&of_triangles, &of_faces].map(|of| few || near_corners(of));
-        let triangles = if near_triangles { turned_round(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
-        let faces = if near_faces { faces_turned_round(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
+        let triangles =
+            if near_triangles { near_corner_first(&scene.triangles) } else { Cow::Borrowed(&*scene.triangles) };
+        let faces = if near_faces { faces_near_corner_first(&scene.faces) } else { Cow::Borrowed(&scene.faces) };
         let all = [of_spheres.extremes, of_triangles.extremes, of_faces.extremes];
         let wide = [of_spheres.wide, of_triangles.wide, of_faces.wide].concat();
         let (mut of_spheres, mut of_triangles) = (of_spheres.bins, [of_triangles.bins, of_faces.bins]);
         of_spheres.sort(|_| None);
-        for (bins, facets) in of_triangles.iter_mut().zip(facets(&triangles, &faces)) {
-            bins.sort(|id| forms::most_at(&facets.get(id as usize), grid, scale, picture));
+        for (bins, triangles) in of_triangles.iter_mut().zip(triangle_lists(&triangles, &faces)) {
+            bins.sort(|id| forms::most_at(&triangles.get(id as usize), grid, scale, picture));
         }
         Binned {
             triangles,
@@ -336,8 +337,10 @@ impl<'a, E: Element> Tiles<'a, E> {
             bytes,
         };
         let few = !is_f32::<E>() && scene.triangle_count() <= FEW_TRIANGLES;
-        let planes = facets(&binned.triangles, &binned.faces);
-        let plane = |facets: Facets<'_>| (0..facets.len()).map(|i| ExactPlane::of(&facets.get(i), scale)).collect();
+        let planes = triangle_lists(&binned.triangles, &binned.faces);
+        let plane = |triangles: TriangleList<'_>| {
+            (0..triangles.len()).map(|i| ExactPlane::of(&triangles.get(i), scale)).collect()
+        };
         let planes = few.then(|| planes.map(plane));
         Tiles {
             scene,
@@ -390,8 +393,8 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// All triangles: those that have corners of their own, and those that share them.
-    pub fn facets(&self) -> [Facets<'_>; 2] {
-        facets(&self.binned.triangles, &self.binned.faces)
+    pub fn triangle_lists(&self) -> [TriangleList<'_>; 2] {
+        triangle_lists(&self.binned.triangles, &self.binned.faces)
     }
 
     /// Their planes, of one of these kinds, if those of set-up are not to do.
@@ -400,16 +403,16 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// All spheres.
-    pub fn balls(&self) -> &[Sphere] {
+    pub fn spheres(&self) -> &[Sphere] {
         &self.scene.spheres
     }
 
     /// Those of them that are in the list of some tile, each once.
-    pub fn seen_spheres(&self) -> impl Iterator<Item = Seen> {
-        let mut seen: Vec<_> = self.binned.of_spheres.listed().collect();
-        seen.sort_unstable_by_key(|seen| seen.id);
-        seen.dedup_by_key(|seen| seen.id);
-        seen.into_iter().copied()
+    pub fn seen_spheres(&self) -> impl Iterator<Item = Candidate> {
+        let mut candidates: Vec<_> = self.binned.of_spheres.listed().collect();
+        candidates.sort_unstable_by_key(|candidate| candidate.id);
+        candidates.dedup_by_key(|candidate| candidate.id);
+        candidates.into_iter().copied()
     }
 
     /// The bounds of all spheres, empty of those that no ray can hit.
@@ -420,7 +423,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// The bounds of all triangles, empty of those that no ray can hit.
     pub fn triangle_bounds(&self) -> PixelBounds {
         let [mut bounds, of_faces] =
-            [0, 1].map(|kind| bounds_in(&self.binned.of_triangles[kind], self.facets()[kind].len()));
+            [0, 1].map(|kind| bounds_in(&self.binned.of_triangles[kind], self.triangle_lists()[kind].len()));
         bounds.columns.extend(of_faces.columns);
         bounds.rows.extend(of_faces.rows);
         bounds
@@ -462,7 +465,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             }
         }
         let in_few =
-            [&self.binned.of_spheres, triangles, faces].map(|bins| bins.of_tile(tile).map(<[Seen]>::len).sum());
+            [&self.binned.of_spheres, triangles, faces].map(|bins| bins.of_tile(tile).map(<[Candidate]>::len).sum());
         large.len() + in_few.iter().sum::<usize>()
     }
 
@@ -529,31 +532,37 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// Adds the spheres that a tile may see, but for those that are in many tiles.
-    pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Seen>) {
+    pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Candidate>) {
         let bins = &self.binned.of_spheres;
         bins.ask_for(tile);
-        bins.of_tile(tile).for_each(|seen| spheres.extend_from_slice(seen));
+        bins.of_tile(tile).for_each(|candidates| spheres.extend_from_slice(candidates));
     }
 
-    /// Hands out the triangles of one of the [kinds](Tiles::facets) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
+    /// Hands out the triangles of one of the [kinds](Tiles::triangle_lists) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
     /// by way of `room` if they are not in one list. What is there of them already comes first; what else is in many tiles is
     /// not among them.
-    pub fn triangles_in(&self, kind: usize, tile: TilePlace, room: &mut Vec<Seen>, mut say: impl FnMut(&[Seen])) {
+    pub fn triangles_in(
+        &self,
+        kind: usize,
+        tile: TilePlace,
+        room: &mut Vec<Candidate>,
+        mut say: impl FnMut(&[Candidate]),
+    ) {
         let bins = &self.binned.of_triangles[kind];
         bins.ask_for(tile);
-        let mut lists = bins.of_tile(tile).filter(|seen| !seen.is_empty());
+        let mut lists = bins.of_tile(tile).filter(|candidates| !candidates.is_empty());
         if let (true, Some(only), None) = (room.is_empty(), lists.next(), lists.next()) {
             return only.chunks(MOST_AT_ONCE).for_each(say);
         }
-        for mut seen in bins.of_tile(tile) {
-            while !seen.is_empty() {
-                let (first, others) = seen.split_at(seen.len().min(MOST_AT_ONCE - room.len()));
+        for mut candidates in bins.of_tile(tile) {
+            while !candidates.is_empty() {
+                let (first, others) = candidates.split_at(candidates.len().min(MOST_AT_ONCE - room.len()));
                 room.extend_from_slice(first);
                 if room.len() == MOST_AT_ONCE {
                     say(room);
                     room.clear();
                 }
-                seen = others;
+                candidates = others;
             }
         }
         if !room.is_empty() {
@@ -561,7 +570,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// What is in many tiles, in turn: spheres, then triangles of both [kinds](Tiles::facets).
+    /// What is in many tiles, in turn: spheres, then triangles of both [kinds](Tiles::triangle_lists).
     pub fn large(&self) -> [LargeObjects<'_>; 3] {
         let [triangles, faces] = &self.binned.of_triangles;
         [&self.binned.of_spheres, triangles, faces].map(|bins| LargeObjects { bins, next: 0 })
@@ -593,8 +602,8 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 }
 
-fn facets<'a>(triangles: &'a [Triangle], faces: &'a Faces) -> [Facets<'a>; 2] {
-    [Facets::Apart(triangles), Facets::Joined(faces.into())]
+fn triangle_lists<'a>(triangles: &'a [Triangle], faces: &'a Faces) -> [TriangleList<'a>; 2] {
+    [TriangleList::Apart(triangles), TriangleList::Joined(faces.into())]
 }
 
 /// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust
@@ -617,31 +626,31 @@ fn extent(scene: &Scene) -> f64 {
 
 /// Triangles with the near corner first of those that have one (see [`geometry::near_corner_first`]), and without area those that
 /// are never hit although rounded sides may hide it from the kernels.
-fn turned_round(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
+fn near_corner_first(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(triangle)) {
-        let turned = |triangle: &Triangle| {
-            let mut turned = *triangle;
-            turned.vertices.rotate_left(near_corner(triangle.vertices));
+        let rotated = |triangle: &Triangle| {
+            let mut rotated = *triangle;
+            rotated.vertices.rotate_left(near_corner(triangle.vertices));
             if is_edge_on(triangle) {
-                turned.vertices[2] = turned.vertices[0];
+                rotated.vertices[2] = rotated.vertices[0];
             }
-            turned
+            rotated
         };
-        triangles.iter().map(turned).collect()
+        triangles.iter().map(rotated).collect()
     } else {
         Cow::Borrowed(triangles)
     }
 }
 
 /// The same of those that share their corners.
-fn faces_turned_round(faces: &Faces) -> Cow<'_, Faces> {
-    let mut turned = Cow::Borrowed(faces);
+fn faces_near_corner_first(faces: &Faces) -> Cow<'_, Faces> {
+    let mut rotated = Cow::Borrowed(faces);
     if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(&triangle)) {
-        turned.to_mut().turn(near_corner);
+        rotated.to_mut().turn(near_corner);
         let edge_on = faces.iter().enumerate().filter(|(_, triangle)| is_edge_on(triangle));
-        edge_on.for_each(|(face, _)| turned.to_mut().collapse(face));
+        edge_on.for_each(|(face, _)| rotated.to_mut().collapse(face));
     }
-    turned
+    rotated
 }
 
 fn is_edge_on(triangle: &Triangle) -> bool {
@@ -663,9 +672,9 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
 fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };
-    for seen in bins.listed() {
-        bounds.columns[seen.id as usize] = seen.columns;
-        bounds.rows[seen.id as usize] = seen.rows;
+    for candidate in bins.listed() {
+        bounds.columns[candidate.id as usize] = candidate.columns;
+        bounds.rows[candidate.id as usize] = candidate.rows;
     }
     bounds
 }

@@ -70,7 +70,7 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
 /// A corner is near if it is nearer than this share of the farthest one's distance.
 pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 
-/// Turned round, so that the nearest corner comes first: its product with the normal is the triangle's volume as any other's
+/// Rotated, so that the nearest corner comes first: its product with the normal is the triangle's volume as any other's
 /// is, and the terms of a farther one's would cancel.
 pub fn near_corner_first(mut corners: [DVec3; 3]) -> [DVec3; 3] {
     let nearest = nearest_corner(corners, 1.0);

@@ -104,7 +104,7 @@ pub struct InFront {
     /// The fields of SpherePlanes but for the last two.
     pub planes: [f64; 12],
     /// The fields of TileSphere but for the last ones.
-    pub looks: [f64; 20],
+    pub shading: [f64; 20],
 }
 
 /// What turns corners into bounds.
@@ -302,7 +302,7 @@ impl InFront {
             bounds: [columns, rows],
             origin: d,
             planes: [column, row, d0, dx, dy, dxx, dxy, dyy, bound, h * over, hx * over, hy * over],
-            looks: [
+            shading: [
                 column, row, d0, dx, dy, dxx, dxy, dyy, m.x, mx.x, my.x, m.y, mx.y, my.y, m.z, mx.z, my.z, c.x, c.y,
                 c.z,
             ],
@@ -464,8 +464,8 @@ impl Rounding {
     }
 
     /// SPHERE_ROOT and NORMAL_OVER_T of a TileSphere's first 20 fields: n / t.
-    pub fn normal_over_t<T: Real>(self, looks: &[T; 20], x: T, y: T) -> [T; 3] {
-        let &[_, _, d0, dx, dy, dxx, dxy, dyy, ref rest @ ..] = looks;
+    pub fn normal_over_t<T: Real>(self, shading: &[T; 20], x: T, y: T) -> [T; 3] {
+        let &[_, _, d0, dx, dy, dxx, dxy, dyy, ref rest @ ..] = shading;
         let along = self.fma(dxx, x, self.fma(dxy, y, dx));
         let d = self.fma(along, x, self.fma(self.fma(dyy, y, dy), y, d0));
         let root = max(d, T::ZERO).sqrt();

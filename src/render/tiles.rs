@@ -13,9 +13,9 @@ use glam::DVec3;
 use super::plan::PacketPlan;
 use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
-    AroundSphere, CHUNK, Element, ElementKernels, Fill, Looks, Narrow, ObjectList, PacketKernels, Parts, Plain, Rgba8,
-    Seen, ShadeTile, SphereRecords, Spheres, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileView,
-    TileWindow, Triangles, Vec4, sys,
+    AroundSphere, CHUNK, Candidate, Element, ElementKernels, Fill, Narrow, ObjectList, PacketKernels, Parts, Plain,
+    Rgba8, ShadeTile, ShadingRecords, SphereChunk, SphereRecords, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut,
+    TileShade, TileView, TileWindow, TriangleChunk, Vec4, sys,
 };
 use crate::plan::{Keep, LargeObjects, Omission, Raster, Report, TilePlace, TileSurvey, Tiles, Weighted, on_all_cores};
 use crate::scene::{Object, Scene};
@@ -38,15 +38,16 @@ const LARGE_AT_FIRST: usize = 64;
 const LARGE_MORE: usize = 4;
 
 /// How often the bounds of what is `seen`, by a sample of a few, cover the window.
-fn covers(seen: &[Seen], window: &TileWindow) -> u32 {
-    let step = seen.len().div_ceil(8);
+fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
+    let step = candidates.len().div_ceil(8);
     // Of what is small bounds are more than it covers: by a pixel about.
     let length = |bounds: u32, first: u32, side: usize| {
         (bounds >> 16).min(first + side as u32).saturating_sub((bounds & 0xffff).max(first) + 1)
     };
-    let area =
-        |seen: &Seen| length(seen.columns, window.column, TILE_WIDTH) * length(seen.rows, window.row, TILE_HEIGHT);
-    let sample: u32 = seen.iter().step_by(step).map(area).sum();
+    let area = |candidate: &Candidate| {
+        length(candidate.columns, window.column, TILE_WIDTH) * length(candidate.rows, window.row, TILE_HEIGHT)
+    };
+    let sample: u32 = candidates.iter().step_by(step).map(area).sum();
     (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
 }
 
@@ -146,12 +147,12 @@ type Scratches<E> = (Scratch<E>, Option<Scratch<f64>>);
 struct Scratch<E: Element> {
     buffers: TileBuffers<E>,
     /// What the tile may see, where it is not in one list of the plan's.
-    room: Vec<Seen>,
+    room: Vec<Candidate>,
     layers: Layers,
     /// Everyone's place in the scene by their numbers in the tile: 0 is nobody's, spheres come before triangles.
     order: Vec<u32>,
     shades: Vec<TileShade<E>>,
-    looks: SphereLooks<E>,
+    tile_spheres: TileSpheres<E>,
     /// Objects that were set up, and forgotten since.
     forgotten: usize,
 }
@@ -159,23 +160,23 @@ struct Scratch<E: Element> {
 /// A tile's objects in layers from near to far, and what the last tiles left there.
 #[derive(Default)]
 struct Layers {
-    nearest: Vec<Seen>,
+    nearest: Vec<Candidate>,
     /// Room for the nearest when they are cut again.
-    room: Vec<Seen>,
+    room: Vec<Candidate>,
     /// The others, the farthest first.
-    others: Vec<Seen>,
+    others: Vec<Candidate>,
     /// Where each layer of the others begins, and how many there are in it.
     starts: Vec<(usize, usize)>,
 }
 
 /// The spheres of a tile that were set up, in the order of their numbers from 1 on.
 #[derive(Default)]
-struct SphereLooks<E> {
-    seen: Vec<Seen>,
+struct TileSpheres<E> {
+    candidates: Vec<Candidate>,
     /// Whether they have a pixel, from nobody on.
     owners: Vec<bool>,
     /// Those that do.
-    owning: Vec<Seen>,
+    owning: Vec<Candidate>,
     /// Where everyone's records are; of those without a pixel, anywhere.
     places: Vec<u32>,
     /// The tile's own, unless the tracer has those of all.
@@ -220,7 +221,7 @@ impl Nobody {
 }
 
 /// Is told who is nearest so far.
-type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &SphereLooks<E>);
+type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &[TileShade<E>], &TileSpheres<E>);
 
 impl<E: Element> TileTracer<'_, E> {
     /// Traces rows; at how many pixels there is something, where that is to be `counted`.
@@ -357,29 +358,30 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// How many spheres in the picture have the short form in bytes.
     fn count_short(&self) -> u64 {
-        let seen: Vec<_> = self.plan.seen_spheres().filter(|seen| seen.most < Seen::ANY).collect();
+        let candidates: Vec<_> = self.plan.seen_spheres().filter(|candidate| candidate.most < Candidate::ANY).collect();
         let mut records = SphereRecords::default();
-        let count = |seen: &[Seen]| {
-            self.make_records(self.plan.levels(), seen, &mut records);
-            records.spheres[..seen.len()].iter().filter(|sphere| sphere.short != E::ZERO).count() as u64
+        let count = |candidates: &[Candidate]| {
+            self.make_records(self.plan.levels(), candidates, &mut records);
+            records.spheres[..candidates.len()].iter().filter(|sphere| sphere.short != E::ZERO).count() as u64
         };
-        seen.chunks(CHUNK).map(count).sum()
+        candidates.chunks(CHUNK).map(count).sum()
     }
 
     /// What is left out of its `own` tiles of `rows`.
     fn survey(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> TileSurvey {
         let mut survey = TileSurvey::default();
-        let mut seen = Vec::new();
+        let mut candidates = Vec::new();
         self.each_tile(rows.clone(), |tile, _| survey.empty += u64::from(own(tile)));
         self.each_nearest(rows, own, |window, Scratch { buffers, order, forgotten, .. }| {
-            seen.clear();
-            seen.resize(order.len(), false);
-            pixels_of(window).for_each(|(row, column)| seen[buffers.pixel(self.kernels.lanes, column, row).1] = true);
+            candidates.clear();
+            candidates.resize(order.len(), false);
+            pixels_of(window)
+                .for_each(|(row, column)| candidates[buffers.pixel(self.kernels.lanes, column, row).1] = true);
             survey.empty -= 1;
             let placed = self.plan.count_in(window);
             survey.occluded += (placed - (order.len() - 1 + *forgotten)) as u64;
             survey.placed += placed as u64;
-            survey.unseen += (*forgotten + seen[1..].iter().filter(|seen| !**seen).count()) as u64;
+            survey.unseen += (*forgotten + candidates[1..].iter().filter(|candidate| !**candidate).count()) as u64;
         });
         survey
     }
@@ -430,10 +432,10 @@ impl<E: Element> TileTracer<'_, E> {
         let weighted = P::weighted(&self.plan);
         let (_, rays) = self.plan.view(tile);
         let TileOut { pixels, first, width } = out;
-        let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &SphereLooks<E>| {
+        let mut shade = |buffers: &TileBuffers<E>, shades: &[TileShade<E>], spheres: &TileSpheres<E>| {
             let SphereRecords { spheres: records, lits, shorts } =
                 self.records_of_all(weighted).unwrap_or(&spheres.records);
-            let looks = Looks {
+            let tile_spheres = ShadingRecords {
                 shades,
                 lights: self.plan.points(),
                 sphere_ids: &spheres.places,
@@ -441,17 +443,17 @@ impl<E: Element> TileTracer<'_, E> {
                 lits,
                 shorts,
             };
-            P::shade(self).call(&rays, buffers, looks, window, TileOut { pixels: &mut *pixels, first, width });
+            P::shade(self).call(&rays, buffers, tile_spheres, window, TileOut { pixels: &mut *pixels, first, width });
         };
         let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
         if !self.find_nearest(tile, window, by_force, weighted, scratch) {
             return false;
         }
-        let Scratch { buffers, looks, shades, .. } = scratch;
+        let Scratch { buffers, tile_spheres, shades, .. } = scratch;
         if let Some(hits) = &mut misses.hits {
             *hits += buffers.count_hits(self.kernels.lanes, window);
         }
-        shade(buffers, shades, looks);
+        shade(buffers, shades, tile_spheres);
         if let Some(rest) = misses.rest {
             buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
         }
@@ -470,10 +472,10 @@ impl<E: Element> TileTracer<'_, E> {
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
-        let Scratch { buffers, room, layers, order, shades, looks, forgotten } = scratch;
+        let Scratch { buffers, room, layers, order, shades, tile_spheres, forgotten } = scratch;
         *forgotten = 0;
-        looks.seen.clear();
-        looks.places.clear();
+        tile_spheres.candidates.clear();
+        tile_spheres.places.clear();
         room.clear();
         let [mut large_spheres, large @ ..] = self.plan.large();
         large_spheres.add(tile, LARGE_AT_FIRST, 0.0, room);
@@ -487,18 +489,18 @@ impl<E: Element> TileTracer<'_, E> {
         order.clear();
         order.push(0);
         if !room.is_empty() {
-            self.nearest_spheres(room, weighted, buffers, layers, order, (looks, forgotten), window);
-            self.each_large(large_spheres, (tile, window), room, buffers, |seen, buffers| {
-                self.nearest_spheres(seen, weighted, buffers, layers, order, (looks, forgotten), window);
+            self.nearest_spheres(room, weighted, buffers, layers, order, (tile_spheres, forgotten), window);
+            self.each_large(large_spheres, (tile, window), room, buffers, |candidates, buffers| {
+                self.nearest_spheres(candidates, weighted, buffers, layers, order, (tile_spheres, forgotten), window);
             });
             let by_force = so_far.is_some();
-            self.look_at_spheres(weighted, buffers, looks, by_force);
+            self.look_at_spheres(weighted, buffers, tile_spheres, by_force);
         }
-        let mut before = 1 + self.plan.balls().len() as u32;
+        let mut before = 1 + self.plan.spheres().len() as u32;
         let first_triangle = order.len();
-        let all = self.plan.facets();
-        for (kind, (facets, mut large)) in all.iter().zip(large).enumerate() {
-            let mut trace = |triangles: &[Seen], buffers: &mut TileBuffers<E>| {
+        let all = self.plan.triangle_lists();
+        for (kind, (list, mut large)) in all.iter().zip(large).enumerate() {
+            let mut trace = |triangles: &[Candidate], buffers: &mut TileBuffers<E>| {
                 if !any {
                     buffers.clear();
                     any = true;
@@ -512,26 +514,27 @@ impl<E: Element> TileTracer<'_, E> {
                     let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
                     *forgotten += owns.into_iter().filter(|owns| !owns).count();
                 }
-                self.near_first(triangles, layers, buffers, window, |seen, buffers| {
-                    for start in (0..seen.len()).step_by(CHUNK) {
+                self.near_first(triangles, layers, buffers, window, |candidates, buffers| {
+                    for start in (0..candidates.len()).step_by(CHUNK) {
                         let first_id = order.len();
-                        let seen = &seen[start..];
-                        let triangles = Triangles { facets: *facets, lights: &weighted.lights, seen, first_id };
-                        order.extend(seen.iter().take(CHUNK).map(|seen| before + seen.id));
+                        let candidates = &candidates[start..];
+                        let triangles =
+                            TriangleChunk { triangles: *list, lights: &weighted.lights, candidates, first_id };
+                        order.extend(candidates.iter().take(CHUNK).map(|candidate| before + candidate.id));
                         kernels.set_up.call(&view, triangles, buffers, shades);
                         self.refine(kind, triangles, &view, buffers, shades);
                         kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());
                         if let Some(so_far) = &mut so_far {
-                            so_far(buffers, shades, looks);
+                            so_far(buffers, shades, tile_spheres);
                         }
                     }
                 });
             };
             room.clear();
             large.add(tile, LARGE_AT_FIRST, 0.0, room);
-            self.plan.triangles_in(kind, tile, room, |seen| trace(seen, buffers));
-            self.each_large(large, (tile, window), room, buffers, |seen, buffers| trace(seen, buffers));
-            before += facets.len() as u32;
+            self.plan.triangles_in(kind, tile, room, |candidates| trace(candidates, buffers));
+            self.each_large(large, (tile, window), room, buffers, |candidates, buffers| trace(candidates, buffers));
+            before += list.len() as u32;
         }
         any
     }
@@ -540,14 +543,14 @@ impl<E: Element> TileTracer<'_, E> {
     fn refine(
         &self,
         kind: usize,
-        Triangles { lights, seen, first_id, .. }: Triangles<'_>,
+        TriangleChunk { lights, candidates, first_id, .. }: TriangleChunk<'_>,
         view: &TileView<f64>,
         buffers: &mut TileBuffers<E>,
         shades: &mut [TileShade<E>],
     ) {
         let Some(planes) = self.plan.planes(kind) else { return };
-        for (i, seen) in seen.iter().take(CHUNK).enumerate() {
-            let plane = &planes[seen.id as usize];
+        for (i, candidate) in candidates.iter().take(CHUNK).enumerate() {
+            let plane = &planes[candidate.id as usize];
             buffers.set_inverse(i, plane.inverse(view).map(E::from_f64));
             let shades = &mut shades[(first_id + i) * lights.len()..][..lights.len()];
             for (shade, light) in shades.iter_mut().zip(lights) {
@@ -561,9 +564,9 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         mut large: LargeObjects<'_>,
         (tile, window): (TilePlace, &TileWindow),
-        room: &mut Vec<Seen>,
+        room: &mut Vec<Candidate>,
         buffers: &mut TileBuffers<E>,
-        mut trace: impl FnMut(&mut Vec<Seen>, &mut TileBuffers<E>),
+        mut trace: impl FnMut(&mut Vec<Candidate>, &mut TileBuffers<E>),
     ) {
         let mut count = LARGE_AT_FIRST;
         while !large.are_through() {
@@ -581,23 +584,24 @@ impl<E: Element> TileTracer<'_, E> {
     /// then.
     fn near_first(
         &self,
-        seen: &[Seen],
+        candidates: &[Candidate],
         Layers { nearest, room, others, starts }: &mut Layers,
         buffers: &mut TileBuffers<E>,
         window: &TileWindow,
-        mut trace: impl FnMut(&[Seen], &mut TileBuffers<E>),
+        mut trace: impl FnMut(&[Candidate], &mut TileBuffers<E>),
     ) {
-        let few = seen.len() < FEWEST_HIDDEN && (seen.len() < FEWEST_DEEP || covers(seen, window) <= DEEP);
+        let few =
+            candidates.len() < FEWEST_HIDDEN && (candidates.len() < FEWEST_DEEP || covers(candidates, window) <= DEEP);
         if few || self.plan.keep().has(Omission::Occluded) {
-            return trace(seen, buffers);
+            return trace(candidates, buffers);
         }
         // Kernels fill registers.
-        let enough = seen.len() + CHUNK;
+        let enough = candidates.len() + CHUNK;
         for layer in [&mut *nearest, room, others] {
-            layer.resize(layer.len().max(enough), Seen::default());
+            layer.resize(layer.len().max(enough), Candidate::default());
         }
-        let mut near = self.packets.nearer_half.call(seen, nearest, others);
-        let mut end = seen.len() - near;
+        let mut near = self.packets.nearer_half.call(candidates, nearest, others);
+        let mut end = candidates.len() - near;
         starts.clear();
         starts.push((0, end));
         while starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
@@ -610,7 +614,7 @@ impl<E: Element> TileTracer<'_, E> {
             (near, end) = (nearer, end + near - nearer);
         }
         let mut farthest = None;
-        let mut trace_layer = |layer: &mut [Seen], count: usize| {
+        let mut trace_layer = |layer: &mut [Candidate], count: usize| {
             let mut left = count;
             if buffers.has_somebody() {
                 let (parts, least) = farthest.get_or_insert_with(|| self.farthest(buffers, window));
@@ -637,41 +641,41 @@ impl<E: Element> TileTracer<'_, E> {
     #[expect(clippy::too_many_arguments, reason = "parts of one Scratch")]
     fn nearest_spheres(
         &self,
-        spheres: &mut Vec<Seen>,
+        spheres: &mut Vec<Candidate>,
         weighted: &Weighted,
         buffers: &mut TileBuffers<E>,
         layers: &mut Layers,
         order: &mut Vec<u32>,
-        (looks, forgotten): (&mut SphereLooks<E>, &mut usize),
+        (tile_spheres, forgotten): (&mut TileSpheres<E>, &mut usize),
         window: &TileWindow,
     ) {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
-        if spheres.iter().any(|seen| seen.most == Seen::ANY) {
-            for seen in spheres.extract_if(.., |seen| seen.most == Seen::ANY) {
-                let sphere = &self.plan.balls()[seen.id as usize];
+        if spheres.iter().any(|candidate| candidate.most == Candidate::ANY) {
+            for candidate in spheres.extract_if(.., |candidate| candidate.most == Candidate::ANY) {
+                let sphere = &self.plan.spheres()[candidate.id as usize];
                 let Some(around) = self.plan.around(sphere) else { continue };
-                order.push(1 + seen.id);
-                looks.seen.push(seen);
+                order.push(1 + candidate.id);
+                tile_spheres.candidates.push(candidate);
                 if self.plan.keep().has(Omission::Misses) || !self.plan.misses(window, sphere) {
                     kernels.around.call(&around, window, buffers, order);
                 }
             }
         }
-        self.near_first(spheres, layers, buffers, window, |seen, buffers| {
-            for start in (0..seen.len()).step_by(CHUNK) {
+        self.near_first(spheres, layers, buffers, window, |candidates, buffers| {
+            for start in (0..candidates.len()).step_by(CHUNK) {
                 if order.len() > MOST_SPHERES {
                     let owns = forget_unseen(buffers, 1, order, &mut [], 0);
                     let mut owns = owns.into_iter().skip(1);
-                    *forgotten += looks.seen.len();
-                    looks.seen.retain(|_| owns.next() == Some(true));
-                    *forgotten -= looks.seen.len();
+                    *forgotten += tile_spheres.candidates.len();
+                    tile_spheres.candidates.retain(|_| owns.next() == Some(true));
+                    *forgotten -= tile_spheres.candidates.len();
                 }
                 let first_id = order.len();
-                let seen = &seen[start..];
-                let chunk = &seen[..seen.len().min(CHUNK)];
-                order.extend(chunk.iter().map(|seen| 1 + seen.id));
-                looks.seen.extend_from_slice(chunk);
-                let spheres = Spheres { balls: self.plan.balls(), seen };
+                let candidates = &candidates[start..];
+                let chunk = &candidates[..candidates.len().min(CHUNK)];
+                order.extend(chunk.iter().map(|candidate| 1 + candidate.id));
+                tile_spheres.candidates.extend_from_slice(chunk);
+                let spheres = SphereChunk { spheres: self.plan.spheres(), candidates };
                 kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
                 kernels.nearest_spheres.call(buffers, order, window, &grid, self.fewest_across());
             }
@@ -687,10 +691,10 @@ impl<E: Element> TileTracer<'_, E> {
 
     /// The records of all spheres, if they are few.
     fn records_of_all(&self, weighted: &Weighted) -> Option<&SphereRecords<E>> {
-        let count = self.plan.balls().len();
+        let count = self.plan.spheres().len();
         let make = || {
             let mut records = SphereRecords::default();
-            let all: Vec<_> = (0..count as u32).map(|id| Seen { id, ..Seen::default() }).collect();
+            let all: Vec<_> = (0..count as u32).map(|id| Candidate { id, ..Candidate::default() }).collect();
             self.make_records(weighted, &all, &mut records);
             records
         };
@@ -698,15 +702,15 @@ impl<E: Element> TileTracer<'_, E> {
     }
 
     /// Makes the records of the spheres that are `seen`, in this order.
-    fn make_records(&self, weighted: &Weighted, seen: &[Seen], records: &mut SphereRecords<E>) {
+    fn make_records(&self, weighted: &Weighted, candidates: &[Candidate], records: &mut SphereRecords<E>) {
         let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
         let lights = self.plan.sphere_lights();
-        records.hold(seen.len(), lights.len());
-        for first in (0..seen.len()).step_by(CHUNK) {
-            let spheres = Spheres { balls: self.plan.balls(), seen: &seen[first..] };
-            self.kernels.tiles.sphere_looks.call(&weighted.spheres, spheres, lights, short, first, records);
-            for (i, seen) in (first..).zip(&seen[first..]).take(CHUNK) {
-                let sphere = &self.plan.balls()[seen.id as usize];
+        records.hold(candidates.len(), lights.len());
+        for first in (0..candidates.len()).step_by(CHUNK) {
+            let spheres = SphereChunk { spheres: self.plan.spheres(), candidates: &candidates[first..] };
+            self.kernels.tiles.sphere_shading.call(&weighted.spheres, spheres, lights, short, first, records);
+            for (i, candidate) in (first..).zip(&candidates[first..]).take(CHUNK) {
+                let sphere = &self.plan.spheres()[candidate.id as usize];
                 let Some(AroundSphere { cx, cy, cz, scale, .. }) = self.plan.around(sphere) else { continue };
                 let record = &mut records.spheres[i];
                 [record.ux, record.uy, record.uz] = [cx, cy, cz].map(|c| E::from_f64(c / scale));
@@ -725,25 +729,25 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         weighted: &Weighted,
         buffers: &TileBuffers<E>,
-        looks: &mut SphereLooks<E>,
+        tile_spheres: &mut TileSpheres<E>,
         by_force: bool,
     ) {
-        let SphereLooks { seen, owners, owning, places, records } = looks;
+        let TileSpheres { candidates, owners, owning, places, records } = tile_spheres;
         if self.records_of_all(weighted).is_some() {
-            places.extend(seen.iter().map(|seen| seen.id));
-        } else if by_force || seen.len() < FEWEST_OWNERS {
-            places.extend(0..seen.len() as u32);
-            self.make_records(weighted, seen, records);
+            places.extend(candidates.iter().map(|candidate| candidate.id));
+        } else if by_force || candidates.len() < FEWEST_OWNERS {
+            places.extend(0..candidates.len() as u32);
+            self.make_records(weighted, candidates, records);
         } else {
             owners.clear();
-            owners.resize(1 + seen.len(), false);
+            owners.resize(1 + candidates.len(), false);
             buffers.mark_owners(owners);
             // Without branches, which could not be foreseen.
-            owning.resize(seen.len(), Seen::default());
-            places.resize(seen.len(), 0);
+            owning.resize(candidates.len(), Candidate::default());
+            places.resize(candidates.len(), 0);
             let mut count = 0;
-            for ((seen, owns), place) in seen.iter().zip(&owners[1..]).zip(places) {
-                owning[count] = *seen;
+            for ((candidate, owns), place) in candidates.iter().zip(&owners[1..]).zip(places) {
+                owning[count] = *candidate;
                 *place = count as u32;
                 count += usize::from(*owns);
             }
@@ -760,7 +764,7 @@ impl<E: Element> TileTracer<'_, E> {
     fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
         let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];
-        let spheres = self.plan.balls().len();
+        let spheres = self.plan.spheres().len();
         self.each_nearest(rows.clone(), own, |window, scratch| {
             for (row, column) in pixels_of(window) {
                 let (near, who) = scratch.buffers.pixel(self.kernels.lanes, column, row);
@@ -785,14 +789,14 @@ impl<E: Element> TileTracer<'_, E> {
 }
 
 /// Brings those of the first `count` to the front, in order, that are not behind all of a tile, and gives how many they are.
-fn not_behind(seen: &mut [Seen], count: usize, least: f32) -> usize {
+fn not_behind(candidates: &mut [Candidate], count: usize, least: f32) -> usize {
     if least <= 0.0 {
         return count;
     }
     let mut left = 0;
     for i in 0..count {
-        seen[left] = seen[i];
-        left += usize::from(seen[i].most >= least);
+        candidates[left] = candidates[i];
+        left += usize::from(candidates[i].most >= least);
     }
     left
 }

@@ -48,9 +48,9 @@ use glam::{DVec3, Vec3};
 
 use crate::reference::geometry;
 
-pub use crate::kernels::Ball as Sphere;
 pub use crate::kernels::Faces;
-pub use crate::kernels::Facet as Triangle;
+pub use crate::kernels::Sphere;
+pub use crate::kernels::Triangle;
 
 /// A point light. Its light at any distance is `intensity * colour`: there is no attenuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +108,7 @@ impl Faces {
         }
     }
 
-    /// The numbers of those of no area. Several are looked at together, turned round: a register has one number of each.
+    /// The numbers of those of no area. Several are looked at together, transposed: a register has one number of each.
     fn without_area(&self) -> Vec<usize> {
         const TOGETHER: usize = 16;
         let mut found = Vec::new();

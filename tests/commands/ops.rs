@@ -286,7 +286,7 @@ mod table {
 }
 
 mod by_value {
-    use rayo::kernels::{self, Light, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value};
+    use rayo::kernels::{self, Light, OpRef, PaperSphere, PaperTriangle, Plain, Ray, Surface, Vec4, by_value};
     use rayo::scene::Rng;
 
     /// The same functions by address, compiled for the engine.
@@ -297,8 +297,8 @@ mod by_value {
         // A level that may fuse multiplications and additions rounds differently.
         let close = |x: f32, y: f32| x == y || (x - y).abs() <= 1e-4 * (x.abs() + y.abs() + 1.0);
         let close4 = |x: Vec4, y: Vec4| x.lanes().iter().zip(y.lanes()).all(|(x, y)| close(*x, y));
-        let sphere = Sphere { centre: b, colour: c, radius: 0.5, padding: [0.0; 3] };
-        let triangle = Triangle { v1: b, v2: c, v3: d, colour: c };
+        let sphere = PaperSphere { centre: b, colour: c, radius: 0.5, padding: [0.0; 3] };
+        let triangle = PaperTriangle { v1: b, v2: c, v3: d, colour: c };
         let (surface, light) = (Surface { point: a, normal: b, colour: c }, Light { position: d, radiance: c });
         let ray = Ray { origin: Vec4::ZERO, direction: a };
         let hit = |(hit, t): (bool, f32)| if hit { t } else { f32::INFINITY };
@@ -349,7 +349,7 @@ mod callgrind {
     use crate::extent;
     use rayo::kernels::harness::KNOWN;
     use rayo::kernels::step::count_function;
-    use rayo::kernels::{self, Isa, Light, OpRef, Shape, Sphere, Surface, Triangle, Vec4, packet_ops};
+    use rayo::kernels::{self, Isa, Light, OpRef, PaperSphere, PaperTriangle, Shape, Surface, Vec4, packet_ops};
     use rayo::measure::instructions::Code;
 
     /// Functions by their symbols: where each is, and a call of it.
@@ -358,9 +358,9 @@ mod callgrind {
     /// What callgrind can run, too.
     fn functions() -> Functions {
         let (a, b) = (Vec4::new(0.25, -0.5, 1.0), Vec4::new(0.0, 0.25, 4.0));
-        let sphere = Sphere { centre: b, colour: a, radius: 2.0, padding: [0.0; 3] };
+        let sphere = PaperSphere { centre: b, colour: a, radius: 2.0, padding: [0.0; 3] };
         let (v1, v2, v3) = (Vec4::new(-4.0, -4.0, 3.0), Vec4::new(4.0, -4.0, 3.0), Vec4::new(0.0, 4.0, 3.5));
-        let triangle = Triangle { v1, v2, v3, colour: a };
+        let triangle = PaperTriangle { v1, v2, v3, colour: a };
         let (surface, light) = (Surface { point: a, normal: b, colour: a }, Light { position: b, radiance: a });
         let mut functions = Functions::new();
         for (form, table) in [("paper", kernels::paper()), ("aos", kernels::aos())] {

@@ -1,8 +1,8 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
 use rayo::kernels::{
-    self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, Sphere, Surface, Triangle,
-    Vec4,
+    self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, PaperSphere, PaperTriangle,
+    Surface, Vec4,
 };
 use rayo::scene::Rng;
 
@@ -140,8 +140,8 @@ impl Numbers {
 pub enum Input {
     Vectors(Vec4, Vec4),
     Scale(Vec4, f32),
-    Sphere(Vec4, Sphere),
-    Triangle(Vec4, Triangle),
+    Sphere(Vec4, PaperSphere),
+    Triangle(Vec4, PaperTriangle),
     Lambert(Surface, Light),
 }
 
@@ -202,13 +202,13 @@ impl Input {
 }
 
 /// A sphere of no particular colour.
-pub fn sphere(centre: Vec4, radius: f32) -> Sphere {
-    Sphere { centre, colour: Vec4::new(0.25, 0.5, 1.0), radius, padding: [0.0; 3] }
+pub fn sphere(centre: Vec4, radius: f32) -> PaperSphere {
+    PaperSphere { centre, colour: Vec4::new(0.25, 0.5, 1.0), radius, padding: [0.0; 3] }
 }
 
 /// A triangle of no particular colour.
-pub fn triangle([v1, v2, v3]: [Vec4; 3]) -> Triangle {
-    Triangle { v1, v2, v3, colour: Vec4::new(1.0, 0.5, 0.25) }
+pub fn triangle([v1, v2, v3]: [Vec4; 3]) -> PaperTriangle {
+    PaperTriangle { v1, v2, v3, colour: Vec4::new(1.0, 0.5, 0.25) }
 }
 
 fn scaled(v: Vec4, by: f32) -> Vec4 {

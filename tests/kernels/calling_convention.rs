@@ -10,11 +10,11 @@ use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels,
 use glam::Vec3;
 use rayo::kernels::harness::{self, BROKEN, Guarded, Side, broken_read, broken_write, without_denormals};
 use rayo::kernels::{
-    BoundsView, CHUNK, ColourRun, Element, ElementKernels, Extremes, F32x3, FacePart, Facet, Facets, Fault, Fill,
-    Frame, Hits, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Looks, Narrow, Objects, Op, OpRef, PART_SIDE,
-    PacketKernels, Parts, Plain, Rgb8, Rgba8, RowSetup, Seen, ShadeRows, ShadeTile, Sphere, SphereRecords, SphereView,
-    Spheres, Surface, TILE_PARTS, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangle, Triangles, Vec4,
-    hits_of_c, hits_of_paper,
+    BoundsView, CHUNK, Candidate, ColourRun, Element, ElementKernels, Extremes, F32x3, FacePart, Fault, Fill, Frame,
+    Hits, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Narrow, Objects, Op, OpRef, PART_SIDE, PacketKernels,
+    PaperSphere, PaperTriangle, Parts, Plain, Rgb8, Rgba8, RowSetup, ShadeRows, ShadeTile, ShadingRecords, SphereChunk,
+    SphereRecords, SphereView, Surface, TILE_PARTS, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
+    TriangleChunk, TriangleList, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, Raster, TilePlace, Tiles};
 use rayo::reference::tile::{hides, middle, parts};
@@ -38,7 +38,7 @@ fn inputs(op: OpRef, rng: &mut Rng) -> Vec<Input> {
 }
 
 /// Lists of different lengths, none among them.
-fn scenes() -> Vec<(Vec<Light>, Vec<Sphere>, Vec<Triangle>)> {
+fn scenes() -> Vec<(Vec<Light>, Vec<PaperSphere>, Vec<PaperTriangle>)> {
     let lights = [Light { position: Vec4::new(-3.0, 4.0, 0.0), radiance: Vec4::new(0.5, 0.75, 1.0) }; 3];
     let spheres = [5.0, 3.0].map(|z| kernel_cases::sphere(Vec4::new(0.25, 0.0, z), 1.0));
     let corners = [Vec4::new(-4.0, -2.0, 4.0), Vec4::new(4.0, -2.0, 4.0), Vec4::new(0.0, 3.0, 4.0)];
@@ -142,10 +142,10 @@ fn without_denormals_a_kernel_sees_none_and_rust_does() {
         assert_eq!(kernels.add.call(&tiny, &zero), tiny, "{implementation} afterwards");
     }
     // What a kernel gives back comes through.
-    let far = Seen { most: 1.0, ..Seen::default() };
-    let near = Seen { most: 2.0, ..Seen::default() };
+    let far = Candidate { most: 1.0, ..Candidate::default() };
+    let near = Candidate { most: 2.0, ..Candidate::default() };
     for (isa, kernels) in packet_kernels() {
-        let (mut nearer, mut farther) = ([Seen::default(); 3], [Seen::default(); 3]);
+        let (mut nearer, mut farther) = ([Candidate::default(); 3], [Candidate::default(); 3]);
         let count = without_denormals(|| kernels.nearer_half.call(&[near, far, near], &mut nearer, &mut farther));
         assert_eq!((count, nearer[0], farther[0]), (2, near, far), "{isa}");
     }
@@ -501,7 +501,7 @@ fn check_shade_tile<E: Element, P: Pixel>(
     kernel: &ShadeTile<E, P>,
     plan: &Tiles<'_, E>,
     buffers: &TileBuffers<E>,
-    looks: Looks<'_, E>,
+    shading: ShadingRecords<'_, E>,
     window: &TileWindow,
 ) {
     let (width, height) = TILE_FILM;
@@ -512,9 +512,9 @@ fn check_shade_tile<E: Element, P: Pixel>(
         let mut pixels = vec![P::CANARY; width * height];
         let out = TileOut { pixels: &mut pixels, first, width };
         if checked {
-            assert_eq!(kernel.call_checked(&rays, buffers, looks, window, out), Ok(()), "{what}");
+            assert_eq!(kernel.call_checked(&rays, buffers, shading, window, out), Ok(()), "{what}");
         } else {
-            kernel.call(&rays, buffers, looks, window, out);
+            kernel.call(&rays, buffers, shading, window, out);
         }
         pixels
     };
@@ -528,7 +528,7 @@ fn check_shade_tile<E: Element, P: Pixel>(
     for side in SIDES {
         let mut pixels = Guarded::new(&vec![P::CANARY; (rows - 1) * width + columns], side).unwrap();
         let out = |pixels| TileOut { pixels, first: 0, width };
-        let alive = survives(|| kernel.call(&rays, buffers, looks, window, out(&mut pixels))).unwrap();
+        let alive = survives(|| kernel.call(&rays, buffers, shading, window, out(&mut pixels))).unwrap();
         assert!(alive, "{what} touches the guard page {side:?}");
     }
 }
@@ -542,14 +542,14 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
         let plan = Tiles::<E>::new(&scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..count as u32).collect();
-        let mut seen = vec![Seen::default(); count.next_multiple_of(CHUNK)];
+        let mut candidates = vec![Candidate::default(); count.next_multiple_of(CHUNK)];
         let view_of_all = bounds_view(64, 32);
-        packets.bounds.call(&view_of_all, Facets::Apart(&scene.triangles), 0, true, &mut seen).unwrap();
+        packets.bounds.call(&view_of_all, TriangleList::Apart(&scene.triangles), 0, true, &mut candidates).unwrap();
         let (vertices, corners, colours) = joined(&scene.triangles);
         let view_of_spheres = &plan.levels().spheres;
         // Everyone as seen anywhere but for what is found of the spheres by their own kernel.
-        let mut seen_spheres = vec![Seen::default(); count.next_multiple_of(CHUNK)];
-        packets.sphere_bounds.call(view_of_spheres, plan.balls(), 0, true, &mut seen_spheres).unwrap();
+        let mut seen_spheres = vec![Candidate::default(); count.next_multiple_of(CHUNK)];
+        packets.sphere_bounds.call(view_of_spheres, plan.spheres(), 0, true, &mut seen_spheres).unwrap();
         let order: Vec<_> = (0..=2 * count as u32).collect();
         let grid = plan.grid();
         for (side, shared) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
@@ -557,34 +557,34 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
             let apart = Guarded::new(&scene.triangles, side).unwrap();
             let (vertices, corners) = (Guarded::new(&vertices, side).unwrap(), Guarded::new(&corners, side).unwrap());
             let joined = FacePart::new(&vertices, &corners, &colours);
-            let facets = if shared { Facets::Joined(joined) } else { Facets::Apart(&apart) };
-            let balls = Guarded::new(plan.balls(), side).unwrap();
+            let triangles = if shared { TriangleList::Joined(joined) } else { TriangleList::Apart(&apart) };
+            let spheres = Guarded::new(plan.spheres(), side).unwrap();
             let ids = Guarded::new(&ids, side).unwrap();
-            let seen = Guarded::new(&seen[..count], side).unwrap();
+            let candidates = Guarded::new(&candidates[..count], side).unwrap();
             let seen_spheres = Guarded::new(&seen_spheres[..count], side).unwrap();
             let lights_of_spheres = Guarded::new(plan.sphere_lights(), side).unwrap();
             let lights = Guarded::new(&plan.levels().lights, side).unwrap();
             let order = Guarded::new(&order, side).unwrap();
-            let triangles = Triangles { facets, lights: &lights, seen: &seen, first_id: 1 + count };
-            let spheres = Spheres { balls: &balls, seen: &seen_spheres };
+            let triangles = TriangleChunk { triangles, lights: &lights, candidates: &candidates, first_id: 1 + count };
+            let spheres = SphereChunk { spheres: &spheres, candidates: &seen_spheres };
             let records = |short: bool| {
                 let (mut checked, mut unchecked) = (SphereRecords::<E>::default(), SphereRecords::<E>::default());
-                let looks = &kernels.sphere_looks;
-                let kept = looks.call_checked(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut checked);
-                assert_eq!(kept, Ok(()), "{}, {count} spheres", looks.symbol());
+                let shading = &kernels.sphere_shading;
+                let kept = shading.call_checked(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut checked);
+                assert_eq!(kept, Ok(()), "{}, {count} spheres", shading.symbol());
                 let alive = survives(|| {
                     let mut records = SphereRecords::<E>::default();
-                    looks.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut records);
+                    shading.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut records);
                 });
-                assert!(alive.unwrap(), "{}, {count} spheres: the guard page {side:?} is touched", looks.symbol());
-                looks.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut unchecked);
+                assert!(alive.unwrap(), "{}, {count} spheres: the guard page {side:?} is touched", shading.symbol());
+                shading.call(view_of_spheres, spheres, &lights_of_spheres, short, 0, &mut unchecked);
                 // What is past the last is nobody's.
                 for records in [&mut checked, &mut unchecked] {
                     records.spheres.truncate(count);
                     records.lits.truncate(count * lights_of_spheres.len());
                     records.shorts.truncate(count * lights_of_spheres.len());
                 }
-                assert!(checked == unchecked, "{}, {count} spheres", looks.symbol());
+                assert!(checked == unchecked, "{}, {count} spheres", shading.symbol());
                 checked
             };
             let long = records(false);
@@ -621,7 +621,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
                 assert!(of_checked == of_unchecked, "{what}");
                 // Corners that are shared are the same corners.
                 let (mut buffers, mut of_apart) = (TileBuffers::default(), shades());
-                let apart = Triangles { facets: Facets::Apart(&apart), ..triangles };
+                let apart = TriangleChunk { triangles: TriangleList::Apart(&apart), ..triangles };
                 kernels.set_up.call(&view, apart, &mut buffers, &mut of_apart);
                 let set_up = (1 + count) * lights.len();
                 assert!(of_checked[..set_up] == of_apart[..set_up], "{what}");
@@ -639,7 +639,7 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
                     let near = pixels.map(|(column, row)| checked.pixel(lanes, column, row).0.to_f64());
                     assert_eq!(Some(farthest.to_f64()), near.min_by(f64::total_cmp), "{what}");
                 }
-                let looks = Looks {
+                let shading = ShadingRecords {
                     shades: &of_checked,
                     lights: plan.points(),
                     sphere_ids: &ids,
@@ -647,9 +647,9 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
                     lits: &records.lits,
                     shorts: &records.shorts,
                 };
-                check_shade_tile(&kernels.f32x4, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.f32x4_fast, &plan, &checked, looks, &window);
-                check_shade_tile(&kernels.rgba8, &plan, &checked, looks, &window);
+                check_shade_tile(&kernels.f32x4, &plan, &checked, shading, &window);
+                check_shade_tile(&kernels.f32x4_fast, &plan, &checked, shading, &window);
+                check_shade_tile(&kernels.rgba8, &plan, &checked, shading, &window);
             }
         }
     }
@@ -678,19 +678,20 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
             1 => 0.0,
             _ => rng.between(0.5, 2.0),
         };
-        let seen = |id| Seen { id, columns: !id, rows: u32::MAX, most: near() };
-        let seen: Vec<_> = (0..count as u32).map(seen).collect();
-        let middle = middle(seen.iter().map(|seen| seen.most));
-        let (nearer, farther): (Vec<_>, Vec<_>) = seen.iter().copied().partition(|seen: &Seen| seen.most >= middle);
+        let candidates = |id| Candidate { id, columns: !id, rows: u32::MAX, most: near() };
+        let candidates: Vec<_> = (0..count as u32).map(candidates).collect();
+        let middle = middle(candidates.iter().map(|candidate| candidate.most));
+        let (nearer, farther): (Vec<_>, Vec<_>) =
+            candidates.iter().copied().partition(|candidate: &Candidate| candidate.most >= middle);
         let what = format!("{} of {count}", kernel.symbol());
         for side in SIDES {
-            let seen = Guarded::new(&seen, side).unwrap();
-            let room = || Guarded::new(&vec![Seen::default(); count], side).unwrap();
+            let candidates = Guarded::new(&candidates, side).unwrap();
+            let room = || Guarded::new(&vec![Candidate::default(); count], side).unwrap();
             let (mut first, mut second) = (room(), room());
-            let alive = survives(|| _ = kernel.call(&seen, &mut first, &mut second)).unwrap();
+            let alive = survives(|| _ = kernel.call(&candidates, &mut first, &mut second)).unwrap();
             assert!(alive, "{what}: the guard page {side:?} is touched");
-            assert_eq!(kernel.call_checked(&seen, &mut first, &mut second), Ok(()), "{what}");
-            assert_eq!(kernel.call(&seen, &mut first, &mut second), nearer.len(), "{what}");
+            assert_eq!(kernel.call_checked(&candidates, &mut first, &mut second), Ok(()), "{what}");
+            assert_eq!(kernel.call(&candidates, &mut first, &mut second), nearer.len(), "{what}");
             assert_eq!((&first[..nearer.len()], &second[..farther.len()]), (&*nearer, &*farther), "{what}");
         }
     }
@@ -710,21 +711,23 @@ fn check_visible(kernels: &PacketKernels, seed: u64) {
             let start = from(first - 20..first + 80);
             start | (start + from(1..20) * [1, 1, 1, 4][from(0..4) as usize]) << 16
         };
-        let mut seen: Vec<_> =
-            (0..count as u32).map(|id| Seen { id, columns: bounds(128), rows: bounds(64), most: 0.0 }).collect();
-        seen.iter_mut().for_each(|seen| seen.most = [0.0, 0.5, 1.0, 1.5, f32::MAX][from(0..5) as usize]);
+        let mut candidates: Vec<_> =
+            (0..count as u32).map(|id| Candidate { id, columns: bounds(128), rows: bounds(64), most: 0.0 }).collect();
+        candidates
+            .iter_mut()
+            .for_each(|candidate| candidate.most = [0.0, 0.5, 1.0, 1.5, f32::MAX][from(0..5) as usize]);
         let range = |bounds: u32| (bounds & 0xffff)..(bounds >> 16);
-        let hidden = |seen: &Seen| {
-            let columns = parts(range(seen.columns), window.column, 0..window.columns, side);
-            let rows = parts(range(seen.rows), window.row, window.rows.clone(), side);
-            hides(&farthest, across, [columns, rows], seen.most)
+        let hidden = |candidate: &Candidate| {
+            let columns = parts(range(candidate.columns), window.column, 0..window.columns, side);
+            let rows = parts(range(candidate.rows), window.row, window.rows.clone(), side);
+            hides(&farthest, across, [columns, rows], candidate.most)
         };
-        let visible: Vec<_> = seen.iter().copied().filter(|seen| !hidden(seen)).collect();
+        let visible: Vec<_> = candidates.iter().copied().filter(|candidate| !hidden(candidate)).collect();
         let what = format!("{} of {count}, {window:?}", kernel.symbol());
         for guarded in SIDES {
             let parts = Parts::new(farthest);
-            let mut room = seen.clone();
-            room.resize(count.next_multiple_of(16), Seen::default());
+            let mut room = candidates.clone();
+            room.resize(count.next_multiple_of(16), Candidate::default());
             let room = || Guarded::new(&room, guarded).unwrap();
             let (mut in_child, mut checked, mut unchecked) = (room(), room(), room());
             let alive = survives(|| _ = kernel.call(&mut in_child, count, &parts, &window)).unwrap();
@@ -755,26 +758,27 @@ fn check_sphere_bounds(kernels: &PacketKernels, seed: u64) {
         scene.spheres.iter_mut().skip(3).step_by(5).for_each(|sphere| sphere.centre.z = -sphere.centre.z);
         scene.spheres.iter_mut().skip(4).step_by(7).for_each(|sphere| sphere.centre.z = 0.1);
         for (side, keep_all) in SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]) {
-            let balls = Guarded::new(&scene.spheres, side).unwrap();
-            let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
-            let (mut checked, mut unchecked) = (seen(), seen());
+            let spheres = Guarded::new(&scene.spheres, side).unwrap();
+            let candidates = || vec![Candidate { id: 7, ..Candidate::default() }; count.next_multiple_of(CHUNK)];
+            let (mut checked, mut unchecked) = (candidates(), candidates());
             let kernel = &kernels.sphere_bounds;
             let what = format!("{} of {count}", kernel.symbol());
-            let mut room = Guarded::new(&seen(), side).unwrap();
-            let alive = survives(|| _ = kernel.call(&view, &balls, 5, keep_all, &mut room)).unwrap();
+            let mut room = Guarded::new(&candidates(), side).unwrap();
+            let alive = survives(|| _ = kernel.call(&view, &spheres, 5, keep_all, &mut room)).unwrap();
             assert!(alive, "{what}: the guard page {side:?} is touched");
-            assert_eq!(kernel.call_checked(&view, &balls, 5, keep_all, &mut checked), Ok(()), "{what}");
-            let (found, extremes) = kernel.call(&view, &balls, 5, keep_all, &mut unchecked).unwrap();
+            assert_eq!(kernel.call_checked(&view, &spheres, 5, keep_all, &mut checked), Ok(()), "{what}");
+            let (found, extremes) = kernel.call(&view, &spheres, 5, keep_all, &mut unchecked).unwrap();
             assert_eq!(checked[..found], unchecked[..found], "{what}");
-            let radii = || balls.iter().map(|sphere| sphere.radius);
-            let most = balls.iter().map(|sphere| sphere.centre.abs().max_element()).chain(radii()).fold(0.0, f32::max);
-            let brightest = balls.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
+            let radii = || spheres.iter().map(|sphere| sphere.radius);
+            let most =
+                spheres.iter().map(|sphere| sphere.centre.abs().max_element()).chain(radii()).fold(0.0, f32::max);
+            let brightest = spheres.iter().map(|sphere| sphere.colour.max_element()).fold(0.0, f32::max);
             let least = radii().fold(f32::MAX, f32::min);
             let nearest = extremes.nearest;
             let longest = 0.0;
             assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
-            let nears = checked[..found].iter().map(|seen| seen.most);
+            let nears = checked[..found].iter().map(|candidate| candidate.most);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             assert!(keep_all == (found == count) || count < 4, "{what}: {found}");
         }
@@ -802,7 +806,7 @@ fn bounds_view(width: u32, height: u32) -> BoundsView<f32> {
 
 /// The same triangles as faces, none of which happen to share a corner: their vertices and one more, which may be anything,
 /// the corners and the colours.
-fn joined(triangles: &[Facet]) -> (Vec<Vec3>, Vec<[u32; 3]>, Vec<ColourRun>) {
+fn joined(triangles: &[Triangle]) -> (Vec<Vec3>, Vec<[u32; 3]>, Vec<ColourRun>) {
     let vertices = triangles.iter().flat_map(|triangle| triangle.vertices).chain([Vec3::NAN]);
     let corners = (0..triangles.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]);
     let colours = (1..).zip(triangles).map(|(end, triangle)| (end, triangle.colour));
@@ -816,39 +820,39 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
         let (vertices, corners, colours) = joined(&scene.triangles);
         let ways = SIDES.into_iter().flat_map(|side| [(side, false), (side, true)]);
         for ((side, keep_all), shared) in ways.flat_map(|way| [(way, false), (way, true)]) {
-            let facets = Guarded::new(&scene.triangles, side).unwrap();
+            let triangles = Guarded::new(&scene.triangles, side).unwrap();
             let (vertices, corners) = (Guarded::new(&vertices, side).unwrap(), Guarded::new(&corners, side).unwrap());
             let joined = FacePart::new(&vertices, &corners, &colours);
-            let list = if shared { Facets::Joined(joined) } else { Facets::Apart(&facets) };
-            let seen = || vec![Seen { id: 7, ..Seen::default() }; count.next_multiple_of(CHUNK)];
-            let (mut checked, mut unchecked) = (seen(), seen());
+            let list = if shared { TriangleList::Joined(joined) } else { TriangleList::Apart(&triangles) };
+            let candidates = || vec![Candidate { id: 7, ..Candidate::default() }; count.next_multiple_of(CHUNK)];
+            let (mut checked, mut unchecked) = (candidates(), candidates());
             let what = format!("{} of {count}", kernels.bounds.symbol());
-            let mut room = Guarded::new(&seen(), side).unwrap();
+            let mut room = Guarded::new(&candidates(), side).unwrap();
             let alive = survives(|| _ = kernels.bounds.call(&view, list, 5, keep_all, &mut room)).unwrap();
             assert!(alive, "{what}: the guard page {side:?} is touched");
             assert_eq!(kernels.bounds.call_checked(&view, list, 5, keep_all, &mut checked), Ok(()), "{what}");
             let (found, extremes) = kernels.bounds.call(&view, list, 5, keep_all, &mut unchecked).unwrap();
             assert_eq!(checked[..found], unchecked[..found], "{what}");
-            let sizes = facets.iter().map(|facet| facet.vertices.map(|v| v.abs().max_element()));
+            let sizes = triangles.iter().map(|triangle| triangle.vertices.map(|v| v.abs().max_element()));
             let sizes: Vec<_> = sizes.map(|[a, b, c]| a.max(b).max(c)).collect();
-            let brightest = facets.iter().map(|facet| facet.colour.max_element()).fold(0.0, f32::max);
+            let brightest = triangles.iter().map(|triangle| triangle.colour.max_element()).fold(0.0, f32::max);
             let (most, least) =
                 (sizes.iter().copied().fold(0.0, f32::max), sizes.iter().copied().fold(f32::MAX, f32::min));
             let nearest = extremes.nearest;
             let longest = extremes.longest;
             assert_eq!(extremes, Extremes { most, least, brightest, nearest, longest }, "{what}");
             // What is kept although it is behind the camera is not counted.
-            let nears = checked[..found].iter().map(|seen| seen.most);
+            let nears = checked[..found].iter().map(|candidate| candidate.most);
             assert!(keep_all || nears.fold(0.0, f32::max) <= nearest, "{what}");
             let side = |bounds: u32| (bounds >> 16).saturating_sub(bounds & 0xffff);
-            let sides = checked[..found].iter().map(|seen| [side(seen.columns), side(seen.rows)]);
+            let sides = checked[..found].iter().map(|candidate| [side(candidate.columns), side(candidate.rows)]);
             let sides = sides.filter(|sides| !sides.contains(&0)).flatten();
             assert_eq!(longest, sides.max().unwrap_or(0) as f32, "{what}");
             // Every corner's own pixel is within the bounds, and what is not seen has no pixel.
             let mut of = checked[..found].iter().peekable();
-            for (id, facet) in (5..).zip(facets.iter()) {
-                let corners = facet.vertices.map(|v| (31.5 + 80.0 * v.x / v.z, 15.5 - 80.0 * v.y / v.z));
-                let Some(seen) = of.next_if(|seen| seen.id == id) else {
+            for (id, triangle) in (5..).zip(triangles.iter()) {
+                let corners = triangle.vertices.map(|v| (31.5 + 80.0 * v.x / v.z, 15.5 - 80.0 * v.y / v.z));
+                let Some(candidate) = of.next_if(|candidate| candidate.id == id) else {
                     assert!(!keep_all && !holds_a_pixel(corners), "{what}: {id} is left out");
                     continue;
                 };
@@ -858,8 +862,8 @@ fn check_bounds(kernels: &PacketKernels, seed: u64) {
                             || at > side
                             || (bounds & 0xffff) as f32 <= at.ceil() && at.floor() < (bounds >> 16) as f32
                     };
-                    let seen_nowhere = (seen.columns & 0xffff) >= (seen.columns >> 16);
-                    let inside = within(x, seen.columns, 63.0) && within(y, seen.rows, 31.0);
+                    let seen_nowhere = (candidate.columns & 0xffff) >= (candidate.columns >> 16);
+                    let inside = within(x, candidate.columns, 63.0) && within(y, candidate.rows, 31.0);
                     assert!(inside || keep_all && seen_nowhere, "{what}: {x} {y}");
                 }
             }

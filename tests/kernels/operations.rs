@@ -11,8 +11,8 @@ use std::ops::Range;
 
 use crate::kernel_cases::{self, Input, Numbers, choose, implementations, packet_kernels, seed};
 use rayo::kernels::{
-    Element, ElementKernels, Frame, Isa, LIT_ROWS, Light, LitRow, LitRows, LitSphere, Objects, OpRef, Rgb8, Rgba8,
-    ShadeRows, Sphere, Trace, Triangle, Vec4,
+    Element, ElementKernels, Frame, Isa, LIT_ROWS, Light, LitRow, LitRows, LitSphere, Objects, OpRef, PaperSphere,
+    PaperTriangle, Rgb8, Rgba8, ShadeRows, Trace, Vec4,
 };
 use rayo::plan::{Keep, LitForm, Packed, Scale};
 use rayo::reference::aos::{self, Form, Lanes};
@@ -107,11 +107,11 @@ fn twin_of_light(light: &Light) -> aos::Light<f32> {
     aos::Light { position: light.position.lanes(), radiance: light.radiance.lanes() }
 }
 
-fn twin_of_sphere(sphere: &Sphere) -> aos::Sphere<f32> {
+fn twin_of_sphere(sphere: &PaperSphere) -> aos::Sphere<f32> {
     aos::Sphere { centre: sphere.centre.lanes(), colour: sphere.colour.lanes(), radius: sphere.radius }
 }
 
-fn twin_of_triangle(triangle: &Triangle) -> aos::Triangle<f32> {
+fn twin_of_triangle(triangle: &PaperTriangle) -> aos::Triangle<f32> {
     let vertices = [triangle.v1, triangle.v2, triangle.v3].map(Vec4::lanes);
     aos::Triangle { vertices, colour: triangle.colour.lanes() }
 }
@@ -164,7 +164,7 @@ fn aimed_rays_hit_and_miss_from_outside_and_from_inside() {
             for _ in 0..CASES {
                 let input = Input::aimed(op, &mut rng);
                 hits += u32::from(call(op, &input)[0].is_finite());
-                if let Input::Sphere(_, Sphere { centre: c, radius: r, .. }) = input {
+                if let Input::Sphere(_, PaperSphere { centre: c, radius: r, .. }) = input {
                     inside += u32::from(c.x * c.x + c.y * c.y + c.z * c.z < r * r);
                 }
             }
@@ -276,8 +276,8 @@ fn vector([x, y, z]: [f32; 3]) -> Vec4 {
 #[derive(Clone, Debug, Default)]
 struct Lot {
     lights: Vec<Light>,
-    spheres: Vec<Sphere>,
-    triangles: Vec<Triangle>,
+    spheres: Vec<PaperSphere>,
+    triangles: Vec<PaperTriangle>,
 }
 
 impl Lot {
@@ -377,8 +377,8 @@ fn far_rows_and_long_rows_keep_their_places() {
 fn the_nearest_hit_wins_and_the_first_in_order_a_tie() {
     let colours = [Vec4::new(1.0, 0.0, 0.0), Vec4::new(0.0, 1.0, 0.0), Vec4::new(0.0, 0.0, 1.0)];
     let [red, green, blue] = colours;
-    let ball = |z, colour| Sphere { colour, ..kernel_cases::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
-    let wall = |z, colour| Triangle {
+    let ball = |z, colour| PaperSphere { colour, ..kernel_cases::sphere(Vec4::new(0.0, 0.0, z), 1.0) };
+    let wall = |z, colour| PaperTriangle {
         colour,
         ..kernel_cases::triangle([Vec4::new(-9.0, -9.0, z), Vec4::new(9.0, -9.0, z), Vec4::new(0.0, 9.0, z)])
     };
@@ -622,7 +622,7 @@ fn check_rows_of<E: Element + Real>(isa: Isa, kernels: &'static ElementKernels<E
     let (twin, sphere) = (setup_of(&form, Scale::Linear), form.sphere(Scale::Linear).round());
     let (width, height) = (scene.camera.width() as usize, scene.camera.height());
     let mut compared = Compared::default();
-    let mut seen = 0;
+    let mut candidates = 0;
     for first in (0..height).step_by(LIT_ROWS - 1) {
         let mut found = LitRows::default();
         let count = (height - first).min(LIT_ROWS as u32 - 1);
@@ -636,7 +636,7 @@ fn check_rows_of<E: Element + Real>(isa: Isa, kernels: &'static ElementKernels<E
                 continue;
             }
             assert_eq!(found, LitRow { start, end, j, stop, m, a, h0, q0 }.round(), "{what}");
-            seen += 1;
+            candidates += 1;
             let (made, packets) =
                 lit_rows(&kernels.lit.f32x4, kernels.lanes, &sphere, &[found], width, Vec4::default());
             let twins = twins_of_lit(rounding, &sphere, &[found], width, packets);
@@ -646,7 +646,7 @@ fn check_rows_of<E: Element + Real>(isa: Isa, kernels: &'static ElementKernels<E
             }
         }
     }
-    seen
+    candidates
 }
 
 #[test]

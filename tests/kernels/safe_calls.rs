@@ -5,8 +5,8 @@
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 
 use rayo::kernels::{
-    Element, ElementKernels, LitRow, LitRows, LitSphere, Looks, PacketKernels, Parts, Seen, SphereRecords, Spheres,
-    TILE_PARTS, TileBuffers, TileOut, TileShade, TileWindow, Triangles, Vec4,
+    Candidate, Element, ElementKernels, LitRow, LitRows, LitSphere, PacketKernels, Parts, ShadingRecords, SphereChunk,
+    SphereRecords, TILE_PARTS, TileBuffers, TileOut, TileShade, TileWindow, TriangleChunk, Vec4,
 };
 use rayo::plan::{Keep, Raster, TilePlace, Tiles};
 use rayo::scene;
@@ -46,36 +46,39 @@ fn rows<E: Element>(kernels: &ElementKernels<E>) -> Vec<String> {
 fn tiles<E: Element>(packets: &PacketKernels, kernels: &ElementKernels<E>, plan: &Tiles<'_, E>) -> Vec<String> {
     let kernels = &kernels.tiles;
     let window = TileWindow { column: 0, row: 0, columns: 64, rows: 0..2 };
-    let seen = [0, 1].map(|id| Seen { id, columns: 64 << 16, rows: 32 << 16, most: 1.0 });
+    let candidates = [0, 1].map(|id| Candidate { id, columns: 64 << 16, rows: 32 << 16, most: 1.0 });
     let (view, rays) = plan.view(TilePlace { across: 0, down: 0 });
     let lights = &plan.levels().lights;
     // Sets objects up from a number on, asks who is nearest where, and shades that.
     let triangles = |first_id: usize| {
         let (mut buffers, mut shades) = (TileBuffers::default(), Vec::new());
-        let triangles = Triangles { facets: plan.facets()[0], lights, seen: &seen, first_id };
+        let triangles =
+            TriangleChunk { triangles: plan.triangle_lists()[0], lights, candidates: &candidates, first_id };
         kernels.set_up.call(&view, triangles, &mut buffers, &mut shades);
         (buffers, shades)
     };
-    let spheres = Spheres { balls: plan.balls(), seen: &seen };
+    let spheres = SphereChunk { spheres: plan.spheres(), candidates: &candidates };
     let set_up_spheres = |first_id: usize, buffers: &mut TileBuffers<E>| {
         kernels.sphere_set_up.call(&plan.levels().spheres, spheres, first_id, buffers);
     };
     let records = |first: usize| {
         let records = &mut SphereRecords::<E>::default();
-        kernels.sphere_looks.call(&plan.levels().spheres, spheres, plan.sphere_lights(), true, first, records);
+        kernels.sphere_shading.call(&plan.levels().spheres, spheres, plan.sphere_lights(), true, first, records);
     };
     let shade = |shades: &[TileShade<E>], buffers: &TileBuffers<E>, first: usize, width: usize| {
-        let looks = Looks { shades, lights: plan.points(), sphere_ids: &[], spheres: &[], lits: &[], shorts: &[] };
+        let shading =
+            ShadingRecords { shades, lights: plan.points(), sphere_ids: &[], spheres: &[], lits: &[], shorts: &[] };
         let out = TileOut { pixels: &mut [Vec4::default(); 128], first, width };
-        kernels.f32x4.call(&rays, buffers, looks, &window, out);
+        kernels.f32x4.call(&rays, buffers, shading, &window, out);
     };
     let shaded = |first: usize, width: usize| {
         let (buffers, shades) = triangles(1);
         shade(&shades, &buffers, first, width);
     };
     let unseen = |id: u32| {
-        let seen = [Seen { id, ..seen[0] }];
-        let triangles = Triangles { facets: plan.facets()[0], lights, seen: &seen, first_id: 1 };
+        let candidates = [Candidate { id, ..candidates[0] }];
+        let triangles =
+            TriangleChunk { triangles: plan.triangle_lists()[0], lights, candidates: &candidates, first_id: 1 };
         kernels.set_up.call(&view, triangles, &mut TileBuffers::default(), &mut Vec::new());
     };
     // As many as make of twice, or eight times, as many none.
@@ -101,7 +104,12 @@ fn tiles<E: Element>(packets: &PacketKernels, kernels: &ElementKernels<E>, plan:
             kernels.nearest_triangles.call(&mut buffers, &[0, 1], &window, &plan.grid(), 1);
         }),
         ("more that is seen than there is", &|| {
-            packets.visible.call(&mut [Seen::default(); 16], usize::MAX - 7, &Parts::new([0.0; TILE_PARTS]), &window);
+            packets.visible.call(
+                &mut [Candidate::default(); 16],
+                usize::MAX - 7,
+                &Parts::new([0.0; TILE_PARTS]),
+                &window,
+            );
         }),
     ];
     accepted(calls)

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use rayo::kernels::{
-    CHUNK, Element, ElementKernels, Isa, PacketKernels, Seen, SphereRecords, Spheres, TileBuffers, packets,
+    CHUNK, Candidate, Element, ElementKernels, Isa, PacketKernels, SphereChunk, SphereRecords, TileBuffers, packets,
 };
 use rayo::plan::{Keep, Raster, Tiles};
 use rayo::reference::tile::{InFront, SphereView, lit, weights};
@@ -44,34 +44,34 @@ fn check<E: Element + std::fmt::Debug>(packets: &'static PacketKernels, kernels:
     let sides = [scene.camera.width(), scene.camera.height()];
     let Grid { step, half_width, half_height, focal } = scene.camera.grid::<f64>();
     let twin = SphereView { step, half_width, half_height, focal, scale, sides: sides.map(f64::from) };
-    let mut found = vec![Seen::default(); scene.spheres.len().next_multiple_of(CHUNK)];
+    let mut found = vec![Candidate::default(); scene.spheres.len().next_multiple_of(CHUNK)];
     let (count, _) = packets.sphere_bounds.call(view, &scene.spheres, 0, true, &mut found).unwrap();
     assert_eq!(count, scene.spheres.len());
     let (far, most) = if size_of::<E>() == 4 { (2f64.powi(36), f32::MAX.into()) } else { (1e30, f64::INFINITY) };
     let rounded = |numbers: &[f64]| numbers.iter().map(|number| E::from_f64(*number)).collect::<Vec<_>>();
     let (mut fronts, mut sideways, mut shorts, mut longs) = (0, 0, 0, 0);
-    for seen in found[..count].chunks(CHUNK) {
-        let spheres = Spheres { balls: &scene.spheres, seen };
+    for candidates in found[..count].chunks(CHUNK) {
+        let spheres = SphereChunk { spheres: &scene.spheres, candidates };
         let (mut buffers, mut records) = (TileBuffers::<E>::default(), SphereRecords::default());
         kernels.tiles.sphere_set_up.call(view, spheres, 7, &mut buffers);
-        kernels.tiles.sphere_looks.call(view, spheres, plan.sphere_lights(), true, 0, &mut records);
-        for (i, seen) in seen.iter().enumerate() {
-            let sphere = &scene.spheres[seen.id as usize];
+        kernels.tiles.sphere_shading.call(view, spheres, plan.sphere_lights(), true, 0, &mut records);
+        for (i, candidate) in candidates.iter().enumerate() {
+            let sphere = &scene.spheres[candidate.id as usize];
             let (centre, radius) = of(sphere);
             let bounds = twin.of_sphere(centre, radius, view.most);
-            assert_eq!(([seen.columns, seen.rows], seen.most), bounds, "{sphere:?}");
+            assert_eq!(([candidate.columns, candidate.rows], candidate.most), bounds, "{sphere:?}");
             let Some(front) = InFront::new(centre, radius, &twin) else { continue };
             fronts += 1;
-            sideways += usize::from(seen.most == Seen::ANY);
+            sideways += usize::from(candidate.most == Candidate::ANY);
             let p = buffers.sphere_planes();
             let planes = [
                 &p.column, &p.row, &p.d0, &p.dx, &p.dy, &p.dxx, &p.dxy, &p.dyy, &p.bound, &p.h, &p.hx, &p.hy, &p.most,
                 &p.id,
             ];
-            let own = [f64::from(seen.most), (7 + i) as f64];
+            let own = [f64::from(candidate.most), (7 + i) as f64];
             assert_eq!(planes.map(|plane| plane[i])[..], rounded(&[&front.planes[..], &own].concat()), "{sphere:?}");
             let numbers = records.spheres[i].numbers();
-            assert_eq!(numbers[..20], rounded(&front.looks), "{sphere:?}");
+            assert_eq!(numbers[..20], rounded(&front.shading), "{sphere:?}");
             let mut short = true;
             for (number, light) in scene.lights.iter().enumerate() {
                 let of_light = i * scene.lights.len() + number;

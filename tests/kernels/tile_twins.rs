@@ -2,8 +2,9 @@
 
 use glam::{DVec3, Vec3};
 use rayo::kernels::{
-    self, CHUNK, Element, ElementKernels, Facets, Isa, Looks, PacketKernels, Rgba8, Seen, SphereRecords, Spheres,
-    TileBuffers, TileGrid, TileOut, TileRays, TileShade, TileWindow, Triangles, Vec4, packets,
+    self, CHUNK, Candidate, Element, ElementKernels, Isa, PacketKernels, Rgba8, ShadingRecords, SphereChunk,
+    SphereRecords, TileBuffers, TileGrid, TileOut, TileRays, TileShade, TileWindow, TriangleChunk, TriangleList, Vec4,
+    packets,
 };
 use rayo::plan::{Keep, Raster, TilePlace, Tiles, Weighted};
 use rayo::reference::Real;
@@ -40,20 +41,24 @@ impl<E: Element + Real> Check<'_, E> {
     /// Sets all objects up as a picture of these weights does, and compares planes and shades.
     fn set_up(&mut self, weighted: &Weighted) {
         let (plan, kernels) = (self.plan, &self.kernels.tiles);
-        let mut seen = vec![Seen::default(); CHUNK];
+        let mut candidates = vec![Candidate::default(); CHUNK];
         let view = &weighted.spheres;
-        self.packets.sphere_bounds.call(view, plan.balls(), 0, true, &mut seen).unwrap();
-        let spheres = Spheres { balls: plan.balls(), seen: &seen[..COUNT] };
+        self.packets.sphere_bounds.call(view, plan.spheres(), 0, true, &mut candidates).unwrap();
+        let spheres = SphereChunk { spheres: plan.spheres(), candidates: &candidates[..COUNT] };
         let order: Vec<_> = (0..=2 * COUNT as u32).collect();
         self.buffers.clear();
         kernels.sphere_set_up.call(view, spheres, 1, &mut self.buffers);
         kernels.nearest_spheres.call(&mut self.buffers, &order, &self.window, &plan.grid(), 1);
-        kernels.sphere_looks.call(view, spheres, plan.sphere_lights(), weighted.bytes, 0, &mut self.records);
+        kernels.sphere_shading.call(view, spheres, plan.sphere_lights(), weighted.bytes, 0, &mut self.records);
         let bounds = [(WIDTH as u32) << 16, (HEIGHT as u32) << 16];
-        let all = |id| Seen { id, columns: bounds[0], rows: bounds[1], most: 0.75 + id as f32 };
-        let seen: Vec<_> = (0..COUNT as u32).map(all).collect();
-        let triangles =
-            Triangles { facets: plan.facets()[0], lights: &weighted.lights, seen: &seen, first_id: 1 + COUNT };
+        let all = |id| Candidate { id, columns: bounds[0], rows: bounds[1], most: 0.75 + id as f32 };
+        let candidates: Vec<_> = (0..COUNT as u32).map(all).collect();
+        let triangles = TriangleChunk {
+            triangles: plan.triangle_lists()[0],
+            lights: &weighted.lights,
+            candidates: &candidates,
+            first_id: 1 + COUNT,
+        };
         let (view, _) = plan.view(TilePlace { across: 0, down: 0 });
         kernels.set_up.call(&view, triangles, &mut self.buffers, &mut self.shades);
         kernels.nearest_triangles.call(&mut self.buffers, &order, &self.window, &plan.grid(), 1);
@@ -66,8 +71,8 @@ impl<E: Element + Real> Check<'_, E> {
             bound: DVec3::new(view.bound_x, view.bound_y, view.bound_z),
             bound_0: view.bound_0,
         };
-        for (i, seen) in seen.iter().enumerate() {
-            let expected = self.rounding.set_up(self.corners(i), seen.most.into(), &twin);
+        for (i, candidate) in candidates.iter().enumerate() {
+            let expected = self.rounding.set_up(self.corners(i), candidate.most.into(), &twin);
             let found = self.triangle(i);
             let numbers = |plane: &Plane<E>| [plane.origin, plane.across, plane.down].map(Element::to_f64);
             let rounded = |plane: &Plane<f64>| {
@@ -157,7 +162,7 @@ impl<E: Element + Real> Check<'_, E> {
                 0 => return colour,
                 1..=COUNT => {
                     let record = &self.records.spheres[who - 1];
-                    let looks: [E; 20] = record.numbers()[..20].try_into().unwrap();
+                    let shading: [E; 20] = record.numbers()[..20].try_into().unwrap();
                     let [x, y] = [column, row].map(|x| <E as Element>::from_f64(x as f64));
                     let (x, y) = (x - record.column, y - record.row);
                     let at = (who - 1) * lights.len() + number;
@@ -175,7 +180,7 @@ impl<E: Element + Real> Check<'_, E> {
                         (cosine, [lit.red, lit.green, lit.blue])
                     } else {
                         let lit = &self.records.lits[at];
-                        let m = self.rounding.normal_over_t(&looks, x, y);
+                        let m = self.rounding.normal_over_t(&shading, x, y);
                         let cosine = self.rounding.sphere_cosine(m, w, [lit.x, lit.y, lit.z], &mut Exact);
                         (cosine, [lit.red, lit.green, lit.blue])
                     }
@@ -200,7 +205,7 @@ impl<E: Element + Real> Check<'_, E> {
     fn pixels(&mut self, bytes: bool) -> usize {
         let (_, rays) = self.plan.view(TilePlace { across: 0, down: 0 });
         let ids: Vec<_> = (0..COUNT as u32).collect();
-        let looks = Looks {
+        let shading = ShadingRecords {
             shades: &self.shades,
             lights: self.plan.points(),
             sphere_ids: &ids,
@@ -212,10 +217,10 @@ impl<E: Element + Real> Check<'_, E> {
         let tiles = &self.kernels.tiles;
         if bytes {
             let out = TileOut { pixels: &mut levels, first: 0, width: WIDTH };
-            tiles.rgba8.call(&rays, &self.buffers, looks, &self.window, out);
+            tiles.rgba8.call(&rays, &self.buffers, shading, &self.window, out);
         } else {
             let out = TileOut { pixels: &mut floats, first: 0, width: WIDTH };
-            tiles.f32x4.call(&rays, &self.buffers, looks, &self.window, out);
+            tiles.f32x4.call(&rays, &self.buffers, shading, &self.window, out);
         }
         let mut hits = 0;
         for (row, column) in (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (row, column))) {
@@ -363,11 +368,12 @@ fn bounds_of_triangles_equal_their_twin_to_the_last_bit() {
         expected.iter().map(|(bounds, _)| BoundsView::longer_side(*bounds)).fold(0.0, f32::max)
     };
     for kernels in [Isa::Sse41, Isa::Avx2, Isa::Avx512].into_iter().filter_map(packets) {
-        let mut seen = vec![Seen::default(); triangles.len().next_multiple_of(CHUNK)];
-        let (_, extremes) = kernels.bounds.call(&view, Facets::Apart(&triangles), 0, true, &mut seen).unwrap();
+        let mut candidates = vec![Candidate::default(); triangles.len().next_multiple_of(CHUNK)];
+        let (_, extremes) =
+            kernels.bounds.call(&view, TriangleList::Apart(&triangles), 0, true, &mut candidates).unwrap();
         assert_eq!(extremes.longest, longest(&expected));
         for (i, expected) in expected.iter().enumerate() {
-            let found = ([seen[i].columns, seen[i].rows], seen[i].most);
+            let found = ([candidates[i].columns, candidates[i].rows], candidates[i].most);
             assert_eq!(found, *expected, "{}: {:?}", kernels.bounds.symbol(), triangles[i]);
         }
     }

@@ -7,7 +7,7 @@ use ::glam::Vec3A;
 
 use super::kept;
 use crate::kernels::{
-    self, ByValue, Isa, Light, ObjectLight, Op, OpRef, Plain, Ray, Sphere, Surface, Triangle, Vec4, by_value,
+    self, ByValue, Isa, Light, ObjectLight, Op, OpRef, PaperSphere, PaperTriangle, Plain, Ray, Surface, Vec4, by_value,
     packet_ops,
 };
 use crate::measure::core_cycles;
@@ -177,9 +177,9 @@ macro_rules! operands {
 }
 
 operands! {
-    Vec4, Sphere, Triangle, Surface, Light;
-    |centre| Sphere { centre, colour: Value::of(COLOUR), radius: RADIUS, padding: [0.0; 3] },
-    |[v1, v2, v3]| Triangle { v1, v2, v3, colour: Value::of(COLOUR) },
+    Vec4, PaperSphere, PaperTriangle, Surface, Light;
+    |centre| PaperSphere { centre, colour: Value::of(COLOUR), radius: RADIUS, padding: [0.0; 3] },
+    |[v1, v2, v3]| PaperTriangle { v1, v2, v3, colour: Value::of(COLOUR) },
     |point, normal| Surface { point, normal, colour: Value::of(COLOUR) },
     |position| Light { position, radiance: Value::of(COLOUR) }
 }
@@ -297,11 +297,11 @@ fn c(op: &str, functions: &'static ByValue) -> Subject {
         "norm" => vectors(|f, a, _| f.norm(a).bits()),
         "cross" => vectors(|f, a, b| f.cross(a, b).bits()),
         "normalise" => vectors(|f, a, _| f.normalise(a).bits()),
-        "sphere" => Subject::new(address, Operands::paths(), move |(direction, sphere): &(Vec4, Sphere)| {
+        "sphere" => Subject::new(address, Operands::paths(), move |(direction, sphere): &(Vec4, PaperSphere)| {
             let mut t = 0.0;
             u32::from(functions.sphere(ray(*direction), sphere, &mut t)) | t.bits()
         }),
-        "triangle" => Subject::new(address, Operands::paths(), move |(direction, triangle): &(Vec4, Triangle)| {
+        "triangle" => Subject::new(address, Operands::paths(), move |(direction, triangle): &(Vec4, PaperTriangle)| {
             let mut t = 0.0;
             u32::from(functions.triangle(ray(*direction), triangle, &mut t)) | t.bits()
         }),

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::bounds::Picture;
 use super::{MOST_SORTED, TilePlace, range};
-use crate::kernels::{Seen, TILE_HEIGHT, TILE_WIDTH, sys};
+use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
 
 /// A block that is made for what is yet to come has room for so many objects at most, 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
@@ -18,7 +18,7 @@ pub(super) struct Bins {
     most_tiles: Option<usize>,
     pieces: Vec<Piece>,
     /// What is in their lists. Each block may have room for more.
-    blocks: Vec<Vec<Seen>>,
+    blocks: Vec<Vec<Candidate>>,
     /// Those that are in many tiles.
     large: Vec<Large>,
     /// Room for the runs of a piece.
@@ -28,7 +28,7 @@ pub(super) struct Bins {
 /// An object that is in many tiles.
 #[derive(Clone, Copy)]
 struct Large {
-    seen: Seen,
+    candidate: Candidate,
     /// What its 1/t cannot exceed at a pixel: a number, and what a column and a row more add to it.
     most: [f32; 3],
 }
@@ -47,8 +47,8 @@ impl Run {
         self.end - self.start
     }
 
-    fn of(self, seen: &[Seen]) -> &[Seen] {
-        &seen[self.start as usize..self.end as usize]
+    fn of(self, candidates: &[Candidate]) -> &[Candidate] {
+        &candidates[self.start as usize..self.end as usize]
     }
 }
 
@@ -80,21 +80,25 @@ impl Bins {
 
     /// Adds what is seen of the piece of the scene that has this number, after which so many `pieces_left` like it may come.
     /// Few stay in their order, as spheres that were sorted must; of many the lists begin with those that are in no other tile.
-    pub(super) fn add(&mut self, number: usize, seen: &[Seen], pieces_left: f64) {
+    pub(super) fn add(&mut self, number: usize, candidates: &[Candidate], pieces_left: f64) {
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
         // How many objects each tile has, and then where they begin.
         let mut starts = vec![0_u32; self.tiles() + 1];
-        let in_order = seen.len() <= MOST_SORTED || self.most_tiles.is_none();
-        let (in_one, in_more) = runs_of(seen, across, in_order, &mut self.runs);
+        let in_order = candidates.len() <= MOST_SORTED || self.most_tiles.is_none();
+        let (in_one, in_more) = runs_of(candidates, across, in_order, &mut self.runs);
         for run in in_one {
             starts[run.tile as usize] += run.len();
         }
         let mut corners = Corners::new(across, starts.len() - 1);
         for run in in_more.clone() {
-            let tiles = TileRanges::of(&seen[run.start as usize]);
+            let tiles = TileRanges::of(&candidates[run.start as usize]);
             if tiles.count() > most_tiles {
-                self.large.extend(run.of(seen).iter().map(|seen| Large { seen: *seen, most: [seen.most, 0.0, 0.0] }));
+                self.large.extend(
+                    run.of(candidates)
+                        .iter()
+                        .map(|candidate| Large { candidate: *candidate, most: [candidate.most, 0.0, 0.0] }),
+                );
             } else {
                 corners.add(&tiles, run.len());
             }
@@ -114,15 +118,15 @@ impl Bins {
             sum += std::mem::replace(start, sum);
         }
         // Brings the memory into a core's own caches, where the lists can then be written to in any order.
-        lists.resize(lists.len() + count, Seen::default());
+        lists.resize(lists.len() + count, Candidate::default());
         let mut next = starts.clone();
         for run in in_one {
-            append(lists, &mut next[run.tile as usize], run.of(seen));
+            append(lists, &mut next[run.tile as usize], run.of(candidates));
         }
         for run in in_more {
-            let tiles = TileRanges::of(&seen[run.start as usize]);
+            let tiles = TileRanges::of(&candidates[run.start as usize]);
             if tiles.count() <= most_tiles {
-                tiles.each(across, |tile| append(lists, &mut next[tile], run.of(seen)));
+                tiles.each(across, |tile| append(lists, &mut next[tile], run.of(candidates)));
             }
         }
         self.pieces.push(Piece { number, block, starts });
@@ -142,20 +146,20 @@ impl Bins {
     /// cannot exceed, as [`Large`] has it.
     pub(super) fn sort(&mut self, most: impl Fn(u32) -> Option<[f32; 3]>) {
         for large in &mut self.large {
-            large.most = most(large.seen.id).unwrap_or(large.most);
+            large.most = most(large.candidate.id).unwrap_or(large.most);
         }
         // Not negative, so that they are in the order of their bits.
-        self.large.sort_unstable_by_key(|large| (Reverse(large.seen.most.to_bits()), large.seen.id));
+        self.large.sort_unstable_by_key(|large| (Reverse(large.candidate.most.to_bits()), large.candidate.id));
     }
 
     /// All that is in a list, once for each.
-    pub(super) fn listed(&self) -> impl Iterator<Item = &Seen> {
+    pub(super) fn listed(&self) -> impl Iterator<Item = &Candidate> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
-        lists.chain(self.large.iter().map(|large| &large.seen))
+        lists.chain(self.large.iter().map(|large| &large.candidate))
     }
 
     /// What a tile may see of what is in few tiles.
-    pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Seen]> {
+    pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Candidate]> {
         let index = (tile.down * self.picture.width.div_ceil(TILE_WIDTH as u32) + tile.across) as usize;
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
@@ -167,15 +171,22 @@ impl Bins {
 
     /// Adds some of those that are in many tiles and may be in this one, the nearest first: up to `count` of them, from number
     /// `next` on, which then is that of the first of the others. None of these can be nearer than `least` in the tile.
-    pub(super) fn add_large(&self, tile: TilePlace, next: &mut usize, count: usize, least: f32, room: &mut Vec<Seen>) {
+    pub(super) fn add_large(
+        &self,
+        tile: TilePlace,
+        next: &mut usize,
+        count: usize,
+        least: f32,
+        room: &mut Vec<Candidate>,
+    ) {
         let (column, row) = tile.first();
         let everywhere = self.most_tiles.is_none();
         let [half_width, half_height] = [TILE_WIDTH, TILE_HEIGHT].map(|side| 0.5 * (side - 1) as f32);
         let (x, y) = (column as f32 + half_width, row as f32 + half_height);
         let enough = room.len() + count;
         for large in &self.large[*next..] {
-            let Large { mut seen, most: [most, across, down] } = *large;
-            if seen.most < least {
+            let Large { mut candidate, most: [most, across, down] } = *large;
+            if candidate.most < least {
                 *next = self.large.len();
                 return;
             }
@@ -183,18 +194,18 @@ impl Bins {
                 return;
             }
             *next += 1;
-            let (columns, rows) = (range(seen.columns), range(seen.rows));
+            let (columns, rows) = (range(candidate.columns), range(candidate.rows));
             let is_in = columns.start < column + TILE_WIDTH as u32
                 && column < columns.end
                 && rows.start < row + TILE_HEIGHT as u32
                 && row < rows.end;
             let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
             // A NaN is not less.
-            if here < seen.most {
-                seen.most = if here > 0.0 { here } else { 0.0 };
+            if here < candidate.most {
+                candidate.most = if here > 0.0 { here } else { 0.0 };
             }
-            if everywhere || is_in && seen.most >= least {
-                room.push(seen);
+            if everywhere || is_in && candidate.most >= least {
+                room.push(candidate);
             }
         }
     }
@@ -207,16 +218,16 @@ impl Bins {
 
 impl Piece {
     /// What is in the lists of some tiles.
-    fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Seen>]) -> &'a [Seen] {
+    fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Candidate>]) -> &'a [Candidate] {
         &blocks[self.block][self.starts[tiles.start] as usize..self.starts[tiles.end] as usize]
     }
 }
 
 /// The tiles, row by row, that some of these may be in.
-pub(super) fn tiles_of(seen: &[Seen], picture: Picture) -> Vec<bool> {
+pub(super) fn tiles_of(candidates: &[Candidate], picture: Picture) -> Vec<bool> {
     let across = picture.width.div_ceil(TILE_WIDTH as u32);
     let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
-    seen.iter().for_each(|seen| TileRanges::of(seen).each(across, |tile| tiles[tile] = true));
+    candidates.iter().for_each(|candidate| TileRanges::of(candidate).each(across, |tile| tiles[tile] = true));
     tiles
 }
 
@@ -233,9 +244,9 @@ struct TileRanges {
 
 impl TileRanges {
     /// Of an object whose bounds are not empty.
-    fn of(seen: &Seen) -> Self {
-        let columns = tile_range(range(seen.columns), TILE_WIDTH);
-        TileRanges { columns, rows: tile_range(range(seen.rows), TILE_HEIGHT) }
+    fn of(candidate: &Candidate) -> Self {
+        let columns = tile_range(range(candidate.columns), TILE_WIDTH);
+        TileRanges { columns, rows: tile_range(range(candidate.rows), TILE_HEIGHT) }
     }
 
     fn count(&self) -> usize {
@@ -296,9 +307,9 @@ impl Corners {
 }
 
 /// One by one, since a copy of any length is a call.
-fn append(lists: &mut [Seen], next: &mut u32, run: &[Seen]) {
-    for seen in run {
-        lists[*next as usize] = *seen;
+fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
+    for candidate in run {
+        lists[*next as usize] = *candidate;
         *next += 1;
     }
 }
@@ -306,7 +317,7 @@ fn append(lists: &mut [Seen], next: &mut u32, run: &[Seen]) {
 /// All objects, none of which has empty bounds: the runs of those that are in one tile, and the others, by way of `room`. If
 /// they are to stay `in_order`, all are among the others. Which of the two it is would be a toss for a branch.
 fn runs_of<'a>(
-    seen: &[Seen],
+    candidates: &[Candidate],
     across: u32,
     in_order: bool,
     room: &'a mut Vec<Run>,
@@ -315,14 +326,15 @@ fn runs_of<'a>(
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
     const FIRST: u64 = 0x0000_ffff_0000_ffff;
-    let places =
-        |seen: &Seen| (u64::from(seen.rows) << 32 | u64::from(seen.columns)).wrapping_sub(PAST_TO_LAST) & TILES;
-    room.resize(room.len().max(seen.len()), Run::default());
-    let runs = &mut room[..seen.len()];
+    let places = |candidate: &Candidate| {
+        (u64::from(candidate.rows) << 32 | u64::from(candidate.columns)).wrapping_sub(PAST_TO_LAST) & TILES
+    };
+    room.resize(room.len().max(candidates.len()), Run::default());
+    let runs = &mut room[..candidates.len()];
     // From the front, and from the back.
     let (mut in_one, mut in_more) = (0, runs.len());
     let mut start = 0;
-    for run in seen.chunk_by(|a, b| places(a) == places(b)) {
+    for run in candidates.chunk_by(|a, b| places(a) == places(b)) {
         let (place, end) = (places(&run[0]), start + run.len() as u32);
         let (row, column) = ((place >> 32) as u16 / TILE_HEIGHT as u16, place as u16 / TILE_WIDTH as u16);
         let run = Run { start, end, tile: u32::from(row) * across + u32::from(column) };

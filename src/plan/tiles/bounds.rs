@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use super::bins::Bins;
 use super::forms::{Form, LONG};
 use super::{covered, range};
-use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Extremes, ObjectList, Seen, SphereView};
+use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Candidate, Extremes, ObjectList, SphereView};
 use crate::plan::Team;
 use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
@@ -106,9 +106,9 @@ pub(super) struct Planning<'a, T: Bounded> {
     /// Of objects with these extremes, those whose 1/t cannot exceed it are [narrow](Form::Narrow) for sure.
     pub(super) surely_narrow: &'a (dyn Fn(&Extremes) -> f32 + Sync),
     /// The form of an object.
-    pub(super) form: &'a (dyn Fn(&T, &mut Seen) -> Form + Sync),
+    pub(super) form: &'a (dyn Fn(&T, &mut Candidate) -> Form + Sync),
     /// Adds the tiles where an object with these bounds is [steep](super::forms::Forms::steep_tiles).
-    pub(super) steep: &'a (dyn Fn(&T, &Seen, &mut Vec<Seen>) + Sync),
+    pub(super) steep: &'a (dyn Fn(&T, &Candidate, &mut Vec<Candidate>) + Sync),
     /// One in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
     /// As many are put in the order of their nearness, more stay in the scene's.
@@ -133,17 +133,17 @@ where
         let long = if objects.len() <= MOST_LOOKED_AT { 0 } else { LONG };
         let pieces = objects.len().div_ceil(piece);
         let begin = || {
-            let room = vec![Seen::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
+            let room = vec![Candidate::default(); objects.len().min(piece).next_multiple_of(CHUNK)];
             (Planned { bins: bins(), wide: Vec::new(), extremes: None }, room)
         };
-        let add = |(planned, room): &mut (Planned, Vec<Seen>), number: usize| {
+        let add = |(planned, room): &mut (Planned, Vec<Candidate>), number: usize| {
             let start = number * piece;
             let of_piece = objects.part(start..objects.len().min(start + piece));
-            let (seen, extremes) = self.find(start as u32, of_piece, long, room, &mut planned.wide);
+            let (candidates, extremes) = self.find(start as u32, of_piece, long, room, &mut planned.wide);
             // As many as the others take.
             let taken = (1 + planned.bins.pieces()) * piece;
             let left = (objects.len() / threads).saturating_sub(taken) as f64 / of_piece.len() as f64;
-            planned.bins.add(number, seen, left);
+            planned.bins.add(number, candidates, left);
             planned.extremes = planned.extremes.into_iter().chain(extremes).reduce(Extremes::and);
         };
         let team = if threads > 1 { team } else { &Team::alone() };
@@ -158,15 +158,15 @@ where
         first_id: u32,
         objects: T::Many<'_>,
         long: usize,
-        room: &'a mut [Seen],
-        wide: &mut Vec<Seen>,
-    ) -> (&'a [Seen], Option<Extremes>) {
+        room: &'a mut [Candidate],
+        wide: &mut Vec<Candidate>,
+    ) -> (&'a [Candidate], Option<Extremes>) {
         let all = self.widening.keep != Keep::NOTHING;
         let first = if first_id as usize + objects.len() <= MOST_COUNTED { first_id } else { 0 };
         let (count, extremes) = self.kernel.call(&self.view, objects, first, all, room).unzip();
         let mut count = count.unwrap_or(0);
         if first < first_id {
-            room[..count].iter_mut().for_each(|seen| seen.id += first_id);
+            room[..count].iter_mut().for_each(|candidate| candidate.id += first_id);
         }
         let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
         // A NaN is not known to be less than anything.
@@ -174,18 +174,18 @@ where
         if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
             let mut left = 0;
             for i in 0..count {
-                let seen = &mut room[i];
+                let candidate = &mut room[i];
                 let mut is_kept = true;
-                if !is_sure(seen.most) {
-                    let object = objects.get((seen.id - first_id) as usize);
-                    let is_wide = (self.form)(&object, seen) == Form::Wide && self.in_f32;
+                if !is_sure(candidate.most) {
+                    let object = objects.get((candidate.id - first_id) as usize);
+                    let is_wide = (self.form)(&object, candidate) == Form::Wide && self.in_f32;
                     // One across the camera's plane has the whole picture for its bounds, wherever it is.
                     let unseen = || (self.unseen)(&self.widening.frustum, &object);
-                    if seen.most == Seen::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
-                        (seen.columns, seen.rows) = (0, 0);
+                    if candidate.most == Candidate::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
+                        (candidate.columns, candidate.rows) = (0, 0);
                     }
-                    let has_pixels = covered(seen.columns, seen.rows) > 0;
-                    wide.extend((is_wide && has_pixels).then_some(*seen));
+                    let has_pixels = covered(candidate.columns, candidate.rows) > 0;
+                    wide.extend((is_wide && has_pixels).then_some(*candidate));
                     // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
                     is_kept = if all { !is_wide } else { has_pixels };
                 }
@@ -194,35 +194,35 @@ where
             }
             count = left;
         }
-        let seen = &mut room[..count];
+        let candidates = &mut room[..count];
         if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= long as f32) {
             // What is kept although it has no pixel has no tile either.
-            let is_long = |seen: &&Seen| {
-                let sides = [range(seen.columns).len(), range(seen.rows).len()];
+            let is_long = |candidate: &&Candidate| {
+                let sides = [range(candidate.columns).len(), range(candidate.rows).len()];
                 !sides.contains(&0) && sides.iter().any(|side| *side >= long)
             };
-            for seen in seen.iter().filter(is_long) {
-                (self.steep)(&objects.get((seen.id - first_id) as usize), seen, wide);
+            for candidate in candidates.iter().filter(is_long) {
+                (self.steep)(&objects.get((candidate.id - first_id) as usize), candidate, wide);
             }
         }
-        if seen.len() <= self.most_sorted {
+        if candidates.len() <= self.most_sorted {
             // Not negative, so that they are in the order of their bits.
-            seen.sort_unstable_by_key(|seen| Reverse((seen.most.to_bits(), seen.id)));
+            candidates.sort_unstable_by_key(|candidate| Reverse((candidate.most.to_bits(), candidate.id)));
         }
-        let mut count = seen.len();
+        let mut count = candidates.len();
         if all {
             let mut left = 0;
             for i in 0..count {
-                let Seen { id, columns, rows, .. } = &mut seen[i];
+                let Candidate { id, columns, rows, .. } = &mut candidates[i];
                 let object = || objects.get((*id - first_id) as usize);
                 self.widening.widen(columns, rows, || (self.unseen)(&self.widening.frustum, &object()));
                 let has_pixels = covered(*columns, *rows) > 0;
-                seen[left] = seen[i];
+                candidates[left] = candidates[i];
                 left += usize::from(has_pixels);
             }
             count = left;
         }
-        (&seen[..count], extremes)
+        (&candidates[..count], extremes)
     }
 }
 
@@ -230,7 +230,7 @@ where
 pub(super) struct Planned {
     pub(super) bins: Bins,
     /// Those that are traced in f64, within their true bounds, and those tiles of others where they are.
-    pub(super) wide: Vec<Seen>,
+    pub(super) wide: Vec<Candidate>,
     /// None where there are no objects.
     pub(super) extremes: Option<Extremes>,
 }

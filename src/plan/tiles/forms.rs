@@ -24,7 +24,7 @@ use glam::DVec3;
 use super::bins::tile_range;
 use super::bounds::{Picture, near_of_sphere};
 use super::{TilePlace, range};
-use crate::kernels::{Extremes, Seen, TILE_HEIGHT, TILE_WIDTH};
+use crate::kernels::{Candidate, Extremes, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
 use crate::reference::geometry;
 use crate::scene::{Grid, Light, Sphere, Triangle};
@@ -126,7 +126,7 @@ impl Forms {
     }
 
     /// That of a sphere. What its 1/t cannot exceed is set right, since f32 may not have held that.
-    pub(super) fn of_sphere(&self, sphere: &Sphere, seen: &mut Seen) -> Form {
+    pub(super) fn of_sphere(&self, sphere: &Sphere, candidate: &mut Candidate) -> Form {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
         let power = c.dot(c);
@@ -142,7 +142,7 @@ impl Forms {
             return if narrow { Form::Narrow } else { Form::Wide };
         }
         let near = near_of_sphere(self.scale * focal) / (centre.z - radius);
-        seen.most = bounded(near);
+        candidate.most = bounded(near);
         let (k, m) = (power - 1.0, c.z * c.z - 1.0);
         let (along, beside) = (c.z, c.x.hypot(c.y));
         let inmost = if beside * k.sqrt() <= along { 1.0 } else { (along * k.sqrt() + beside) / power };
@@ -159,12 +159,12 @@ impl Forms {
     }
 
     /// That of a triangle, and the same.
-    pub(super) fn of_triangle(&self, triangle: &Triangle, seen: &mut Seen) -> Form {
+    pub(super) fn of_triangle(&self, triangle: &Triangle, candidate: &mut Candidate) -> Form {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
         let (nearest, farthest) = (a.min(b).min(c), a.max(b).max(c));
-        if seen.most != Seen::ANY {
-            seen.most = bounded(seen.most.into());
+        if candidate.most != Candidate::ANY {
+            candidate.most = bounded(candidate.most.into());
         }
         let Some(volume) = geometry::triangle_volume(corners) else { return Form::Narrow };
         let height = volume.abs() / geometry::triangle_plane(corners).length();
@@ -180,7 +180,7 @@ impl Forms {
 
     /// Adds the tiles where f32 does not hold the w of a triangle with these bounds, each with the pixels there that it may
     /// have.
-    pub(super) fn steep_tiles(&self, triangle: &Triangle, seen: &Seen, tiles: &mut Vec<Seen>) {
+    pub(super) fn steep_tiles(&self, triangle: &Triangle, candidate: &Candidate, tiles: &mut Vec<Candidate>) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         // At its farthest corner, in the unit in which w is n . d / (v . n).
         let farthest = self.grid.focal / greatest(corners.map(|v| v.z)).max(0.0);
@@ -196,7 +196,7 @@ impl Forms {
             let middle = f64::from(first) + side as f64 / 2.0;
             (start | end << 16, [f64::from(start) - middle, f64::from(end) - 1.0 - middle])
         };
-        let (of_columns, of_rows) = (range(seen.columns), range(seen.rows));
+        let (of_columns, of_rows) = (range(candidate.columns), range(candidate.rows));
         for down in tile_range(of_rows.clone(), TILE_HEIGHT) {
             for across in tile_range(of_columns.clone(), TILE_WIDTH) {
                 let (column, row) = TilePlace { across, down }.first();
@@ -208,7 +208,7 @@ impl Forms {
                 let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - 3.0) * least.max(farthest);
                 // A NaN is not exact.
                 if !is_exact {
-                    tiles.push(Seen { columns, rows, ..*seen });
+                    tiles.push(Candidate { columns, rows, ..*candidate });
                 }
             }
         }
@@ -258,9 +258,13 @@ fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
     4.0 * tx.abs() * x + 5.0 * ty.abs() * y
 }
 
-/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Seen::ANY`]: infinity where that is beyond f32.
+/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Candidate::ANY`]: infinity where that is beyond f32.
 fn bounded(near: f64) -> f32 {
-    if near < Seen::ANY.into() { (near as f32).clamp(f32::MIN_POSITIVE, Seen::ANY.next_down()) } else { f32::INFINITY }
+    if near < Candidate::ANY.into() {
+        (near as f32).clamp(f32::MIN_POSITIVE, Candidate::ANY.next_down())
+    } else {
+        f32::INFINITY
+    }
 }
 
 #[cfg(test)]
@@ -313,11 +317,13 @@ mod tests {
                 nearest: 0.0,
                 longest: 0.0,
             };
-            let mut seen =
-                Seen { most: bounded(near_of_sphere(forms.extent()) / (centre.z - radius)), ..Seen::default() };
-            if seen.most <= forms.surely_narrow_spheres(&extremes) {
+            let mut candidate = Candidate {
+                most: bounded(near_of_sphere(forms.extent()) / (centre.z - radius)),
+                ..Candidate::default()
+            };
+            if candidate.most <= forms.surely_narrow_spheres(&extremes) {
                 assert_eq!(
-                    forms.of_sphere(&sphere, &mut seen),
+                    forms.of_sphere(&sphere, &mut candidate),
                     Form::Narrow,
                     "round {round}: {sphere:?}, {camera:?}, {extent}"
                 );

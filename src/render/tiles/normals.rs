@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{Scratch, TileTracer};
-use crate::kernels::{Element, Seen, SphereRecords, TileWindow};
+use crate::kernels::{Candidate, Element, SphereRecords, TileWindow};
 use crate::reference::geometry;
 use crate::reference::packet::Rounding;
 
@@ -19,19 +19,19 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         (who, near): (usize, E),
         (window, row, column): (&TileWindow, usize, usize),
-        Scratch { looks, .. }: &Scratch<E>,
+        Scratch { tile_spheres, .. }: &Scratch<E>,
     ) -> DVec3 {
         let (row, column) = (row as u32, column as u32);
-        let Seen { id, most, .. } = looks.seen[who - 1];
-        if most == Seen::ANY {
+        let Candidate { id, most, .. } = tile_spheres.candidates[who - 1];
+        if most == Candidate::ANY {
             let d = self.ray(window, column, row);
             return geometry::sphere_normal(
                 self.plan.scale() / near.to_f64() * d,
-                self.plan.balls()[id as usize].centre.as_dvec3(),
+                self.plan.spheres()[id as usize].centre.as_dvec3(),
             );
         }
-        let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&looks.records);
-        let record = &spheres[looks.places[who - 1] as usize];
+        let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&tile_spheres.records);
+        let record = &spheres[tile_spheres.places[who - 1] as usize];
         let all = record.numbers();
         let numbers: [f64; 20] = std::array::from_fn(|i| all[i].to_f64());
         let [x, y] = [(window.column + column, record.column), (window.row + row, record.row)]
