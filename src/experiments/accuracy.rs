@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PictureError;
 use crate::kernels::Isa;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::{Keep, Omission, on_all_cores};
@@ -40,9 +40,7 @@ struct Rounds {
 /// An engine in one of its precisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
-    /// The engine.
     pub engine: Engine,
-    /// In what numbers it computes.
     pub precision: Precision,
     /// Whether it does all the work that a plan leaves out, as `--keep-all` asks for.
     pub keep_all: bool,
@@ -51,9 +49,7 @@ pub struct Contender {
 /// A contender with what it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// Who.
     pub contender: Contender,
-    /// What a pixel of the file is.
     pub output: PixelFormat,
 }
 
@@ -65,26 +61,19 @@ impl Entry {
 }
 
 /// The same by the names that documents have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Who {
-    /// The engine.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
     /// `--keep-all`, or none.
-    #[serde(deserialize_with = "names::read_optional")]
     pub option: Option<Name>,
-    /// What a pixel of the file is.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
 }
 
 impl From<Entry> for Who {
     fn from(Entry { contender: Contender { engine, precision, keep_all }, output }: Entry) -> Self {
-        let option = keep_all.then_some("--keep-all");
-        Who { engine: engine.name(), precision: precision.name(), option, output: output.name() }
+        let option = keep_all.then_some("--keep-all".into());
+        Who { engine: engine.name().into(), precision: precision.name().into(), option, output: output.name().into() }
     }
 }
 
@@ -159,14 +148,10 @@ impl Contender {
 pub struct Accuracy {
     /// The scene: its file, or a family and the value of its parameter.
     pub scene: String,
-    /// The family's id.
-    #[serde(deserialize_with = "names::read_optional")]
     pub family: Option<Name>,
     /// How stiff: 0 ordinary, 1 between, 2 the end of the family's range.
     pub stiffness: Option<usize>,
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// Who, and what it writes.
     #[serde(flatten)]
@@ -179,17 +164,14 @@ pub struct Accuracy {
     pub cpu: Option<String>,
     /// Nanoseconds of a ray: the fastest run.
     pub ns_per_ray: f64,
-    /// The median run.
     pub ns_per_ray_median: f64,
     /// The median absolute deviation as a share of the median.
     pub spread: f64,
     /// Cycles of the time-stamp counter of a ray, the fastest run; None where there is no counter.
     pub cycles_per_ray: Option<f64>,
-    /// The median run.
     pub cycles_per_ray_median: Option<f64>,
     /// Nanoseconds from the parsed scene to the first ray, the fastest run; in no other figure.
     pub setup_ns: f64,
-    /// Runs.
     pub runs: usize,
     /// What the front compares: the root mean square error of a linear colour, or of a level as a share of 255.
     pub error: f64,
@@ -200,13 +182,10 @@ pub struct Accuracy {
 /// Everything that was measured, where, and with what.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AccuracyReport {
-    /// The machine and the build.
     pub machine: Machine,
-    /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Whether the pictures are small and the runs few.
     pub quick: bool,
-    /// Every row.
     pub rows: Vec<Accuracy>,
     /// Every engine, precision, option and output that is on no front, and why it stays.
     pub off_every_front: Vec<summary::Reason>,
@@ -374,7 +353,7 @@ pub fn measure(
         let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
         Accuracy {
             scene: subject.name.clone(),
-            family: subject.family.map(|family| family.id),
+            family: subject.family.map(|family| family.id.into()),
             stiffness: subject.family.map(|family| family.stiffness),
             width: camera.width(),
             height: camera.height(),
@@ -412,7 +391,7 @@ pub fn error(errors: &Errors, output: PixelFormat) -> f64 {
 
 /// Marks the front of each scene and output.
 pub fn mark(rows: &mut [Accuracy]) {
-    let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.who.output)).collect();
+    let keys: BTreeSet<_> = rows.iter().map(|row| (row.scene.clone(), row.who.output.clone())).collect();
     for (scene, output) in keys {
         let of: Vec<usize> =
             (0..rows.len()).filter(|i| rows[*i].scene == scene && rows[*i].who.output == output).collect();

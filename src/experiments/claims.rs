@@ -8,7 +8,7 @@ use super::in_size;
 use super::jumps::Jumps;
 use super::ladder::{self, Rung};
 use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Speedup, SpeedupError, Taken, Timing};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::render::PixelFormat;
@@ -17,10 +17,8 @@ use crate::scene::{Light, Scene, many};
 /// What became of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub enum Verdict {
-    /// It holds here.
     #[serde(rename = "reproduced")]
     Reproduced,
-    /// It does not hold here.
     #[serde(rename = "not reproduced")]
     NotReproduced,
     /// This machine, or this run, cannot tell.
@@ -42,9 +40,7 @@ impl fmt::Display for Verdict {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Claim {
     /// What the paper says.
-    #[serde(deserialize_with = "names::read")]
     pub claim: Name,
-    /// What became of it.
     pub verdict: Verdict,
     /// The figure that says so.
     pub figure: String,
@@ -77,10 +73,7 @@ impl Axis {
 /// The cost of an engine along an axis, and the straight line through it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Sweep {
-    /// What is varied.
     pub axis: Axis,
-    /// Who traced.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// Count, and TSC cycles of the fastest picture.
     pub points: Vec<(f64, f64)>,
@@ -166,7 +159,7 @@ pub fn sweeps(
             }
         }
         for ((engine, points), taken) in engines.iter().zip(points).zip(taken) {
-            sweeps.push(Sweep { axis, engine: engine.name(), line: fit_line(&points), points, taken });
+            sweeps.push(Sweep { axis, engine: engine.name().into(), line: fit_line(&points), points, taken });
         }
     }
     Ok(Some(sweeps))
@@ -178,14 +171,19 @@ fn pixel_sweeps(rows: &[Timing]) -> Option<Vec<Sweep>> {
         let rows: Vec<_> = rows.iter().filter(|row| row.is(engine)).collect();
         let points: Vec<_> = rows.iter().map(|row| (row.pixels as f64, row.cycles_min)).collect();
         let taken = rows.iter().filter(|row| !row.taken().leaves_enough()).count();
-        (points.len() > 2).then(|| Sweep { axis: Axis::Pixels, engine, line: fit_line(&points), points, taken })
+        (points.len() > 2).then(|| Sweep {
+            axis: Axis::Pixels,
+            engine: engine.into(),
+            line: fit_line(&points),
+            points,
+            taken,
+        })
     };
     [BASELINE, CONTROL].into_iter().map(sweep).collect()
 }
 
 /// What was measured for the claims; what was not is None.
 pub struct Evidence<'a> {
-    /// The table.
     pub speedup: &'a Speedup,
     /// The costs in objects and lights.
     pub sweeps: Option<&'a [Sweep]>,
@@ -193,7 +191,6 @@ pub struct Evidence<'a> {
     pub rungs: Option<&'a [Rung]>,
     /// Time by the pixel from small pictures to large ones.
     pub jumps: Option<&'a Jumps>,
-    /// Where.
     pub machine: &'a Machine,
 }
 
@@ -209,13 +206,13 @@ const MATTERS: f64 = 0.10;
 /// The verdict about every claim.
 pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
     let disturbed = Disturbed::of(evidence);
-    let claim = |claim, by: &[Source], (verdict, figure): (Verdict, String)| {
+    let claim = |claim: &'static str, by: &[Source], (verdict, figure): (Verdict, String)| {
         // What was not measured needs no other reason.
         match by.iter().find_map(|source| disturbed.why(*source)) {
             Some(why) if verdict != Verdict::NotTestable => {
-                Claim { claim, verdict: Verdict::NotTestable, figure: format!("{figure}; but {why}") }
+                Claim { claim: claim.into(), verdict: Verdict::NotTestable, figure: format!("{figure}; but {why}") }
             }
-            _ => Claim { claim, verdict, figure },
+            _ => Claim { claim: claim.into(), verdict, figure },
         }
     };
     use Source::{Jumps, Ladder, Sweeps, Table};
@@ -467,12 +464,12 @@ mod tests {
 
     /// A table in which `c` takes 6 `c_by_simd` cycles a pixel and `paper` 6, with intervals of `spread` either way.
     fn table(c_by_simd: f64, spread: f64, noise_floor: f64) -> Speedup {
-        let row = |engine, size: &speedup::PaperRow, cycles: f64, ratio: f64| Timing {
+        let row = |engine: &'static str, size: &speedup::PaperRow, cycles: f64, ratio: f64| Timing {
             width: size.width,
             height: size.height,
             pixels: size.pixels(),
-            engine,
-            output: "f32x4",
+            engine: engine.into(),
+            output: "f32x4".into(),
             cycles_min: cycles,
             ratio_to_c: ratio,
             ratio_low: ratio * (1.0 - spread),
@@ -519,7 +516,7 @@ mod tests {
         let rows = [BASELINE, CONTROL].into_iter().flat_map(|engine| {
             cycles.iter().flat_map(move |cycles| {
                 [true, false].map(|touched| jumps::PictureTime {
-                    engine,
+                    engine: engine.into(),
                     touched,
                     cycles_per_pixel: *cycles,
                     clock_per_tick: 1.5,
@@ -583,7 +580,7 @@ mod tests {
         let machine = machine(true);
         let (clean, jumps) = (table(6.3, 0.01, 0.01), sweep_of_sizes(&[100.0, 150.0, 250.0], 0.9));
         let line = fit_line(&[(1.0, 10.0), (2.0, 20.0), (3.0, 30.0)]);
-        let sweep = |axis| Sweep { axis, engine: BASELINE, points: vec![(1.0, 10.0); 3], line, taken: 0 };
+        let sweep = |axis| Sweep { axis, engine: BASELINE.into(), points: vec![(1.0, 10.0); 3], line, taken: 0 };
         let sweeps = [sweep(Axis::Objects), sweep(Axis::Lights)];
         let rungs = rungs(&[
             ("c, called", 128.0),
@@ -713,7 +710,7 @@ mod tests {
         let machine = machine(true);
         let sweep = |points: Vec<(f64, f64)>| {
             let line = fit_line(&points);
-            vec![Sweep { axis: Axis::Objects, engine: BASELINE, points, line, taken: 0 }]
+            vec![Sweep { axis: Axis::Objects, engine: BASELINE.into(), points, line, taken: 0 }]
         };
         let straight = sweep(vec![(1.0, 10.0), (2.0, 20.0), (3.0, 30.0)]);
         let crooked = sweep(vec![(1.0, 10.0), (2.0, 40.0), (3.0, 90.0)]);

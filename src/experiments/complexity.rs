@@ -11,7 +11,7 @@ use super::claims::Axis;
 use super::in_size;
 use super::speedup::{self, Progress, SpeedupError};
 use crate::kernels::Vec4;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{Line, fit_line, median, minimum};
 use crate::measure::{Clock, Machine, Work, interleave};
 use crate::plan::Keep;
@@ -62,7 +62,6 @@ pub const ZEROS: &str = "zeros";
 pub struct Settings {
     /// Small pictures, few objects.
     pub quick: bool,
-    /// Runs of each picture.
     pub runs: usize,
     /// The packet engines; the last of them, which is the fastest, traces all objects.
     pub engines: Vec<Engine>,
@@ -108,22 +107,14 @@ const SCENES: [(&str, Make); 5] =
 /// A contestant in a picture. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Growth {
-    /// What is varied.
     pub axis: Axis,
-    /// The scene.
-    #[serde(deserialize_with = "names::read")]
     pub scene: Name,
     /// How much there is of what is varied.
     pub count: u64,
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// The engine, or [`ZEROS`].
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// What a pixel was written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
     /// Whether nothing was left out.
     pub keep_all: bool,
@@ -152,7 +143,9 @@ impl Growth {
     }
 
     fn is_of(&self, other: &Growth) -> bool {
-        let who = |row: &Growth| (row.axis, row.scene, row.engine, row.output, row.keep_all);
+        fn who(row: &Growth) -> (Axis, &str, &str, &str, bool) {
+            (row.axis, &*row.scene, &*row.engine, &*row.output, row.keep_all)
+        }
         who(self) == who(other)
     }
 }
@@ -160,16 +153,9 @@ impl Growth {
 /// What one more pixel, object or light costs. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Slope {
-    /// What is varied.
     pub axis: Axis,
-    /// The scene.
-    #[serde(deserialize_with = "names::read")]
     pub scene: Name,
-    /// Who traced.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// What a pixel was written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
     /// Whether nothing was left out.
     pub keep_all: bool,
@@ -184,15 +170,11 @@ pub struct Slope {
 /// Everything that was measured, where, and with what; `docs/complexity.schema.json` is its schema.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Complexity {
-    /// The machine and the build.
     pub machine: Machine,
-    /// Runs of each picture.
     pub runs: usize,
-    /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Every contestant in every picture.
     pub rows: Vec<Growth>,
-    /// The lines through them.
     pub slopes: Vec<Slope>,
 }
 
@@ -341,12 +323,12 @@ impl Picture<'_> {
             let setup = (self.setup && *who != Who::Zeros).then(|| measured.next().expect("so has its set-up"));
             Growth {
                 axis: self.axis,
-                scene: self.name,
+                scene: self.name.into(),
                 count: self.count,
                 width: camera.width(),
                 height: camera.height(),
-                engine: if let Who::Engine(engine, _) = who { engine.name() } else { ZEROS },
-                output: output.name(),
+                engine: if let Who::Engine(engine, _) = who { engine.name().into() } else { ZEROS.into() },
+                output: output.name().into(),
                 keep_all: matches!(who, Who::Engine(_, keep) if *keep != Keep::NOTHING),
                 cpu: None,
                 setup_cycles: setup.map(|setup| median(&setup.ticks)),
@@ -461,7 +443,7 @@ pub fn slopes(rows: &[Growth]) -> Vec<Slope> {
             return None;
         }
         let points: Vec<_> = last.iter().map(|row| (row.count as f64, row.cycles_min)).collect();
-        let Growth { axis, scene, engine, output, keep_all, .. } = **first;
+        let Growth { axis, scene, engine, output, keep_all, .. } = (*first).clone();
         let (from, to) = (first.count, end.count);
         Some(Slope { axis, scene, engine, output, keep_all, from, to, line: fit_line(&points) })
     };

@@ -12,9 +12,7 @@ use crate::measure::statistics::Estimate;
 /// Everything that was measured, where, and with what.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Experiment {
-    /// The machine and the build.
     pub machine: Machine,
-    /// How it was measured.
     pub conditions: Conditions,
     /// No ratio closer to 1 than this is called a difference.
     pub noise_floor: f64,
@@ -24,7 +22,6 @@ pub struct Experiment {
     pub control_overall: Estimate,
     /// The same at each size.
     pub control: Vec<ControlRow>,
-    /// Every engine at every size.
     pub rows: Vec<Timing>,
     /// One change at a time; empty without `--ladder`.
     pub ladder: Vec<Rung>,
@@ -40,7 +37,6 @@ pub struct Experiment {
     pub sweeps: Vec<Sweep>,
     /// Why verdicts are not to be had of a part of it: others had the core, or two figures of one thing are apart.
     pub disturbed: Vec<String>,
-    /// The paper's claims.
     pub verdicts: Vec<Claim>,
 }
 
@@ -51,7 +47,6 @@ pub struct Conditions {
     pub core: Option<usize>,
     /// Runs of each size, each in a process of its own.
     pub runs: usize,
-    /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Seconds from begin to end.
     pub seconds: f64,
@@ -83,7 +78,7 @@ impl Experiment {
 
     /// What keeps the rows from being a table: a size that lacks C or SIMD, or has others than the first one has.
     pub fn gap(&self) -> Option<String> {
-        let who = |rows: &[Timing]| rows.iter().map(|row| (row.engine, row.output)).collect::<Vec<_>>();
+        let who = |rows: &[Timing]| rows.iter().map(|row| (row.engine.clone(), row.output.clone())).collect::<Vec<_>>();
         let first = who(self.sizes().next().unwrap_or_default());
         self.sizes().find_map(|rows| {
             let lacks = [BASELINE, CONTROL].into_iter().find(|name| !rows.iter().any(|row| row.is(name)));

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::PictureError;
 use super::accuracy::subjects::{Subject, named, shipped};
 use super::in_size;
+use crate::measure::Name;
 use crate::measure::compare::{compare, difference_image};
-use crate::measure::names::{self, Name};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Engine, Film, PixelFormat};
 use crate::scene::Scene;
@@ -24,11 +24,8 @@ const SIZE: (u32, u32) = (320, 240);
 /// A scene and its pictures, the reference's first.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Shown {
-    /// The scene.
     pub scene: String,
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// By each engine of this machine.
     pub pictures: Vec<Shot>,
@@ -37,11 +34,8 @@ pub struct Shown {
 /// A picture.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Shot {
-    /// Who traced it.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// The engine that shows the same levels, and has the picture.
-    #[serde(deserialize_with = "names::read_optional")]
     pub like: Option<Name>,
     /// The picture as PNG, in base64.
     pub png: Option<String>,
@@ -83,15 +77,15 @@ fn show(name: String, scene: &Scene) -> Result<Shown, PictureError> {
     let mut pictures = Vec::new();
     for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
         let picture = picture(*engine, scene)?;
-        let like = seen.iter().find(|(_, other)| other.pixels == picture.pixels).map(|(name, _)| *name);
+        let like = seen.iter().find(|(_, other)| other.pixels == picture.pixels).map(|(name, _)| name.clone());
         let truth = seen.first().map(|(_, truth)| truth);
         let compared =
             truth.and_then(|truth| Some((compare(truth, &picture).ok()?, difference_image(truth, &picture).ok()?)));
         let (differing, largest) = compared.as_ref().map_or((0, 0.0), |(found, _)| (found.differing, found.largest));
         let difference = compared.filter(|_| differing > 0 && like.is_none()).map(|(_, image)| png(&image));
         let own = like.is_none().then(|| png(&picture));
-        pictures.push(Shot { engine: engine.name(), like, png: own, difference, differing, largest });
-        seen.push((engine.name(), picture));
+        pictures.push(Shot { engine: engine.name().into(), like, png: own, difference, differing, largest });
+        seen.push((engine.name().into(), picture));
     }
     Ok(Shown { scene: name, width, height, pictures })
 }

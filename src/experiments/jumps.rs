@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::in_size;
 use super::speedup::{self, BASELINE, CONTROL, Progress, SpeedupError};
 use crate::kernels::{Vec4, sys};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{median, minimum};
 use crate::measure::{Cache, Clock, Machine, core_cycles_per_tick, interleave};
 use crate::render::{Film, FilmMut, PixelFormat};
@@ -47,14 +47,9 @@ pub const BOUND: f64 = 0.5;
 /// An engine at a size. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct PictureTime {
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
-    /// Their product.
     pub pixels: u64,
-    /// Who traced.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// Whether the framebuffer had been touched before.
     pub touched: bool,
@@ -192,7 +187,7 @@ pub fn run(
                     width,
                     height,
                     pixels,
-                    engine: engine.name(),
+                    engine: engine.name().into(),
                     touched,
                     cycles_per_pixel: ticks / pixels as f64,
                     cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
@@ -250,7 +245,6 @@ const BANDWIDTH_RUNS: usize = 5;
 /// What the sweep shows of one engine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
-    /// Whose.
     pub engine: &'static str,
     /// The most cycles by the pixel of any size over the fewest, less 1: touched framebuffers, TSC cycles.
     pub change: f64,

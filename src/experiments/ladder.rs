@@ -8,7 +8,7 @@ use super::in_size;
 use super::speedup::{self, Films, Progress, SpeedupError, Taken, Truth, Turn, judged, kept};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::Packed;
@@ -27,18 +27,15 @@ const SEED: u64 = 0x1a_dd_e2;
 /// A rung. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Rung {
-    /// Its name.
     pub rung: String,
     /// What is different from [`Rung::over`], in words.
     pub change: String,
     /// How it was compiled, where that is not how the engine was.
-    #[serde(deserialize_with = "names::read")]
     pub flags: Name,
     /// The rung that it is compared with: the one before, or for an aside the one it departs from; None for the first.
     pub over: Option<String>,
     /// Whether it is an aside: the next rung does not build on it.
     pub aside: bool,
-    /// Threads that traced.
     pub threads: usize,
     /// Median TSC cycles of a pixel.
     pub cycles_per_pixel: f64,
@@ -46,9 +43,7 @@ pub struct Rung {
     pub instructions_per_pixel: Option<f64>,
     /// The median ratio of the cycles of [`Rung::over`] to its own, pair by pair.
     pub gain: f64,
-    /// The lower end of its interval.
     pub gain_low: f64,
-    /// The upper end.
     pub gain_high: f64,
     /// The same over the first rung.
     pub gain_total: f64,
@@ -63,17 +58,12 @@ pub struct Rung {
 /// A packet engine beside the best C of the ladder, compiled for the same instruction set; both write floats.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstCompiler {
-    /// The engine.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// The rung that the compiler made.
-    #[serde(deserialize_with = "names::read")]
     pub compiled: Name,
     /// How many times as fast the engine is: the median ratio, pair by pair.
     pub ratio: f64,
-    /// The lower end of its interval.
     pub low: f64,
-    /// The upper end.
     pub high: f64,
 }
 
@@ -81,7 +71,6 @@ pub struct AgainstCompiler {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Share {
     /// What it is due to.
-    #[serde(deserialize_with = "names::read")]
     pub cause: Name,
     /// The factor by itself.
     pub factor: f64,
@@ -93,12 +82,9 @@ pub struct Share {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Explanation {
     /// The rung it begins with.
-    #[serde(deserialize_with = "names::read")]
     pub from: Name,
     /// The rung it ends with.
-    #[serde(deserialize_with = "names::read")]
     pub to: Name,
-    /// The whole.
     pub factor: f64,
     /// What it is made of.
     pub shares: Vec<Share>,
@@ -414,7 +400,7 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
         rungs.push(Rung {
             rung: rung.rung.into(),
             change: rung.change.clone(),
-            flags: rung.flags(),
+            flags: rung.flags().into(),
             over: over.map(|over| planned[over].rung.into()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
@@ -482,7 +468,7 @@ pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
         let widest = || ladder::C.iter().any(|rung| rung.name == variant && rung.usable()).then_some(WIDEST);
         let compiled = if there(narrower) { narrower } else { widest()? };
         let Estimate { value: ratio, low, high } = ratio(rungs, compiled, engine)?;
-        Some(AgainstCompiler { engine, compiled, ratio, low, high })
+        Some(AgainstCompiler { engine: engine.into(), compiled: compiled.into(), ratio, low, high })
     };
     TURNED.into_iter().filter_map(against).collect()
 }
@@ -495,9 +481,17 @@ pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
         let factors = steps.iter().map(|(cause, a, b)| Some((*cause, factor(*a, *b)?))).collect::<Option<Vec<_>>>()?;
         // The product of the medians: the shares then add up exactly.
         let whole: f64 = factors.iter().map(|(_, factor)| factor).product();
-        let shares =
-            factors.iter().map(|(cause, factor)| Share { cause, factor: *factor, share: factor.ln() / whole.ln() });
-        Some(Explanation { from: steps[0].1, to: steps[steps.len() - 1].2, factor: whole, shares: shares.collect() })
+        let shares = factors.iter().map(|(cause, factor)| Share {
+            cause: (*cause).into(),
+            factor: *factor,
+            share: factor.ln() / whole.ln(),
+        });
+        Some(Explanation {
+            from: steps[0].1.into(),
+            to: steps[steps.len() - 1].2.into(),
+            factor: whole,
+            shares: shares.collect(),
+        })
     };
     [
         apart(&[

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use super::report::Results;
 use super::speedup::{CONTROL, PAPER};
 use super::svg::{GREY, Mark, PlotError, SMALL, Screen, colour_of, down, draw, head, lines, text_width, write};
-use crate::measure::names::Name;
+use crate::measure::Name;
 use crate::measure::statistics::Estimate;
 use crate::render::PixelFormat;
 
@@ -54,13 +54,9 @@ pub fn figure(ratios: &[(&str, Estimate)], screen: Screen) -> Result<String, Plo
 
 /// An engine in its machine's largest picture.
 pub struct AgainstBound {
-    /// Who.
     pub engine: Name,
-    /// What a pixel is written as.
     pub output: Name,
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// Median TSC cycles.
     pub cycles_per_pixel: f64,
@@ -84,12 +80,12 @@ pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
     };
     let rows = experiment.rows.iter().filter(|row| Some(row.pixels) == most);
     rows.map(|row| AgainstBound {
-        engine: row.engine,
-        output: row.output,
+        engine: row.engine.clone(),
+        output: row.output.clone(),
         width: row.width,
         height: row.height,
         cycles_per_pixel: row.cycles_median / row.pixels as f64,
-        bound: bound(row.output, row.pixels),
+        bound: bound(&row.output, row.pixels),
     })
     .collect()
 }

@@ -1,22 +1,25 @@
 //! The experiments: each returns rows.
+//!
+//! They are the program's: no part of what the library promises.
+#![doc(hidden)]
 
-pub mod ablation;
+pub(crate) mod ablation;
 pub mod accuracy;
-pub mod claims;
-pub mod complexity;
-pub mod document;
+pub(crate) mod claims;
+pub(crate) mod complexity;
+pub(crate) mod document;
 pub mod gallery;
-pub mod jumps;
-pub mod ladder;
-pub mod machines;
+pub(crate) mod jumps;
+pub(crate) mod ladder;
+pub(crate) mod machines;
 pub mod ops;
-pub mod plot;
-pub mod report;
+pub(crate) mod plot;
+pub(crate) mod report;
 pub mod roofline;
-pub mod speedup;
+pub(crate) mod speedup;
 pub mod stability;
 pub mod step;
-pub mod svg;
+pub(crate) mod svg;
 pub mod threads;
 
 use crate::render::{EngineError, NoMemory};
@@ -25,10 +28,8 @@ use crate::scene::Scene;
 /// Why there are no pictures to measure.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// An engine could not be prepared.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// No memory for a picture.
     #[error(transparent)]
     Memory(#[from] NoMemory),
 }

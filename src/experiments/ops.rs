@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::{in_size, speedup};
 use crate::kernels::step::{self, Unavailable};
 use crate::kernels::{self, Chains, FEEDBACK, Isa, sys};
+use crate::measure::Name;
 use crate::measure::instructions::{Code, Function, Instruction, Mix, functions};
-use crate::measure::names::{self, Name};
 use crate::measure::source::{Origin, Unit};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
@@ -93,16 +93,10 @@ pub struct Report {
 }
 
 /// What the counted code was made with.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Compilers {
-    /// NASM's version.
-    #[serde(deserialize_with = "names::read")]
     pub nasm: Name,
-    /// The C compiler's.
-    #[serde(deserialize_with = "names::read")]
     pub cc: Name,
-    /// rustc's.
-    #[serde(deserialize_with = "names::read")]
     pub rustc: Name,
 }
 
@@ -111,9 +105,9 @@ impl Compilers {
     pub fn this() -> Self {
         let or_none = |version: Option<&'static str>| version.unwrap_or("none");
         Compilers {
-            nasm: or_none(option_env!("RAYO_NASM")),
-            cc: or_none(option_env!("RAYO_CC")),
-            rustc: env!("RAYO_RUSTC"),
+            nasm: or_none(option_env!("RAYO_NASM")).into(),
+            cc: or_none(option_env!("RAYO_CC")).into(),
+            rustc: env!("RAYO_RUSTC").into(),
         }
     }
 }
@@ -122,10 +116,8 @@ impl Compilers {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Counts {
     /// One of [`OPS`].
-    #[serde(deserialize_with = "names::read")]
     pub op: Name,
     /// One of [`IMPLEMENTATIONS`].
-    #[serde(deserialize_with = "names::read")]
     pub implementation: Name,
     /// Instructions of the macro between loading operands and storing the result.
     pub body: Option<usize>,
@@ -142,7 +134,6 @@ pub struct Counts {
     /// Core cycles for each operation when many are independent: of the body or of a call, as `latency`.
     pub throughput: Option<f64>,
     /// What `latency` and `throughput` are of: `body` or `call`.
-    #[serde(deserialize_with = "names::read_optional")]
     pub cost_of: Option<Name>,
     /// Core cycles of a call from one result to the next, led back as the address of the next operand.
     pub call_latency: Option<f64>,
@@ -161,7 +152,6 @@ pub struct Counts {
     /// Why there is nothing to run here, where there is code.
     pub unavailable: Option<String>,
     /// Why latency or throughput was measured and is not known.
-    #[serde(deserialize_with = "names::read_optional")]
     pub no_cycles: Option<Name>,
     /// The function, line by line.
     pub listing: Vec<Line>,
@@ -171,7 +161,6 @@ pub struct Counts {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Path {
     /// What the operands are.
-    #[serde(deserialize_with = "names::read")]
     pub path: Name,
     /// Instructions executed in a call, with what it calls.
     pub executed: u64,
@@ -205,7 +194,6 @@ pub struct Source {
     pub file: String,
     /// The number of the line, from 1 on.
     pub line: usize,
-    /// The line.
     pub text: String,
     /// The macros that it stands in, the outermost first.
     pub macros: Vec<String>,
@@ -242,9 +230,7 @@ pub struct Kernel {
     /// What it is.
     #[serde(flatten)]
     pub function: Function,
-    /// Instructions.
     pub instructions: usize,
-    /// Line by line.
     pub listing: Vec<Line>,
 }
 
@@ -280,20 +266,14 @@ pub fn kernel(symbol: &str) -> Result<Kernel, UnknownKernel> {
 /// A picture by an engine.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct FrameRow {
-    /// The engine.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// Its width.
     pub width: u32,
-    /// Its height.
     pub height: u32,
     /// Rays: one for each pixel, also where the engine knows without tracing what it hits.
     pub rays: u64,
     /// Instructions executed for all of it; preparing the scene is not among them.
     pub instructions: u64,
-    /// Instructions for each pixel.
     pub per_pixel: f64,
-    /// Instructions for each ray.
     pub per_ray: f64,
 }
 
@@ -363,7 +343,7 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
 /// One cell of the table. `feedback_cycles`: what to take off chains of latency, where that is known; None for no costs.
 fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycles: Option<Option<f64>>) -> Counts {
     let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
-    let mut row = Counts { op, implementation, ..Counts::default() };
+    let mut row = Counts { op: op.into(), implementation: implementation.into(), ..Counts::default() };
     match (implementation, printed) {
         // What the paper counted as C looks like whole functions, its SIMD is its macros.
         ("printed-c", printed) => row.function = printed.map(|(c, _)| c),
@@ -423,8 +403,8 @@ impl Counts {
         self.function_mix = Some(code.function());
         self.body = self.body_mix.as_ref().map(|mix| mix.instructions);
         self.function = self.function_mix.as_ref().map(|mix| mix.instructions);
-        self.vectors = lanes(self.implementation);
-        self.critical_path = critical_path(self.op, self.implementation);
+        self.vectors = lanes(&self.implementation);
+        self.critical_path = critical_path(&self.op, &self.implementation);
         self.listing = listing(code);
     }
 
@@ -446,7 +426,7 @@ impl Counts {
                     }
                 };
                 let body = code.body.clone().map(|body| visits.at[body].iter().sum());
-                self.paths.push(Path { path, executed: visits.instructions, body });
+                self.paths.push(Path { path: (*path).into(), executed: visits.instructions, body });
                 if case == 0 {
                     self.executed = Some(visits.instructions);
                     for line in &mut self.listing {
@@ -463,16 +443,16 @@ impl Counts {
     }
 
     fn cost(&mut self, latency: Option<f64>, throughput: Option<f64>, of: &'static str) {
-        (self.latency, self.throughput, self.cost_of) = (latency, throughput, Some(of));
+        (self.latency, self.throughput, self.cost_of) = (latency, throughput, Some(of.into()));
         if latency.is_none() || throughput.is_none() {
-            self.no_cycles = Some(IMPOSSIBLE);
+            self.no_cycles = Some(IMPOSSIBLE.into());
         }
     }
 
     /// Where there are chains of the body, they are what the row tells.
     fn chain(&mut self, feedback: Option<f64>) {
-        let packets = isa(self.implementation).and_then(kernels::chains_of_packets);
-        let chains = match self.implementation {
+        let packets = isa(&self.implementation).and_then(kernels::chains_of_packets);
+        let chains = match &*self.implementation {
             "paper" => kernels::chains_of_paper(),
             "aos" => kernels::chains_of_aos(),
             _ => packets.map(|packets| &packets.chains[..]),
@@ -534,5 +514,5 @@ fn frame(engine: &Engine) -> Result<FrameRow, Unavailable> {
     tracer.rows(0..height, film.as_mut());
     let instructions = step::count_instructions(|| tracer.rows(0..height, film.as_mut()))?;
     let per_pixel = instructions as f64 / rays as f64;
-    Ok(FrameRow { engine: engine.name(), width, height, rays, instructions, per_pixel, per_ray: per_pixel })
+    Ok(FrameRow { engine: engine.name().into(), width, height, rays, instructions, per_pixel, per_ray: per_pixel })
 }

@@ -17,7 +17,7 @@ use super::roofline::Roofline;
 use super::stability::StabilityReport;
 use super::threads::OnThreads;
 use crate::measure::Machine;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::plan::{Kept, Report as PlanReport, Switch};
 use crate::scene::{shown, text_within};
 
@@ -27,25 +27,15 @@ pub const SCHEMA: u64 = 1;
 /// What is measured one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// C against SIMD, and the ladder.
     Experiment,
-    /// Instructions of each operation.
     Ops,
-    /// Arithmetic and stores at their peak.
     Roofline,
-    /// Error against run time.
     Accuracy,
-    /// Stiff and extreme scenes.
     Stability,
-    /// Growth in pixels, objects and lights.
     Complexity,
-    /// Growth in threads.
     Threads,
-    /// What is left out of scenes.
     Plans,
-    /// Scenes by every engine.
     Gallery,
-    /// One ray.
     Ray,
 }
 
@@ -65,7 +55,7 @@ impl Stage {
     ];
 
     /// Its name in the document.
-    pub fn name(self) -> Name {
+    pub fn name(self) -> &'static str {
         match self {
             Stage::Experiment => "experiment",
             Stage::Ops => "ops",
@@ -84,7 +74,6 @@ impl Stage {
 /// Everything that is known of a machine. The field names are those of the JSON document; what was not measured is null.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Results {
-    /// The machine and the build.
     pub machine: Machine,
     /// Whether runs were few and pictures small.
     #[serde(default)]
@@ -130,17 +119,10 @@ pub struct Results {
 /// What a scene does not need, and what leaving it out is worth.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Planned {
-    /// The scene.
     pub scene: String,
-    /// Who traces it.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// What a pixel is written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// What is traced.
     pub kept: Kept,
@@ -155,13 +137,9 @@ pub struct Planned {
 /// A line of what is left out.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Left {
-    /// What.
     pub what: String,
-    /// How much of it.
     pub count: u64,
-    /// Of what kind.
     pub unit: String,
-    /// Why.
     pub reason: String,
     /// How many times as long the picture takes with it; null where there is no code for that.
     pub worth: Option<f64>,
@@ -190,7 +168,6 @@ impl Left {
 pub struct Told {
     /// What was watched: the command.
     pub command: String,
-    /// Line by line.
     pub text: String,
 }
 
@@ -203,41 +180,20 @@ pub enum ReadError {
          that holds those of several", shown(.0)
     )]
     Nothing(PathBuf),
-    /// The operating system refused.
     #[error("cannot read {}: {error}", shown(path))]
-    Io {
-        /// What was read.
-        path: PathBuf,
-        /// What it says.
-        error: io::Error,
-    },
+    Io { path: PathBuf, error: io::Error },
     /// No document.
     #[error("{} is cut short, or no results: {error}", shown(path))]
-    Json {
-        /// Which file.
-        path: PathBuf,
-        /// What is wrong.
-        error: serde_json::Error,
-    },
+    Json { path: PathBuf, error: serde_json::Error },
     /// A document in which something is missing that every run has.
     #[error("{} is not whole: {what}", shown(path))]
-    Gap {
-        /// Which file.
-        path: PathBuf,
-        /// Which field.
-        what: String,
-    },
+    Gap { path: PathBuf, what: String },
     /// A document of another time.
     #[error(
         "{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it",
         shown(path)
     )]
-    Schema {
-        /// Which file.
-        path: PathBuf,
-        /// Its schema, as it stands there.
-        found: String,
-    },
+    Schema { path: PathBuf, found: String },
     /// Two documents of one experiment, or of two machines.
     #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", shown(.0))]
     Machines(PathBuf),
@@ -342,7 +298,7 @@ impl Results {
     }
 
     /// What is there of it that was ended before its end.
-    pub fn cut_short(&self) -> Vec<Name> {
+    pub fn cut_short(&self) -> Vec<&'static str> {
         let parts = [
             (Stage::Experiment, self.experiment.as_ref().map(|part| part.conditions.complete)),
             (Stage::Accuracy, self.accuracy.as_ref().map(|part| part.complete)),

@@ -12,8 +12,8 @@ use super::jumps::{Bandwidth, levels_of};
 use super::ladder::SIZE;
 use super::speedup::{Progress, SpeedupError};
 use crate::kernels::{self, Isa, code_at, step};
+use crate::measure::Name;
 use crate::measure::instructions::{Instruction, decode};
-use crate::measure::names::{self, Name};
 use crate::measure::source::Unit;
 use crate::measure::statistics::minimum;
 use crate::measure::{Cache, Clock, Work, interleave};
@@ -46,8 +46,6 @@ const MIN_BYTES: usize = 4 << 20;
 /// The most arithmetic of an instruction set.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Peak {
-    /// Which.
-    #[serde(deserialize_with = "names::read")]
     pub isa: Name,
     /// Multiplications and additions of f32 in a TSC cycle.
     pub flops_per_cycle: f64,
@@ -56,14 +54,8 @@ pub struct Peak {
 /// Kernels at work on a scene.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Point {
-    /// The scene.
-    #[serde(deserialize_with = "names::read")]
     pub scene: Name,
-    /// Whose kernels.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// What a pixel is written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
     /// Operations on numbers that are executed for a pixel: an addition, a product, a quotient or a root is one, in each lane.
     pub flops_per_pixel: f64,
@@ -135,7 +127,7 @@ fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
         })];
         let runs = interleave(clock, &mut work, 0..RUNS, &mut || true)?;
         let flops = 2.0 * lanes(isa) * operations as f64;
-        Some(Peak { isa: isa.name(), flops_per_cycle: flops / minimum(&runs[0].ticks) })
+        Some(Peak { isa: isa.name().into(), flops_per_cycle: flops / minimum(&runs[0].ticks) })
     };
     usable().filter_map(of).collect()
 }
@@ -164,7 +156,7 @@ fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, Spee
 }
 
 /// The engines of assembly on a scene.
-fn points(name: Name, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, NoPoints> {
+fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, NoPoints> {
     let of_assembly = |engine: &&Engine| engine.usable() && (engine.is_packet() || **engine == Engine::Paper);
     let engines: Vec<Engine> = Engine::ALL.iter().filter(of_assembly).copied().collect();
     let (small, large) = (in_size(scene, COUNTED.0, COUNTED.1), in_size(scene, SIZE.0, SIZE.1));
@@ -181,9 +173,9 @@ fn points(name: Name, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>
     }
     let runs = interleave(clock, &mut work, 0..RUNS, &mut || true).expect("nobody stops it");
     let point = |((engine, flops_per_pixel), runs): ((&Engine, f64), crate::measure::Runs)| Point {
-        scene: name,
-        engine: engine.name(),
-        output: PixelFormat::F32x4.name(),
+        scene: name.into(),
+        engine: engine.name().into(),
+        output: PixelFormat::F32x4.name().into(),
         flops_per_pixel,
         bytes_per_pixel: PixelFormat::F32x4.bytes() as f64,
         cycles_per_pixel: minimum(&runs.ticks) / large.camera.pixels() as f64,

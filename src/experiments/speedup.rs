@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
 use super::in_size;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
 use crate::measure::{Clock, Runs, Work, enough, interleave};
 use crate::render::reference::ReferenceTracer;
@@ -19,7 +19,6 @@ use crate::scene::{Rng, Scene};
 pub struct PaperRow {
     /// Width in pixels; every size is 4:3.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// Mean TSC cycles of the paper's C on an i7-4510U.
     pub c: f64,
@@ -99,7 +98,6 @@ const ROUND_WORK: u64 = 300;
 pub struct Settings {
     /// Sizes, as places in [`PAPER`].
     pub sizes: Vec<usize>,
-    /// Runs of each.
     pub runs: usize,
     /// Engines; [`BASELINE`] and [`CONTROL`] are always among them.
     pub engines: Vec<Engine>,
@@ -149,34 +147,20 @@ impl Settings {
 /// One engine at one size. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Timing {
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
-    /// Their product.
     pub pixels: u64,
-    /// Who traced.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
-    /// What a pixel was written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
-    /// Threads that traced.
     pub threads: usize,
     /// TSC cycles of a picture: the mean, as the paper gives it.
     pub cycles_mean: f64,
-    /// Their median.
     pub cycles_median: f64,
-    /// Their minimum.
     pub cycles_min: f64,
     /// The median of the baseline's cycles by this engine's, pair by pair: how many times as fast it is.
     pub ratio_to_c: f64,
-    /// The lower end of that median's interval.
     pub ratio_low: f64,
-    /// The upper end.
     pub ratio_high: f64,
     /// Runs that ended on another core than they began on; they are in all figures.
     pub migrations: usize,
@@ -208,15 +192,11 @@ impl Timing {
 /// The control at one size: an engine against itself.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct ControlRow {
-    /// Width in pixels.
     pub width: u32,
-    /// Height in pixels.
     pub height: u32,
     /// The median ratio of the two, pair by pair.
     pub ratio: f64,
-    /// The lower end of its interval.
     pub low: f64,
-    /// The upper end.
     pub high: f64,
     /// Cycles of every run of the second entry; those of the first are the engine's own row.
     pub samples: Vec<f64>,
@@ -236,7 +216,6 @@ pub struct Speedup {
     /// C/SIMD over all sizes: `c` by `paper`, pair by pair. Its interval is that of a bootstrap over runs, wider by the noise
     /// floor.
     pub c_by_simd: Estimate,
-    /// Runs of each size.
     pub runs: usize,
     /// Sizes and runs that were asked for.
     pub asked: (usize, usize),
@@ -268,10 +247,8 @@ impl Taken {
 /// Why nothing was measured.
 #[derive(Debug, thiserror::Error)]
 pub enum SpeedupError {
-    /// An engine could not be prepared.
     #[error(transparent)]
     Engine(#[from] EngineError),
-    /// No memory for the largest picture.
     #[error(transparent)]
     Memory(#[from] NoMemory),
     /// An engine's picture is not that of the reference: its time would mean nothing.
@@ -280,28 +257,18 @@ pub enum SpeedupError {
          and at most {allowed} may differ: its time is not that of the same picture"
     )]
     Picture {
-        /// Whose picture.
         who: String,
-        /// What it wrote.
         output: &'static str,
         /// Pixels off by more than a level.
         wrong: usize,
-        /// Pixels compared.
         pixels: usize,
         /// Pixels that rounding may turn at an outline.
         allowed: usize,
     },
-    /// The threads could not be started.
     #[error(transparent)]
     Threads(#[from] RenderError),
-    /// The operating system refused.
     #[error("cannot {what}: {error}")]
-    System {
-        /// What was asked of it.
-        what: &'static str,
-        /// What it says.
-        error: std::io::Error,
-    },
+    System { what: &'static str, error: std::io::Error },
     /// Stopped before the first size was finished.
     #[error("stopped before the first size was finished: there is nothing to show")]
     Nothing,
@@ -512,9 +479,9 @@ impl Speedup {
                     width: size.width,
                     height: size.height,
                     pixels: size.pixels(),
-                    engine: entry.engine.name(),
-                    precision: entry.engine.precision().name(),
-                    output: entry.output.name(),
+                    engine: entry.engine.name().into(),
+                    precision: entry.engine.precision().name().into(),
+                    output: entry.output.name().into(),
                     threads: 1,
                     cycles_mean: mean(&ticks),
                     cycles_median: median(&ticks),
@@ -647,11 +614,11 @@ mod tests {
         let settings = settings(&[0, 1], 3);
         let measured = Speedup::of(&settings, &scripted_runs(&settings, &[6000, 1000, 1100])).unwrap();
         assert!(measured.complete());
-        let summary = |row: &Timing| (row.engine, row.pixels, row.samples.clone(), row.cycles_median);
+        let summary = |row: &Timing| (row.engine.to_string(), row.pixels, row.samples.clone(), row.cycles_median);
         let rows: Vec<_> = measured.rows.iter().map(summary).collect();
-        assert_eq!(rows[0], ("c", 99_645, vec![6000.0, 6001.0, 6002.0], 6001.0));
-        assert_eq!(rows[1], ("paper", 99_645, vec![1000.0, 1001.0, 1002.0], 1001.0));
-        assert_eq!((rows[2].0, rows[2].1, rows[2].3), ("c", 199_692, 6001.0));
+        assert_eq!(rows[0], ("c".into(), 99_645, vec![6000.0, 6001.0, 6002.0], 6001.0));
+        assert_eq!(rows[1], ("paper".into(), 99_645, vec![1000.0, 1001.0, 1002.0], 1001.0));
+        assert_eq!((&*rows[2].0, rows[2].1, rows[2].3), ("c", 199_692, 6001.0));
         assert_eq!(measured.rows[1].ratio_to_c, 6001.0 / 1001.0);
         assert_eq!((measured.rows[0].ratio_low, measured.rows[0].ratio_high), (1.0, 1.0));
         assert_eq!(measured.control[0].ratio, 1001.0 / 1101.0);

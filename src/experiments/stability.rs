@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::PictureError;
 use super::accuracy::{self, Contender, Judged, judge};
 use crate::measure::Machine;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::render::{EngineError, Film, Precision};
 use crate::scene::families::{Case, Family};
 use crate::scene::{Camera, Scene, many};
@@ -28,15 +28,11 @@ const SECONDS: f64 = 0.05;
 /// What is to be swept.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Which families.
     pub families: Vec<&'static Family>,
-    /// Which engines, in which precisions.
     pub contenders: Vec<Contender>,
-    /// Where the random numbers begin.
     pub seed: u64,
     /// The only case, where it is not all.
     pub case: Option<usize>,
-    /// Whether the pictures are small.
     pub quick: bool,
     /// What every engine is held to.
     pub limits: Limits,
@@ -45,20 +41,13 @@ pub struct Settings {
 /// One engine at one level of a family, all variants together. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Cell {
-    /// The family's id.
-    #[serde(deserialize_with = "names::read")]
     pub family: Name,
     /// The level's number in the family.
     pub level: usize,
     /// The value of the parameter.
     pub value: String,
-    /// Who.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
-    /// Rays.
     pub rays: usize,
     /// Those nearer to another answer than the margin.
     pub in_margin: usize,
@@ -95,13 +84,13 @@ pub struct Cell {
 
 impl Cell {
     /// Who, in what numbers.
-    pub fn contender(&self) -> (&'static str, &'static str) {
-        (self.engine, self.precision)
+    pub fn contender(&self) -> (&str, &str) {
+        (&self.engine, &self.precision)
     }
 
     /// The command that repeats its worst case alone.
     pub fn replay(&self, seed: u64, quick: bool) -> String {
-        replay(self.family, self.engine, self.worst_case, seed, quick)
+        replay(&self.family, &self.engine, self.worst_case, seed, quick)
     }
 
     /// What has a limit.
@@ -127,14 +116,8 @@ fn figures(errors: [Option<f64>; 3], shares: [f64; 4]) -> Figures {
 /// One engine over a whole family.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Stability {
-    /// The family's id.
-    #[serde(deserialize_with = "names::read")]
     pub family: Name,
-    /// Who.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
     /// The largest error of t in units of its last place; null where nothing is hit.
     pub worst: Option<f64>,
@@ -179,13 +162,9 @@ struct Worst {
 /// Everything that was found.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct StabilityReport {
-    /// The machine and the build.
     pub machine: Machine,
-    /// Where the random numbers began.
     pub seed: u64,
-    /// Whether the pictures were small.
     pub quick: bool,
-    /// Whether everything that was asked for is there.
     pub complete: bool,
     /// Every engine on every family.
     pub rows: Vec<Stability>,
@@ -349,11 +328,11 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
 
 fn empty(family: &Family, level: usize, contender: Contender) -> Cell {
     Cell {
-        family: family.id,
+        family: family.id.into(),
         level,
         value: family.levels[level].to_string(),
-        engine: contender.engine.name(),
-        precision: contender.precision.name(),
+        engine: contender.engine.name().into(),
+        precision: contender.precision.name().into(),
         worst_by: [(-1.0, 0); limits::MEASURES.len()],
         ..Cell::default()
     }
@@ -437,15 +416,10 @@ fn time(contender: Contender, scene: &Scene) -> Result<f64, PictureError> {
 
 /// Sets each cell's time against that of the ordinary level.
 fn compare_times(family: &Family, cells: &mut [Cell]) {
-    let ordinary: Vec<_> = cells
-        .iter()
-        .filter(|cell| cell.level == family.ordinary)
-        .filter_map(|cell| Some((cell.contender(), cell.ns_per_ray?)))
-        .collect();
+    let ordinary: Vec<_> = cells.iter().filter(|cell| cell.level == family.ordinary).cloned().collect();
     for cell in cells {
-        let contender = cell.contender();
-        let ordinary = ordinary.iter().find(|(other, _)| *other == contender);
-        cell.slowdown = cell.ns_per_ray.zip(ordinary).map(|(ns, (_, ordinary))| ns / ordinary);
+        let ordinary = ordinary.iter().find(|other| other.contender() == cell.contender());
+        cell.slowdown = cell.ns_per_ray.zip(ordinary).and_then(|(ns, ordinary)| Some(ns / ordinary.ns_per_ray?));
     }
 }
 
@@ -453,7 +427,7 @@ fn compare_times(family: &Family, cells: &mut [Cell]) {
 fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
     let mut seen = BTreeSet::new();
     let contenders = cells.iter().map(Cell::contender).filter(|contender| seen.insert(*contender));
-    let row = |(engine, precision): (&'static str, &'static str)| {
+    let row = |(engine, precision): (&str, &str)| {
         let own: Vec<_> = cells.iter().filter(|cell| cell.contender() == (engine, precision)).collect();
         let largest = |of: fn(&Cell) -> Option<f64>| own.iter().filter_map(|cell| of(cell)).reduce(f64::max);
         let sum = |of: fn(&Cell) -> usize| own.iter().map(|cell| of(cell)).sum();
@@ -468,9 +442,9 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
             cells.max_by(|a, b| a.figure.total_cmp(&b.figure)).unwrap_or_default()
         });
         Stability {
-            family: family.id,
-            engine,
-            precision,
+            family: family.id.into(),
+            engine: engine.to_owned().into(),
+            precision: precision.to_owned().into(),
             worst: largest(|cell| cell.max_ulp),
             bound: largest(|cell| cell.bound_share),
             angle: largest(|cell| cell.max_angle),
@@ -493,7 +467,7 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
 impl Stability {
     /// The command that repeats one case alone.
     pub fn replay(&self, case: usize, seed: u64, quick: bool) -> String {
-        replay(self.family, self.engine, case, seed, quick)
+        replay(&self.family, &self.engine, case, seed, quick)
     }
 }
 

@@ -38,7 +38,6 @@ const DEAREST: usize = 3;
 /// What to watch of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Who traces.
     pub engine: Engine,
     /// In what numbers; None: the engine's own.
     pub precision: Option<Precision>,
@@ -94,7 +93,6 @@ pub enum WatchError {
     /// An operation that cannot be watched so.
     #[error("{0}")]
     Operation(String),
-    /// No memory.
     #[error("there is not enough memory for a row of the picture")]
     Memory,
     /// Two runs of the same row were not the same.
@@ -105,9 +103,7 @@ pub enum WatchError {
 /// What was watched: the `step` document without its schema.
 #[derive(Debug, Serialize)]
 pub struct Watched {
-    /// Who computed.
     pub engine: &'static str,
-    /// In what numbers.
     pub precision: &'static str,
     /// Column and row; null for an operation.
     pub pixel: Option<[u32; 2]>,
@@ -131,7 +127,6 @@ pub struct Watched {
     pub colour: Option<[f32; 3]>,
     /// What the operation gives.
     pub result: Option<Vec<f32>>,
-    /// Kinds of instructions.
     pub kinds: Mix,
     /// The same in the order of the source, for those who read.
     #[serde(skip)]

@@ -10,7 +10,7 @@ use super::in_size;
 use super::ladder::on_all;
 use super::speedup::{Progress, SpeedupError};
 use crate::kernels::sys;
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::median;
 use crate::measure::{Clock, Work, interleave};
 use crate::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
@@ -29,11 +29,7 @@ const SEED: u64 = 7;
 /// A scene on so many threads. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct OnThreads {
-    /// The scene.
-    #[serde(deserialize_with = "names::read")]
     pub scene: Name,
-    /// Who traced.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// Threads that planned and traced.
     pub threads: usize,
@@ -61,9 +57,9 @@ fn scenes() -> [(Name, Scene); 3] {
     let mesh = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
     let spheres = Scene { camera, ..many(MANY, 0, SEED) };
     [
-        ("sphere", in_size(&shipped("sphere"), SIZE.0, SIZE.1)),
-        ("1,000 spheres", spheres),
-        ("mesh of 70,000 triangles", mesh.expect("the shapes are of ordinary size")),
+        ("sphere".into(), in_size(&shipped("sphere"), SIZE.0, SIZE.1)),
+        ("1,000 spheres".into(), spheres),
+        ("mesh of 70,000 triangles".into(), mesh.expect("the shapes are of ordinary size")),
     ]
 }
 
@@ -102,8 +98,8 @@ pub fn run(
         let Some(measured) = interleave(clock, &mut work, 0..runs, &mut || proceed(0)) else { return Ok(None) };
         let medians: Vec<f64> = measured.iter().map(|runs| median(&runs.ticks)).collect();
         rows.extend(counts.iter().zip(&medians).map(|(threads, cycles)| OnThreads {
-            scene: name,
-            engine: engine.name(),
+            scene: name.clone(),
+            engine: engine.name().into(),
             threads: *threads,
             cycles_median: *cycles,
             speedup: medians[0] / cycles,

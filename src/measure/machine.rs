@@ -5,11 +5,11 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
-use super::names::{self, Name};
+use super::Name;
 use super::tsc_hz;
 
 /// The commit of the program, which the program alone knows.
-static COMMIT: OnceLock<Name> = OnceLock::new();
+static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
 /// A figure without this is not a result. The field names are those of the JSON documents.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -23,7 +23,7 @@ pub struct Machine {
     /// Stepping of the model.
     pub stepping: Option<u32>,
     /// What makers call it that have this family and model, where it is a known one.
-    #[serde(default, deserialize_with = "names::read_optional")]
+    #[serde(default)]
     pub microarchitecture: Option<Name>,
     /// The core's own cycles in a second as they were measured once, at the beginning: it may change with load and temperature.
     pub core_hz: Option<f64>,
@@ -32,7 +32,6 @@ pub struct Machine {
     /// Caches that hold data, nearest first; empty where the operating system does not tell.
     pub caches: Vec<Cache>,
     /// Operating system.
-    #[serde(deserialize_with = "names::read")]
     pub os: Name,
     /// Its kernel's release, where it tells.
     pub kernel: Option<String>,
@@ -45,22 +44,17 @@ pub struct Machine {
     /// Whether the CPU promises that the counter ticks at a constant rate.
     pub tsc_invariant: bool,
     /// Version of this program.
-    #[serde(deserialize_with = "names::read")]
     pub version: Name,
     /// The commit that was checked out when it was built; changes to it do not show. None of a build from a package.
-    #[serde(default, deserialize_with = "names::read_optional")]
+    #[serde(default)]
     pub commit: Option<Name>,
     /// The assembler that made the kernels.
-    #[serde(deserialize_with = "names::read_optional")]
     pub nasm: Option<Name>,
     /// The C compiler that made the baseline.
-    #[serde(deserialize_with = "names::read_optional")]
     pub cc: Option<Name>,
     /// Its flags.
-    #[serde(deserialize_with = "names::read_optional")]
     pub cflags: Option<Name>,
     /// The Rust compiler.
-    #[serde(deserialize_with = "names::read")]
     pub rustc: Name,
 }
 
@@ -81,18 +75,18 @@ impl Machine {
         Machine {
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             caches: caches(),
-            os: std::env::consts::OS,
+            os: std::env::consts::OS.into(),
             kernel: kernel.ok().map(|release| release.trim().to_owned()),
             date: SystemTime::UNIX_EPOCH.elapsed().ok().map(|since| date(since.as_secs())),
             tsc_hz: tsc_hz.map(f64::round),
             #[cfg(feature = "lab")]
             core_hz: tsc_hz.map(|hz| (hz * super::core_cycles_per_tick()).round()),
-            version: env!("CARGO_PKG_VERSION"),
-            commit: COMMIT.get().copied(),
-            nasm: option_env!("RAYO_NASM"),
-            cc: option_env!("RAYO_CC"),
-            cflags: option_env!("RAYO_CFLAGS"),
-            rustc: env!("RAYO_RUSTC"),
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: COMMIT.get().copied().map(Into::into),
+            nasm: option_env!("RAYO_NASM").map(Into::into),
+            cc: option_env!("RAYO_CC").map(Into::into),
+            cflags: option_env!("RAYO_CFLAGS").map(Into::into),
+            rustc: env!("RAYO_RUSTC").into(),
             ..of_cpu()
         }
     }
@@ -101,7 +95,7 @@ impl Machine {
     pub fn cpu(&self) -> String {
         let name = self.cpu.as_deref().unwrap_or("an unknown CPU");
         let (Some(family), Some(model)) = (self.family, self.model) else { return name.to_owned() };
-        let of = self.microarchitecture.map(|of| format!("{of}, ")).unwrap_or_default();
+        let of = self.microarchitecture.as_ref().map(|of| format!("{of}, ")).unwrap_or_default();
         format!("{name} ({of}family {family} model {model})")
     }
 
@@ -112,10 +106,11 @@ impl Machine {
         let caches: Vec<_> = self.caches.iter().map(|of| format!("L{} {} KiB", of.level, of.bytes >> 10)).collect();
         let kernel = self.kernel.as_ref().map(|release| format!(", kernel {release}"));
         let hypervisor = self.hypervisor.as_ref().map(|name| format!(", under {name}"));
-        let of = |text: Option<Name>, what| text.map_or(format!("none (built without {what})"), str::to_owned);
+        let of =
+            |text: &Option<Name>, what| text.as_deref().map_or(format!("none (built without {what})"), str::to_owned);
         [
-            ("version", Some(self.version.to_owned())),
-            ("commit", self.commit.map(str::to_owned)),
+            ("version", Some(self.version.to_string())),
+            ("commit", self.commit.as_ref().map(ToString::to_string)),
             ("date", self.date.clone()),
             ("CPU", Some(self.cpu())),
             ("stepping", self.stepping.map(|stepping| stepping.to_string())),
@@ -123,11 +118,11 @@ impl Machine {
             ("core clock", self.core_hz.map(|hz| format!("{}, measured", gigahertz(hz)))),
             ("time stamps", Some(self.tsc_hz.map_or("none".into(), |hz| format!("{}, {promise}", gigahertz(hz))))),
             ("caches", Some(caches.join(", ")).filter(|caches| !caches.is_empty())),
-            ("system", Some([Some(self.os.to_owned()), kernel, hypervisor].into_iter().flatten().collect())),
-            ("NASM", Some(of(self.nasm, "assembly"))),
-            ("C compiler", Some(of(self.cc, "C"))),
-            ("C flags", Some(of(self.cflags, "C"))),
-            ("Rust", Some(self.rustc.to_owned())),
+            ("system", Some([Some(self.os.to_string()), kernel, hypervisor].into_iter().flatten().collect())),
+            ("NASM", Some(of(&self.nasm, "assembly"))),
+            ("C compiler", Some(of(&self.cc, "C"))),
+            ("C flags", Some(of(&self.cflags, "C"))),
+            ("Rust", Some(self.rustc.to_string())),
         ]
         .into_iter()
         .filter_map(|(name, value)| Some((name, value?)))
@@ -135,7 +130,7 @@ impl Machine {
 }
 
 /// Has [`Machine::this`] name the commit that the program was built from.
-pub fn set_commit(commit: Name) {
+pub fn set_commit(commit: &'static str) {
     COMMIT.get_or_init(|| commit);
 }
 
@@ -195,7 +190,9 @@ fn of_cpu() -> Machine {
         family,
         model,
         stepping,
-        microarchitecture: family.zip(model).and_then(|(family, model)| microarchitecture(is_amd, family, model)),
+        microarchitecture: family
+            .zip(model)
+            .and_then(|(family, model)| Some(microarchitecture(is_amd, family, model)?.into())),
         hypervisor: cpuid.get_hypervisor_info().map(|info| format!("{:?}", info.identify())),
         tsc_invariant: cpuid.get_advanced_power_mgmt_info().is_some_and(|info| info.has_invariant_tsc()),
         ..Machine::default()
@@ -210,7 +207,7 @@ fn of_cpu() -> Machine {
 
 /// Which microarchitecture AMD, or Intel, has given a family and model, as Linux has it in `arch/x86`.
 #[cfg(target_arch = "x86_64")]
-fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<Name> {
+fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<&'static str> {
     Some(match (is_amd, family, model) {
         (true, 0x17, 0x00..=0x2f | 0x50..=0x5f) => "Zen",
         (true, 0x17, _) => "Zen 2",

@@ -1,5 +1,7 @@
 //! Measuring: cycles and statistics, and pictures compared.
 
+use std::borrow::Cow;
+
 #[cfg(feature = "files")]
 pub mod compare;
 #[cfg(feature = "lab")]
@@ -10,7 +12,6 @@ pub mod instructions;
 #[cfg(feature = "lab")]
 mod interleave;
 mod machine;
-pub mod names;
 #[cfg(feature = "files")]
 pub mod picture;
 #[cfg(feature = "lab")]
@@ -28,3 +29,6 @@ pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Wor
 pub use machine::{Cache, Machine, caches, cpu_name, set_commit};
 #[cfg(feature = "lab")]
 pub use watch::Watch;
+
+/// A name in a document: one that the program has, or that it read.
+pub type Name = Cow<'static, str>;

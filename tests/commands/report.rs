@@ -285,7 +285,7 @@ fn kernels_threads_and_pictures_are_all_there() {
         for scene in ["sphere", "tetrahedron"] {
             let flops = |engine: &str| {
                 let points = &roofline.points;
-                points.iter().find(|point| (point.scene, point.engine) == (scene, engine)).unwrap().flops_per_pixel
+                points.iter().find(|point| (&*point.scene, &*point.engine) == (scene, engine)).unwrap().flops_per_pixel
             };
             for engine in assembly() {
                 assert!(flops(engine) > 1.0 && flops(engine) <= flops("paper"), "{scene}, {engine}: {}", flops(engine));
@@ -301,12 +301,12 @@ fn kernels_threads_and_pictures_are_all_there() {
     let gallery = gallery::run(&mut |_| true).unwrap().unwrap();
     for shown in &gallery {
         let reference = &shown.pictures[0];
-        assert_eq!((reference.engine, reference.differing, reference.like), ("reference", 0, None));
+        assert_eq!((&*reference.engine, reference.differing, &reference.like), ("reference", 0, &None));
         for shot in &shown.pictures {
             assert_eq!(shot.png.is_none(), shot.like.is_some(), "{} by {}", shown.scene, shot.engine);
             // Packets are right to a level in every scene; the paper's formulas are not, and that is to be seen.
             assert!(
-                shot.largest <= 1.0 || ["rust", "c", "paper"].contains(&shot.engine),
+                shot.largest <= 1.0 || ["rust", "c", "paper"].contains(&&*shot.engine),
                 "{} by {}",
                 shown.scene,
                 shot.engine

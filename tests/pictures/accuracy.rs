@@ -357,7 +357,7 @@ fn everything_that_can_be_off_the_front_has_its_own_reason_to_stay() {
     for contender in contenders() {
         for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
             let who: Who = Entry { contender, output }.into();
-            let reason = summary::reason(who);
+            let reason = summary::reason(&who);
             assert!(reason.ends_with('.') && reason.len() > 30, "{who:?}: {reason}");
             reasons.entry(who.engine).or_insert(reason);
         }

@@ -39,7 +39,7 @@ pub(super) fn text(document: &AccuracyReport) -> String {
     text += &scenes_table(rows);
     let mut table = Table::new(usize::MAX, ["family", "what it is", "what is varied", "what is correct"]);
     for Family { id, name, parameter, correct, .. } in FAMILIES {
-        if rows.iter().any(|row| row.family == Some(id)) {
+        if rows.iter().any(|row| row.family.as_deref() == Some(id)) {
             table.row([id, name, parameter, correct].map(|cell| (*cell).into()).to_vec());
         }
     }
@@ -59,7 +59,7 @@ const COLUMNS: [(&str, &str); 7] = [
 
 fn scenes_table(rows: &[Accuracy]) -> String {
     let is = |row: &Accuracy, (engine, precision): (&'static str, &'static str)| {
-        row.who == Who { engine, precision, option: None, output: "f32x3" }
+        row.who == Who { engine: engine.into(), precision: precision.into(), option: None, output: "f32x3".into() }
     };
     let columns: Vec<_> = COLUMNS.into_iter().filter(|column| rows.iter().any(|row| is(row, *column))).collect();
     let names = columns.iter().map(|(engine, precision)| match *precision {

@@ -62,14 +62,14 @@ type CellOf = (&'static str, Option<&'static str>, fn(&Accuracy) -> Cell<'_>);
 
 const COLUMNS: [CellOf; 37] = [
     ("scene", None, |row| Cell::Name(&row.scene)),
-    ("family", None, |row| Cell::Word(row.family.unwrap_or(""))),
+    ("family", None, |row| Cell::Word(row.family.as_deref().unwrap_or_default())),
     ("stiffness", None, |row| row.stiffness.map_or(Cell::Word(""), Cell::Count)),
     ("width", None, |row| Cell::Count(row.width as usize)),
     ("height", None, |row| Cell::Count(row.height as usize)),
-    ("engine", Some("engine"), |row| Cell::Word(row.who.engine)),
-    ("precision", Some("precision"), |row| Cell::Word(row.who.precision)),
-    ("option", Some("option"), |row| Cell::Word(row.who.option.unwrap_or(""))),
-    ("output", Some("output"), |row| Cell::Word(row.who.output)),
+    ("engine", Some("engine"), |row| Cell::Word(&row.who.engine)),
+    ("precision", Some("precision"), |row| Cell::Word(&row.who.precision)),
+    ("option", Some("option"), |row| Cell::Word(row.who.option.as_deref().unwrap_or_default())),
+    ("output", Some("output"), |row| Cell::Word(&row.who.output)),
     ("rays", None, |row| Cell::Count(row.errors.rays)),
     ("hits", None, |row| Cell::Count(row.errors.hits)),
     ("in_margin", None, |row| Cell::Count(row.errors.in_margin)),
@@ -119,10 +119,10 @@ pub(super) fn csv(document: &AccuracyReport) -> String {
 /// Who over all scenes.
 pub(super) fn summary_table(summaries: &[Summary]) -> String {
     let columns: [Column<Summary>; 12] = [
-        ("engine", |all| all.who.engine.into()),
-        ("precision", |all| all.who.precision.into()),
-        ("option", |all| all.who.option.unwrap_or("").into()),
-        ("output", |all| all.who.output.into()),
+        ("engine", |all| all.who.engine.to_string()),
+        ("precision", |all| all.who.precision.to_string()),
+        ("option", |all| all.who.option.as_deref().unwrap_or_default().into()),
+        ("output", |all| all.who.output.to_string()),
         ("wrong hits", |all| all.wrong_hits.to_string()),
         ("wrong object", |all| all.wrong_objects.to_string()),
         ("max ulp", |all| number(all.max_ulp)),
@@ -139,7 +139,7 @@ pub(super) fn summary_table(summaries: &[Summary]) -> String {
 pub(super) fn plain_table(pairs: &[AgainstPlain]) -> String {
     let columns: [Column<AgainstPlain>; 6] = [
         ("scene", |pair| pair.scene.clone()),
-        ("instructions", |pair| pair.engine.into()),
+        ("instructions", |pair| pair.engine.to_string()),
         ("plain, ns/ray", |pair| number(Some(pair.plain_ns_per_ray))),
         ("robust, ns/ray", |pair| number(Some(pair.robust_ns_per_ray))),
         ("robust / plain", |pair| format!("{:.3}", pair.ratio.value)),
@@ -154,10 +154,10 @@ pub(super) fn reasons(reasons: &[Reason]) -> String {
     type Entry = (String, Vec<String>);
     let mut of: Vec<(&str, Vec<Entry>)> = Vec::new();
     for Reason { who: Who { engine, precision, option, output }, reason } in reasons {
-        let option = option.map_or(String::new(), |option| format!(" with `{option}`"));
+        let option = option.as_ref().map_or(String::new(), |option| format!(" with `{option}`"));
         let (who, what) = (format!("`{engine}`{option}"), format!("{precision} {output}"));
         let i = of.iter().position(|(other, _)| other == reason).unwrap_or_else(|| {
-            of.push((*reason, Vec::new()));
+            of.push((reason, Vec::new()));
             of.len() - 1
         });
         match of[i].1.iter_mut().find(|(other, _)| *other == who) {

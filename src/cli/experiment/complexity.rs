@@ -82,8 +82,8 @@ fn page(document: &Complexity) -> String {
         ("CPU", machine.cpu()),
         ("megahertz", megahertz),
         ("caches", caches.join(", ")),
-        ("assembler", machine.nasm.unwrap_or("?").into()),
-        ("compiler", machine.rustc.into()),
+        ("assembler", machine.nasm.as_deref().unwrap_or("?").into()),
+        ("compiler", machine.rustc.to_string()),
         ("runs", runs.to_string()),
     ];
     prose("complexity", &figures) + &tables(document)
@@ -157,14 +157,14 @@ fn pixels(document: &Complexity) -> String {
 fn objects(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Objects);
     let Some(first) = lines.first() else { return String::new() };
-    let Growth { engine, width, height, output, .. } = *first[0];
+    let Growth { engine, width, height, output, .. } = first[0];
     let name = |row: &Growth| format!("{}{}", row.scene, if row.keep_all { ", brute force" } else { "" });
     let planned: Vec<_> = lines.iter().filter(|line| !line[0].keep_all).cloned().collect();
     let setup = |row: &Growth| digits(row.setup_cycles.unwrap_or(f64::NAN) / row.pixels());
     let figures = [
-        ("engine", engine.into()),
+        ("engine", engine.to_string()),
         ("size", format!("{width}×{height}")),
-        ("output", output.into()),
+        ("output", output.to_string()),
         ("costs", counts("objects", &lines, name, |row| digits(row.cycles_per_pixel()))),
         ("set-up", counts("objects", &planned, name, setup)),
     ];
@@ -184,11 +184,11 @@ fn objects(document: &Complexity) -> String {
 fn lights(document: &Complexity) -> String {
     let lines = of_axis(document, Axis::Lights);
     let Some(first) = lines.first() else { return String::new() };
-    let Growth { width, height, output, .. } = *first[0];
+    let Growth { width, height, output, .. } = first[0];
     let figures = [
         ("size", format!("{width}×{height}")),
-        ("output", output.into()),
-        ("costs", counts("lights", &lines, |row| row.engine.into(), |row| digits(row.cycles_per_pixel()))),
+        ("output", output.to_string()),
+        ("costs", counts("lights", &lines, |row| row.engine.to_string(), |row| digits(row.cycles_per_pixel()))),
     ];
     let mut text = prose("lights", &figures);
     for slope in document.slopes.iter().filter(|slope| slope.axis == Axis::Lights) {
@@ -205,12 +205,12 @@ fn lights(document: &Complexity) -> String {
 fn csv(document: &Complexity) -> String {
     let columns: [Column<Growth>; 11] = [
         ("axis", |row| row.axis.name().into()),
-        ("scene", |row| row.scene.into()),
+        ("scene", |row| row.scene.to_string()),
         ("count", |row| row.count.to_string()),
         ("width", |row| row.width.to_string()),
         ("height", |row| row.height.to_string()),
-        ("engine", |row| row.engine.into()),
-        ("output", |row| row.output.into()),
+        ("engine", |row| row.engine.to_string()),
+        ("output", |row| row.output.to_string()),
         ("keep_all", |row| row.keep_all.to_string()),
         ("setup_cycles", |row| row.setup_cycles.map_or_else(String::new, |cycles| cycles.to_string())),
         ("cycles_median", |row| row.cycles_median.to_string()),

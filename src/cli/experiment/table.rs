@@ -104,7 +104,7 @@ pub fn paper_table(document: &Experiment) -> Table {
 }
 
 fn contestant(row: &Timing) -> String {
-    if row.is(row.engine) { row.engine.into() } else { format!("{} {}", row.engine, row.output) }
+    if row.is(&row.engine) { row.engine.to_string() } else { format!("{} {}", row.engine, row.output) }
 }
 
 /// Cycles per pixel of every engine, and how many times as fast as `c` that is.
@@ -204,7 +204,7 @@ fn explanation(document: &Experiment) -> String {
 fn jumps_table(jumps: &Jumps) -> String {
     let columns: [Column<jumps::PictureTime>; 9] = [
         ("w×h", |row| format!("{}×{}", row.width, row.height)),
-        ("engine", |row| row.engine.into()),
+        ("engine", |row| row.engine.to_string()),
         ("framebuffer", |row| if row.touched { "touched" } else { "untouched" }.into()),
         ("cycles/pixel", |row| format!("{:.2}", row.cycles_per_pixel)),
         ("core clock/TSC", |row| format!("{:.3}", row.clock_per_tick)),
@@ -347,9 +347,9 @@ pub(super) fn csv(document: &Experiment) -> String {
         ("width", |row| row.width.to_string()),
         ("height", |row| row.height.to_string()),
         ("pixels", |row| row.pixels.to_string()),
-        ("engine", |row| row.engine.into()),
-        ("precision", |row| row.precision.into()),
-        ("output", |row| row.output.into()),
+        ("engine", |row| row.engine.to_string()),
+        ("precision", |row| row.precision.to_string()),
+        ("output", |row| row.output.to_string()),
         ("threads", |row| row.threads.to_string()),
         ("cycles_mean", |row| format!("{:.2}", row.cycles_mean)),
         ("cycles_median", |row| format!("{:.2}", row.cycles_median)),
@@ -386,18 +386,18 @@ mod tests {
             cpu: Some("a CPU".into()),
             cores: 4,
             caches: vec![Cache { level: 1, bytes: 32 << 10 }],
-            os: "an operating system",
+            os: "an operating system".into(),
             tsc_hz: Some(2e9),
             tsc_invariant: true,
-            version: "1.2.3",
-            microarchitecture: Some("a core"),
+            version: "1.2.3".into(),
+            microarchitecture: Some("a core".into()),
             family: Some(7),
             model: Some(8),
-            commit: Some("0123456789ab"),
-            nasm: Some("an assembler"),
-            cc: Some("a compiler"),
-            cflags: Some("-O3"),
-            rustc: "another compiler",
+            commit: Some("0123456789ab".into()),
+            nasm: Some("an assembler".into()),
+            cc: Some("a compiler".into()),
+            cflags: Some("-O3".into()),
+            rustc: "another compiler".into(),
             ..Machine::default()
         };
         let conditions = Conditions {
@@ -424,16 +424,16 @@ mod tests {
         document.ladder =
             vec![rung("low", None, 80.0, 1.0), Rung { aside: true, ..rung("high", Some("low"), 20.0, 4.0) }];
         document.against_compiler =
-            vec![AgainstCompiler { engine: "high", compiled: "low", ratio: 4.0, low: 3.6, high: 4.4 }];
-        let share = |cause, factor, share| Share { cause, factor, share };
+            vec![AgainstCompiler { engine: "high".into(), compiled: "low".into(), ratio: 4.0, low: 3.6, high: 4.4 }];
+        let share = |cause: &'static str, factor, share| Share { cause: cause.into(), factor, share };
         document.explanations = vec![Explanation {
-            from: "low",
-            to: "high",
+            from: "low".into(),
+            to: "high".into(),
             factor: 4.0,
             shares: vec![share("one thing", 4.0, 1.0), share("nothing", 1.0, -0.0)],
         }];
         document.verdicts =
-            vec![Claim { claim: "All is well", verdict: Verdict::NotTestable, figure: "no figure".into() }];
+            vec![Claim { claim: "All is well".into(), verdict: Verdict::NotTestable, figure: "no figure".into() }];
         document
     }
 

@@ -124,7 +124,7 @@ fn executed(report: &Report) -> String {
         let mut table = Table::new(1, ["engine", "pixels", "instructions", "per pixel and ray"]);
         for FrameRow { engine, width, height, instructions, per_pixel, .. } in &report.frames {
             let size = format!("{width}×{height}");
-            table.row(vec![(*engine).into(), size, instructions.to_string(), format!("{per_pixel:.1}")]);
+            table.row(vec![engine.to_string(), size, instructions.to_string(), format!("{per_pixel:.1}")]);
         }
         text += &(table.compact() + "\n");
     }
@@ -135,12 +135,16 @@ fn cost(report: &Report) -> String {
     let names = there(report, BUILT);
     let bodies: Vec<_> = names
         .iter()
-        .filter(|name| report.rows.iter().any(|row| row.implementation == **name && row.cost_of == Some("body")))
+        .filter(|name| {
+            report.rows.iter().any(|row| row.implementation == **name && row.cost_of.as_deref() == Some("body"))
+        })
         .collect();
     let heads = bodies.iter().map(|name| format!("body of {name}"));
     let costs = by_operation(heads.chain(names.iter().map(|name| format!("call of {name}"))), |op| {
         let body = bodies.iter().map(|name| {
-            find(report, op, name).filter(|row| row.cost_of == Some("body")).map(|row| (row.latency, row.throughput))
+            find(report, op, name)
+                .filter(|row| row.cost_of.as_deref() == Some("body"))
+                .map(|row| (row.latency, row.throughput))
         });
         let call = names.iter().map(|name| find(report, op, name).map(|row| (row.call_latency, row.call_throughput)));
         let cell = |of: Option<(Option<f64>, Option<f64>)>| {
@@ -157,7 +161,7 @@ fn lessons(report: &Report) -> String {
     filled(part(EXPLANATION, "what it teaches"), |what| {
         let [kind, op, name] = what.split(' ').collect::<Vec<_>>()[..] else { unreachable!("no figure `{what}`") };
         let row = find(report, op, name);
-        let of_body = row.filter(|row| row.cost_of == Some("body"));
+        let of_body = row.filter(|row| row.cost_of.as_deref() == Some("body"));
         match kind {
             "function" => number(row.and_then(|row| row.function)),
             "body" => number(row.and_then(|row| row.body)),

@@ -41,7 +41,7 @@ pub fn pair(latency: Option<f64>, throughput: Option<f64>, between: &str) -> Opt
 /// The same of a row, where it was measured.
 fn measured(row: &Counts, latency: Option<f64>, throughput: Option<f64>) -> Option<String> {
     let known = |cycles: Option<f64>| cycles.map_or("n/a".into(), short);
-    row.cost_of.map(|_| format!("{}/{}", known(latency), known(throughput)))
+    row.cost_of.as_ref().map(|_| format!("{}/{}", known(latency), known(throughput)))
 }
 
 /// The whole text, in lines of some `columns` characters; `detail`: some operations alone, with kinds of instructions and
@@ -60,14 +60,14 @@ pub fn text(report: &Report, detail: bool, executed: bool, columns: usize) -> St
         lines.push(("per vector", |row| row.per_vector.map(|n| format!("{n:.2}").trim_end_matches(".00").into())));
     }
     if executed {
-        lines.push(("executed", |row| match (row.executed, row.function, row.implementation) {
+        lines.push(("executed", |row| match (row.executed, row.function, &*row.implementation) {
             (Some(n), ..) => Some(n.to_string()),
             (None, Some(_), name) if !name.starts_with("printed") => Some("n/a".into()),
             _ => None,
         }));
     }
     lines.push(("body cycles", |row| {
-        measured(row, row.latency, row.throughput).filter(|_| row.cost_of == Some("body"))
+        measured(row, row.latency, row.throughput).filter(|_| row.cost_of.as_deref() == Some("body"))
     }));
     if report.rows.iter().any(|row| row.model.is_some()) {
         lines.push(("llvm-mca", |row| row.model.as_ref().and_then(|m| pair(Some(m.cycles), Some(m.throughput), "/"))));
@@ -222,15 +222,15 @@ fn critical_paths(text: &mut String, report: &Report, columns: usize) {
         return;
     }
     writeln!(text, "\nCritical paths").unwrap();
-    for alike in chains.chunk_by(|(a, a_path), (b, b_path)| (a.op, a_path) == (b.op, b_path)) {
-        let names: Vec<_> = alike.iter().map(|(row, _)| row.implementation).collect();
+    for alike in chains.chunk_by(|(a, a_path), (b, b_path)| (&a.op, a_path) == (&b.op, b_path)) {
+        let names: Vec<_> = alike.iter().map(|(row, _)| &*row.implementation).collect();
         let (row, path) = alike[0];
         let names = format!("  {:<10}{:<14}", row.op, names.join(", "));
         let fits = names.len() + 2 + path.len() <= columns;
         let (names, gap) = if fits { (&*names, "  ") } else { (names.trim_end(), "\n            ") };
         writeln!(text, "{names}{gap}{path}").unwrap();
     }
-    let mut ops: Vec<_> = single.iter().map(|(row, _)| row.op).collect();
+    let mut ops: Vec<_> = single.iter().map(|(row, _)| &*row.op).collect();
     ops.dedup();
     if !ops.is_empty() {
         writeln!(text, "  of one operation: {}", ops.join(", ")).unwrap();
@@ -259,7 +259,7 @@ fn frames(text: &mut String, report: &Report) {
 
 /// Whose models were asked, and for what.
 pub fn models(report: &Report) -> Vec<String> {
-    let mut cpus: Vec<&str> = report.rows.iter().filter_map(|row| Some(row.model.as_ref()?.cpu)).collect();
+    let mut cpus: Vec<&str> = report.rows.iter().filter_map(|row| Some(&*row.model.as_ref()?.cpu)).collect();
     cpus.sort_unstable();
     cpus.dedup();
     let of = |cpu: &str| {
@@ -302,14 +302,14 @@ fn notes(text: &mut String, report: &Report, executed: bool, empty: &[&str]) {
         note(&format!("n/a       executed instructions cannot be counted here: {reason}"));
     }
     let mut reasons: Vec<_> =
-        report.rows.iter().filter_map(|row| Some((row.implementation, row.unavailable.as_ref()?))).collect();
+        report.rows.iter().filter_map(|row| Some((&row.implementation, row.unavailable.as_ref()?))).collect();
     reasons.sort_unstable();
     reasons.dedup();
     for (implementation, reason) in reasons {
         note(&format!("n/a       {implementation}: {reason}"));
     }
     let unknown: Vec<_> = report.rows.iter().filter(|row| row.no_cycles.is_some()).collect();
-    if let Some(reason) = unknown.first().and_then(|row| row.no_cycles) {
+    if let Some(reason) = unknown.first().and_then(|row| row.no_cycles.as_ref()) {
         let rows: Vec<_> = unknown.iter().map(|row| format!("{} {}", row.op, row.implementation)).collect();
         note(&format!("n/a       {reason}: {}", rows.join(", ")));
     }

@@ -235,8 +235,8 @@ fn plan(name: &str, quick: bool, clock: &mut TscClock) -> Result<Planned, Failur
     let worth: Vec<_> = measured.worth.iter().map(|timed| timed.ratio()).collect();
     Ok(Planned {
         scene: name.into(),
-        engine: engine.name(),
-        output: format.name(),
+        engine: engine.name().into(),
+        output: format.name().into(),
         width: scene.camera.width(),
         height: scene.camera.height(),
         kept: report.kept,

@@ -20,7 +20,7 @@ pub fn text(document: &StabilityReport) -> String {
     }
     text += "![Every engine on every family](stability.svg)\n\n";
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
-        let Some(family) = family(rows[0].family) else { continue };
+        let Some(family) = family(&rows[0].family) else { continue };
         text += &format!("### {}: {}\n\n", family.id, family.name);
         let mut table = Table::new(usize::MAX, ["engine"].into_iter().chain(COLUMNS.map(|(head, _)| head)));
         for row in rows {

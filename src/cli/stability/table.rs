@@ -30,7 +30,7 @@ fn line(engine: &str, cells: [String; COLUMNS.len()]) -> String {
 pub fn text(document: &StabilityReport) -> String {
     let mut text = String::new();
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
-        let Some(family) = family(rows[0].family) else { continue };
+        let Some(family) = family(&rows[0].family) else { continue };
         let (first, last) = (family.levels[0], family.levels[family.levels.len() - 1]);
         text += &format!("{} {}: {}, {first} to {last}\n", family.id, family.name, family.parameter);
         text += &format!("  correct: {}\n", family.correct);
@@ -56,8 +56,8 @@ pub(super) fn costs(costs: &[Cost]) -> String {
     let mut kinds: Vec<&str> = Vec::new();
     let mut rows: Vec<(String, Vec<&Cost>)> = Vec::new();
     for cost in costs {
-        if !kinds.contains(&cost.stiff) {
-            kinds.push(cost.stiff);
+        if !kinds.contains(&&*cost.stiff) {
+            kinds.push(&cost.stiff);
         }
         let who = format!("`{}` {} {}", cost.engine, cost.precision, cost.output);
         match rows.iter_mut().find(|(other, _)| *other == who) {
@@ -79,8 +79,8 @@ pub(super) fn costs(costs: &[Cost]) -> String {
 /// The operations by themselves.
 pub(super) fn operations(rows: &[OperationRow]) -> String {
     let columns: [Column<OperationRow>; 11] = [
-        ("family", |row| row.family.into()),
-        ("operation", |row| row.operation.into()),
+        ("family", |row| row.family.to_string()),
+        ("operation", |row| row.operation.to_string()),
         ("engine", |row| format!("`{}` {}", row.engine, row.precision)),
         ("range", |row| format!("{} to {}", row.from, row.to)),
         ("rays", |row| row.rays.to_string()),

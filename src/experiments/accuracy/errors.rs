@@ -29,7 +29,6 @@ pub struct Expected {
 /// What is true of a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// The object.
     pub object: Object,
     /// Where: the point t r_d.
     pub t: Split,

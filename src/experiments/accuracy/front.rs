@@ -5,7 +5,6 @@
 pub struct Point {
     /// The error, whose tenth digit nobody sees: it is compared in whole decibels, steps of a quarter.
     pub error: f64,
-    /// The time.
     pub time: f64,
 }
 

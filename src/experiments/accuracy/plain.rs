@@ -8,7 +8,7 @@ use super::{Contender, contenders};
 use crate::experiments::PictureError;
 use crate::experiments::ladder::TURNED;
 use crate::kernels::{Vec4, ladder};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::Packed;
@@ -18,13 +18,10 @@ use crate::scene::{Rng, Scene};
 /// The same picture by the packets of an instruction set and by the plain formulas for the same instructions.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstPlain {
-    /// The scene.
     pub scene: String,
     /// The packet engine, in single precision; it writes floats.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
     /// How the plain formulas were compiled.
-    #[serde(deserialize_with = "names::read")]
     pub flags: Name,
     /// Nanoseconds of a ray by the engine, the median run.
     pub robust_ns_per_ray: f64,
@@ -82,8 +79,8 @@ pub fn against_plain(
         let mut rng = Rng::new(SEED);
         AgainstPlain {
             scene: name.to_owned(),
-            engine,
-            flags: rung.flags,
+            engine: (*engine).into(),
+            flags: rung.flags.into(),
             robust_ns_per_ray: ns(&runs[0].ticks),
             plain_ns_per_ray: ns(&runs[1].ticks),
             ratio: median_with_interval(ratios.chunks(1), &mut || rng.next_u64()),

@@ -30,7 +30,7 @@ pub fn panels(rows: &[Accuracy]) -> Vec<Panel<'_>> {
     let mut panels: Vec<Panel<'_>> = Vec::new();
     // The same errors later are no news: what leaves nothing out has no place here.
     for row in rows.iter().filter(|row| row.who.output == "f32x3" && row.who.option.is_none()) {
-        let title = match row.family {
+        let title = match &row.family {
             Some(id) => {
                 let name = crate::scene::families::family(id).map_or("", |family| family.name);
                 format!("{id}: {name}")
@@ -81,8 +81,8 @@ fn times<'a>(rows: impl Iterator<Item = &'a Accuracy>) -> std::ops::Range<f64> {
 fn entries<'a>(rows: impl Iterator<Item = &'a Accuracy>) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     for row in rows {
-        if !entries.iter().any(|(_, _, name)| name == row.who.engine) {
-            entries.push((Mark::Line, colour_of(row.who.engine), row.who.engine.to_owned()));
+        if !entries.iter().any(|(_, _, name)| *name == row.who.engine) {
+            entries.push((Mark::Line, colour_of(&row.who.engine), row.who.engine.to_string()));
         }
     }
     let precisions = [(Mark::Dot, "single"), (Mark::Triangle, "fast"), (Mark::Square, "double")];
@@ -115,17 +115,17 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
 
     let mut drawn: Vec<(&str, &str)> = Vec::new();
     for row in rows {
-        let key = (row.who.engine, row.who.precision);
+        let key = (&*row.who.engine, &*row.who.precision);
         if drawn.contains(&key) {
             continue;
         }
         drawn.push(key);
-        let of: Vec<_> = rows.iter().filter(|other| (other.who.engine, other.who.precision) == key).collect();
-        let colour = colour_of(row.who.engine);
+        let of: Vec<_> = rows.iter().filter(|other| (&*other.who.engine, &*other.who.precision) == key).collect();
+        let colour = colour_of(&row.who.engine);
         chart.draw_series(LineSeries::new(of.iter().map(|row| point(row)), colour.mix(0.6).stroke_width(1)))?;
         // A mark by its precision, larger the stiffer.
         let marks = of.iter().map(|row| (point(row), 3 + row.stiffness.unwrap_or(1) as i32));
-        match row.who.precision {
+        match &*row.who.precision {
             "single" => chart.draw_series(marks.map(|(at, size)| Circle::new(at, size, colour.filled()))).map(drop),
             "fast" => {
                 chart.draw_series(marks.map(|(at, size)| TriangleMarker::new(at, size + 1, colour.filled()))).map(drop)

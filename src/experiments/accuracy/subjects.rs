@@ -53,7 +53,6 @@ const SIZES: [Size; 2] =
 pub struct Subject {
     /// Its name in the tables.
     pub name: String,
-    /// The family it is of.
     pub family: Option<OfFamily>,
     /// The scene, its camera no larger than there is time for.
     pub scene: Scene,
@@ -62,7 +61,6 @@ pub struct Subject {
 /// Where in a family.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OfFamily {
-    /// The family's id.
     pub id: &'static str,
     /// How stiff: 0 ordinary, 1 between, 2 the end of the range that is further from the ordinary.
     pub stiffness: usize,

@@ -3,14 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Accuracy, Who};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 
 /// An engine, precision and output over all scenes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// Who.
     pub who: Who,
-    /// Scenes.
     pub scenes: usize,
     /// Wrong hits outside of the margin, in all scenes.
     pub wrong_hits: usize,
@@ -33,11 +31,9 @@ pub struct Summary {
 /// Who is on no front, and why it stays.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Reason {
-    /// Who.
     #[serde(flatten)]
     pub who: Who,
     /// One sentence.
-    #[serde(deserialize_with = "names::read")]
     pub reason: Name,
 }
 
@@ -55,7 +51,7 @@ pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Accuracy>) -> Vec<Summar
         let largest = |of: fn(&Accuracy) -> Option<f64>| group.iter().filter_map(|row| of(row)).reduce(f64::max);
         let logarithms: f64 = group.iter().map(|row| row.ns_per_ray.ln()).sum();
         Summary {
-            who: group[0].who,
+            who: group[0].who.clone(),
             scenes: group.len(),
             wrong_hits: sum(|row| row.errors.wrong_hits),
             wrong_objects: sum(|row| row.errors.wrong_objects),
@@ -73,12 +69,12 @@ pub fn summaries<'a>(rows: impl IntoIterator<Item = &'a Accuracy>) -> Vec<Summar
 /// Everything that is on no front, with the sentence why it stays.
 pub fn off_every_front(rows: &[Accuracy]) -> Vec<Reason> {
     let off = summaries(rows).into_iter().filter(|summary| summary.fronts == 0);
-    off.map(|Summary { who, .. }| Reason { who, reason: reason(who) }).collect()
+    off.map(|Summary { who, .. }| Reason { reason: reason(&who).into(), who }).collect()
 }
 
 /// Why an engine and precision is there, though another may be as good and faster.
-pub fn reason(who: Who) -> &'static str {
-    match (who.engine, who.precision, who.output) {
+pub fn reason(who: &Who) -> &'static str {
+    match (&*who.engine, &*who.precision, &*who.output) {
         _ if who.option.is_some() => {
             "It does all that the plan leaves out: the same bytes in more time, which is what leaving out is worth."
         }

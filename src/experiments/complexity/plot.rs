@@ -25,8 +25,8 @@ pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
             let mut of_axis: Vec<_> = lines(rows).into_iter().filter(|line| line[0].axis == axis).collect();
             if axis == Axis::Pixels {
                 // Each engine in each kind of pixel would be too many lines: the fastest, which is the last.
-                let fastest = rows.iter().rfind(|row| row.axis == axis && row.engine != ZEROS).map(|row| row.engine);
-                of_axis.retain(|line| line[0].engine == ZEROS || Some(line[0].engine) == fastest);
+                let fastest = rows.iter().rfind(|row| row.axis == axis && row.engine != ZEROS).map(|row| &row.engine);
+                of_axis.retain(|line| line[0].engine == ZEROS || Some(&line[0].engine) == fastest);
             }
             if !of_axis.is_empty() {
                 panel(cell, axis.name(), &of_axis)?;
@@ -39,16 +39,16 @@ pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
 fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), PlotError> {
     let point = |row: &&Growth| (row.count as f64, row.cycles_per_pixel());
     let entry = |(place, line): (usize, &Vec<&Growth>)| -> Entry {
-        let Growth { scene, engine, output, keep_all, axis, .. } = *line[0];
+        let Growth { scene, engine, output, keep_all, axis, .. } = line[0];
         // What only fills the film has the colour of those who trace the same kind of pixels.
-        let of_output = |output| PixelFormat::ALL.iter().position(|format| format.name() == output);
-        let place = if axis == Axis::Pixels { of_output(output).unwrap_or(place) } else { place };
+        let of_output = |output: &str| PixelFormat::ALL.iter().position(|format| format.name() == output);
+        let place = if *axis == Axis::Pixels { of_output(output).unwrap_or(place) } else { place };
         match axis {
-            Axis::Lights => (Mark::Dot, colour_of(engine), engine.to_owned()),
-            _ if engine == ZEROS => (Mark::Line, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
+            Axis::Lights => (Mark::Dot, colour_of(engine), engine.to_string()),
+            _ if *engine == ZEROS => (Mark::Line, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
             Axis::Pixels => (Mark::Dot, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
-            Axis::Objects if keep_all => (Mark::Dot, GREY, format!("{scene}, by brute force")),
-            Axis::Objects => (Mark::Dot, COLOURS[place % COLOURS.len()], scene.to_owned()),
+            Axis::Objects if *keep_all => (Mark::Dot, GREY, format!("{scene}, by brute force")),
+            Axis::Objects => (Mark::Dot, COLOURS[place % COLOURS.len()], scene.to_string()),
         }
     };
     let entries: Vec<Entry> = lines.iter().enumerate().map(entry).collect();

@@ -5,8 +5,8 @@ use std::process::{Command, Stdio};
 
 use serde::{Deserialize, Serialize};
 
+use crate::measure::Name;
 use crate::measure::instructions::{Class, Instruction};
-use crate::measure::names::{self, Name};
 
 /// Passes through the body that the model simulates.
 const ITERATIONS: u32 = 100;
@@ -15,7 +15,6 @@ const ITERATIONS: u32 = 100;
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Model {
     /// The CPU that is modelled, as llvm-mca calls it: `native` is this machine's, as far as that version knows it.
-    #[serde(deserialize_with = "names::read")]
     pub cpu: Name,
     /// Cycles of a pass when each follows the one before, as the registers have it.
     pub cycles: f64,
@@ -67,5 +66,5 @@ fn ask(cpu: &'static str, source: &str) -> Option<Model> {
         rest.trim().parse::<f64>().ok()
     };
     let cycles = value("Total Cycles:")? / f64::from(ITERATIONS);
-    Some(Model { cpu, cycles, throughput: value("Block RThroughput:")? })
+    Some(Model { cpu: cpu.into(), cycles, throughput: value("Block RThroughput:")? })
 }

@@ -38,7 +38,7 @@ pub fn figure(report: &Report, screen: Screen) -> Result<String, PlotError> {
         let count = row.per_vector.or(row.function.map(|count| count as f64));
         if let (Some((_, mark)), Some(cycles), Some(count)) = (shown, cycles, count) {
             let vectors = row.vectors.unwrap_or(1) as f64;
-            marks.push((row.op, row.implementation, *mark, (count, cycles / vectors)));
+            marks.push((&*row.op, &*row.implementation, *mark, (count, cycles / vectors)));
         }
     }
     let of = |name: &str| marks.iter().any(|(_, implementation, ..)| *implementation == name);

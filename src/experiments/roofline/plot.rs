@@ -15,15 +15,15 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
     };
     let mut entries = Vec::new();
     for point in points {
-        if !entries.iter().any(|(_, _, name)| name == point.engine) {
-            entries.push((Mark::Dot, colour_of(point.engine), point.engine.to_owned()));
+        if !entries.iter().any(|(_, _, name)| *name == point.engine) {
+            entries.push((Mark::Dot, colour_of(&point.engine), point.engine.to_string()));
         }
     }
     let shape = |scene: &str| if scene == "sphere" { Mark::Dot } else { Mark::Triangle };
     for point in points {
         let label = format!("{} (shape)", point.scene);
         if !entries.iter().any(|(_, _, name)| *name == label) {
-            entries.push((shape(point.scene), GREY, label));
+            entries.push((shape(&point.scene), GREY, label));
         }
     }
     let highest = peaks.iter().map(|peak| peak.flops_per_cycle).fold(1.0, f64::max);
@@ -40,7 +40,7 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
         for peak in peaks {
             let level = peak.flops_per_cycle;
             let line = [(x.start, level), (x.end, level)];
-            chart.draw_series(LineSeries::new(line, colour_of(peak.isa).stroke_width(1)))?;
+            chart.draw_series(LineSeries::new(line, colour_of(&peak.isa).stroke_width(1)))?;
             // What takes the same shares a line.
             match names.iter_mut().find(|(_, (_, other))| (other / (1.25 * level)).ln().abs() < 0.05) {
                 Some((name, _)) => *name = format!("{}, {name}", peak.isa),
@@ -63,8 +63,8 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
             chart.draw_series([EmptyElement::at(at) + Text::new(name.clone(), offset, (FONT, Names::SIZE))])?;
         }
         for point in points {
-            let colour = colour_of(point.engine);
-            match shape(point.scene) {
+            let colour = colour_of(&point.engine);
+            match shape(&point.scene) {
                 Mark::Dot => chart.draw_series([Circle::new(at(point), 6, colour.filled())]).map(drop),
                 _ => chart.draw_series([TriangleMarker::new(at(point), 7, colour.filled())]).map(drop),
             }?;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiments::accuracy::{Contender, subjects};
 use crate::experiments::{PictureError, in_size};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{WallClock, Work, interleave};
 use crate::render::{Film, PixelFormat};
@@ -26,16 +26,9 @@ const SEED: u64 = 0x0070_1a17;
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Cost {
     /// What is stiff about the scene.
-    #[serde(deserialize_with = "names::read")]
     pub stiff: Name,
-    /// Who.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
-    /// What a pixel is written as.
-    #[serde(deserialize_with = "names::read")]
     pub output: Name,
     /// Nanoseconds of a ray of the ordinary picture, the median run.
     pub ordinary_ns_per_ray: f64,
@@ -113,10 +106,10 @@ pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> R
                 let ratios = pairwise_ratios(&stiff_runs.ticks, &usual.ticks);
                 let mut rng = Rng::new(SEED);
                 costs.push(Cost {
-                    stiff,
-                    engine: contender.engine.name(),
-                    precision: contender.precision.name(),
-                    output: output.name(),
+                    stiff: (*stiff).into(),
+                    engine: contender.engine.name().into(),
+                    precision: contender.precision.name().into(),
+                    output: output.name().into(),
                     ordinary_ns_per_ray: ns(&usual.ticks),
                     stiff_ns_per_ray: ns(&stiff_runs.ticks),
                     ratio: median_with_interval(ratios.chunks(1), &mut || rng.next_u64()),

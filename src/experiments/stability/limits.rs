@@ -204,9 +204,9 @@ mod tests {
         // Three cases, of which one has them all.
         worst_by[WRONG] = Worst { of_case: 3.0 * wrong_share, ..of_case(wrong_share, 5) };
         Stability {
-            family: "S1",
-            engine: "avx2",
-            precision: "single",
+            family: "S1".into(),
+            engine: "avx2".into(),
+            precision: "single".into(),
             worst: Some(worst),
             bound: Some(0.5),
             worst_case: 7,
@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(broken[0].why, "the error of t in ulp is 8.5, above 8");
         assert_eq!(broken[1].why, "the share of wrong hits is 0.25 (0.75 of case 5 alone), above 0");
         assert_eq!(limits().broken(&row(f64::NAN, 0.0)).len(), 1, "what is no number keeps no limit");
-        assert_eq!(limits().broken(&Stability { engine: "sse41", ..row(1.0, 0.0) }).len(), 1);
+        assert_eq!(limits().broken(&Stability { engine: "sse41".into(), ..row(1.0, 0.0) }).len(), 1);
         let replay = row(8.5, 0.25).replay(5, 3, true);
         assert_eq!(replay, "rayo stability --family S1 --engine avx2 --seed 3 --case 5 --quick");
     }
@@ -273,7 +273,12 @@ mod tests {
             let packets = packets.flat_map(|engine| ["single", "fast", "double"].map(|precision| (engine, precision)));
             let scalar = [("reference", "double"), ("rust", "single"), ("c", "single"), ("paper", "single")];
             for (engine, precision) in packets.chain(scalar) {
-                let row = Stability { family: family.id, engine, precision, ..row(0.0, 0.0) };
+                let row = Stability {
+                    family: family.id.into(),
+                    engine: engine.into(),
+                    precision: precision.into(),
+                    ..row(0.0, 0.0)
+                };
                 let limit = limits.of(&row).unwrap_or_else(|| panic!("{} {engine} {precision}", family.id));
                 let [_, bound, angle, wrong, holes, off_by_1, off_by_2] = limit.most;
                 if ["rust", "c", "paper"].contains(&engine) {

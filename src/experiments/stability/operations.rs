@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::side;
 use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
 use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
-use crate::measure::names::{self, Name};
+use crate::measure::Name;
 use crate::measure::statistics::median;
 use crate::plan::{InUnits, on_all_cores, sphere_hit, triangle_hit};
 use crate::reference::exact::{self, Meeting, Ray, Split};
@@ -19,21 +19,12 @@ use crate::scene::{self, Camera, Object, Rng, Scene};
 /// One operation of one instruction set over a family. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct OperationRow {
-    /// The family's id.
-    #[serde(deserialize_with = "names::read")]
     pub family: Name,
     /// `sphere` or `triangle`.
-    #[serde(deserialize_with = "names::read")]
     pub operation: Name,
-    /// The instruction set.
-    #[serde(deserialize_with = "names::read")]
     pub engine: Name,
-    /// In what numbers.
-    #[serde(deserialize_with = "names::read")]
     pub precision: Name,
-    /// The first value of the parameter.
     pub from: String,
-    /// The last.
     pub to: String,
     /// Rays of a value at least, each against one object.
     pub rays: usize,
@@ -278,7 +269,13 @@ fn is_double<E: PacketElement>() -> bool {
 /// A row of which nothing is known yet.
 fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
     let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
-    OperationRow { family, operation, engine: isa.name(), precision, ..OperationRow::default() }
+    OperationRow {
+        family: family.into(),
+        operation: operation.into(),
+        engine: isa.name().into(),
+        precision: precision.into(),
+        ..OperationRow::default()
+    }
 }
 
 fn usable() -> impl Iterator<Item = Isa> {

@@ -72,7 +72,7 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
             names.push(cell.contender());
         }
         if parts.last().is_none_or(|part| part.family != cell.family) {
-            parts.push(Part { family: cell.family, values: Vec::new() });
+            parts.push(Part { family: &cell.family, values: Vec::new() });
         }
         let values = &mut parts.last_mut().expect("it was made").values;
         values.resize(values.len().max(cell.level + 1), "");

@@ -26,9 +26,7 @@ pub struct Line {
     pub comment: &'static str,
     /// Where it stands.
     pub file: &'static str,
-    /// The number of the line there.
     pub line: usize,
-    /// The kernel.
     pub kernel: String,
     /// The macros that it came from, the outermost first.
     pub macros: Vec<MacroCall>,
@@ -53,7 +51,6 @@ pub struct Line {
 /// A call of a macro.
 #[derive(Clone, Debug, Serialize)]
 pub struct MacroCall {
-    /// Its name.
     pub name: &'static str,
     /// Each parameter, as in `t = xmm3`.
     pub parameters: Vec<String>,
@@ -85,9 +82,7 @@ pub struct Change {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Value {
-    /// A float.
     Single(f32),
-    /// A double.
     Double(f64),
     /// A whole number, or an address.
     Bits(u64),

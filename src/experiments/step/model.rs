@@ -36,11 +36,9 @@ pub enum Place {
     Vector(u8),
     /// k0 to k7.
     Mask(u8),
-    /// The flags.
     Flags,
     /// The address of the next instruction.
     Next,
-    /// All memory.
     Memory,
 }
 
@@ -99,13 +97,9 @@ pub enum What {
 /// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Float {
-    /// a + b.
     Add,
-    /// a - b.
     Sub,
-    /// a b.
     Mul,
-    /// a / b.
     Div,
     /// The root of a.
     Sqrt,

@@ -52,11 +52,9 @@ pub struct StepError {
 /// A number that was written, in units of the last place of its format: those of the larger of it and its exact value.
 #[derive(Clone, Debug)]
 pub struct ElementError {
-    /// Where.
     pub at: Element,
     /// f32 or f64.
     pub format: Number,
-    /// The number.
     pub found: f64,
     /// What it would be without rounding; None where it is not finite. Then there are no errors, which are 0.
     pub exact: Option<Exact>,

@@ -11,7 +11,6 @@ use crate::measure::source::{Call, Macro, Parameter, Unit};
 /// A part of the tree.
 #[derive(Clone, Debug)]
 pub enum Node {
-    /// A call of a kernel.
     Kernel {
         /// Its symbol.
         symbol: String,
@@ -20,9 +19,7 @@ pub enum Node {
         /// What it executed.
         children: Vec<Node>,
     },
-    /// A call of a macro.
     Macro {
-        /// Its name.
         name: &'static str,
         /// What it does, in its own words.
         says: &'static str,
@@ -62,7 +59,6 @@ pub enum Node {
 /// What a parameter was.
 #[derive(Clone, Debug)]
 pub struct Argument {
-    /// Its name.
     pub name: &'static str,
     /// What it is for: `in`, `out`, `in/out`, `clobbered`.
     pub kind: &'static str,

@@ -68,7 +68,7 @@ fn claims(all: &[Results], names: &[String]) -> Table {
             Some(verdicts.iter().find(|other| other.claim == claim.claim)?.verdict.to_string())
         };
         let cells = all.iter().map(|results| verdict(results).unwrap_or_else(|| "not measured".into()));
-        table.row([claim.claim.to_owned()].into_iter().chain(cells).collect());
+        table.row([claim.claim.to_string()].into_iter().chain(cells).collect());
     }
     table
 }

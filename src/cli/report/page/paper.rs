@@ -91,11 +91,13 @@ pub fn ladder(results: &Results) -> Result<Section, PlotError> {
 pub fn shares(explanations: &[Explanation]) -> Table {
     let mut table = Table::new(3, ["from", "to", "cause", "factor", "share"]);
     for Explanation { from, to, factor, shares } in explanations {
-        for share in shares {
-            let percent = format!("{:.0} %", (100.0 * share.share).round() + 0.0);
-            table.row([*from, *to, share.cause, &format!("{:.2}", share.factor), &percent].map(String::from).to_vec());
-        }
-        table.row([*from, *to, "all of it", &format!("{factor:.2}"), "100 %"].map(String::from).to_vec());
+        let mut row = |cause: &str, factor: f64, percent: f64| {
+            // Not -0.
+            let (factor, percent) = (format!("{factor:.2}"), format!("{:.0} %", percent.round() + 0.0));
+            table.row(vec![from.to_string(), to.to_string(), cause.into(), factor, percent]);
+        };
+        shares.iter().for_each(|share| row(&share.cause, share.factor, 100.0 * share.share));
+        row("all of it", *factor, 100.0);
     }
     table
 }
@@ -146,8 +148,8 @@ fn counts(report: &ops::Report) -> Table {
 /// Of the paper's macros and of the widest packets.
 fn listings(report: &ops::Report, op: &str) -> Markup {
     let of_op = || report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty());
-    let widest = of_op().rfind(|row| ["sse41", "avx2", "avx512"].contains(&row.implementation));
-    let rows = of_op().filter(|row| ["c-O3", "paper"].contains(&row.implementation)).chain(widest);
+    let widest = of_op().rfind(|row| ["sse41", "avx2", "avx512"].contains(&&*row.implementation));
+    let rows = of_op().filter(|row| ["c-O3", "paper"].contains(&&*row.implementation)).chain(widest);
     html! {
         h4 { (op) }
         div.listings {

@@ -52,8 +52,9 @@ struct Side<'a> {
 /// Each different picture once, then what each has that the reference's has not.
 fn sides(shown: &Shown) -> Vec<Side<'_>> {
     let names = |of: &Shot| {
-        let like = shown.pictures.iter().filter(|other| other.like == Some(of.engine)).map(|other| other.engine);
-        [of.engine].into_iter().chain(like).collect::<Vec<_>>().join(", ")
+        let like =
+            shown.pictures.iter().filter(|other| other.like.as_ref() == Some(&of.engine)).map(|other| &*other.engine);
+        [&*of.engine].into_iter().chain(like).collect::<Vec<_>>().join(", ")
     };
     let own = shown.pictures.iter().filter_map(|shot| Some(Side { name: names(shot), image: shot.png.as_deref()? }));
     let differences = shown.pictures.iter().filter_map(|shot| {

@@ -23,8 +23,8 @@ pub fn roofline(results: &Results) -> Result<Section, PlotError> {
 
 fn points(roofline: &Roofline) -> Table {
     let columns: [Column<Point>; 6] = [
-        ("scene", |point| point.scene.into()),
-        ("engine", |point| point.engine.into()),
+        ("scene", |point| point.scene.to_string()),
+        ("engine", |point| point.engine.to_string()),
         ("operations a pixel", |point| format!("{:.1}", point.flops_per_pixel)),
         ("cycles a pixel", |point| format!("{:.3}", point.cycles_per_pixel)),
         ("operations a cycle", |point| format!("{:.1}", point.flops_per_pixel / point.cycles_per_pixel)),
@@ -79,8 +79,8 @@ fn slopes(slopes: &[Slope]) -> Table {
 
 fn threads(rows: &[OnThreads]) -> Table {
     let columns: [Column<OnThreads>; 5] = [
-        ("scene", |row| row.scene.into()),
-        ("engine", |row| row.engine.into()),
+        ("scene", |row| row.scene.to_string()),
+        ("engine", |row| row.engine.to_string()),
         ("threads", |row| row.threads.to_string()),
         ("million cycles a picture", |row| format!("{:.2}", row.cycles_median / 1e6)),
         ("times as fast as one", |row| format!("{:.2}", row.speedup)),

@@ -81,9 +81,9 @@ fn map(document: &StabilityReport) -> Markup {
             details id={ "family-" (cells[0].family) } {
                 summary {
                     b { (cells[0].family) }
-                    @if let Some(family) = family(cells[0].family) { ": " (family.name) " - " (family.parameter) }
+                    @if let Some(family) = family(&cells[0].family) { ": " (family.name) " - " (family.parameter) }
                 }
-                @if let Some(family) = family(cells[0].family) { p { "Correct: " (family.correct) "." } }
+                @if let Some(family) = family(&cells[0].family) { p { "Correct: " (family.correct) "." } }
                 div.scroll {
                     table.map {
                         (head("value"))

@@ -7,13 +7,9 @@ use super::Float;
 /// What the bits of an element stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Number {
-    /// f32.
     Single,
-    /// f64.
     Double,
-    /// i32.
     Int32,
-    /// i64.
     Int64,
 }
 

@@ -21,7 +21,6 @@ pub struct Check {
 /// A word that is not as it was predicted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// Where.
     pub at: Element,
     /// What the model gives.
     pub predicted: u64,
