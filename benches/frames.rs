@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayo::plan::Keep;
 use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
 use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, Faces, Light, MeshFormat, Scene, Setting, Sphere, Triangle, many};
+use rayo::scene::{Camera, Light, MeshFormat, Scene, Setting, Sphere, Triangle, many};
 
 const SEED: u64 = 1;
 
@@ -23,14 +23,7 @@ fn lamp(position: Vec3) -> Light {
 fn empty() -> Scene {
     let camera = Camera::new(320, 240, 1.0, 1.0).expect("a camera within the limits");
     let light = lamp(Vec3::new(-4.0, 5.0, 0.0));
-    Scene {
-        name: "bench".to_owned(),
-        camera,
-        lights: vec![light],
-        spheres: Vec::new(),
-        triangles: Vec::new(),
-        faces: Faces::default(),
-    }
+    Scene { lights: vec![light], ..Scene::new(camera) }
 }
 
 /// The experiment of the paper: a sphere that covers about half of the picture.
@@ -116,7 +109,7 @@ fn many_objects(c: &mut Criterion) {
                     let purpose = Purpose { precision, format, keep: Keep::NOTHING, threads, in_bands: false };
                     let plan = Plan::new(engine, &scene, purpose).expect("a scene that engines take");
                     let frame = Frame::new(plan.tracer(), camera, Settings { threads }).expect("threads");
-                    frame.trace(0..camera.height(), film.as_mut(), &|_| ());
+                    frame.trace(0..camera.height(), film.as_mut(), &|_| ()).unwrap();
                 });
             });
         }

@@ -51,7 +51,7 @@ fn go_round(
         // Its threads are those of the plan, and of the frame before.
         let frame = Frame::new(plan.tracer(), scene.camera, Settings { threads })?;
         let planned = start.elapsed();
-        frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {});
+        frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {})?;
         show(&film, [moved, planned - moved, start.elapsed() - planned]);
     }
     Ok(())

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::thread::available_parallelism;
 
 use rayo::glam::Vec3;
-use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
+use rayo::{Camera, Engine, Film, Frame, Light, PixelFormat, Scene, Settings, Sphere, Triangle};
 
 /// A ball above a floor, under one lamp. The pinhole is at the origin; x points to the right, y up, and z away.
 fn ball() -> Result<Scene, Box<dyn Error>> {
@@ -15,8 +15,6 @@ fn ball() -> Result<Scene, Box<dyn Error>> {
     let grey = Vec3::splat(0.6);
     Ok(Scene {
         name: "ball.png".into(),
-        // Pixels in a row and in a column, the focal distance, and the diagonal of the film.
-        camera: Camera::new(64, 32, 1.0, 1.0)?,
         lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-6.0, 6.0, 0.0) }],
         spheres: vec![Sphere { radius: 1.0, colour: Vec3::new(1.0, 0.6, 0.2), centre: Vec3::new(0.0, 0.0, 6.0) }],
         // A triangle is seen from both sides, so that the order of its corners does not matter.
@@ -24,7 +22,8 @@ fn ball() -> Result<Scene, Box<dyn Error>> {
             Triangle { colour: grey, vertices: [near[0], near[1], far[0]] },
             Triangle { colour: grey, vertices: [near[1], far[1], far[0]] },
         ],
-        faces: Faces::default(),
+        // Pixels in a row and in a column, the focal distance, and the diagonal of the film.
+        ..Scene::new(Camera::new(64, 32, 1.0, 1.0)?)
     })
 }
 
@@ -36,7 +35,7 @@ fn render(scene: &Scene, engine: Engine) -> Result<Film, Box<dyn Error>> {
     // The threads of a frame stay for its next picture; what the closure hears is for a progress bar.
     let frame = Frame::new(&*tracer, scene.camera, Settings { threads })?;
     let mut film = frame.film(PixelFormat::F32x4, scene.camera.height())?;
-    frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {});
+    frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {})?;
     Ok(film)
 }
 

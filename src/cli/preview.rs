@@ -63,7 +63,7 @@ impl Preview {
         let frame = Frame::new(&developed, *camera, Settings { threads }).map_err(failure)?;
         let mut film = frame.film(PixelFormat::Rgb8, rows.len() as u32).map_err(failure)?;
         let clock = Instant::now();
-        frame.trace(rows.clone(), film.as_mut(), &|_| ());
+        frame.trace(rows.clone(), film.as_mut(), &|_| ()).map_err(failure)?;
         if !self.quiet {
             let (name, width, height, samples) =
                 (printable(&scene.name), camera.width(), rows.len(), development.samples);

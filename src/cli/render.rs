@@ -479,7 +479,7 @@ pub(super) fn failure(error: RenderError) -> Failure {
         RenderError::Image(_) => Failure::output(error),
         #[cfg(feature = "mpi")]
         RenderError::Rank(_) => Failure::output(error),
-        RenderError::Memory { .. } | RenderError::Threads { .. } => Failure::input(error),
+        RenderError::Memory { .. } | RenderError::Size(_) | RenderError::Threads { .. } => Failure::input(error),
     }
 }
 

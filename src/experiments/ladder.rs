@@ -284,7 +284,12 @@ impl Planned {
             Tracing::Threads(_, output, threads) => {
                 let tracer = tracer.expect("an engine has one");
                 let frame = on_all(cores, || Frame::new(tracer, *camera, Settings { threads }))??;
-                Ready { trace: Box::new(move |rows, film| frame.trace(rows, film, &|_| ())), output }
+                Ready {
+                    trace: Box::new(move |rows, film| {
+                        frame.trace(rows, film, &|_| ()).expect("a film of the rows' size")
+                    }),
+                    output,
+                }
             }
         })
     }

@@ -84,7 +84,9 @@ pub fn run(
             on_all(cores, || {
                 let tracer = Plan::new(engine, &scene, purpose)?.into_tracer();
                 let frame = Frame::new(tracer.as_ref(), camera, Settings { threads })?;
-                frame.trace(0..camera.height(), film.borrow_mut().as_mut(), &|_| ());
+                frame
+                    .trace(0..camera.height(), film.borrow_mut().as_mut(), &|_| ())
+                    .expect("a film of the picture's size");
                 Ok::<_, SpeedupError>(())
             })?
         };

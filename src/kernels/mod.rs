@@ -57,7 +57,7 @@ pub use tiles::{
     ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TileBuffers, TileGrid, TileOut,
     TileWindow, TriangleChunk, Visible,
 };
-pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
+pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
 /// The objects that build.rs assembled and compiled, by the names of their sources, for those who want to disassemble them.

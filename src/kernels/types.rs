@@ -9,6 +9,12 @@ pub unsafe trait Plain: Copy + 'static {
     const ZERO: Self;
 }
 
+/// Their bytes, in the order of the machine.
+pub fn bytes<T: Plain>(values: &[T]) -> &[u8] {
+    // SAFETY: no byte of a plain type is padding, and any address is aligned for bytes.
+    unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), size_of_val(values)) }
+}
+
 /// A vector of three in one 128-bit register: x, y, z and a `w` that is 0 wherever the paper's macros expect a vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(16))]

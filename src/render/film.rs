@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::kernels::Vec4;
 use crate::kernels::memory::try_reserve;
+use crate::kernels::{self, Vec4};
 
 /// What a pixel is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,6 +172,18 @@ pub struct NoMemory {
     pub source: TryReserveError,
 }
 
+/// A buffer that has not the size that is needed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}: found {found}, expected {expected}")]
+pub struct WrongSize {
+    /// What was counted, and in which units.
+    pub what: &'static str,
+    /// How many there are.
+    pub found: usize,
+    /// How many are needed, or are needed at least.
+    pub expected: usize,
+}
+
 /// A part of a [`Film`] to write to.
 #[derive(Debug)]
 pub enum FilmMut<'a> {
@@ -230,6 +242,50 @@ impl Film {
     /// Where there are not so many.
     pub fn colour(&self, pixel: usize) -> Colour {
         with_pixels!(Film(pixels) = self => pixels[pixel].colour())
+    }
+
+    /// Its pixels as they are in memory: floats of 4 bytes in the order of the machine, or bytes.
+    pub fn bytes(&self) -> &[u8] {
+        with_pixels!(Film(pixels) = self => kernels::bytes(pixels))
+    }
+
+    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes after one another, as those of windows and
+    /// textures do. What is between them stays as it is.
+    ///
+    /// # Errors
+    /// Where rows of that width are not the whole of it, or have no room in the stride, or in the buffer.
+    ///
+    /// ```
+    /// # use rayo::{Film, PixelFormat};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let film = Film::new(PixelFormat::Rgb8, 3 * 2)?;
+    /// let mut texture = [0; 2 * 16];
+    /// film.copy_rows(3, &mut texture, 16)?;
+    /// assert_eq!(texture[16..25], film.bytes()[9..]);
+    /// assert!(film.copy_rows(3, &mut texture, 8).is_err());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn copy_rows(&self, width: usize, buffer: &mut [u8], stride: usize) -> Result<(), WrongSize> {
+        if self.is_empty() {
+            return Ok(());
+        }
+        let bytes = self.bytes();
+        let row = bytes.len() / self.len() * width;
+        let all = (self.len() / width.max(1)).saturating_sub(1).saturating_mul(stride).saturating_add(row);
+        let rest = self.len() % width.max(1);
+        for (what, found, expected, is_wrong) in [
+            ("pixels in a row", width, 1, width == 0),
+            ("pixels in the last row", rest, width, rest > 0),
+            ("bytes from row to row", stride, row, stride < row),
+            ("bytes of the buffer", buffer.len(), all, buffer.len() < all),
+        ] {
+            if is_wrong {
+                return Err(WrongSize { what, found, expected });
+            }
+        }
+        buffer.chunks_mut(stride).zip(bytes.chunks(row)).for_each(|(to, row)| to[..row.len()].copy_from_slice(row));
+        Ok(())
     }
 
     /// Drops its first pixels.
@@ -339,5 +395,32 @@ mod tests {
         assert_eq!(<[f32; 3]>::of_colour(colour), [f32::MAX, 0.5, 0.0]);
         assert_eq!(<[u8; 4]>::of_colour(colour), [255, 127, 0, 255]);
         assert_eq!(<[u8; 3]>::of_colour(colour), [255, 127, 0]);
+    }
+    #[test]
+    fn rows_are_copied_with_what_is_between_them_left_alone_and_no_size_that_is_wrong_is_taken() {
+        let linear: Vec<_> = (0..6).map(|i| Vec4::new(i as f32 / 255.0, 0.0, 1.0)).collect();
+        for format in PixelFormat::ALL {
+            let mut film = Film::new(format, 6).unwrap();
+            film.as_mut().set(&linear);
+            let row = 3 * format.bytes();
+            for stride in [row, row + 5] {
+                let mut buffer = vec![7; stride + row];
+                film.copy_rows(3, &mut buffer, stride).unwrap();
+                assert_eq!([&buffer[..row], &buffer[stride..]].concat(), film.bytes(), "{}", format.name());
+                assert!(buffer[row..stride].iter().all(|byte| *byte == 7));
+                let wrong =
+                    |width, bytes: usize, stride| film.copy_rows(width, &mut vec![7; bytes], stride).unwrap_err();
+                let what = |what, found, expected| WrongSize { what, found, expected };
+                assert_eq!(
+                    wrong(3, stride + row - 1, stride),
+                    what("bytes of the buffer", stride + row - 1, stride + row)
+                );
+                assert_eq!(wrong(3, 999, row - 1), what("bytes from row to row", row - 1, row));
+                assert_eq!(wrong(3, 999, usize::MAX), what("bytes of the buffer", 999, usize::MAX));
+                assert_eq!(wrong(4, 999, 99), what("pixels in the last row", 2, 4));
+                assert_eq!(wrong(0, 999, 99).to_string(), "pixels in a row: found 0, expected 1");
+            }
+            Film::new(format, 0).unwrap().copy_rows(3, &mut [], 0).unwrap();
+        }
     }
 }

@@ -4,10 +4,12 @@ use std::collections::TryReserveError;
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
+use glam::DVec3;
+
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Counted, Film, FilmMut, Pixel, PixelFormat, Tracer, UNPOISONED};
+use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize};
 use crate::plan::Team;
 use crate::scene::Camera;
 
@@ -32,6 +34,9 @@ pub enum RenderError {
         /// What the allocator says.
         source: TryReserveError,
     },
+    /// A film of another size.
+    #[error("the picture cannot be traced: {0}")]
+    Size(#[from] WrongSize),
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {source}")]
     Threads {
@@ -95,14 +100,53 @@ impl<'a> Frame<'a> {
         Film::new(format, pixels).map_err(|error| RenderError::Memory { bytes, source: error.source })
     }
 
-    /// Traces `rows` into `film`, whose size they have; `done` hears of every few rows that are finished. The threads then
-    /// stay awake for a while, as more is likely to follow.
+    /// Traces `rows` into `film`; `done` hears of every few rows that are finished. The threads then stay awake for a while, as
+    /// more is likely to follow.
+    ///
+    /// # Errors
+    /// [`RenderError::Size`], and nothing is traced, where the picture has no such rows, or the film not as many pixels.
     ///
     /// # Panics
-    /// As [`Tracer::rows`].
-    pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
+    /// As [`Tracer::rows`], of a format that the engine does not write.
+    pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
+        let pixels = self.camera.width() as usize * rows.len();
+        for (what, found, expected, is_wrong) in [
+            ("rows of the picture", rows.end as usize, self.camera.height() as usize, rows.end > self.camera.height()),
+            ("pixels of the film", film.len(), pixels, film.len() != pixels),
+        ] {
+            if is_wrong {
+                return Err(WrongSize { what, found, expected }.into());
+            }
+        }
         self.trace_band(rows, film, done);
         self.team.keep_awake();
+        Ok(())
+    }
+
+    /// What the ray through the middle of a pixel hits first; None where it hits nothing, and where there is no such pixel.
+    ///
+    /// ```
+    /// # use rayo::glam::Vec3;
+    /// # use rayo::{Camera, Engine, Frame, Object, Scene, Settings, Sphere};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let sphere = Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 0.0, 5.0) };
+    /// let scene = Scene { spheres: vec![sphere], ..Scene::new(Camera::new(321, 241, 1.0, 1.0)?) };
+    /// let tracer = Engine::fastest().prepare(None, &scene)?;
+    /// let frame = Frame::new(&*tracer, scene.camera, Settings { threads: 1 })?;
+    /// let hit = frame.hit(160, 120).expect("the sphere is in the middle");
+    /// assert_eq!(hit.object, Object::Sphere(0));
+    /// assert!((hit.place.z - 4.0).abs() < 1e-5 && hit.place.truncate().length() < 1e-5);
+    /// assert_eq!(frame.hit(0, 0), None);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn hit(&self, column: u32, row: u32) -> Option<Hit> {
+        if row >= self.camera.height() {
+            return None;
+        }
+        let found = (*self.tracer.hits(row..row + 1).get(column as usize)?)?;
+        let place = found.distance.t() * DVec3::from(self.camera.grid().ray(row, column));
+        Some(Hit { object: found.object, place, normal: found.normal })
     }
 
     /// The same for a band, after which cores have other things to do.

@@ -6,6 +6,17 @@ use glam::DVec3;
 
 use crate::scene::Object;
 
+/// What is seen at a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// What the ray hits first.
+    pub object: Object,
+    /// Where, in the camera's frame: z is the depth, and its length the distance from the pinhole.
+    pub place: DVec3,
+    /// The unit normal, of a triangle on either side. None where the engine cannot tell.
+    pub normal: Option<DVec3>,
+}
+
 /// What an engine finds at a pixel, in its own numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
@@ -24,6 +35,16 @@ pub enum Distance {
     T(f64),
     /// 1/t.
     Inverse(f64),
+}
+
+impl Distance {
+    /// t.
+    pub fn t(self) -> f64 {
+        match self {
+            Distance::T(t) => t,
+            Distance::Inverse(inverse) => 1.0 / inverse,
+        }
+    }
 }
 
 /// Rays, and how many of them hit something.

@@ -27,9 +27,9 @@ mod truth;
 pub use by_ranks::render_by_ranks;
 pub use development::{Developed, Development};
 pub use engine::{Engine, EngineError, Precision, Purpose};
-pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, level};
+pub use film::{Colour, Film, FilmMut, NoMemory, Pixel, PixelFormat, WrongSize, level};
 pub use frame::{Frame, RenderError, Settings};
-pub use hits::{Counted, Distance, Found};
+pub use hits::{Counted, Distance, Found, Hit};
 #[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
 #[cfg(feature = "mpi")]

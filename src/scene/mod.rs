@@ -191,6 +191,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Nothing, seen by a camera: without lights and objects, under the name `picture.png`.
+    pub fn new(camera: Camera) -> Self {
+        let (lights, spheres, triangles, faces) = Default::default();
+        Scene { name: "picture.png".into(), camera, lights, spheres, triangles, faces }
+    }
+
     /// How many triangles there are, of both kinds.
     pub fn triangle_count(&self) -> usize {
         self.triangles.len() + self.faces.len()

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
+use super::{Camera, Light, Scene, Sphere, Triangle};
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): a counter in steps of the golden ratio, and a mixing function.
 ///
@@ -59,14 +59,13 @@ pub fn many(spheres: usize, triangles: usize, seed: u64) -> Scene {
     let light = |intensity, colour, position| Light { intensity, colour, position };
     Scene {
         name: "many.png".to_owned(),
-        camera: Camera::new(640, 480, 1.0, 1.0).expect("a camera within the limits"),
         lights: vec![
             light(0.9, Vec3::new(1.0, 0.95, 0.85), Vec3::new(-20.0, 25.0, -5.0)),
             light(0.35, Vec3::new(0.6, 0.75, 1.0), Vec3::new(30.0, -10.0, 10.0)),
         ],
         spheres,
         triangles,
-        faces: Faces::default(),
+        ..Scene::new(Camera::new(640, 480, 1.0, 1.0).expect("a camera within the limits"))
     }
 }
 

@@ -232,7 +232,7 @@ impl Reader<'_> {
         let focal = self.number_or(&fields, "focal", Rule::Positive, FOCAL);
         let film = self.number_or(&fields, "film", Rule::Positive, FILM);
         let before = self.notes.len();
-        let at_rest = View::AT_REST;
+        let at_rest = View::default();
         let position = self.point(&fields, "position", Rule::Any).map_or(at_rest.position, double);
         let look_at = self.point(&fields, "look_at", Rule::Any).map_or(position + at_rest.look_at, double);
         let up = self.point(&fields, "up", Rule::Any).map_or(at_rest.up, double);

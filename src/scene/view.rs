@@ -60,10 +60,14 @@ pub enum ViewError {
     Range(String),
 }
 
-impl View {
+impl Default for View {
     /// At the origin, looking along +z: the paper's camera.
-    pub const AT_REST: View = View { position: DVec3::ZERO, look_at: DVec3::Z, up: DVec3::Y };
+    fn default() -> Self {
+        View { position: DVec3::ZERO, look_at: DVec3::Z, up: DVec3::Y }
+    }
+}
 
+impl View {
     /// The map from the world to the camera's frame.
     ///
     /// # Errors
@@ -125,7 +129,7 @@ impl View {
 
 impl Scene {
     /// What this scene, taken for a world, is to a camera that stands in it: the scene in the camera's frame, which is what
-    /// engines trace. Every point is moved in f64 and rounded once; [`View::AT_REST`] changes nothing.
+    /// engines trace. Every point is moved in f64 and rounded once; the default view changes nothing.
     ///
     /// A camera that moves sees the same world from one view after the other:
     ///
@@ -136,11 +140,9 @@ impl Scene {
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// let world = Scene {
     ///     name: "moon.png".into(),
-    ///     camera: Camera::new(64, 64, 1.0, 1.0)?,
     ///     lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-50.0, 0.0, 0.0) }],
     ///     spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: Vec3::ZERO }],
-    ///     triangles: vec![],
-    ///     faces: Faces::default(),
+    ///     ..Scene::new(Camera::new(64, 64, 1.0, 1.0)?)
     /// };
     /// // Half a turn around the sphere, from its lit side to its dark one.
     /// let mut middle = Vec::new();
@@ -307,7 +309,7 @@ mod tests {
     fn at_rest_a_scene_is_seen_as_it_is_to_the_last_bit() {
         let mut scene = many(20, 20, 3);
         scene.spheres[0].centre.x = -0.0;
-        let seen = scene.seen_from(View::AT_REST).unwrap();
+        let seen = scene.seen_from(View::default()).unwrap();
         assert_eq!(seen, scene);
         assert!(seen.spheres[0].centre.x.is_sign_negative());
     }
@@ -398,7 +400,7 @@ mod tests {
                     triangle.vertices == world.triangles[i].vertices.map(|v| moved(&v))
                 });
             }
-            assert!(*camera.seen_from(View::AT_REST).unwrap() == world);
+            assert!(*camera.seen_from(View::default()).unwrap() == world);
             assert!(camera.seen_from(View { position: DVec3::splat(-1e39), ..view }).is_err());
         }
     }
@@ -408,7 +410,7 @@ mod tests {
         let world = many(50, 50, 3);
         let middle = |view: View| view.to_camera().unwrap().linear.transpose() * DVec3::Z;
         let start = world.orbit(DVec3::Y, 0.0);
-        assert_eq!(start, View::AT_REST);
+        assert_eq!(start, View::default());
         // To the right, a quarter of a turn to the left of what is behind it.
         let right = world.orbit(DVec3::Y, 0.25);
         let distance = right.position.x;
@@ -424,12 +426,12 @@ mod tests {
     fn a_view_of_nothing_and_a_place_beyond_f32_are_errors_that_name_it() {
         let mut scene = many(2, 1, 1);
         let seen = |scene: &Scene, view| scene.seen_from(view).unwrap_err().to_string();
-        let still = View { look_at: DVec3::ZERO, ..View::AT_REST };
+        let still = View { look_at: DVec3::ZERO, ..View::default() };
         assert_eq!(seen(&scene, still), "the camera looks at where it stands, which is no direction");
-        let nan = View { position: DVec3::NAN, ..View::AT_REST };
+        let nan = View { position: DVec3::NAN, ..View::default() };
         assert_eq!(scene.seen_from(nan), Err(ViewError::Direction));
         for up in [DVec3::Z, DVec3::ZERO, DVec3::NAN] {
-            assert_eq!(scene.seen_from(View { up, ..View::AT_REST }), Err(ViewError::Up), "{up}");
+            assert_eq!(scene.seen_from(View { up, ..View::default() }), Err(ViewError::Up), "{up}");
         }
         let behind = View { position: DVec3::new(0.0, 0.0, -3e38), look_at: DVec3::ZERO, up: DVec3::Y };
         scene.spheres[1].centre.z = 3e38;

@@ -9,7 +9,7 @@ use glam::Vec3;
 use rayo::experiments::ops;
 use rayo::experiments::step::{Line, Ray, Watched, watch, watch_operation};
 use rayo::render::{Engine, Film, FilmMut, PixelFormat};
-use rayo::scene::{Camera, Faces, Light, Scene, Sphere};
+use rayo::scene::{Camera, Light, Scene, Sphere};
 use serde_json::Value;
 
 /// A sphere in front of the camera, so far away that the paper's quadratic loses its digits, or near.
@@ -17,15 +17,13 @@ fn sphere_at(distance: f32) -> Scene {
     let focal = distance / 4.0;
     Scene {
         name: "sphere.png".into(),
-        camera: Camera::new(48, 48, focal, 1.0).unwrap(),
         lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-6.0, 6.0, 0.0) }],
         spheres: vec![Sphere {
             radius: 1.0,
             colour: Vec3::new(1.0, 0.5, 0.25),
             centre: Vec3::new(0.25, 0.5, distance),
         }],
-        triangles: Vec::new(),
-        faces: Faces::default(),
+        ..Scene::new(Camera::new(48, 48, focal, 1.0).unwrap())
     }
 }
 

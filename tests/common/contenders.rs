@@ -76,7 +76,7 @@ pub fn contenders() -> Vec<Contender> {
 pub fn film(tracer: &dyn Tracer, camera: Camera, threads: usize, format: PixelFormat) -> Film {
     let frame = Frame::new(tracer, camera, Settings { threads }).unwrap();
     let mut film = frame.film(format, camera.height()).unwrap();
-    frame.trace(0..camera.height(), film.as_mut(), &|_| {});
+    frame.trace(0..camera.height(), film.as_mut(), &|_| {}).unwrap();
     film
 }
 

@@ -7,7 +7,7 @@ use crate::counting::peak_of;
 use glam::Vec3;
 use proptest::prelude::*;
 use rayo::scene::{
-    Camera, Faces, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
+    Camera, Light, MAX_PIXELS, Rng, Scene, SceneError, Sphere, Triangle, many, parse, parse_with_care, read,
 };
 
 /// What diagnostics may take, however short the file.
@@ -63,7 +63,6 @@ image.png
 fn every_number_of_a_file_lands_in_its_place() {
     let expected = Scene {
         name: "image.png".to_owned(),
-        camera: Camera::new(640, 480, 1.0, 1.0).unwrap(),
         lights: vec![Light {
             intensity: 0.5,
             colour: Vec3::new(1.0, 0.25, 0.0),
@@ -77,7 +76,7 @@ fn every_number_of_a_file_lands_in_its_place() {
             colour: Vec3::X,
             vertices: [Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 1.0, 1.0)],
         }],
-        faces: Faces::default(),
+        ..Scene::new(Camera::new(640, 480, 1.0, 1.0).unwrap())
     };
     assert_eq!(accepted(VALID), expected);
 }
@@ -485,11 +484,10 @@ prop_compose! {
         let sphere = |(radius, colour, centre)| Sphere { radius, colour, centre };
         Scene {
             name: name.replace("//", "/_"),
-            camera: Camera::new(width, height, focal, 1.0).unwrap(),
             lights: lights.into_iter().map(light).collect(),
             spheres: spheres.into_iter().map(sphere).collect(),
             triangles: triangles.into_iter().map(|(colour, vertices)| Triangle { colour, vertices }).collect(),
-            faces: Faces::default(),
+            ..Scene::new(Camera::new(width, height, focal, 1.0).unwrap())
         }
     }
 }

@@ -14,7 +14,7 @@ use rayo::experiments::in_size;
 use rayo::reference::exact::{self, Exact, Rays, Split};
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
-use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, Triangle};
+use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -83,8 +83,7 @@ fn what_f64_rules_out_is_never_what_256_bits_hit() {
         let (spheres, triangles) = stiff(&mut Rng::new(seed));
         let camera = Camera::new(64, 48, 1.0, 1.0).unwrap();
         let rays = Rays::new(64, 48, 1.0, 1.0);
-        let scene =
-            Scene { name: String::new(), camera, lights: Vec::new(), spheres, triangles, faces: Faces::default() };
+        let scene = Scene { spheres, triangles, ..Scene::new(camera) };
         let truth = Truth::new(&scene);
         for (row, col) in (0..48).flat_map(|row| (0..64).map(move |col| (row, col))) {
             let ray = rays.ray(row, col);
@@ -118,7 +117,7 @@ fn what_f64_rules_out_is_never_what_256_bits_hit() {
 fn one_light(spheres: Vec<Sphere>, triangles: Vec<Triangle>, at: Vec3) -> Scene {
     let camera = Camera::new(9, 9, 1.0, 1.0).unwrap();
     let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: at }];
-    Scene { name: String::new(), camera, lights, spheres, triangles, faces: Faces::default() }
+    Scene { lights, spheres, triangles, ..Scene::new(camera) }
 }
 
 /// The middle of the picture looks along +z.

@@ -7,7 +7,7 @@ use crate::contenders::{Truth, contenders, film};
 use crate::extent;
 use rayo::measure::picture::Pixels;
 use rayo::render::{Engine, Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
-use rayo::scene::{self, Camera, Scene, many};
+use rayo::scene::{self, Camera, Object, Scene, Sphere, many};
 
 /// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
 const MOST_TESTS: u64 = 50_000_000;
@@ -61,6 +61,39 @@ fn every_engine_agrees_with_the_reference_on_random_scenes() {
         for contender in contenders() {
             truth.check(&contender, &format!("many({spheres}, {triangles}, seed {seed})"));
         }
+    }
+}
+
+#[test]
+fn a_frame_says_what_is_at_a_pixel_and_traces_into_no_film_of_another_size() {
+    let scene = Scene { camera: Camera::new(61, 47, 1.0, 1.0).unwrap(), ..many(20, 20, 3) };
+    let truth = Truth::new(&scene);
+    for contender in contenders() {
+        let tracer = contender.prepare(&scene);
+        let frame = Frame::new(&*tracer, scene.camera, Settings { threads: 1 }).unwrap();
+        let mut hits = 0;
+        for (row, column) in (0..47).flat_map(|row| (0..61).map(move |column| (row, column))) {
+            if truth.at_silhouette(row, column) {
+                continue;
+            }
+            let hit = frame.hit(column, row);
+            assert_eq!(hit.map(|hit| hit.object), truth.object(row, column), "{contender}: {row} {column}");
+            let Some(hit) = hit else { continue };
+            hits += 1;
+            if let Object::Sphere(sphere) = hit.object {
+                let Sphere { centre, radius, .. } = scene.spheres[sphere];
+                let from_centre = (hit.place - centre.as_dvec3()) / f64::from(radius);
+                assert!((from_centre.length() - 1.0).abs() < 1e-3, "{contender}: {hit:?}");
+                assert!(hit.normal.is_none_or(|normal| normal.dot(from_centre) > 0.999), "{contender}: {hit:?}");
+            }
+        }
+        assert!(hits > 200 && frame.hit(61, 0).is_none() && frame.hit(0, 47).is_none(), "{contender}: {hits}");
+        let mut film = frame.film(PixelFormat::F32x4, 2).unwrap();
+        let mut error = |rows| frame.trace(rows, film.as_mut(), &|_| ()).unwrap_err().to_string();
+        let (pixels, rows) =
+            ("pixels of the film: found 122, expected 183", "rows of the picture: found 48, expected 47");
+        assert_eq!(error(0..3), format!("the picture cannot be traced: {pixels}"));
+        assert_eq!(error(46..48), format!("the picture cannot be traced: {rows}"));
     }
 }
 
@@ -337,7 +370,7 @@ mod short_form {
     use glam::{DVec3, Vec3};
     use rayo::plan::Omission;
     use rayo::render::{Engine, Plan, Precision, Purpose};
-    use rayo::scene::{self, Camera, Faces, Rng, Scene};
+    use rayo::scene::{self, Camera, Rng, Scene};
 
     use super::packets;
     use crate::contenders::{Contender, Truth};
@@ -353,12 +386,9 @@ mod short_form {
         let towards = DVec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 0.3)).normalize();
         let light = centre + (1.0 + gap) * towards;
         Scene {
-            name: String::new(),
-            camera: Camera::new(53, 41, 1.0, film as f32).unwrap(),
             lights: vec![scene::Light { intensity: 1.0, colour: Vec3::ONE, position: light.as_vec3() }],
             spheres: vec![scene::Sphere { centre: centre.as_vec3(), radius: 1.0, colour: Vec3::new(1.0, 0.5, 0.25) }],
-            triangles: Vec::new(),
-            faces: Faces::default(),
+            ..Scene::new(Camera::new(53, 41, 1.0, film as f32).unwrap())
         }
     }
 

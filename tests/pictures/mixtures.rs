@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
-use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle};
+use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
 
 /// What adds an object, or a few that belong together, to a scene.
 const KINDS: [fn(&mut Mixer); 18] = [
@@ -54,14 +54,7 @@ pub fn mixture() -> impl Strategy<Value = Scene> {
     (camera, objects, main, others, lights, unit).prop_map(|(camera, objects, main, others, (kind, lights), unit)| {
         let across = f64::from(camera.film()) / f64::from(camera.width()).hypot(f64::from(camera.height()));
         let half = |side: u32| 0.5 * across * f64::from(side) / f64::from(camera.focal());
-        let scene = Scene {
-            name: "mixture.png".into(),
-            camera,
-            lights: vec![],
-            spheres: vec![],
-            triangles: vec![],
-            faces: Faces::default(),
-        };
+        let scene = Scene { ..Scene::new(camera) };
         let half = (half(camera.width()), half(camera.height()));
         let mut mixer = Mixer { rng: Rng::new(0), scene, half };
         for (kind, seed) in objects.into_iter().flatten() {

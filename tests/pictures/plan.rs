@@ -9,7 +9,7 @@ use crate::extent;
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
 use rayo::render::{Counted, Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
-use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
+use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 /// The packet engines in all of their precisions, as far as this machine runs them.
 fn packets() -> Vec<Contender> {
@@ -88,14 +88,7 @@ fn on_borders(rng: &mut Rng) -> Scene {
             position: pick(),
         })
         .collect();
-    Scene {
-        name: "borders.png".into(),
-        camera: camera(12, 16, focal, 20.0),
-        lights,
-        spheres,
-        triangles,
-        faces: Faces::default(),
-    }
+    Scene { lights, spheres, triangles, ..Scene::new(camera(12, 16, focal, 20.0)) }
 }
 
 #[test]
@@ -176,16 +169,13 @@ fn triangles_that_nearly_coincide_are_the_same_by_brute_force() {
         let gap = [0.0, 1e-7, 1e-6, 1e-5, 1e-3][case % 5];
         let behind = |v: Vec3| v * (1.0 + gap);
         let scene = Scene {
-            name: "gap.png".into(),
-            camera: camera(131, 97, 1.0, 1.0),
             lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: vec3(3.0, 4.0, 0.0) }],
-            spheres: vec![],
             triangles: vec![
                 Triangle { colour: Vec3::X, vertices: [a, b, c].map(behind) },
                 Triangle { colour: Vec3::Y, vertices: [b, c, a] },
                 Triangle { colour: Vec3::Z, vertices: [a, b, point()] },
             ],
-            faces: Faces::default(),
+            ..Scene::new(camera(131, 97, 1.0, 1.0))
         };
         for contender in packets() {
             check(&contender, &scene, Keep::all(), &format!("case {case}, gap {gap}"));
@@ -198,12 +188,9 @@ fn triangles_that_nearly_coincide_are_the_same_by_brute_force() {
 fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
     for x in [5.0, -5.0] {
         let scene = Scene {
-            name: "side.png".into(),
-            camera: camera(60, 45, 0.05, 1.0),
             lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }],
             spheres: vec![Sphere { radius: 1.0, colour: Vec3::ONE, centre: vec3(x, 0.0, 1.0) }],
-            triangles: vec![],
-            faces: Faces::default(),
+            ..Scene::new(camera(60, 45, 0.05, 1.0))
         };
         let truth = Truth::new(&scene);
         assert!((0..45).any(|row| truth.object(row, if x > 0.0 { 59 } else { 0 }).is_some()));
@@ -407,13 +394,11 @@ fn on_tile_borders(rng: &mut Rng) -> Scene {
     };
     let light = |rng: &mut Rng| Light { intensity: 0.75, colour: Vec3::ONE, position: corner(rng) };
     Scene {
-        name: "borders.png".into(),
-        camera: camera(96, 128, focal, 160.0),
         lights: (0..rng.next_u64() % 3).map(|_| light(rng)).collect(),
         spheres: (0..8).map(|_| sphere(rng)).collect(),
         // More in some tiles than are tried without a look at which of them others hide.
         triangles: (0..80).map(|_| triangle(rng)).collect(),
-        faces: Faces::default(),
+        ..Scene::new(camera(96, 128, focal, 160.0))
     }
 }
 

@@ -6,7 +6,7 @@
 use crate::contenders::{self, Contender, Truth, contenders, levels};
 use glam::{DVec3, Vec3, vec3};
 use rayo::render::PixelFormat;
-use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
+use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
 
 const WHITE: Vec3 = Vec3::ONE;
 const RED: Vec3 = Vec3::X;
@@ -29,14 +29,7 @@ fn one_ray() -> Camera {
 }
 
 fn empty(camera: Camera) -> Scene {
-    Scene {
-        name: "test.png".into(),
-        camera,
-        lights: vec![],
-        spheres: vec![],
-        triangles: vec![],
-        faces: Faces::default(),
-    }
+    Scene { ..Scene::new(camera) }
 }
 
 fn light(position: Vec3) -> Light {

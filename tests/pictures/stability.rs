@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use rayo::experiments::accuracy::{Contender, contenders, judge};
 use rayo::render::{FilmMut, PixelFormat, Precision, Tracer, Truth};
 use rayo::scene::families::{Case, FAMILIES, Family, family};
-use rayo::scene::{self, Camera, Faces, Light, Scene, Sphere, Triangle};
+use rayo::scene::{self, Camera, Light, Scene, Sphere, Triangle};
 
 /// The side of a case's picture here: `rayo stability` has the large ones.
 const SIDE: u32 = 18;
@@ -303,14 +303,7 @@ fn mirrored_scenes_and_triangles_with_their_vertices_rotated_are_as_right() {
 
 fn one_light(camera: Camera, position: Vec3) -> Scene {
     let light = Light { intensity: 0.9, colour: Vec3::ONE, position };
-    Scene {
-        name: "case.png".into(),
-        camera,
-        lights: vec![light],
-        spheres: vec![],
-        triangles: vec![],
-        faces: Faces::default(),
-    }
+    Scene { lights: vec![light], ..Scene::new(camera) }
 }
 
 proptest! {

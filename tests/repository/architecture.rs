@@ -216,7 +216,7 @@ fn comments_and_strings_are_no_code() {
 /// What is added takes the place of something, or argues for more here.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 57_160;
+    const LINES: usize = 57_340;
     const KERNELS: usize = 45;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));
@@ -226,6 +226,17 @@ fn it_stays_small() {
     let kernels = rayo::kernels::packet_symbols();
     let of_one = kernels.iter().filter(|symbol| symbol.starts_with("rayo_avx2_")).count();
     assert!(of_one <= KERNELS, "{of_one} packet kernels, of which there may be {KERNELS} for each instruction set");
+}
+
+#[test]
+fn the_library_is_what_its_first_page_names() {
+    let page = &sources(&["rs"])["src/lib.rs"];
+    let modules: Vec<_> = page.split_inclusive("pub mod ").collect();
+    let hidden = |before: &&str| before.ends_with("#[doc(hidden)]\npub mod ");
+    assert!(modules.len() > 6 && modules[..modules.len() - 1].iter().all(hidden), "a module of src/lib.rs is public");
+    let names = page.split("pub use ").skip(1).map(|list| list.split(';').next().unwrap().split(',').count());
+    let names: usize = names.sum();
+    assert!((50..80).contains(&names), "{names} names");
 }
 
 #[test]

@@ -195,10 +195,7 @@ impl Tally {
         let errors = &mut self.errors;
         errors.rays += 1;
         errors.hits += usize::from(expected.hit.is_some());
-        let t = found.map(|found| match found.distance {
-            Distance::T(t) => t,
-            Distance::Inverse(inverse) => 1.0 / inverse,
-        });
+        let t = found.map(|found| found.distance.t());
         let found = found.filter(|_| t.is_some_and(|t| t.is_finite() && t > 0.0));
         // A t that is no number is a wrong hit wherever it is.
         let wrong_hit = found.is_some() != expected.hit.is_some() || t.is_some() && found.is_none();

@@ -5,7 +5,7 @@ use std::f64::consts::SQRT_2;
 use glam::{DVec3, Vec3};
 
 use crate::scene::random::direction;
-use crate::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle};
+use crate::scene::{Camera, Light, Rng, Scene, Sphere, Triangle};
 
 pub const RED: Vec3 = Vec3::new(1.0, 0.25, 0.125);
 pub const GREEN: Vec3 = Vec3::new(0.125, 1.0, 0.25);
@@ -67,7 +67,7 @@ impl Maker {
         let positions = [DVec3::new(side * x, side * y, -0.5), DVec3::new(-2.0 * y, 2.0 * x, 0.25)];
         let light = |(position, intensity): (&DVec3, f32)| light(intensity, scale * *position);
         let lights = positions[..count].iter().zip([0.9, 0.4]).map(light).collect();
-        Scene { name: "case.png".into(), camera, lights, spheres: vec![], triangles: vec![], faces: Faces::default() }
+        Scene { name: "case.png".into(), lights, ..Scene::new(camera) }
     }
 }
 
