@@ -1,16 +1,16 @@
-; chains.asm - the unit of chains of the paper's operations, to measure how long one takes and how many run at once.
+; chains.asm - the unit with chains of the paper's operations, which measure the latency and the throughput of each.
 ;
 ; unsafe extern "sysv64" fn(rounds: u64) -> u64
 ;
-;   rayo_<form>_<op>_latency      CHAIN_LINKS times <rounds> operations, each of which needs the result of the last
-;   rayo_<form>_<op>_throughput   as many operations that need nothing of each other
-;   rayo_feedback_latency         as many times what leads a result back to an operand, alone
+;   rayo_<form>_<op>_latency      CHAIN_LINKS times <rounds> operations, each of which needs the previous result
+;   rayo_<form>_<op>_throughput   as many operations, independent of each other
+;   rayo_feedback_latency         as many times FEEDBACK alone
 ;
-;   All give the number of operations in a round.
+;   All return the number of operations in a round.
 ;
-;   In a chain of latency FEEDBACK leads the result back, so that every operation has the same operands, whatever it
-;   computes: nothing overflows, and divisions and roots meet ordinary numbers. What FEEDBACK costs is measured alone,
-;   to be taken off. In a chain of throughput every operation loads its operands anew, as the macros overwrite them.
+;   In a latency chain FEEDBACK makes each operand depend on the previous result without changing its value, so that
+;   nothing overflows, and divisions and roots meet ordinary numbers. Its cost is measured alone and subtracted. In a
+;   throughput chain every operation loads its operands again, because the macros overwrite them.
 ;
 ;   requires       SSE3; rounds >= 1
 
@@ -53,10 +53,10 @@ point:      dd 0.25, -0.5, 2.5, 0.0
 normal:     dd 0.0, 0.6, -0.8, 0.0
 colour:     dd 1.0, 0.5, 0.25, 0.0
 
-; FEEDBACK - d = a, by way of r: the latency of an and and an or, and of a copy, which most CPUs rename away.
+; FEEDBACK - d = a, but dependent on r: costs the latency of andps and orps, and of a copy, which most CPUs rename away.
 %macro FEEDBACK 4
 %define %%d %1          ; [out]       register: the operand of the next operation
-%define %%r %2          ; [clobbered] register: the result of the one before
+%define %%r %2          ; [clobbered] register: the previous result
 %define %%zero %3       ; [in]        register of zeros
 %define %%a %4          ; [in]        register: the operand
     andps   %%r, %%zero
@@ -66,24 +66,24 @@ colour:     dd 1.0, 0.5, 0.25, 0.0
 %endif
 %endmacro
 
-; LOAD_OPERANDS - the operands that are in registers.
+; LOAD_OPERANDS - loads the operands that are in registers.
 %macro LOAD_OPERANDS 4
 %define %%operand %1    ; [out] register
-%define %%value %2      ; [in]  label: what it is loaded with
+%define %%value %2      ; [in]  label: its value
 %define %%other %3      ; [out] register, or none
-%define %%with %4       ; [in]  label: what that is loaded with, or none
+%define %%with %4       ; [in]  label: the value of the other, or none
     movaps  %%operand, [%%value]
 %ifnidni %%other, none
     movaps  %%other, [%%with]
 %endif
 %endmacro
 
-; SET_UP - all operands, and the zeros and addresses that the macros ask for.
+; SET_UP - loads all operands, and the zeros and addresses that the macros take.
 %macro SET_UP 4
-%define %%operand %1    ; [out] as LOAD_OPERANDS has it
-%define %%value %2      ; [in]  as LOAD_OPERANDS has it
-%define %%other %3      ; [out] as LOAD_OPERANDS has it
-%define %%with %4       ; [in]  as LOAD_OPERANDS has it
+%define %%operand %1    ; [out] as in LOAD_OPERANDS
+%define %%value %2      ; [in]  as in LOAD_OPERANDS
+%define %%other %3      ; [out] as in LOAD_OPERANDS
+%define %%with %4       ; [in]  as in LOAD_OPERANDS
     LOAD_OPERANDS %%operand, %%value, %%other, %%with
     xorps   xmm13, xmm13
     lea     rsi, [sphere]
@@ -91,15 +91,15 @@ colour:     dd 1.0, 0.5, 0.25, 0.0
     lea     rcx, [light]
 %endmacro
 
-; CHAINS - both chains of an operation.
+; CHAINS - the two chains of an operation.
 %macro CHAINS 7
 %define %%name %1       ; [in]  the operation
-%define %%operand %2    ; [in]  register of the operand to which the result is led back
+%define %%operand %2    ; [in]  register of the operand that FEEDBACK makes depend on the result
 %define %%value %3      ; [in]  label: the value of that operand
 %define %%other %4      ; [in]  register of the other operand, or none
 %define %%with %5       ; [in]  label: its value, or none
 %define %%result %6     ; [in]  register of the result
-%define %%operation %7  ; [in]  the macro with its arguments; may jump to .miss, and does not with these operands
+%define %%operation %7  ; [in]  the macro with its arguments; it has a jump to .miss, which these operands never take
 FUNC AOS_NAME(%%name) %+ _latency
     SET_UP  %%operand, %%value, %%other, %%with
     movaps  xmm14, %%operand

@@ -1,6 +1,6 @@
-; checked.asm - calls a kernel and finds out whether it kept the calling convention; and kernels that break it.
+; checked.asm - the checked call, which tests whether a kernel keeps the calling convention, and kernels that break it.
 
-%define ISA avx512                      ; looks at registers as wide as there are
+%define ISA avx512                      ; the widest registers are checked
 %include "include/isa.inc"
 %include "include/layout.inc"          ; for Vec4_size
 
@@ -28,8 +28,8 @@ canary:     dq 0xcafe_0dd_ca7_5eed
 
 section .bss align=64
 upper:      resb 16 * 64                ; zmm0 to zmm15 as the kernel left them
-home:       resq 1                      ; rsp at the call: nothing else can be trusted after it
-registers:  resq 1                      ; where the arguments are, and the result goes
+home:       resq 1                      ; rsp at the call: a kernel may spoil every register, so memory keeps it
+registers:  resq 1                      ; address of the arguments, where the result goes too
 vectors:    resq 1
 mxcsr:      resd 1                      ; the caller's
 mxcsr_inside: resd 1                    ; the kernel's
@@ -49,8 +49,8 @@ mxcsr_after: resd 1
 ; unsafe extern "sysv64" fn(kernel: Code, registers: *mut [u64; 6], vectors: u64, mxcsr: u64) -> u64
 ;
 ;   Calls `kernel` with `registers` in rdi, rsi, rdx, rcx, r8 and r9, and junk in every register that it must preserve;
-;   the first of them becomes its result. `vectors` says how wide the vectors of this CPU are in bytes: 16, 32 or 64.
-;   The bits of `mxcsr` are set in MXCSR while the kernel runs. Gives the rules broken, one bit each.
+;   its result replaces the first of them. `vectors` is the width of this CPU's vectors in bytes: 16, 32 or 64.
+;   The bits of `mxcsr` are set in MXCSR while the kernel runs. Returns the broken rules, one bit each.
 ;   Not reentrant: one call at a time.
 FUNC checked_call
     push    rbx
@@ -158,7 +158,7 @@ FUNC checked_call
     xor     ecx, ecx
     mov     edi, 16
 .register:
-%assign i 2                             ; past the lower 128 bits; what ymm has not stays 0
+%assign i 2                             ; past the lower 128 bits; what a narrower CPU lacks stays 0
 %rep 6
     or      rcx, [rsi + 8 * i]
 %assign i i + 1
@@ -181,9 +181,9 @@ FUNC checked_call
     pop     rbx
 ENDFUNC
 
-; The broken kernels: each breaks one rule and no other, so that every check is seen to fail.
+; The broken kernels: each breaks exactly one rule, so that every check is seen to fail.
 
-; BROKEN_REGISTER - a kernel that does not give back a register.
+; BROKEN_REGISTER - a kernel that does not restore a register.
 %macro BROKEN_REGISTER 1
 %define %%register %1   ; [in]  the register
 FUNC broken_ %+ %%register

@@ -1,14 +1,14 @@
-; known.asm - functions whose instructions anybody can count, to show that the counters count.
+; known.asm - functions whose instructions anybody can count, to test the counters.
 ;
 ; unsafe extern "sysv64" fn()
 ;
-;   The labels .body and .body_end enclose what the table in src/kernels/harness.rs tells of. They need nothing, change
-;   rax, rcx, rsi and flags alone, and compute nothing.
+;   The labels .body and .body_end enclose what the table in src/kernels/harness.rs counts. The functions need nothing,
+;   change only rax, rcx, rsi and the flags, and compute nothing.
 
 %define ISA sse41
 %include "include/isa.inc"
 
-; KNOWN_LINE - a function with so many instructions in a line.
+; KNOWN_LINE - a function with a given number of instructions in a row.
 %macro KNOWN_LINE 1
 %define %%count %1      ; [in]  how many
 FUNC known_ %+ %%count
@@ -42,7 +42,7 @@ FUNC known_loop
 .body_end:
 ENDFUNC
 
-; 3 instructions, the last with a repeat prefix: one instruction however often it repeats, five times here.
+; 3 instructions, the last with a repeat prefix: it counts as one, however often it repeats (five times here).
 FUNC known_repeat
 .body:
     lea     rsi, [rayo_known_1000]
@@ -51,7 +51,7 @@ FUNC known_repeat
 .body_end:
 ENDFUNC
 
-; 2 instructions; what they call executes 9 more, its endbr64 and ret included.
+; 2 instructions; the function that they call executes 9 more, including its endbr64 and ret.
 FUNC known_call
 .body:
     call    rayo_known_7

@@ -16,7 +16,7 @@
     AOS_OPS
 %assign AOS_HITS 0
     PAPER_TRACER
-%assign AOS_HITS 1                      ; what the paper's tracer hits, for measuring errors
+%assign AOS_HITS 1                      ; the surfaces that the paper's tracer hits, to measure errors
     PAPER_TRACER
 %assign AOS_HITS 0
 

@@ -12,10 +12,10 @@
 ;   normalise   Vec4       Vec4       -           a / ||a||; b is not read
 ;   sphere      f32        Vec4       Sphere      the t of SPHERE_HIT along the ray a; infinity for a miss
 ;   triangle    f32        Vec4       Triangle    the t of TRIANGLE_HIT along the ray a; infinity for a miss
-;   lambert     Vec4       Surface    Light       what LAMBERT adds for the side of N; the other side gives nothing
-;   lambert2    Vec4       Surface    Light       the same for a surface with two sides
+;   lambert     Vec4       Surface    Light       what LAMBERT adds on the side of N; on the other side it adds nothing
+;   lambert2    Vec4       Surface    Light       the same for a two-sided surface
 ;
-;   registers      rdi out, rsi a, rdx b, xmm0 and up the values
+;   registers      rdi out, rsi a, rdx b; the values from xmm0 up
 ;   requires       SSE3; addresses aligned as their types are
 ;   equals         reference::aos, to the last bit
 ;
@@ -24,7 +24,7 @@
 ; LAMBERT_FUNC - the two functions of the Lambert term.
 %macro LAMBERT_FUNC 2
 %define %%name %1       ; [in]       the function's name
-%define %%sides %2      ; [in]       as LAMBERT has it
+%define %%sides %2      ; [in]       as in LAMBERT
 FUNC AOS_NAME(%%name)
     xorps   xmm0, xmm0
     movaps  xmm1, [rsi + Surface.point]

@@ -14,18 +14,18 @@
 ;   triangle3   scalar   vector   TriangleHit  t of the ray a; infinity where it misses
 ;   lambert3    vector   vector   ObjectLight  what the light adds to black at the point a of the unit sphere
 ;
-;   A packet of vectors is LANES x, then LANES y, then LANES z; one of scalars is LANES of them. Records are there once,
-;   for all packets. No alignment is asked.
+;   A packet of vectors is LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them. There is one
+;   record for all packets. No alignment is required.
 ;
-;   registers      rdi out, rsi a, rdx b, rcx packets to go, v0 to v2 a, v3 to v5 b
-;                  with a record that has constants rdx and rdi change places
+;   registers      rdi out, rsi a, rdx b, rcx packets left, v0 to v2 a, v3 to v5 b
+;                  where the record's fields are constants, rdx and rdi are exchanged
 ;   requires       the CPUID features of the ISA
 ;   equals         reference::packet, to the last bit
 ;
 ; Assembled once per ISA and element type: rayo_<isa>_<single or double>_<name>. The labels .body and .body_end enclose
 ; the operation itself, without its loads and stores.
 
-; LOAD_RAY - a packet of a in v0 to v2.
+; LOAD_RAY - loads the next packet of a into v0 to v2.
 %macro LOAD_RAY 0
     VLOAD   v0, [rsi]
     VLOAD   v1, [rsi + VBYTES]
@@ -52,7 +52,7 @@
 ; PACKET_OP - an operation over n packets.
 %macro PACKET_OP 6
 %define %%name %1       ; [in]  the operation's name
-%define %%reads %2      ; [in]  registers of a packet of b: 0, 1 or 3
+%define %%reads %2      ; [in]  registers in a packet of b: 0, 1 or 3
 %define %%x %3          ; [in]  register of the result, or of its x
 %define %%y %4          ; [in]  register of its y, or none
 %define %%z %5          ; [in]  register of its z, or none
@@ -83,10 +83,10 @@ FUNC ISA_NAME %+ _ %+ %%name
 ENDFUNC
 %endmacro
 
-; HIT_OP - where n packets of rays meet one object: t in v3, and the mask.
+; HIT_OP - intersects n packets of rays with one object: t in v3, and the mask.
 %macro HIT_OP 3
 %define %%name %1       ; [in]  the operation's name
-%define %%constants %2  ; [in]  fields of the object's record
+%define %%constants %2  ; [in]  number of fields of the object's record
 %define %%operation %3  ; [in]  the macro with its arguments
 FUNC ISA_NAME %+ _ %+ %%name
     xchg    rdi, rdx
@@ -121,7 +121,7 @@ PACKET_OP normalise3, 0, v0, v1, v2, {NORMALISE3 v0, v1, v2, v6, v7}
 HIT_OP sphere3, SphereHit_size, {SPHERE_HIT3 v3, v0, v1, v2, v4, v5, v6, v7, v8, v9}
 HIT_OP triangle3, TriangleHit_size, {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
 
-; The light's colours are added to what there is: black.
+; LAMBERT3 adds to a colour, here black.
 FUNC ISA_NAME %+ _lambert3
     test    rcx, rcx
     jz      .done

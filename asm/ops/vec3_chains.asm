@@ -1,41 +1,40 @@
-; vec3_chains.asm - chains of the operations on packets, to measure how long one takes and how many run at once.
+; vec3_chains.asm - chains of the operations on packets, which measure the latency and the throughput of each.
 ;
 ; unsafe extern "sysv64" fn(rounds: u64) -> u64
 ;
-;   rayo_<isa>_single_<op>3_latency      CHAIN_LINKS times <rounds> operations, each of which needs the last one's
-;                                        result
-;   rayo_<isa>_single_<op>3_throughput   as many operations that need nothing of each other
-;   rayo_<isa>_single_feedback_latency   as many times what leads a result back to an operand, alone
-;   rayo_<isa>_single_muladd_throughput  SUMS times <rounds> multiplications with an addition, on as many registers that
-;                                        need nothing of each other: the most arithmetic that a core does
+;   rayo_<isa>_single_<op>3_latency      CHAIN_LINKS times <rounds> operations, each of which needs the previous result
+;   rayo_<isa>_single_<op>3_throughput   as many operations, independent of each other
+;   rayo_<isa>_single_feedback_latency   as many times LEAD_BACK alone
+;   rayo_<isa>_single_muladd_throughput  SUMS times <rounds> multiply-adds, independent of each other in as many
+;                                        registers: the most arithmetic that a core does
 ;
-;   All give the number of operations in a round. As chains.asm has it for one vector, so for a packet: in a chain of
-;   latency LEAD_BACK gives every operation the same operand whatever the last one computed; operands that an operation
-;   overwrites are loaded anew. Constants of a record stay where tracers have them.
+;   All return the number of operations in a round. The chains are those of chains.asm, for a packet in place of one
+;   vector: in a latency chain LEAD_BACK makes each operand depend on the previous result without changing its value;
+;   operands that an operation overwrites are loaded again. Constants of a record are kept as in the tracers.
 ;
 ;   requires       the CPUID features of the ISA; rounds >= 1
 
 %assign CHAIN_LINKS 8                   ; operations in a round
-%assign SUMS 14                         ; multiplications with an addition in a round
+%assign SUMS 14                         ; multiply-adds in a round
 
-; LEAD_BACK - d = a, by way of r: the latency of an and and an or.
+; LEAD_BACK - d = a, but dependent on r: costs the latency of an and and an or.
 %macro LEAD_BACK 3
 %define %%d %1          ; [out]       vreg: the operand of the next operation
-%define %%r %2          ; [clobbered] vreg: the result of the one before
+%define %%r %2          ; [clobbered] vreg: the previous result
 %define %%a %3          ; [in]        aligned memory: the operand
     VAND    %%r, %%r, [PACKET(zeros)]
     VARITH  or, 1, %%d, %%r, %%a
 %endmacro
 
-; FIRST - the first operand, in v0 to v2.
+; FIRST - loads the first operand into v0 to v2.
 %macro FIRST 1
-%define %%value %1      ; [in]  label: three registers of it
+%define %%value %1      ; [in]  label of its three registers
     VLOAD   v0, [%%value]
     VLOAD   v1, [%%value + VBYTES]
     VLOAD   v2, [%%value + 2 * VBYTES]
 %endmacro
 
-; BEGIN_CHAIN - what a chain begins with: the rounds in rcx, and all operands.
+; BEGIN_CHAIN - begins a chain: the rounds go to rcx, and all operands are loaded.
 %macro BEGIN_CHAIN 3
 %define %%value %1      ; [in]  label of the first operand
 %define %%record %2     ; [in]  label of the record
@@ -51,7 +50,7 @@
 align 32
 %endmacro
 
-; END_CHAIN - what it ends with.
+; END_CHAIN - ends a chain.
 %macro END_CHAIN 1
 %define %%operations %1 ; [in]  how many operations a round has
     dec     rcx
@@ -61,10 +60,10 @@ align 32
 ENDFUNC
 %endmacro
 
-; CHAINS - both chains of an operation.
+; CHAINS - the two chains of an operation.
 %macro CHAINS 6
 %define %%name %1       ; [in]  the operation
-%define %%value %2      ; [in]  label of the first operand, whose x the result is led back to
+%define %%value %2      ; [in]  label of the first operand, whose x LEAD_BACK makes depend on the result
 %define %%record %3     ; [in]  label of the record
 %define %%constants %4  ; [in]  how many of its elements are constants
 %define %%result %5     ; [in]  register of the result, or of its x
@@ -100,7 +99,7 @@ END_CHAIN CHAIN_LINKS
 
 %define NONE PACKET(chain_sphere), 0
 
-; PACKET_CHAINS - the functions of this file, and what they begin with.
+; PACKET_CHAINS - the functions of this file, and their operands.
 %macro PACKET_CHAINS 0
 %assign ESTIMATE 0
 
@@ -140,7 +139,7 @@ FUNC ISA_NAME %+ _feedback_latency
 %endrep
 END_CHAIN CHAIN_LINKS
 
-; Each sum comes to 3, whatever it begins with: d = d / 2 + 1.5.
+; d = d / 2 + 1.5 converges to 3 from any start.
 FUNC ISA_NAME %+ _muladd_throughput
     BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
     VLOAD   v1, [PACKET(chain_b)]

@@ -1,10 +1,10 @@
 ; around.asm - the nearest wall of a sphere around the camera or beside it, at all pixels of a tile, in f64.
 ;
-; Such a sphere has no outline that a quadratic over a tile keeps exactly enough: its silhouette is no ellipse, and D
-; cancels next to a wall. With a = d.d, h = d.c and k = c.c - r^2 the roots of eq. 5 are k/q and q/a with
-; q = h + sqrt(D) with the sign of h, by the operations of reference::geometry: D = h^2 - k a of a sphere that is near,
-; D = r^2 a - |c x d|^2 of one that is far for its size. What is kept is their inverse: the greater of q/k and a/q,
-; and 0 where neither is above 0 or both are infinite.
+; A quadratic over a tile is not accurate enough for such a sphere: its silhouette is no ellipse, and D cancels next to
+; a wall. With a = d.d, h = d.c and k = c.c - r^2 the roots of eq. 5 are k/q and q/a, where q = h + sqrt(D) with the
+; sign of h, by the operations of reference::geometry: D = h^2 - k a for a near sphere, D = r^2 a - |c x d|^2 for one
+; that is far for its size. The result is their inverse: the greater of q/k and a/q, and 0 where neither is positive or
+; both are infinite.
 ;
 ; Assembled once per ISA, in the pass for f64. The functions:
 ;
@@ -14,12 +14,12 @@
 ;   near        *mut of a tile's 1/t in f32 or f64, in blocks of a register each
 ;   column, row u64: of the tile's first pixel in the picture
 ;
-;   registers   rdi sphere, rsi near, edx blocks of a row to go, ecx rows of blocks; and 1/2 more than the numbers of
-;               columns, v0, and rows, v10, in the picture; v1 and v2 those of the first block of a row
+;   registers   rdi sphere, rsi near, edx blocks left in a row, ecx rows of blocks left; v0 the columns and v10 the rows
+;               of pixels' centres in the picture, number + 1/2; v1 and v2 the columns in the first block of a row
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      reference::tile::around
 
-; AROUND - a function that writes elements of `out` bytes, of which a block has %%parts registers of f64.
+; AROUND - a function that writes elements of `out` bytes; a block of them is %%parts registers of f64.
 %macro AROUND 2
 %define %%precision %1  ; [in]       part of the function's name
 %define %%out %2        ; [in]       4 or 8

@@ -1,32 +1,30 @@
-; bounds.asm - which pixels each of many triangles can cover at all, LANES triangles in lockstep.
+; bounds.asm - the bounds of the pixels that each of many triangles can cover, LANES triangles in lockstep.
 ;
 ; unsafe extern "sysv64" fn(view: *const BoundsView, task: *const BoundsTask)
 ;
-;   A ray passes between the edges of a triangle in front of the camera only if its pixel lies between the projected
-;   vertices. These are found in f32, and the bounds opened by a margin above its rounding. One that reaches behind the
-;   camera's plane gets the whole picture, and one all behind it nothing. A triangle of a fine mesh that has no pixel's
-;   centre is found out here, and costs nothing from then on: if its bounds are small, its edges are tried at the four
-;   pixels that they can hold, and if one edge or another has each of them outside by more than the rounding, they are
-;   made empty.
+;   A ray can hit a triangle in front of the camera only if its pixel lies within the box of the projected vertices. The
+;   box is computed in f32 and widened by a margin that exceeds the rounding. A triangle that reaches behind the
+;   camera's plane gets the whole picture, and one entirely behind it nothing. Most triangles of a fine mesh contain no
+;   pixel's centre; they are culled here: if a box is small, the edges are evaluated at the four pixels that it can
+;   hold, and if each of these is outside some edge by more than the rounding, the box becomes empty.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; rdx triangles or faces, rcx those to go,
-;               r8 corners, r9 the next id, r10 candidates, r11 packets to go, r15 the last of them
+;   registers   rdi view, whose fields are the constants K; rsi task; rdx triangles or faces, rcx how many are left,
+;               r8 corners, r9 the next id, r10 candidates, r11 packets left, r15 the last triangle
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits; at SCRATCH the
-;               greatest of what 1/t cannot exceed
-;   writes      a Candidate for each triangle that may have a pixel, one after another, with room for all up to a
-;               multiple of CHUNK: what is past the last one may be there too, under numbers of its own; how many they
-;               are; and of all triangles together, to judge the scene's numbers by, those in BoundsFound; faces have no
-;               colours
-;   requires    the CPUID features of the ISA; triangles, or faces of vertices that there are, count >= 1 of them; 4
-;               bytes more behind the vertices
+;               greatest upper bound of 1/t
+;   writes      a Candidate for each triangle that may cover a pixel, one after another, and their number; the memory
+;               after them, up to a multiple of CHUNK in all, may be overwritten; and the extremes of all triangles in
+;               BoundsFound, by which the plan judges their numbers; faces have no colours
+;   requires    the CPUID features of the ISA; count >= 1 triangles, or faces with valid vertices; 4 readable bytes
+;               after the vertices
 ;   equals      reference::tile::BoundsView::of_triangle, to the last bit
 
-; FIRST_AND_PAST - w<f> = the first pixel and w<p> = the one past the last << 16, of coordinates from v<f> to v<p>.
+; FIRST_AND_PAST - from coordinates v<f> to v<p>: w<f> = the first pixel and w<p> = one past the last, << 16.
 ;   equals      reference::tile::first_and_past
 %macro FIRST_AND_PAST 3
 %define %%f %1          ; [in/out]   number of a register
 %define %%p %2          ; [in/out]   number of a register
-%define %%side %3       ; [in]       field: how many pixels there are
+%define %%side %3       ; [in]       field: pixels of the picture along the axis
     VADD    v%[%%f], v%[%%f], K(BoundsView.low)
     VADD    v%[%%p], v%[%%p], K(BoundsView.high)
     VMAX    v%[%%f], v%[%%f], [PACKET(zeros)]
@@ -38,7 +36,7 @@
     IOP     pslld, w%[%%p], w%[%%p], 16
 %endmacro
 
-; PROJECT - d = x / z to_pixels, which takes the place of x, widened to the least and the greatest of three vertices.
+; PROJECT - d = x / z to_pixels, which replaces x, and the running minimum and maximum over three vertices.
 ;   equals      reference::tile::project
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
@@ -58,7 +56,7 @@
     VMAX    %%high, %%high, %%t
 %endmacro
 
-; SIZE - makes w5 the greater of itself and the bits of a coordinate without its sign. Clobbers v6.
+; SIZE - w5 = the greater of w5 and the magnitude of a coordinate, as bits. Clobbers v6.
 %macro SIZE 2
 %define %%load %1       ; [in]       VMOV or VLOAD
 %define %%from %2       ; [in]       vreg or memory
@@ -67,8 +65,8 @@
     IOP     pmaxud, w5, w5, w6
 %endmacro
 
-; EDGES_HERE - widens v3, the greatest of what is least of the edges v9, v10, v11 at a pixel, and v5, the least of what
-;              is greatest. Clobbers v7.
+; EDGES_HERE - v3 = max(v3, the least of the edges v9, v10, v11 at a pixel), v5 = min(v5, the greatest of them).
+;              Clobbers v7.
 ;   equals      reference::tile::edges_here
 %macro EDGES_HERE 0
     VMIN    v7, v9, v10
@@ -92,7 +90,7 @@
     VSUB    %%d, %%d, v1
 %endmacro
 
-; LENGTH - v<n> = how many pixels there are in the bounds in w<b>. Clobbers v8.
+; LENGTH - v<n> = the number of pixels in the bounds in w<b>. Clobbers v8.
 ;   equals      reference::tile::length
 %macro LENGTH 2
 %define %%n %1          ; [out]      number of a register
@@ -104,16 +102,16 @@
     VOP     cvtdq2, v%[%%n], w%[%%n]
 %endmacro
 
-; NEARNESS - makes those at SCRATCH the greater of themselves and of what 1/t cannot exceed, as bits.
+; NEARNESS - the memory at SCRATCH = the greater of itself and the upper bounds of 1/t, as bits.
 %macro NEARNESS 1
 %define %%near %1       ; [clobbered] number of a register: f32, or 0
     IOP     pmaxud, v%[%%near], v%[%%near], [SCRATCH]
     VMOV_TO [SCRATCH], v%[%%near]
 %endmacro
 
-%assign AHEAD 3072                      ; bytes from an object to those that are prefetched: some chunks
+%assign AHEAD 3072                      ; prefetch distance in bytes: about a chunk
 
-; FOUR_AT - the addresses of four objects from rdx on in r14, rbx, r12 and r13, or of the last one. Asks for later ones.
+; FOUR_AT - r14, rbx, r12, r13 = the addresses of four objects from rdx on, or of the last one. Prefetches later ones.
 %macro FOUR_AT 1
 %define %%bytes %1      ; [in]       of an object
 %assign %%i 0
@@ -128,10 +126,10 @@
     add     rdx, 4 * %%bytes
 %endmacro
 
-; BEGIN_BOUNDS - begins a function: saves registers and readies constants and extremes.
+; BEGIN_BOUNDS - begins a function: saves registers, prepares the constants, and resets the extremes.
 %macro BEGIN_BOUNDS 2
-%define %%constants %1  ; [in]       how many there are at rdi
-%define %%greatest %2   ; [in]       aligned memory: more than any size, as bits of f32
+%define %%constants %1  ; [in]       number of constants at rdi
+%define %%greatest %2   ; [in]       aligned memory: bits of f32 above those of any size
     PUSH_OWNED
     mov     rdx, [rsi + BoundsTask.objects]
     mov     r9, [rsi + BoundsTask.first_id]
@@ -147,7 +145,7 @@
 ; TRANSPOSE_CHUNK - transposes a chunk of objects, from rdx on.
 %macro TRANSPOSE_CHUNK 2
 %define %%bytes %1      ; [in]       of an object
-%define %%transpose %2  ; [in]       what transposes four of them
+%define %%transpose %2  ; [in]       macro that transposes four of them
     imul    r15, [rsi + BoundsTask.count], %%bytes
     add     r15, [rsi + BoundsTask.objects]
     sub     r15, %%bytes
@@ -162,7 +160,7 @@
     jb      %%four
 %endmacro
 
-; END_BOUNDS - goes on to the next packet and the next chunk; ends the function when all are through.
+; END_BOUNDS - goes on to the next packet or the next chunk, and after the last one ends the function.
 %macro END_BOUNDS 0
     add     r9, LANES
     dec     r11d
@@ -183,7 +181,7 @@
 ENDFUNC
 %endmacro
 
-; TRANSPOSE_BLACK_FACES - transposes four faces, whose colours others know. Clobbers rax, r11, v0 to v4.
+; TRANSPOSE_BLACK_FACES - transposes four faces, with black for their colours. Clobbers rax, r11, v0 to v4.
 %macro TRANSPOSE_BLACK_FACES 5
 %define %%to %1         ; [out]      general register: address of the first of the four in TriangleArrays
 %define %%f0 %2         ; [in]       general register: address of a face
@@ -250,7 +248,7 @@ FUNC ISA %+ _bounds
     VADD    v5, v5, K(BoundsView.column)
     VADD    v6, v6, K(BoundsView.column)
     KLOAD   v8, BoundsView.row
-    VSUB    v8, v8, v7                  ; what is above comes first
+    VSUB    v8, v8, v7                  ; the greatest y is the first row
     KLOAD   v9, BoundsView.row
     VSUB    v9, v9, v10
     FIRST_AND_PAST 5, 6, width
@@ -285,7 +283,7 @@ FUNC ISA %+ _bounds
     VMOV_TO [r8 + TriangleArrays.columns], v6
     VMOV_TO [r8 + TriangleArrays.rows], v9
 
-    ; Corners from the first pixel within the bounds, and their edges there: within a triangle all have one sign.
+    ; Corners relative to the first pixel of the bounds, and the edges there: inside a triangle all have one sign.
     VMOV    v3, [r8 + TriangleArrays.ax]
     VSUB    v3, v3, v0
     VMOV    v4, [r8 + TriangleArrays.ay]
@@ -301,10 +299,10 @@ FUNC ISA %+ _bounds
     CROSS2  v9, v3, v4, v5, v6
     CROSS2  v10, v5, v6, v7, v8
     CROSS2  v11, v7, v8, v3, v4
-    VSUB    v0, v4, v6                  ; what a column more adds
+    VSUB    v0, v4, v6                  ; increments for a column
     VSUB    v1, v6, v8
     VSUB    v2, v8, v4
-    VSUB    v4, v3, v5                  ; what a row more adds
+    VSUB    v4, v3, v5                  ; increments for a row
     VSUB    v6, v5, v7
     VSUB    v8, v7, v3
     VMIN    v3, v9, v10

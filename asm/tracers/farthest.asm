@@ -1,14 +1,14 @@
-; farthest.asm - what is farthest in each part of a tile, a square of pixels: what is behind that is hidden there.
+; farthest.asm - the hierarchical depth of a tile: how far the farthest pixel of each square is, to cull what is behind.
 ;
 ; unsafe extern "sysv64" fn(tile: *const Tile, parts: *mut E)
 ;
 ;   rayo_<isa>_single_farthest    on f32
 ;   rayo_<isa>_double_farthest    on f64
 ;
-;   Squares are as wide as two blocks or more, and of a row of blocks each has what follows on what the one before has.
+;   A square is at least two blocks wide, and its blocks in a row of blocks follow those of the previous square.
 ;
-;   registers   rdi where the square begins in its first row of blocks, rsi parts, rdx rows of squares to go,
-;               rcx squares to go in a row
+;   registers   rdi start of the square in its first row of blocks, rsi parts, rdx rows of squares left,
+;               rcx squares left in a row
 ;   writes      the least 1/t of each square, row by row from the top
 ;   requires    the CPUID features of the ISA
 ;   equals      Iterator::min_by, over the pixels of each square

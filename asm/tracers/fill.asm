@@ -1,11 +1,11 @@
-; fill.asm - what no ray hits: one pattern over many pixels.
+; fill.asm - fills many pixels with one pattern, that of a background.
 ;
 ; unsafe extern "sysv64" fn(out: *mut u32, count: u64, pattern: u32, streaming: u64)
 ;
-;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0. A cache
-;   line is then stored to in one of the two ways alone: one that is in the cache would have to leave it first.
+;   Writes `count` times `pattern` to `out`, which is aligned to 4; past the cache where `streaming` is not 0. Each
+;   cache line is then written in only one of the two ways: a line that is in the cache would have to be evicted first.
 ;
-;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax where the middle ends, v0 the pattern
+;   registers   rdi out, rsi end, rdx pattern, rcx streaming, rax end of the middle, v0 the pattern
 ;   requires    the CPUID features of the ISA
 ;   equals      slice::fill
 
@@ -25,7 +25,7 @@ FUNC ISA %+ _fill
     lea     rax, [rdi + VBYTES]
     cmp     rax, rsi
     ja      .few
-    VEX(movups) [rdi], v0             ; the first and the last overlap with the aligned middle
+    VEX(movups) [rdi], v0             ; the first and the last register overlap with the aligned middle
     VEX(movups) [rsi - VBYTES], v0
     mov     rdi, rax
     and     rdi, -VBYTES

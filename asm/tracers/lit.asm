@@ -1,40 +1,40 @@
 ; lit.asm - whole rows of a picture in which one light shines on one sphere: black, the sphere's span, and black again.
 ;
-; The rows come from lit_rows.asm. A span is shaded packet by packet from where the memory is aligned to one, so its
-; first and its last packet hold black pixels too: these edge packets are masked, those between are not. Shading wants
-; arithmetic and black pixels want nothing but stores, so that in floats the two go side by side: while a span is
-; shaded, what is black between it and the next row's span is stored along the way. Bytes are too few for that: lines
-; that are not in cache come faster one after another than from two places in turn.
+; The rows come from lit_rows.asm. A span is shaded in packets that are aligned in memory, so its first and its last
+; packet hold black pixels too: these edge packets are masked, those between are not. Shading is bound by arithmetic and
+; black pixels by stores, so in floats the two are interleaved: while a span is shaded, the black pixels between it and
+; the next row's span are stored. In bytes this does not pay: cache misses cost less in one sequential stream than in
+; two.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
 ;   rayo_<p>_<object>_<output>      unsafe extern "sysv64" fn(sphere, rows, count, out, width, streaming)
 ;
-;   <object>    lit         any colours; no clamp: the light is known not to exceed white
+;   <object>    lit         any colours; not clamped: the light is known not to exceed white
 ;               grey        red, green and blue are equal; in f32 alone
 ;   <output>    f32x4       linear red, green, blue, 0
 ;               f32x3       linear red, green, blue
 ;               rgba8       levels of red, green, blue, and 255
 ;               rgb8        levels of red, green, blue
-;   ..._fast    with estimates in place of roots and divisions. 8 bits in f32 have nothing else, and 8 bits in f64 have
-;               them, refined to the end, where AVX-512 has them.
+;   ..._fast    with estimates in place of roots and divisions. Bytes from f32 are always made so, and bytes from f64
+;               with refined estimates on AVX-512.
 ;
 ;   sphere      *const LitSphere
 ;   rows        *const LitRows, of which the first `count` are read
-;   out         *mut of the first pixel, but for rgb8 aligned to 4: `count` rows of `width` pixels are written and
+;   out         *mut of the first pixel, aligned to 4 except for rgb8: `count` rows of `width` pixels are written and
 ;               nothing else
-;   streaming   u64: not 0 for stores that go past the cache; not rgb8
+;   streaming   u64: not 0 for stores that go past the cache; 0 for rgb8
 ;
 ;   registers   rdi sphere, afterwards free; rsi the row's elements, rdx rows left, rcx the row's first pixel, r8 bytes
-;               of a row, r9 streaming, r10 where pixels are not yet written, r11 the end of all pixels
+;               of a row, r9 streaming, r10 the first pixel not yet written, r11 the end of all pixels
 ;               r12 the packet, rbx the end of the span's last one, r13 the next span's first one (0 if not known)
-;               rax lanes of the packet that are written already
+;               rax lanes of the packet that are already written
 ;               v0 j, v1 v2 v3 the colour, v11 black, the LIT_ constants
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
-;   equals      reference::packet, to the last bit where there is no estimate
+;   equals      reference::packet, to the last bit without estimates
 
-; BEGIN_LIT - begins a function with what the rows of the LitSphere at rdi share. Makes room at SCRATCH for one packet
-;             of pixels, too, and rbx, r12 and r13 free; until END_LIT rbp is in use.
+; BEGIN_LIT - begins a function: loads the constants that the rows of the LitSphere at rdi share, reserves SCRATCH for
+;             one packet of pixels, and saves rbx, r12 and r13; until END_LIT rbp is in use.
 %macro BEGIN_LIT 0
     push    rbp
     mov     rbp, rsp
@@ -47,7 +47,7 @@
     LIT_SPHERE_CONSTANTS rdi
 %endmacro
 
-; END_LIT - gives back what BEGIN_LIT took, and leaves the upper parts of the registers clean.
+; END_LIT - undoes BEGIN_LIT, and clears the upper parts of the registers.
 %macro END_LIT 0
     lea     rsp, [rbp - 24]
     pop     r13
@@ -57,7 +57,7 @@
     CLEAN_UPPER
 %endmacro
 
-; LIT_BODY_GREY - the colour in v1 of the pixels j in v0, where red, green and blue are equal. v0 and v11 to v14 stay.
+; LIT_BODY_GREY - v1 = the colour of the pixels j in v0, whose red, green and blue are equal. Keeps v0 and v11 to v14.
 %macro LIT_BODY_GREY 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
     SPHERE_LIT v1, v0, %%edge, v4, v5, v6, v7, v8
@@ -66,7 +66,7 @@
 %endif
 %endmacro
 
-; LIT_BODY_LIT - the same where they are not, in v1, v2, v3.
+; LIT_BODY_LIT - v1, v2, v3 = red, green and blue of the pixels j in v0.
 %macro LIT_BODY_LIT 1
 %define %%edge %1       ; [in]       1 for a packet with an end of the span in it
     LIT_BODY_GREY %%edge
@@ -75,7 +75,7 @@
     VMUL    v1, v1, LIT_red
 %endmacro
 
-; LIT_KEEP - 0 in the lanes of v<n> that are not the span's.
+; LIT_KEEP - zeroes the lanes of v<n> that are outside the span.
 %macro LIT_KEEP 1
 %define %%n %1          ; [in/out]   number of a register
     MASK_NOT_LESS v0, LIT_j
@@ -109,7 +109,7 @@
 %endif
 %endmacro
 
-; LIT_BLACK - stores a packet of black floats at r10, and steps over it.
+; LIT_BLACK - stores a packet of black floats at r10, and advances r10.
 %macro LIT_BLACK 1
 %define %%format %1     ; [in]       F32X4 or F32X3
     test    r9d, r9d
@@ -122,9 +122,9 @@
     add     r10, LANES * %[%%format]_BYTES
 %endmacro
 
-; LIT_FILL - black from r10 up to an address where a packet may begin, or of bytes any pixel, and r10 there; nothing
-;            where r10 is there or beyond. Black bytes are the same from any pixel on, so that they take whole
-;            registers; past the cache, where no line is stored to in both ways, whole packets.
+; LIT_FILL - stores black from r10 up to an address and moves r10 there, if it is below: in floats up to the start of a
+;            packet, in bytes up to any pixel. Black bytes are written by whole registers or, past the cache, where no
+;            line may be written in both ways, by whole packets.
 %macro LIT_FILL 2
 %define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
 %define %%to %2         ; [in]       general register
@@ -143,7 +143,7 @@
     lea     rdi, [r10 + VBYTES]
     cmp     rdi, %%to
     ja      %%few
-    VSTORE  [r10], v11                  ; the first and the last overlap with the aligned middle
+    VSTORE  [r10], v11                  ; the first and the last register overlap with the aligned middle
     and     rdi, -VBYTES
     mov     r10, %%to
     and     r10, -VBYTES
@@ -159,7 +159,7 @@ align 16
     mov     r10, %%to
     jmp     %%filled
 %if %[%%format]_STREAMS
-%%packet:                               ; r10 is where one may begin
+%%packet:                               ; r10 is the start of one
     STORE_ %+ %%format r10, 11, movntps
     add     r10, LANES * %[%%format]_BYTES
 %%until_packet:
@@ -178,7 +178,7 @@ align 16
 %endif
 %endmacro
 
-; LIT_NEXT - steps to the next packet; in floats, stores up to two packets of what is black before the next row's span.
+; LIT_NEXT - goes to the next packet; in floats, stores up to two packets of the black before the next row's span.
 %macro LIT_NEXT 1
 %define %%format %1     ; [in]       F32X4, F32X3, RGBA8 or RGB8
     VADD    v0, v0, [PACKET(step)]
@@ -218,7 +218,7 @@ FUNC NAME(%%object, %%output)
     mov     r11, rdx
     imul    r11, r8
     add     r11, rcx
-    ; black up to where a packet can begin; a span that begins there is written over it
+    ; black up to the start of a packet; a span that begins within it overwrites some
 .head:
     test    r10, (LANES << %[%%format]_UNIT) - 1
     jz      .row
@@ -296,7 +296,7 @@ align 16
     add     rcx, r8
     dec     rdx
     jnz     .row
-    ; black up to the end, floats by whole packets and then by pixels
+    ; black up to the end, floats first by whole packets and then by pixels
     mov     r12, r11
 %if %[%%format]_FLOATS
     LIT_PACKET %%format, r12
@@ -320,7 +320,7 @@ align 16
     PIXELS_SINCE %%format, rdi, rdi, 2 * LANES
     PART_ %+ %%format r12, %[%%format]_FIRST, rax, rdi, r13, k1, 3
     xor     eax, eax
-    xor     r13d, r13d                  ; leave what is black to the next row
+    xor     r13d, r13d                  ; leaves the black to the next row
     jmp     .edge_stored
     END
 %endmacro

@@ -1,9 +1,9 @@
-; lit_rows.asm - which columns of each row see a sphere, and what lit.asm needs to know of the row: a row in each lane.
+; lit_rows.asm - the span of columns in each row that meet a sphere, and its constants for lit.asm: a row in each lane.
 ;
-; Once per row and not per pixel, and so in f64, by the equations of the silhouette. With d = (x, y, f) and the terms
-; of eq. 5 in units of the radius, D(x) = (d.c)^2 - k d.d = -m x^2 + 2 b x + c0 is above 0 between its two roots. The
-; product b^2 + m c0 = k (g - across^2) does not cancel for far spheres, and neither does the root of the larger
-; magnitude; the other one is c0 over it. No operation is fused.
+; This runs once per row, not per pixel, and so in f64, by the equations of the silhouette. With d = (x, y, f) and the
+; terms of eq. 5 in units of the radius, D(x) = (d.c)^2 - k d.d = -m x^2 + 2 b x + c0 is positive between its two roots.
+; b^2 + m c0 = k (g - across^2) does not cancel for far spheres, nor does the root of the larger magnitude; the other
+; one is c0 divided by it. No operation is fused.
 ;
 ; Assembled once per ISA. The functions:
 ;
@@ -11,7 +11,7 @@
 ;                           unsafe extern "sysv64" fn(setup, first, count, rows)
 ;
 ;   setup       *const LitSetup, in f64
-;   first       u64: the picture's row that is row 0 here
+;   first       u64: the row of the picture that is row 0 of `rows`
 ;   count       u64, at least 1
 ;   rows        *mut LitRows, in f32 or f64; up to the next multiple of LANES rows are written
 ;
@@ -36,7 +36,7 @@
 %endif
 %endmacro
 
-; ROWS - a function that makes rows whose elements have as many bytes.
+; ROWS - a function that makes rows of elements of `bytes` bytes.
 %macro ROWS 2
 %define %%name %1       ; [in]       single or double
 %define %%bytes %2      ; [in]       4 or 8
@@ -73,7 +73,7 @@ FUNC ISA %+ _ %+ %%name %+ _lit_rows
     VDIV    v2, v2, v3
     MASK_EQUAL v3, [PACKET(zeros)]
     VZERO   v4
-    VSELECT v2, v4                      ; p = c0 / q, 0 where q is
+    VSELECT v2, v4                      ; p = c0 / q, or 0 where q = 0
     VDIV    v3, v3, S(m)                ; one root, q / m
     VZERO   v4
     VSUB    v4, v4, v2                  ; the other, -p

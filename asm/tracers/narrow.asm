@@ -1,21 +1,21 @@
-; narrow.asm - from pixels of four channels to pixels of three: the fourth left out.
+; narrow.asm - from pixels of four channels to pixels of three, without the fourth.
 ;
 ; unsafe extern "sysv64" fn(four: *const, three: *mut, pixels: u64)
 ;
 ;   rayo_<isa>_narrow_rgb8      from rgba8
 ;   rayo_<isa>_narrow_f32x3     from f32x4
 ;
-;   Most kernels make four channels alone, which fill whole registers; files have three.
+;   Most kernels make only pixels of four channels, which fill whole registers; files have three.
 ;
-;   registers   rdi four, rsi three, rdx pixels to go
+;   registers   rdi four, rsi three, rdx pixels left
 ;   requires    the CPUID features of the ISA
 ;   equals      Iterator::map, to the first three channels
 
-; INSERT_FLOAT - one float of a into d.
+; INSERT_FLOAT - copies one float of a to d.
 %macro INSERT_FLOAT 3
 %define %%d %1          ; [in/out]   128-bit register
 %define %%a %2          ; [in]       128-bit register
-%define %%which %3      ; [in]       as the instruction insertps has it: which of a, in the upper two bits, and where to
+%define %%which %3      ; [in]       as in insertps: the lane of a in the upper two bits, that of d in the next two
 %if HAS_VEX
     vinsertps %%d, %%d, %%a, %%which
 %else

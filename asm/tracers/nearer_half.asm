@@ -1,23 +1,23 @@
-; nearer_half.asm - the objects of a tile in two halves: the nearer ones, which may hide the others, and the rest.
+; nearer_half.asm - partitions the objects of a tile into nearer ones, which may hide the others, and the rest.
 ;
 ; unsafe extern "sysv64" fn(task: *const HalfTask) -> u64
 ;
-;   Returns how many are nearer: those whose 1/t of the nearest point is not below the middle, which has as many f32
-;   between it and the least of all as between it and the greatest; the largest number, that of an object that may be
-;   anywhere, is not taken for the greatest. Numbers not below 0 are ordered as their bits are. Both halves keep their
-;   order. A branch on who is nearer would not be foreseen: each record is stored to both halves, and one of them
-;   goes on.
+;   Returns the number of nearer ones: those whose upper bound of 1/t is not below the middle, which has as many f32
+;   between it and the least bound as between it and the greatest. The largest f32, the bound of an object that may be
+;   at any distance, does not count as the greatest. Non-negative numbers are ordered as their bits are. Both halves
+;   keep their order. A branch per object would be mispredicted: each record is stored to both halves, and only the end
+;   of the right one advances.
 ;
-;   registers   rdi task; r8 the next, rcx those to go; r9 the nearer half, r10 the other; edx the middle, as bits
-;               v2, v3 the least and the greatest of each number of the records; with masks v2 then the middle
-;   writes      each half, with room for all
+;   registers   rdi task; r8 the next object, rcx how many are left; r9 end of the nearer half, r10 of the other; edx
+;               the middle, as bits; v2, v3 the least and the greatest of each number of the records; with masks then v2
+;   writes      both halves, each with room for all objects
 ;   requires    the CPUID features of the ISA; count >= 1
 ;   equals      Iterator::partition, at reference::tile::middle
 
 %assign CANDIDATE_LANES VBYTES / Candidate_size ; records in a register
 
-; EXTREMES_HERE - widens the least and the greatest, x2 and x3 or all of v2 and v3, to those at r8. Clobbers v0 and,
-;                 without masks, v1.
+; EXTREMES_HERE - extends the minimum x2 or v2 and the maximum x3 or v3 by the records at r8. Clobbers v0 and, without
+;                 masks, v1.
 ;
 ;   instructions   sse41 6   avx2 5   avx512 4
 ;   critical path  load -> compare -> and -> max
@@ -126,7 +126,7 @@ align 16
     STORE128 [r10], x, 0, 0
     cmp     [r8 + Candidate.most], edx
     sbb     rax, rax
-    and     eax, Candidate_size         ; of the farther ones, 0 of the others
+    and     eax, Candidate_size         ; Candidate_size for a farther one, else 0
     add     r10, rax
     xor     eax, Candidate_size
     add     r9, rax

@@ -1,18 +1,18 @@
 ; nearest.asm - the packet tracers in object order, first half: the nearest of many objects over a tile of pixels.
 ;
-; This is Algorithm 1 for many objects, but for the light. Set-up has turned each triangle and each sphere into
-; functions of a tile's pixels, and into bounds. Of each object only the blocks within its bounds are asked (line 14): a
-; block is a packet of pixels, rows of up to four, and `near` and `who` of a tile keep the nearest of each (lines 12 to
-; 17) in cache.
+; This is Algorithm 1 for many objects, without the light. Set-up has made each triangle and each sphere a function of a
+; tile's pixels, with bounds. An object is tested only against the blocks within its bounds (line 14): a block is a
+; packet of pixels, in rows of up to four, and `near` and `who` of a tile keep the nearest hit of each pixel (lines 12
+; to 17) in cache.
 ;
-; Of a large triangle only those blocks of a row are asked that no edge has all outside, from the first to the last:
-; each edge is taken where it is greatest in a block, of all blocks of a row at once.
+; A large triangle is tested only against the blocks from the first to the last of a row that are not wholly outside an
+; edge: each edge is evaluated where it is greatest in a block, for all blocks of a row at once.
 ;
-; A block leaves an object as soon as all its pixels miss it or have something that is nearer than any point of it, so
-; that it pays to ask what is near first.
+; A test ends as soon as all pixels of the block miss the object or hold something nearer than any point of it, so it
+; pays to test near objects first.
 ;
-; A ray hits or not by one predicate: in the elements of the kernel with their rounding bound, and where that leaves a
-; doubt in f64, by the reference's operations in the reference's order. So bounds may leave work out, and never a hit.
+; One predicate decides whether a ray hits: in the elements of the kernel with their rounding bound, and where that
+; leaves a doubt in f64, by the reference's operations in the reference's order. So bounds save work and lose no hit.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
@@ -24,8 +24,8 @@
 
 %assign SMALL_SIDE 4                    ; pixels: a triangle whose bounds have no longer side is small
 
-; BLOCK_PIXEL - r12d, r14d = column and row in the picture of the lane r9 of the block at r13 of row ebx of the tile.
-;               Clobbers r9.
+; BLOCK_PIXEL - r12d, r14d = column and row in the picture of lane r9 of the block at r13, which is in row ebx of the
+;               tile. Clobbers r9.
 %macro BLOCK_PIXEL 0
     mov     r12, r13
     sub     r12, r8
@@ -41,22 +41,22 @@
     add     r14d, [rsi + NearestTask.row]
 %endmacro
 
-; BEFORE_DOUBT_TRIANGLE - xmm7 = the sign of the volume of the triangle at r, for all rays that are in doubt.
+; BEFORE_DOUBT_TRIANGLE - xmm7 = the sign of the volume of the triangle at r, for all rays in doubt.
 %macro BEFORE_DOUBT_TRIANGLE 1
 %define %%r %1          ; [in]       address in its planes' first field
     ELEMENT_F64 xmm7, [%%r + ELEM * TrianglePlanes.side]
 %endmacro
 
-; BEFORE_DOUBT_SPHERE - nothing is the same for all rays that are in doubt.
+; BEFORE_DOUBT_SPHERE - nothing: of a sphere the rays in doubt share no value.
 %macro BEFORE_DOUBT_SPHERE 1
 %define %%r %1          ; [in]       address in its planes' first field
 %endmacro
 
-; The decision in f64, for the ray in xmm0, xmm1, xmm2: a label follows.
+; The decision in f64 for the ray in xmm0, xmm1, xmm2; the last argument is a label.
 %define DECIDE_TRIANGLE IF_OUTSIDE_TRIANGLE xmm0, xmm1, xmm2, rdx, xmm7, xmm6, xmm3, xmm4, xmm5,
 %define DECIDE_SPHERE IF_OUTSIDE_SPHERE xmm0, xmm1, xmm2, rdx, xmm6, xmm3, xmm4,
 
-; SPILL - v0 to v14 to the stack; UNSPILL brings them back.
+; SPILL - stores v0 to v14 on the stack.
 %macro SPILL 0
 %assign %%i 0
 %rep 15
@@ -65,7 +65,7 @@
 %endrep
 %endmacro
 
-; UNSPILL - v0 to v14 as SPILL found them.
+; UNSPILL - restores what SPILL stored.
 %macro UNSPILL 0
 %assign %%i 0
 %rep 15
@@ -74,7 +74,7 @@
 %endrep
 %endmacro
 
-; MASK_OF_BITS - the mask from the bits of eax; clobbers r12 and the stack above SPILL.
+; MASK_OF_BITS - the mask = the bits of eax; clobbers r12 and the stack above SPILL.
 %macro MASK_OF_BITS 0
 %if HAS_MASKS
     kmovw   MASK, eax
@@ -95,7 +95,7 @@
 %endif
 %endmacro
 
-; WHERE - r = the lanes of the mask where a < b, or where a = b, a bit for each.
+; WHERE - r = a bit for each lane of the mask where a < b, or where a = b.
 %macro WHERE 5
 %define %%r %1          ; [out]      32-bit register
 %define %%a %2          ; [in]       vreg
@@ -117,8 +117,8 @@
 %endif
 %endmacro
 
-; CLIP - from bounds in eax (columns) and ebx (rows) to blocks of the tile: columns from r9 to eax, rows from ebx on, a
-;        pixel, to r15d; jumps to `none` where there are none. Clobbers r10.
+; CLIP - clips bounds in eax (columns) and ebx (rows) to the tile: blocks r9 to eax across, and from pixel row ebx to
+;        r15d; jumps to `none` if nothing is left. Clobbers r10.
 %macro CLIP 1
 %define %%none %1       ; [in]       label
     movzx   r9d, ax
@@ -151,7 +151,7 @@
     and     ebx, -BLOCK_HEIGHT
 %endmacro
 
-; BLOCK_ROW - r13 = the address of the block number r9 of the row ebx of the tile at r8.
+; BLOCK_ROW - r13 = the address of block r9 in row ebx of the tile at r8.
 %macro BLOCK_ROW 0
     mov     r13d, ebx
 %if BLOCK_HEIGHT > 1
@@ -163,9 +163,9 @@
     add     r13, r8
 %endmacro
 
-; Triangles or spheres, a packet of them at a time. Those whose bounds hold few pixels are asked together, an object in
-; each lane and a pixel of its own after another; what they hit is put in a list, and then made theirs where they are
-; nearest. The others are asked one by one, a block of pixels at a time.
+; Triangles or spheres, a packet of them at a time. Small ones are tested together: each lane has one object and goes
+; through its pixels one by one; hits are listed, and then entered in the tile where they are nearest. The others are
+; tested one by one, a block of pixels at a time.
 ;
 ; The stack, from rsp on.
 %assign MOST_STEPS (SMALL_SIDE * SMALL_SIDE)
@@ -174,14 +174,14 @@ struc NearestStack
     .bits:          resb VBYTES         ; of MASK_OF_BITS
     .origin_x:      resb VBYTES         ; the tile's middle in the picture
     .origin_y:      resb VBYTES
-    .low_x:         resb VBYTES         ; the window, from there
+    .low_x:         resb VBYTES         ; the window, relative to it
     .high_x:        resb VBYTES
     .low_y:         resb VBYTES
     .high_y:        resb VBYTES
-    .first_x:       resb VBYTES         ; of each lane's object: its first column, the one past its last,
+    .first_x:       resb VBYTES         ; of each lane's object: its first column, one past its last,
     .past_x:        resb VBYTES
-    .row_past_x:    resb VBYTES         ; the same in its row
-    .now_y:         resb VBYTES         ; its row
+    .row_past_x:    resb VBYTES         ; one past the last in its current row
+    .now_y:         resb VBYTES         ; that row
     .past_y:        resb VBYTES
     .row_place:     resb VBYTES         ; where that row is in the tile
     .offset_x:      resb VBYTES         ; spheres: from the tile's middle to their own origins
@@ -189,23 +189,23 @@ struc NearestStack
     .reach1:        resb VBYTES         ; REACH(1) to REACH(3), where they are not registers
     .reach2:        resb VBYTES
     .reach3:        resb VBYTES
-    .inverses:      resb VBYTES * MOST_STEPS    ; what was found of a pixel of each lane: 1/t, ...
-    .places:        resb VBYTES * MOST_STEPS    ; ... and where it is in the tile
-    .found:         resb 256 + 64       ; the numbers of those that are hit, a byte each
-    .numbers:       resq 9              ; those below, from rbp on
+    .inverses:      resb VBYTES * MOST_STEPS    ; found for one pixel of each lane: 1/t, ...
+    .places:        resb VBYTES * MOST_STEPS    ; ... and its place in the tile
+    .found:         resb 256 + 64       ; the indices in these of the hits, a byte each
+    .numbers:       resq 9              ; the variables below, relative to rbp
 endstruc
 %define SAVED_R14 rbp - 48
 %define SAVED_R10 rbp - 56
 %define DOUBTFUL rbp - 56               ; lanes of a packet
 %define FIRST_ORDER rbp - 72            ; the object's place in the scene
-%define COUNT rbp - 80                  ; objects to go
-%define PLANES_AT rbp - 88              ; those of the packet
-%define TURNED_AT rbp - 96
-%define ONE_BY_ONE rbp - 104            ; lanes whose objects are to be asked by themselves
+%define COUNT rbp - 80                  ; objects left
+%define PLANES_AT rbp - 88              ; planes of the packet
+%define ARRAYS_AT rbp - 96
+%define ONE_BY_ONE rbp - 104            ; lanes whose objects are to be tested one by one
 %define ACROSS rbp - 112                ; a bit for each block of a row within the bounds
 
-; OWN_ID - the number of the object that is asked; REACH(i) - its edge i where that is greatest in a block: registers
-;          where there are 32.
+; OWN_ID - the id of the object that is tested; REACH(i) - its edge i where that is greatest in a block: registers where
+;          there are 32.
 %if HAS_MASKS
 %xdefine OWN_ID VREG %+ 17
 %xdefine REACH1 VREG %+ 18
@@ -221,7 +221,7 @@ endstruc
 ; The tile's middle.
 %define MIDDLE (TILE_WIDTH / 2 * BLOCK_HEIGHT + TILE_HEIGHT / 2 * TILE_WIDTH)
 
-; HALVES - v<f> = the lower half of each lane's number of 32 bits at an address, v<p> = the upper one.
+; HALVES - v<f> = the lower half of each lane's 32-bit number at an address, v<p> = the upper half.
 %macro HALVES 3
 %define %%f %1          ; [out]      number of a register
 %define %%p %2          ; [out]      number of a register
@@ -238,18 +238,18 @@ endstruc
     VOP     cvtdq2, v%[%%p], w%[%%p]
 %endmacro
 
-; KEEP_INTEGER - a number for all packets: the integer in eax, in every lane, to a place on the stack.
+; KEEP_INTEGER - stores the integer in eax on the stack, in every lane, for all packets.
 %macro KEEP_INTEGER 1
 %define %%place %1      ; [out]      field of NearestStack
     VSPREAD_INTEGER 0, eax
     VMOV_TO [rsp + NearestStack. %+ %%place], v0
 %endmacro
 
-; Of each kind: FACTORS, what rows share; ROW, what is along a row; AT, what is asked at a pixel; INSIDE and SURE, from
-; where on v9 is a hit but for the rounding, and for sure. An object of its own in each lane is loaded (VLOAD), one in
-; all lanes is spread (VSPREAD).
+; For each kind of object: FACTORS loads what all rows share, ROW evaluates it along a row, AT at a pixel; INSIDE and
+; SURE are the values of v9 from which it may be a hit, within rounding, and from which it surely is. VLOAD loads a
+; different object in each lane, VSPREAD the same in all lanes.
 
-; FACTORS_TRIANGLE - v0, v1, v2, v3 = the x factors of the edges and of 1/t, v14 = what 1/t cannot exceed.
+; FACTORS_TRIANGLE - v0, v1, v2, v3 = the coefficients of x in the edges and in 1/t, v14 = the upper bound of 1/t.
 %macro FACTORS_TRIANGLE 1
 %define %%load %1       ; [in]       VLOAD or VSPREAD
     %%load  v0, [rdi + ELEM * TrianglePlanes.e1x]
@@ -259,8 +259,8 @@ endstruc
     %%load  v14, [rdi + ELEM * TrianglePlanes.most]
 %endmacro
 
-; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: edge i at that pixel of a block where
-;           it is greatest, if the block begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
+; REACHES - REACH(i) = (e0 + (BLOCK_WIDTH - 1) |ex|) + (BLOCK_HEIGHT - 1) |ey|: an upper bound of edge i in a block that
+;           begins at (0, 0). ex are in v0, v1, v2. Clobbers v4, v5, v6.
 %macro REACHES 0
 %assign %%i 0
 %rep 3
@@ -278,10 +278,9 @@ endstruc
 %endrep
 %endmacro
 
-; REACHED - of the blocks of a row that are within the bounds the first, r9d, and how many there are, r10d, up to the
-;           last that no edge has all outside: REACH(i) + ey y + ex x is not below -4, while what is rounded on the way,
-;           and what is in doubt, is within 3. y is in v8. Jumps to `none` where there is none. Clobbers v4, v5, v6, v9,
-;           v10, v13, eax.
+; REACHED - of the blocks of a row within the bounds, those from the first, r9d, to the last that is not wholly outside
+;           an edge, r10d blocks: where REACH(i) + ey y + ex x is at least -4, rounding and doubt being within 3. y is
+;           in v8. Jumps to `none` if there is none. Clobbers v4, v5, v6, v9, v10, v13, eax.
 %macro REACHED 1
 %define %%none %1       ; [in]       label
 %assign %%e 1
@@ -294,7 +293,7 @@ endstruc
 %endrep
     xor     eax, eax
 %assign %%g 0
-%rep BLOCKS_X / LANES                   ; blocks in lanes
+%rep BLOCKS_X / LANES                   ; a block in each lane
     VMOV    v10, [PACKET(block_columns) + VBYTES * %%g]
     PLANE_AT v9, v4, v0, v10, v13
     MASK_NOT_LESS v9, [PACKET(never)]
@@ -331,8 +330,8 @@ endstruc
 %define INSIDE_TRIANGLE [PACKET(minus_ones)]
 %define SURE_TRIANGLE [PACKET(ones)]
 
-; FACTORS_SPHERE - v0 = dxx, v1 = hx, v2 and v3 = minus and plus the rounding bound, v14 = what 1/t cannot exceed, and
-;                  how far its own origin is from the tile's middle. Clobbers v4, v5.
+; FACTORS_SPHERE - v0 = dxx, v1 = hx, v2 and v3 = minus and plus the rounding bound, v14 = the upper bound of 1/t, and
+;                  the offset of its origin from the tile's middle. Clobbers v4, v5.
 %macro FACTORS_SPHERE 1
 %define %%load %1       ; [in]       VLOAD or VSPREAD
     %%load  v0, [rdi + ELEM * SpherePlanes.dxx]
@@ -350,7 +349,7 @@ endstruc
     VMOV_TO [rsp + NearestStack.offset_y], v4
 %endmacro
 
-; ROW_SPHERE - along the row y in v8: v4 and v5 = D at x = 0 and its linear part, v6 = h. Clobbers v9, v10, v11.
+; ROW_SPHERE - for the row y in v8: v4 and v5 = D at x = 0 and its coefficient of x, v6 = h. Clobbers v9, v10, v11.
 %macro ROW_SPHERE 1
 %define %%load %1       ; [in]       VLOAD or VSPREAD
     VADD    v11, v8, [rsp + NearestStack.offset_y]
@@ -372,13 +371,12 @@ endstruc
 
 ; NEAREST - a function that finds the nearest of triangles or spheres.
 ;
-;   registers   rdi planes, rdx what is transposed, both of one object or one packet; rsi task; r8 tile
-;               of a packet: r10 hits, r11 pixels asked, r14 the same in every byte, r13 LANES in every byte, r15
-;               numbers of lanes by masks; v0 v1 v2 v3 and v14 as FACTORS, v4 v5 v6 v7 as ROW and v9 v10 as AT make
-;               them, v8 x
-;               of one: r11 the first column of blocks, r14 blocks in a row, r10 those to go; ebx row, r15 the end of
-;               rows; r13 block; rcx the first x of all blocks of a row; v0 to v8 and v14 the same, v12 x within a
-;               block, OWN_ID its number
+;   registers   rdi planes, rdx transposed arrays, both of one object or one packet; rsi task; r8 tile
+;               a packet: r10 hits, r11 pixels tested, r14 the same in every byte, r13 LANES in every byte, r15
+;               lanes_of_mask; v0 v1 v2 v3 and v14 from FACTORS, v4 v5 v6 v7 from ROW, v9 v10 from AT, v8 x
+;               one object: r11 the first column of blocks, r14 blocks in a row, r10 how many are left; ebx row, r15 the
+;               end of rows; r13 block; rcx the first x of all blocks of a row; v0 to v8 and v14 as above, v12 x within
+;               a block, OWN_ID its id
 %macro NEAREST 4
 %define %%name %1       ; [in]       triangles or spheres
 %define %%kind %2       ; [in]       TRIANGLE or SPHERE
@@ -417,7 +415,7 @@ FUNC NAME(nearest, %%name)
 .packet:
     mov     [COUNT], rcx
     mov     [PLANES_AT], rdi
-    mov     [TURNED_AT], rdx
+    mov     [ARRAYS_AT], rdx
     HALVES  0, 1, rdx + %%arrays %+ .columns
     VSUB    v0, v0, [rsp + NearestStack.origin_x]
     VSUB    v1, v1, [rsp + NearestStack.origin_x]
@@ -432,7 +430,7 @@ FUNC NAME(nearest, %%name)
     VSUB    v5, v3, v2
     VMIN    v6, v4, v5
     MASK_GREATER v6, [PACKET(zeros)]
-    MASK_BITS eax                       ; those that are in the window
+    MASK_BITS eax                       ; lanes whose objects are in the window
     test    eax, eax
     jz      .next_packet
     VMAX    v4, v4, v5
@@ -449,7 +447,7 @@ FUNC NAME(nearest, %%name)
     add     r9d, r10d
 %endif
     cmp     r9d, LANES / 2 + 1
-    jb      .no_small                   ; few do better by themselves
+    jb      .no_small                   ; a few are faster one by one
     xor     eax, ebx
     mov     [ONE_BY_ONE], eax
     VMOV    v4, [rsp + NearestStack.low_x]
@@ -540,7 +538,7 @@ FUNC NAME(nearest, %%name)
     VADD    v8, v8, [PACKET(ones)]
     jmp     .lanes_pixel
 
-    ; The pixels of the list: nearer is what is greater, which is so of their bits too, since none is below 0.
+    ; The pixels of the list: the greater 1/t is nearer, and its bits compare alike, since none is negative.
 .lanes_done:
     xor     r11d, r11d
     jmp     .more_found
@@ -566,7 +564,7 @@ align 16
     jb      .found
     jmp     .large
 
-    ; As near as another: the first in the scene stays. Nobody comes first of all.
+    ; Equally near: the first in the scene wins. An empty pixel wins any tie.
 .found_tie:
     mov     r13, [rsi + NearestTask.order]
     VTRUNCATE   r12d, [r8 + WHO + ELEM * (rax + MIDDLE)]
@@ -590,7 +588,7 @@ align 16
     add     r12d, TILE_WIDTH / 2
     VTRUNCATE   r14d, [rsp + NearestStack.now_y + ELEM * r9]
     add     r14d, [rsi + NearestTask.row]
-    add     r14d, TILE_HEIGHT / 2 - 1   ; it is the next row already
+    add     r14d, TILE_HEIGHT / 2 - 1   ; now_y is already the next row
     BEFORE_DOUBT_%[%%kind] rdi + ELEM * r9
     lea     rdx, [rdx + 4 * r9]
     ONE_RAY xmm0, xmm1, xmm2, 12, 14, rsi
@@ -599,7 +597,7 @@ align 16
 .lane_outside:
     btr     eax, r9d
 .lane_decided:
-    mov     rdx, [TURNED_AT]
+    mov     rdx, [ARRAYS_AT]
     mov     r12d, [DOUBTFUL]
     lea     r9d, [r12 - 1]
     and     r9d, r12d
@@ -611,7 +609,7 @@ align 16
 
 .no_small:
     mov     [ONE_BY_ONE], eax
-    ; Those that are asked one by one.
+    ; The objects that are tested one by one.
 .large:
     mov     eax, [ONE_BY_ONE]
     test    eax, eax
@@ -620,7 +618,7 @@ align 16
     btr     eax, r9d
     mov     [ONE_BY_ONE], eax
     mov     rdi, [PLANES_AT]
-    mov     rdx, [TURNED_AT]
+    mov     rdx, [ARRAYS_AT]
     lea     rdi, [rdi + ELEM * r9]
     lea     rdx, [rdx + 4 * r9]
     mov     eax, [rdx + %%arrays %+ .columns]
@@ -670,18 +668,18 @@ align 16
     D_AT(v8)
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, INSIDE_SPHERE
-    MASK_AND_NOT_LESS v14, v11, v13     ; its nearest point is not behind what is there
+    MASK_AND_NOT_LESS v14, v11, v13     ; its nearest point is not behind the pixel's hit
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
     INVERSE_AT(v8)
-    MASK_AND_NOT_LESS v10, v11, v13     ; of no lane, often: a branch would not be foreseen
+    MASK_AND_NOT_LESS v10, v11, v13     ; often no lane is left: a branch would be mispredicted
 %else
     AT_TRIANGLE
     VLOAD   v11, [r13]
     MASK_NOT_LESS v9, INSIDE_TRIANGLE
     MASK_AND_NOT_LESS v10, v11, v13
-%if HAS_MASKS == 0                      ; with masks, no branch: whether a triangle has a pixel here is a coin's toss
+%if HAS_MASKS == 0                      ; with masks, no branch: whether a triangle has a pixel here is unpredictable
     MASK_BITS eax
     test    eax, eax
     jz      .next_block
@@ -724,7 +722,7 @@ align 16
     jmp     .large
 .next_packet:
     mov     rdi, [PLANES_AT]
-    mov     rdx, [TURNED_AT]
+    mov     rdx, [ARRAYS_AT]
     mov     rcx, [COUNT]
     add     rdi, VBYTES
     add     rdx, 4 * LANES
@@ -734,7 +732,7 @@ align 16
     ret
 
 %if HAS_MASKS
-    ; Some lanes have another object that is as near, or are in doubt.
+    ; In some lanes another object is equally near, or the hit is in doubt.
 .rare:
     kmovw   r9d, k2
     test    r9d, r9d
@@ -746,7 +744,7 @@ align 16
     jmp     .nearest
 %endif
 
-    ; The lanes of r9d have another object that is as near: the first in the scene stays. Nobody comes first of all.
+    ; In the lanes of r9d another object is equally near: the first in the scene wins. An empty pixel wins any tie.
 .tie:
     MASK_BITS eax
     mov     [SAVED_R14], r14

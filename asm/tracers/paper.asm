@@ -2,9 +2,9 @@
 ;
 ; unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists, row: u64, end: u64, out: *mut Vec4)
 ;
-;   Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel: red, green, blue and 0, linear
-;   and not clamped. Where AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the Surface that
-;   the nearest hit would be shaded as, with its t in the point's fourth lane; all 0 where there is none.
+;   Writes the rows [row, end) to `out`, four floats a pixel: red, green, blue and 0, linear and not clamped. Where
+;   AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the Surface that the nearest hit would
+;   be shaded as, with its t in the point's fourth lane; all 0 where there is no hit.
 ;
 ;   Everything that Algorithm 1 names stays in a register for the whole of its life:
 ;
@@ -26,7 +26,7 @@
 ; SHADE_SURFACE - lines 18 to 21 of Algorithm 1: the colour of the hit at P with normal N, over all lights.
 %macro SHADE_SURFACE 2
 %define %%colour %1     ; [in]       aligned memory: C of the object
-%define %%sides %2      ; [in]       as LAMBERT has it
+%define %%sides %2      ; [in]       as in LAMBERT
 %if AOS_HITS
     movaps  [r8 + Surface.point], xmm4
     movss   [r8 + Surface.point + 12], xmm3
@@ -48,7 +48,7 @@ align 16
 %endif
 %endmacro
 
-; LIST - the address of a list and that of its end.
+; LIST - loads the address of a list and that of its end.
 %macro LIST 4
 %define %%first %1      ; [out]      general register
 %define %%end %2        ; [out]      general register

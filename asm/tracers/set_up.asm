@@ -5,18 +5,18 @@
 ;   rayo_<isa>_single_set_up    writes f32
 ;   rayo_<isa>_double_set_up    writes f64
 ;
-;   The degenerate rule and the planes of the edges are those of reference::geometry, in its order of operations.
-;   A triangle that is never hit gets a 1/t of 0, which is never nearest.
+;   The rule for degenerate triangles and the planes of the edges are those of reference::geometry, in its order of
+;   operations. A triangle that is never hit gets a 1/t of 0, which is never nearest.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 corners, r9 planes, r10 shades, r11 a light,
-;               rcx triangles to go, rdx the next id, rbx from one triangle's shades to the next one's
-;   writes      planes and shades of count triangles, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are triangles, or faces of
-;               vertices that there are, behind which there are 4 bytes more, and whose colours are in the arrays
+;               rcx triangles left, rdx the next id, rbx from one triangle's shades to the next one's
+;   writes      planes and shades of count triangles, rounded up to a multiple of LANES
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are triangles, or faces with valid
+;               vertices, 4 readable bytes after these, and colours in the arrays
 ;   equals      reference::tile::set_up and shade, rounded once
 
-; CANDIDATE_OBJECT - r = the address of the object of candidate i from r8 on, of which rcx are left, or else of the
-;               first of them, in the list at rdx; its bounds go to what is transposed at r9. Clobbers r14.
+; CANDIDATE_OBJECT - r = the address of the object, in the list at rdx, of candidate i from r8 on, or of candidate 0 if
+;               fewer than i + 1 are left (rcx); its bounds go to the arrays at r9. Clobbers r14.
 %macro CANDIDATE_OBJECT 5
 %define %%i %1          ; [in]       0 to 3
 %define %%r %2          ; [out]      general register
@@ -25,7 +25,7 @@
 %define %%arrays %5     ; [in]       TriangleArrays or SphereArrays
     xor     r14d, r14d
     cmp     rcx, %%i + 1
-    adc     r14d, r14d                  ; 1 where there is none
+    adc     r14d, r14d                  ; 1 if there is none
     dec     r14d
     and     r14d, Candidate_size * %%i
     mov     %%e, [r8 + r14 + Candidate.columns]
@@ -39,20 +39,20 @@
     lea     %%r, [rdx + r14]
 %endmacro
 
-; ASK_FOR - asks for those objects of a later chunk that have the places of this packet's, and for its last one in place
-;           of those that it does not have. All at once they would be more than a core can wait for beside its work.
-;           Clobbers rax, r11, r12 and r13.
+; ASK_FOR - prefetches the objects of a later chunk that have the same places in it as this packet's objects in theirs,
+;           or its last one in place of missing ones. A whole chunk at once would exceed the misses a core can have
+;           outstanding. Clobbers rax, r11, r12 and r13.
 %macro ASK_FOR 4
-%define %%count %1      ; [in]       field of SetupTask: how many objects that chunk has
-%define %%chunks %2     ; [in]       how many chunks after this one it is
+%define %%count %1      ; [in]       field of SetupTask: number of objects in that chunk
+%define %%chunks %2     ; [in]       its distance from this one, in chunks
 %define %%bytes %3      ; [in]       of an object
-%define %%fetch %4      ; [in]       what asks for the object at r11 + rax
+%define %%fetch %4      ; [in]       macro that prefetches the object at r11 + rax
     mov     r12, [rsi + SetupTask. %+ %%count]
     dec     r12
     js      %%none
     add     r12, CHUNK * %%chunks
     mov     r13d, CHUNK * (%%chunks + 1)
-    sub     r13, rcx                    ; a chunk that is followed by one is full
+    sub     r13, rcx                    ; every chunk but the last is full
     shl     r12, ilog2e(Candidate_size)
     shl     r13, ilog2e(Candidate_size)
     add     r12, [rsi + SetupTask.candidates]
@@ -74,7 +74,7 @@
 %macro TRANSPOSE_CANDIDATES 3
 %define %%bytes %1      ; [in]       of an object
 %define %%arrays %2     ; [in]       TriangleArrays or SphereArrays
-%define %%transpose %3  ; [in]       what transposes four of them
+%define %%transpose %3  ; [in]       macro that transposes four of them
     mov     rdx, [rsi + SetupTask.objects]
     mov     r8, [rsi + SetupTask.candidates]
     mov     r9, [rsi + SetupTask.arrays]
@@ -91,20 +91,20 @@
     ja      %%four
 %endmacro
 
-; FETCH_ALL - asks for all lines of the object at r11 + rax.
+; FETCH_ALL - prefetches all lines of the object at r11 + rax.
 %macro FETCH_ALL 1
 %define %%bytes %1      ; [in]       of an object
     prefetcht0 [r11 + rax]
     prefetcht0 [r11 + rax + %%bytes - 1]
 %endmacro
 
-; FETCH_FACE - asks for the face at r11 + rax, or its first part.
+; FETCH_FACE - prefetches the first line of the face at r11 + rax.
 %macro FETCH_FACE 1
 %define %%bytes %1      ; [in]       of a face
     prefetcht0 [r11 + rax]
 %endmacro
 
-; FETCH_VERTICES - asks for the vertices of the face at r11 + rax. Clobbers r14 and r15.
+; FETCH_VERTICES - prefetches the vertices of the face at r11 + rax. Clobbers r14 and r15.
 %macro FETCH_VERTICES 1
 %define %%bytes %1      ; [in]       of a face
     mov     r14, [rsi + SetupTask.vertices]
@@ -117,7 +117,7 @@
 %endrep
 %endmacro
 
-; TRANSPOSE_CANDIDATE_FACES - transposes four faces, whose colours are there. Clobbers r10, r14, v0 to v4.
+; TRANSPOSE_CANDIDATE_FACES - transposes four faces, whose colours are in the arrays. Clobbers r10, r14, v0 to v4.
 %macro TRANSPOSE_CANDIDATE_FACES 5
 %define %%to %1         ; [out]      general register: address of the first of the four in TriangleArrays
 %define %%f0 %2         ; [in]       general register: address of a face
@@ -128,7 +128,7 @@
     TRANSPOSE_FACES %%to, %%f0, %%f1, %%f2, %%f3, r10, r14
 %endmacro
 
-; ROUNDED_STORE - stores a register as elements of `out` bytes, in a field at r9.
+; ROUNDED_STORE - stores a register in a field at r9, rounded to elements of `out` bytes.
 %macro ROUNDED_STORE 3
 %define %%out %1        ; [in]       4 or 8
 %define %%field %2      ; [in]       of TrianglePlanes or SpherePlanes, with its name in front
@@ -141,7 +141,7 @@
 %endif
 %endmacro
 
-; LOAD_CORNER - three registers from corner a, b or c.
+; LOAD_CORNER - loads corner a, b or c into three registers.
 %macro LOAD_CORNER 4
 %define %%x %1          ; [out]      vreg
 %define %%y %2          ; [out]      vreg
@@ -152,7 +152,7 @@
     WIDEN   %%z, [r8 + TriangleArrays. %+ %%corner %+ z]
 %endmacro
 
-; STORE_EDGE - the edge in v11, v12, v13 as fields e<n>x, e<n>y, e<n>0.
+; STORE_EDGE - stores the edge in v11, v12, v13 in the fields e<n>x, e<n>y, e<n>0.
 %macro STORE_EDGE 2
 %define %%out %1        ; [in]       4 or 8
 %define %%n %2          ; [in]       1, 2 or 3
@@ -161,7 +161,7 @@
     ROUNDED_STORE %%out, TrianglePlanes.e%[%%n]y, 13
 %endmacro
 
-; WEIGHT - v<i> = the colour times what the light at r11 radiates. Clobbers v15.
+; WEIGHT - v<i> = the colour times the radiance of the light at r11. Clobbers v15.
 ;   equals      reference::tile::weights
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
@@ -171,8 +171,7 @@
     VMUL    v%[%%i], v%[%%i], v15
 %endmacro
 
-; STORE_RECORDS - the numbers in v11 to v14 as a record for each lane, rbx bytes apart from r12 on.
-;                Clobbers v8 to v14, r13.
+; STORE_RECORDS - stores v11 to v14 as a record for each lane, from r12 on, rbx bytes apart. Clobbers v8 to v14, r13.
 %macro STORE_RECORDS 1
 %define %%out %1        ; [in]       4 or 8
     mov     r13, r12
@@ -245,7 +244,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     TRIANGLE_VOLUME v3, v4, v5, v6, v0, v1, v2, v9, v10, v11, v12, v13, v14, v7
     VAND    v7, v6, [PACKET(sign)]
 
-    ; 1/t is (n . d) / (n . v), linear over the pixels; 0, which is never nearest, for what is never hit.
+    ; 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, for a triangle that is never hit.
     KLOAD   v8, TileView.scale
     VDIV    v8, v8, v6
     VMUL    v9, v3, v8
@@ -270,7 +269,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     WIDEN   v8, [r8 + TriangleArrays.most]
     ROUNDED_STORE %%out, TrianglePlanes.most, 8
 
-    ; What each light does to it: |n . (l - v)| / |n|, and the weights.
+    ; The effect of each light: |n . (l - v)| / |n|, and the weights.
     DOT3    v8, v3, v4, v5, v3, v4, v5, v14
     VSQRT   v8, v8
     VMUL    v8, v8, K(TileView.scale)
@@ -289,7 +288,7 @@ FUNC ISA %+ _ %+ %%precision %+ _set_up
     DOT3    v11, v8, v9, v10, v3, v4, v5, v14
     VABS    v11, v11
     VMUL    v11, v11, v6
-    VMIN    v11, v11, [PACKET(infinite)]    ; what has no area has no NaN
+    VMIN    v11, v11, [PACKET(infinite)]    ; a NaN, of no area, becomes infinity
     WEIGHT  12, red
     WEIGHT  13, green
     WEIGHT  14, blue

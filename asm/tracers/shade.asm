@@ -1,8 +1,8 @@
 ; shade.asm - the packet tracers in object order, second half: the pixels of a tile of many objects, shaded once.
 ;
-; When nearest.asm is through with all objects of a tile, each pixel is shaded once, by lines 18 to 21 of Algorithm 1,
-; block by block. Floats are written at once, bytes when a row of blocks is whole: by lines of the picture, which are
-; fetched before.
+; After nearest.asm has done all objects of a tile, each pixel is shaded once, by lines 18 to 21 of Algorithm 1, block
+; by block. Floats are written at once, bytes when a row of blocks is complete: row by row of the picture, into lines
+; that have been prefetched.
 ;
 ; Assembled once per ISA and element type. The functions, with <p> = <isa>_<single or double>:
 ;
@@ -14,19 +14,19 @@
 
 ; The stack of the shading functions, from rsp on.
 %assign PIXELS_AT 0                     ; a block of floats, or a row of blocks of bytes
-%define OFFSETS_AT (4 * TILE_WIDTH * BLOCK_HEIGHT)      ; of the shades of a block's objects
+%define OFFSETS_AT (4 * TILE_WIDTH * BLOCK_HEIGHT)      ; offsets of the shades of a block's objects
 %define STRIDES_AT (OFFSETS_AT + 64)    ; bytes from one object's shades to the next one's, in every lane
-%define ROWS_AT (STRIDES_AT + 64)       ; of the pixels of a block in the picture
+%define ROWS_AT (STRIDES_AT + 64)       ; rows in the picture of the pixels of a block
 %define MIDDLE_AT (ROWS_AT + 64)        ; the tile's middle column
-%define COLUMNS_AT (MIDDLE_AT + 64)     ; COLUMNS and OWNER, where they are not registers
+%define COLUMNS_AT (MIDDLE_AT + 64)     ; COLUMNS and OWNER, if not registers
 %define OWNER_AT (COLUMNS_AT + 64)
-%define WHOLE_AT (OWNER_AT + 64)        ; up to which column of the tile the row's blocks are written whole
-%define RECORD_AT (WHOLE_AT + 8)        ; where the owner's record is, ...
-%define LIGHTS_AT (RECORD_AT + 8)       ; ... and of a sphere r13 of SPHERE_RECORD
+%define WHOLE_AT (OWNER_AT + 64)        ; column of the tile up to which the row's blocks are written whole
+%define RECORD_AT (WHOLE_AT + 8)        ; address of the owner's record ...
+%define LIGHTS_AT (RECORD_AT + 8)       ; ... and, for a sphere, r13 of SPHERE_RECORD
 %define FRAME (WHOLE_AT + 64)
 
-; COLUMNS - the columns in the picture of a block's pixels; OWNER - in every lane the object that had all pixels of a
-;           block last: registers where there are 32, since each block waits for the one before.
+; COLUMNS - the columns in the picture of a block's pixels; OWNER - in every lane the object that owned all pixels of
+;           the last such block: registers where there are 32, since each block depends on the previous one.
 %if HAS_MASKS
 %xdefine COLUMNS VREG %+ 16
 %xdefine OWNER VREG %+ 17
@@ -35,7 +35,7 @@
 %define OWNER [rsp + OWNER_AT]
 %endif
 
-; IF_ALL - jumps if all lanes are in the mask. Clobbers eax.
+; IF_ALL - jumps if the mask has all lanes. Clobbers eax.
 %macro IF_ALL 1
 %define %%to %1         ; [in]       label
     MASK_BITS eax
@@ -52,8 +52,8 @@
     PLANE_AT v4, v10, v8, v9, v11
 %endmacro
 
-; SPHERE_RECORD - r10 = where the record of the sphere number eax of the tile is, r13 = how far what the first light
-;                 does to it is from what it does to the first record. Clobbers rax.
+; SPHERE_RECORD - r10 = the address of the record of the tile's sphere eax, r13 = the offset of its ObjectLights from
+;                 those of the first record. Clobbers rax.
 %macro SPHERE_RECORD 0
     mov     r10, [rsi + ShadeTask.sphere_ids]
     mov     eax, [r10 + 4 * rax - 4]
@@ -64,8 +64,8 @@
     mov     r13, rax
 %endmacro
 
-; ADD_TRIANGLE_LIGHT - adds what the light at r13 does to the colours v1, v2, v3 of triangles with 1/t in v0 and rays
-;                      in v4, v5, v14. Cosines and weights are in v7 to v10. Clobbers v7, v11, v12, v13, v15.
+; ADD_TRIANGLE_LIGHT - adds the effect of the light at r13 to the colours v1, v2, v3 of triangles with 1/t in v0 and
+;                      rays in v4, v5, v14. Cosines and weights are in v7 to v10. Clobbers v7, v11, v12, v13, v15.
 %macro ADD_TRIANGLE_LIGHT 0
     TRIANGLE_COSINE v7, v0, v4, v5, v14, r13, v11, v12, v13, v15
     VFMA    v1, v7, v8, v15
@@ -73,7 +73,7 @@
     VFMA    v3, v7, v10, v15
 %endmacro
 
-; NEXT_SHADE - goes on to the next light and what it does to triangles, of which there are rcx.
+; NEXT_SHADE - goes on to the next of rcx lights and its shades of triangles.
 %macro NEXT_SHADE 1
 %define %%loop %1       ; [in]       label
     add     r10, ELEM * TileShade_size
@@ -82,7 +82,7 @@
     jnz     %%loop
 %endmacro
 
-; PIXELS_OUT - a block's pixels of floats from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
+; PIXELS_OUT - stores a block's pixels as floats, from v1, v2, v3 to r9 and the rows after it, r10 bytes apart.
 %macro PIXELS_OUT 0
     TRANSPOSE_F32X4 1, 2, 3, 7, 11, 12
 %assign %%c 0
@@ -98,7 +98,7 @@
 %endrep
 %endmacro
 
-; PIXELS_KEPT - a block's pixels in bytes, from v1, v2, v3 to their place in the row of blocks on the stack.
+; PIXELS_KEPT - stores a block's pixels as bytes, from v1, v2, v3 to their place in the row of blocks on the stack.
 %macro PIXELS_KEPT 0
     PACK_RGBA8 1, 2, 3, 1
     imul    eax, ebx, 4 * BLOCK_HEIGHT
@@ -109,7 +109,7 @@
 %endif
 %endmacro
 
-; FETCH_ROWS - has the rows of pixels of a row of blocks fetched, from r14 on, r10 bytes apart. Clobbers rax.
+; FETCH_ROWS - prefetches the rows of pixels of a row of blocks, from r14 on, r10 bytes apart. Clobbers rax.
 %macro FETCH_ROWS 0
     mov     rax, r14
 %rep BLOCK_HEIGHT
@@ -122,8 +122,8 @@
 %endrep
 %endmacro
 
-; ROWS_OUT - the rows of pixels of ecx columns of a row of blocks from the stack to r14 and the rows after it, r10 bytes
-;            apart: of as many blocks as have rows, a register for each row. Clobbers rax, r9, r14, ecx, v1.
+; ROWS_OUT - copies ecx columns of a row of blocks from the stack to r14 and the rows after it, r10 bytes apart: of
+;            every BLOCK_HEIGHT blocks together, a register for each row. Clobbers rax, r9, r14, ecx, v1.
 %macro ROWS_OUT 0
     xor     r9d, r9d
 %%blocks:
@@ -152,14 +152,14 @@
 
 ; SHADE_TILE - a function that shades a tile.
 ;
-;   Most blocks belong to one object, and mostly to that of the block before. So who that is, and where its record is,
-;   is kept: a block need not wait for its record's address, unless it has another owner, or several.
+;   Most blocks belong to one object, and mostly to that of the previous block. So that owner and the address of its
+;   record are kept: a block need not wait for the address unless it has another owner, or several.
 ;
 ;   registers   rdi rays, rsi task; r8 block; ebx, r12d column and row of its first pixel in the tile
-;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 who
-;               edx what the owner is: 0 nobody, above a triangle, below a sphere
-;               r14 where the block's first pixel goes, or that of a row of blocks in bytes
-;               r10 a record, r13 a light, rcx lights to go, r15d lanes to go, r11 a lane's who
+;               v0 1/t, v1 v2 v3 the colour, v4 v5 v14 the ray, v6 the ids of objects
+;               edx the kind of the owner: 0 no object, positive a triangle, negative a sphere
+;               r14 the address of the block's first pixel, in bytes of that of the row of blocks
+;               r10 a record, r13 a light, rcx lights left, r15d lanes left, r11 a lane's id
 %macro SHADE_TILE 2
 %define %%output %1     ; [in]       part of the function's name
 %define %%format %2     ; [in]       F32X4 or RGBA8
@@ -263,7 +263,7 @@ align 16
     MASK_GREATER v6, [PACKET(zeros)]
     MASK_BITS r15d
     VSPREAD_INTEGER 7, eax
-    MASK_NOT_LESS v7, v6                ; up to here they are spheres
+    MASK_NOT_LESS v7, v6                ; spheres have the ids up to v7
     MASK_BITS eax
     and     r15d, eax
     jz      .shaded
@@ -275,7 +275,7 @@ align 16
     MASK_EQUAL v6, v7
     MASK_BITS ecx
     not     ecx
-    and     r15d, ecx                   ; the others
+    and     r15d, ecx                   ; the lanes of other objects
     SPHERE_RECORD
 .sphere_lights:
     mov     rcx, [rsi + ShadeTask.light_count]
@@ -402,7 +402,7 @@ align 16
     jmp     .next_sphere
 %endif
 
-    ; A block that is only partly to be written, or one of fewer than ROWS_OUT takes: its pixels by way of the stack.
+    ; A block that is only partly written, or one of too few for ROWS_OUT: its pixels go by way of the stack.
 .part:
 %if %[%%format]_FLOATS
     mov     r9, rsp
@@ -414,7 +414,7 @@ align 16
     mov     eax, BLOCK_WIDTH
     cmp     ecx, eax
     cmovg   ecx, eax
-    imul    ecx, ecx, %%format %+ _BYTES / 4        ; numbers of 32 bits in a row
+    imul    ecx, ecx, %%format %+ _BYTES / 4        ; 32-bit numbers in a row
     xor     r11d, r11d                  ; row of the block
 .part_row:
     lea     eax, [r12 + r11]
@@ -451,8 +451,7 @@ align 16
     END
 %endmacro
 
-; LONG_LIGHTS - adds what all lights, of which there are rcx, do to the sphere at r10 with x, y in v7, v8, in the long
-;               form.
+; LONG_LIGHTS - adds the effect of all rcx lights on the sphere at r10, in the long form, with x, y in v7, v8.
 %macro LONG_LIGHTS 0
     add     r13, [rsi + ShadeTask.lits]
     SPHERE_ROOT v9, v7, v8, r10, v10, v11, v15
@@ -467,8 +466,8 @@ align 16
     jnz     .light
 %endmacro
 
-; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3 of the lanes whose who is
-;             that at r11: those of the mask, where no operation without FMA has clobbered it.
+; ADD_LIGHT - adds a cosine times the weights of the light at r13 to the colours v1, v2, v3 of the lanes whose id is
+;             that at r11: the lanes of the mask, which without FMA has to be made again.
 %macro ADD_LIGHT 4
 %define %%cosine %1     ; [in/out]   vreg
 %define %%record %2     ; [in]       ObjectLight or ShortLight

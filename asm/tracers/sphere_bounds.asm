@@ -1,26 +1,26 @@
-; sphere_bounds.asm - which pixels each of many spheres can cover at all, LANES spheres in lockstep, in f64.
+; sphere_bounds.asm - the bounds of the pixels that each of many spheres can cover, LANES spheres in lockstep, in f64.
 ;
 ; unsafe extern "sysv64" fn(view: *const SphereView<f64>, task: *const BoundsTask)
 ;
-;   A sphere that is wholly in front of the camera's plane, with the camera outside, covers pixels between the ends of
-;   its silhouette alone; one all behind that plane covers none, and 0 is what its 1/t cannot exceed. Any other one,
-;   which is for around.asm, gets the whole picture and the largest f32 as what its 1/t cannot exceed. The same number,
-;   but its own pixels, has one whose outline reaches so far to the side that its planes may lose digits,
-;   k > 2 (cz^2 - 1): it is for the plan to look at.
+;   A sphere wholly in front of the camera's plane, with the camera outside, covers only pixels within the box of its
+;   silhouette; one wholly behind that plane covers none, and its upper bound of 1/t is 0. Any other one, which is left
+;   to around.asm, gets the whole picture and the largest f32 as that bound. The largest f32, but its own box, also
+;   marks a sphere whose outline reaches so far to the side that its planes may lose digits, k > 2 (cz^2 - 1): the plan
+;   decides how it is traced.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres to go, r8 spheres turned
-;               round, r9 the next id, r10 seen, r11 packets to go, r15 the last sphere
+;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres left, r8 spheres
+;               transposed, r9 the next id, r10 candidates, r11 packets left, r15 the last sphere
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
-;   writes      as bounds.asm does, a sphere's size being its radius or, if that is more, its greatest coordinate
-;   requires    the CPUID features of the ISA; spheres, count >= 1 of them
+;   writes      as bounds.asm does; a sphere's size is the greatest of its radius and the magnitudes of its coordinates
+;   requires    the CPUID features of the ISA; count >= 1 spheres
 ;   equals      reference::tile::SphereView::of_sphere, to the last bit
 
-; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and the one past the last between two coordinates.
+; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and one past the last between two coordinates.
 ;   equals      reference::tile::InFront::pixels
 %macro PIXELS_BETWEEN 3
 %define %%f %1          ; [in/out]   vreg
 %define %%p %2          ; [in/out]   vreg
-%define %%side %3       ; [in]       field: how many pixels there are
+%define %%side %3       ; [in]       field: pixels of the picture along the axis
     VSUB    %%f, %%f, [PACKET(outline)]
     VADD    %%p, %%p, [PACKET(outline)]
     VROUND  %%f, %%f, UP
@@ -39,7 +39,7 @@ FUNC ISA %+ _sphere_bounds
 .chunk:
     TRANSPOSE_CHUNK Sphere_size, TRANSPOSE_SPHERES
 
-    ; As many f32 as a register has.
+    ; A register of f32 at a time.
     mov     r8, [rsi + BoundsTask.arrays]
     mov     r11d, 4 * CHUNK / VBYTES
 .sizes:
@@ -89,7 +89,7 @@ FUNC ISA %+ _sphere_bounds
     VSELECT v11, v8
     VMUL    v0, v2, v2
     VADD    v0, v0, v0
-    VSUB    v0, v0, [PACKET(ones)]      ; 2 m + 1, and k + 1 is c.c
+    VSUB    v0, v0, [PACKET(ones)]      ; 2 m + 1, to compare with c.c = k + 1
     MASK_AND_NOT_LESS v0, v4, v1
     VMOV    v3, [PACKET(largest)]
     VSELECT v3, v10

@@ -4,23 +4,23 @@
 ;
 ;   rayo_<isa>_single_sphere_set_up    writes f32: SpherePlanes, to find the nearest
 ;   rayo_<isa>_double_sphere_set_up    writes f64
-;   rayo_<isa>_single_sphere_shading     writes f32: TileSpheres, Lits and ShortLits, for shading
-;   rayo_<isa>_double_sphere_shading     writes f64
+;   rayo_<isa>_single_sphere_shading   writes f32: TileSpheres, ObjectLights and ShortLights, for shading
+;   rayo_<isa>_double_sphere_shading   writes f64
 ;
-;   The macros before the functions share set_up.asm's. Nothing is fused, so that the numbers are the same on every ISA.
+;   They use set_up.asm's macros. Nothing is fused, so that the numbers are the same on every ISA.
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi task; r8 spheres transposed, r15 work W; rcx spheres
-;               to go, r11 a light
+;               left, r11 a light
 ;               set_up: r9 planes, rdx the next id
-;               looks: r9 records, r10 Lits, r14 ShortLits or 0, rbx from one sphere's to the next one's
-;   writes      planes or records of count spheres, up to a multiple of LANES
-;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are spheres. What comes of one
-;               that is not wholly in front, or that the camera is inside of, is not to be used
+;               shading: r9 records, r10 ObjectLights, r14 ShortLights or 0, rbx from one sphere's to the next one's
+;   writes      planes or records of count spheres, rounded up to a multiple of LANES
+;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are spheres. The results for one
+;               that is not wholly in front, or that the camera is inside of, are meaningless
 ;   equals      reference::tile::InFront and lit, rounded once
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
-; scale / radius, sx and sy are step cx and step cy, reach_x and reach_y how far the outline is from
-; the origin.
+; scale / radius, sx and sy are step cx and step cy, reach_x and reach_y the outline's greatest distance from the
+; origin.
 %assign W_places 0
 
 ; WORK - gives a register of the work its place, for W.
@@ -64,14 +64,13 @@
     WORK    length
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
-; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, or what is nearest to it in the
-;                 picture.
+; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, and clamped to the picture.
 ;   equals      reference::tile::nearest_pixel
 %macro NEAREST_PIXEL 5
 %define %%d %1          ; [out]      vreg
 %define %%a %2          ; [in]       vreg
 %define %%b %3          ; [in]       vreg
-%define %%side %4       ; [in]       field: how many pixels there are
+%define %%side %4       ; [in]       field: pixels of the picture along the axis
 %define %%t %5          ; [clobbered] vreg
     VADD    %%d, %%a, %%b
     VMUL    %%d, %%d, [PACKET(halves)]
@@ -84,13 +83,14 @@
     VMAX    %%d, %%d, [PACKET(zeros)]
 %endmacro
 
-; REACH - d = how far the outline, from a to b, is from the origin o where it is in the picture, and a pixel more.
+; REACH - d = the greatest distance from the origin o of the part of the outline, from a to b, that is in the picture,
+;         plus one pixel.
 ;   equals      reference::tile::reach
 %macro REACH 5
 %define %%a %1          ; [clobbered] vreg
 %define %%b %2          ; [in/out]   vreg: d
 %define %%o %3          ; [in]       vreg
-%define %%side %4       ; [in]       field: how many pixels there are
+%define %%side %4       ; [in]       field: pixels of the picture along the axis
 %define %%t %5          ; [clobbered] vreg
     VMAX    %%a, %%a, [PACKET(zeros)]
     VMIN    %%b, %%b, K(SphereView. %+ %%side)
@@ -100,13 +100,12 @@
     VADD    %%b, %%b, [PACKET(ones)]
 %endmacro
 
-; SPHERE_D - of the spheres at r8 what both functions need: W but for m, u and the lights, and D in v2 (d0), v6 (dx), v8
-;            (dy), v12 (dxx), v4 (dxy), v9 (dyy). Clobbers all registers.
+; SPHERE_D - computes what both functions need of the spheres at r8: W but for m, u and the lights, and D in v2 (d0), v6
+;            (dx), v8 (dy), v12 (dxx), v4 (dxy), v9 (dyy). Clobbers all registers.
 ;
-;   D = d.d - |c x d|^2, over k and the radius: quadratic in the pixel, and no difference of large numbers for a far
-;   sphere. Pixels count from an origin in the picture, so that its terms are no larger than what the picture shows
-;   of it:
-;   where that is a piece of the limb, D is small and has all its digits.
+;   D = d.d - |c x d|^2, divided by k and the radius: quadratic in the pixel, and without cancellation for a far sphere.
+;   Pixels count from an origin in the picture, so that the terms are no larger than D is within the picture: where that
+;   shows only a piece of the limb, D is small and keeps all its digits.
 ;   equals      reference::tile::sphere_d
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + SphereArrays.radius]
@@ -137,7 +136,7 @@
     REACH   v7, v8, v11, height, v10
     VMOV_TO W(reach_y), v8
 
-    ; The ray at the origin, and what a column and a row more add to c x d and c . d.
+    ; The ray at the origin, and the increments of c x d and c . d for a column and a row.
     VADD    v6, v9, [PACKET(halves)]
     VMUL    v6, v6, K(SphereView.step)
     VSUB    v6, v6, K(SphereView.half_width)
@@ -198,7 +197,7 @@
     VMUL    v4, v4, v1
 %endmacro
 
-; BEGIN_SPHERES - begins a function: transposes the spheres of the task and makes room for W.
+; BEGIN_SPHERES - begins a function: transposes the spheres of the task and reserves memory for W.
 %macro BEGIN_SPHERES 0
     PUSH_OWNED
     TRANSPOSE_CANDIDATES Sphere_size, SphereArrays, TRANSPOSE_SPHERES
@@ -235,7 +234,7 @@ ENDFUNC
     ROUNDED_STORE %%out, SpherePlanes. %+ %%field, %%d
 %endmacro
 
-; SPHERE_SET_UP - a function that writes planes whose elements have `out` bytes.
+; SPHERE_SET_UP - a function that writes planes of elements of `out` bytes.
 %macro SPHERE_SET_UP 2
 %define %%precision %1  ; [in]       part of the function's name
 %define %%out %2        ; [in]       4 or 8
@@ -247,7 +246,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     ASK_FOR ahead, 1, Sphere_size, FETCH_ALL
     SPHERE_D
 
-    ; D is rounded by no more than a few units of its terms at the outline.
+    ; The rounding error of D is at most a few ulps of its terms at the outline.
     VMOV    v0, W(reach_x)
     VMOV    v1, W(reach_y)
     VABS    v3, v2
@@ -300,14 +299,14 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     STORE_RECORDS %%out
 %endmacro
 
-; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, a column and a row
-;          more, and t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
+; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, and its increments
+;          for a column and a row; t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
 ;   equals      reference::tile::normal
 %macro NORMAL 4
 %define %%axis %1       ; [in]       x, y or z
 %define %%ray %2        ; [in]       aligned memory or K: d at the origin, the others being ...
-%define %%column %3     ; [in]       K, or none for 0: what a column more adds to this
-%define %%row %4        ; [in]       K, or none for 0: what a row more takes off it
+%define %%column %3     ; [in]       K, or none for 0: its increment for a column
+%define %%row %4        ; [in]       K, or none for 0: its decrement for a row
     VMUL    v5, v0, W(u%[%%axis])
     VMOV    v6, %%ray
     VSUB    v6, v6, v5
@@ -329,7 +328,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VMOV_TO W(m%[%%axis]y), v6
 %endmacro
 
-; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in radii, which are in v3.
+; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in units of the radii in v3.
 ;   equals      reference::tile::to_light
 %macro TO_LIGHT 0
     WIDEN   v3, [r8 + SphereArrays.x]
@@ -359,10 +358,10 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
     VSQRT   %%d, %%d
 %endmacro
 
-; SPHERE_WEIGHT - d = what the light at r11 radiates times the colour in white. Clobbers v5.
+; SPHERE_WEIGHT - d = the radiance of the light at r11 times the colour in white. Clobbers v5.
 ;
-;   What is beyond f32 is the weight of a sphere that no kernel in f32 shades. Beside its pixels, in one block, 0 times
-;   that is added to others: it must be a number.
+;   A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but in blocks that it shares with others 0
+;   times its weight is added to them, which must not be NaN.
 ;   equals      reference::tile::weights
 %macro SPHERE_WEIGHT 4
 %define %%d %1          ; [out]      vreg
@@ -378,8 +377,8 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endif
 %endmacro
 
-; SPHERE_LOOKS - a function that writes records whose elements have `out` bytes.
-%macro SPHERE_LOOKS 2
+; SPHERE_SHADING - a function that writes records of elements of `out` bytes.
+%macro SPHERE_SHADING 2
 %define %%precision %1  ; [in]       part of the function's name
 %define %%out %2        ; [in]       4 or 8
 FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
@@ -422,9 +421,9 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
     imul    rbx, [rsi + SetupTask.light_count], %%out * ObjectLight_size     ; a ShortLight is as long
     mov     rax, [rsi + SetupTask.light_count]
     test    r14, r14
-    jz      .long                       ; with not one in the short form
+    jz      .long                       ; none in the short form
 
-    ; The short form: what kn and ke leave of their terms decides whether it is accurate enough.
+    ; The short form: how far the terms of kn and ke cancel decides whether it is accurate enough.
     VMOV    v0, [PACKET(ones)]
     VMOV_TO W(short), v0
     VMOV    v1, W(cc)
@@ -497,7 +496,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
     cmp     edx, (1 << LANES) - 1
     je      .looked
 
-    ; The long form, from where the light is seen from the centre.
+    ; The long form, from the light relative to the centre.
 .long:
     mov     r11, [rsi + SetupTask.lights]
     xor     edx, edx
@@ -553,6 +552,6 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_shading
 %macro SPHERE_SET_UPS 0
     SPHERE_SET_UP single, 4
     SPHERE_SET_UP double, 8
-    SPHERE_LOOKS single, 4
-    SPHERE_LOOKS double, 8
+    SPHERE_SHADING single, 4
+    SPHERE_SHADING double, 8
 %endmacro

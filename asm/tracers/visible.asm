@@ -1,25 +1,24 @@
-; visible.asm - the objects of a tile that nothing nearer hides, LANES of them in lockstep.
+; visible.asm - culls the objects of a tile that nearer ones hide, LANES of them in lockstep.
 ;
 ; unsafe extern "sysv64" fn(view: *const VisibleView, task: *const VisibleTask) -> u64
 ;
-;   Brings them to the front, in order, and returns how many they are. An object is hidden if all parts of the window
-;   where it may be have something nearer at each of their pixels. One that is in two of them at most, across and down,
-;   as most are, is looked up without a branch; others are looked at part by part. There are four tables of what is
-;   farthest in the parts, row by row: in each one alone, with the next one across, with the next one down, and with
-;   both and the one between these.
+;   Moves the visible objects to the front, in order, and returns their number. An object is hidden if every pixel of
+;   every part of the window that its bounds meet holds something nearer. An object in at most two parts across and two
+;   down, as most are, is looked up without a branch; others are checked part by part. There are four tables of the
+;   hierarchical depth, row by row: of each part alone, with its right neighbour, with the one below, and with these two
+;   and the one between them.
 ;
-;   Of four registers of records each number is in one, transposed within 128 bits: what is element 4c + k there is of
-;   the 128 bits number c of register k.
+;   Four registers of records are transposed within 128 bits, so that each holds one number of all records: its element
+;   4c + k comes from 128-bit part c of register k.
 ;
-;   registers   rdi view, whose fields are the constants K; rsi task; r8 the next, rcx those to go, r9 where they go,
-;               r10 parts; eax who is visible, ebx who is in many parts, a bit for each lane
+;   registers   rdi view, whose fields are the constants K; rsi task; r8 the next object, rcx how many are left, r9
+;               where they go, r10 parts; eax visible lanes, ebx lanes in many parts, a bit each
 ;               v0 to v3 the records; v4, v6 the first and the last of their parts across, v5, v8 down; v7 most
-;   writes      the objects, and what is behind the last of them that is visible
-;   requires    the CPUID features of the ISA; count >= 1; room for all up to a multiple of LANES, filled with what is
-;               hidden
+;   writes      the visible objects; the list after them is overwritten
+;   requires    the CPUID features of the ISA; count >= 1; room for a multiple of LANES, filled up with hidden objects
 ;   equals      Iterator::filter, by reference::tile::hides
 
-; PARTS - v<first> and v<last> = the first and the last part where bounds are, across or down; the last may come first.
+; PARTS - v<first> and v<last> = the first and the last part that bounds meet, across or down; last < first if none.
 ;
 ;   instructions   sse41 11   avx2, avx512 10
 ;   critical path  shift -> shift -> sub -> max -> shift
@@ -39,12 +38,12 @@
     IOP     psrld, v%[%%last], v%[%%last], ilog2e(PART_SIDE)
 %endmacro
 
-; LOOK_UP_FOUR - d = the numbers at r10 whose places are in a. Clobbers rdx.
+; LOOK_UP_FOUR - d = the numbers at r10 with the indices in a. Clobbers rdx.
 ;
 ;   instructions   sse41, avx2 8
 ;   critical path  extract -> load -> insert
 %macro LOOK_UP_FOUR 2
-%define %%a %1          ; [in]       128 bits of places
+%define %%a %1          ; [in]       128 bits of indices
 %define %%d %2          ; [out]      128 bits
     VEX(movd) edx, %%a
     VEX(movss) %%d, [r10 + 4 * rdx]
@@ -60,8 +59,8 @@
 %endrep
 %endmacro
 
-; LOOK_UP - v13 = the numbers at r10 whose places are in v12, of which the lower 7 bits count.
-;           Clobbers v9 to v15 and, without masks, rdx.
+; LOOK_UP - v13 = the numbers at r10 with the indices in the lower 7 bits of v12. Clobbers v9 to v15 and, without masks,
+;           rdx.
 ;
 ;   instructions   sse41 10   avx2 20   avx512 15
 ;   critical path  move -> permute -> select -> select, or shift -> shift -> extract -> load -> insert
@@ -106,7 +105,7 @@
     shr     edx, %%k
 %endif
     and     edx, 0x1111
-    imul    edx, edx, 0xf               ; a bit for each number
+    imul    edx, edx, 0xf               ; a bit for each 32-bit number
     kmovw   k1, edx
     vpcompressd v4 {k1} {z}, v%[%%k]
     VSTORE  [r9], v4
@@ -166,7 +165,7 @@ FUNC ISA %+ _visible
     PARTS   5, 8, row
     IOP     psubd, v9, v6, v4
     IOP     psubd, v10, v8, v5
-    IOP     pslld, v12, v10, 1          ; which table: with the next one across, or down
+    IOP     pslld, v12, v10, 1          ; the table: with the right neighbour, or the one below
     IOP     paddd, v12, v12, v9
     IOP     pslld, v12, v12, ilog2e(TILE_HEIGHT / PART_SIDE)
     IOP     paddd, v12, v12, v5
