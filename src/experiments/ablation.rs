@@ -5,7 +5,7 @@ pub mod plot;
 use std::ops::Range;
 use std::slice::from_ref;
 
-use super::PictureError;
+use super::lab::LabError;
 use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
 use crate::measure::{Clock, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
@@ -96,7 +96,7 @@ pub fn run(
     ticks: u64,
     clock: &mut dyn Clock,
     progress: &mut dyn FnMut(usize, usize),
-) -> Result<Ablation, PictureError> {
+) -> Result<Ablation, LabError> {
     let prepare = |keep: Keep, by_floats: bool| -> Result<Contestant<'_>, EngineError> {
         let format = if by_floats { Some(PixelFormat::F32x4) } else { purpose.format };
         let plan = Plan::new(engine, scene, Purpose { format, keep, ..purpose })?;

@@ -7,17 +7,16 @@ pub mod plot;
 pub mod subjects;
 pub mod summary;
 
-use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::PictureError;
+use super::lab::{Bench, Case, LabError, Timed};
 use crate::kernels::Isa;
 use crate::measure::Name;
 use crate::measure::statistics::{mad, median, minimum};
-use crate::measure::{Clock, Machine, Work, interleave};
+use crate::measure::{Clock, Machine};
 use crate::plan::{Keep, Omission, on_all_cores};
 use crate::render::{Engine, EngineError, Film, PixelFormat, Plan, Precision, Purpose, Tracer, Truth};
 use crate::scene::Scene;
@@ -104,9 +103,13 @@ impl Contender {
     /// # Errors
     /// A scene that cannot be traced.
     pub fn prepare(self, scene: &Scene) -> Result<Box<dyn Tracer + '_>, EngineError> {
+        Ok(Plan::new(self.engine, scene, self.purpose())?.into_tracer())
+    }
+
+    /// What its plan is for.
+    pub fn purpose(self) -> Purpose {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
-        let purpose = Purpose { precision: Some(self.precision), keep, ..Purpose::default() };
-        Ok(Plan::new(self.engine, scene, purpose)?.into_tracer())
+        Purpose { precision: Some(self.precision), keep, ..Purpose::default() }
     }
 
     /// How many levels of 255 estimates of roots may put a channel of its `output` off by, on every CPU: what VRSQRT's
@@ -219,7 +222,7 @@ pub fn errors_of(
     format: PixelFormat,
     expected: &[Expected],
     mut tally: Tally,
-) -> Result<Errors, PictureError> {
+) -> Result<Errors, LabError> {
     let found = tracer.hits(0..height);
     let mut film = Film::new(format, expected.len())?;
     tracer.rows(0..height, film.as_mut());
@@ -230,7 +233,7 @@ pub fn errors_of(
 }
 
 /// What every contender's picture of a scene is worth; no time is taken, and all threads work.
-pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, PictureError> {
+pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, LabError> {
     let camera = scene.camera;
     let expected = expect(scene);
     let judged = on_all_cores(contenders.len(), |i| {
@@ -242,9 +245,9 @@ pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, Pic
             let errors = errors_of(tracer.as_ref(), camera.height(), entry.format(), &expected, tally)?;
             Ok(Judged { entry, errors })
         });
-        entries.collect::<Result<Vec<_>, PictureError>>()
+        entries.collect::<Result<Vec<_>, LabError>>()
     });
-    Ok(judged.into_iter().collect::<Result<Vec<_>, PictureError>>()?.concat())
+    Ok(judged.into_iter().collect::<Result<Vec<_>, LabError>>()?.concat())
 }
 
 /// Seconds of a core that a ray takes, whose truth is found, and each engine's answer to it: what they take on our machine on
@@ -283,7 +286,7 @@ pub fn measure_all(
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Measured>, PictureError> {
+) -> Result<Option<Measured>, LabError> {
     let measured = measure(subject, &contenders_and_options(), quick, clock, (hz, cycles), proceed)?;
     let Some(rows) = measured else { return Ok(None) };
     let against_plain = if subject.family.is_none() {
@@ -317,34 +320,33 @@ pub fn measure(
     clock: &mut dyn Clock,
     (hz, cycles): (f64, bool),
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Vec<Accuracy>>, PictureError> {
+) -> Result<Option<Vec<Accuracy>>, LabError> {
     let judged = judge(&subject.scene, contenders)?;
     if !proceed() {
         return Ok(None);
     }
     let (scene, camera) = (&subject.scene, subject.scene.camera);
-    let (height, pixels) = (camera.height(), camera.pixels() as usize);
-    let prepare = |contender: &Contender| contender.prepare(scene);
-    let tracers = contenders.iter().map(prepare).collect::<Result<Vec<_>, _>>()?;
-    // One film of each format for all: each finds it in the same state.
-    let formats: BTreeMap<_, _> = judged.iter().map(|judged| (judged.entry.format().name(), judged.entry)).collect();
-    let film = |(name, entry): (_, Entry)| Ok((name, RefCell::new(Film::new(entry.format(), pixels)?)));
-    let films = formats.into_iter().map(film).collect::<Result<BTreeMap<_, _>, PictureError>>()?;
-    let mut work: Vec<Work<'_>> = Vec::new();
+    let pixels = camera.pixels();
+    let mut cases = Vec::new();
     for Judged { entry, .. } in &judged {
-        let tracer = &tracers[place(contenders, entry.contender)];
-        let film = &films[entry.format().name()];
-        work.push(Box::new(move || tracer.rows(0..height, film.borrow_mut().as_mut())));
+        let Contender { engine, .. } = entry.contender;
+        cases.push(Case::of(Timed::Tracing, scene, engine, entry.contender.purpose(), entry.format())?);
     }
     for contender in contenders {
-        work.push(Box::new(move || drop(std::hint::black_box(prepare(contender)))));
+        cases.push(Case::of(
+            Timed::SetUp,
+            scene,
+            contender.engine,
+            contender.purpose(),
+            contender.engine.format_for(false),
+        )?);
     }
     // One round is not counted: it warms up, and says how many there is time for.
     let Rounds { least, most, seconds } = ROUNDS[usize::from(!quick)];
-    let start = Instant::now();
-    work.iter_mut().for_each(|work| work());
+    let (start, mut bench) = (Instant::now(), Bench::default());
+    bench.time(clock, &cases, 0..0, proceed)?;
     let rounds = ((seconds / start.elapsed().as_secs_f64()) as usize).clamp(least, most);
-    let Some(runs) = interleave(clock, &mut work, 0..rounds, proceed) else { return Ok(None) };
+    let Some(runs) = bench.time(clock, &cases, 0..rounds, proceed)? else { return Ok(None) };
 
     let per_ray = |ticks: f64| ticks / pixels as f64;
     let ns = |ticks: f64| 1e9 * ticks / hz;

@@ -6,12 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::in_size;
 use super::jumps::Jumps;
+use super::lab::{Bench, Case, LabError, Progress, Taken, Timed};
 use super::ladder::{self, Rung};
-use super::speedup::{self, BASELINE, CONTROL, Films, PAPER, Progress, Speedup, SpeedupError, Taken, Timing};
+use super::speedup::{self, BASELINE, CONTROL, PAPER, Speedup, Timing};
 use crate::measure::Name;
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
-use crate::measure::{Clock, Machine, Work, interleave};
-use crate::render::PixelFormat;
+use crate::measure::{Clock, Machine};
+use crate::render::{Engine, PixelFormat, Purpose};
 use crate::scene::{Light, Scene, many};
 
 /// What became of a claim.
@@ -123,11 +124,7 @@ fn lit(count: usize) -> Scene {
 type Sweeping<'a> = (Axis, &'a [usize], u64, &'a dyn Fn(usize) -> Scene);
 
 /// The cost in objects and in lights. None where `proceed` says no.
-pub fn sweeps(
-    quick: bool,
-    clock: &mut dyn Clock,
-    proceed: &mut Progress<'_>,
-) -> Result<Option<Vec<Sweep>>, SpeedupError> {
+pub fn sweeps(quick: bool, clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Option<Vec<Sweep>>, LabError> {
     let mut sweeps = Vec::new();
     let objects = |count: usize| many(count / 2, count - count / 2, SEED);
     let axes: [Sweeping; 2] =
@@ -139,23 +136,16 @@ pub fn sweeps(
         for count in counts {
             let scene = in_size(&scene_of(*count), SIZE.0, SIZE.1);
             let pixels = scene.camera.pixels();
-            let films = std::cell::RefCell::new(Films::new(pixels as usize)?);
-            let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));
-            let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
-            let mut contestants: Vec<Work<'_>> = Vec::new();
-            for tracer in &tracers {
-                let films = &films;
-                contestants.push(Box::new(move || {
-                    tracer.rows(0..SIZE.1, films.borrow_mut().of(PixelFormat::F32x4).as_mut());
-                }));
-            }
+            let case =
+                |engine: &Engine| Case::of(Timed::Tracing, &scene, *engine, Purpose::default(), PixelFormat::F32x4);
+            let cases = engines.iter().map(case).collect::<Result<Vec<_>, _>>()?;
             let mut proceed = || proceed(pixels * *count as u64 * work);
-            let Some(measured) = interleave(clock, &mut contestants, 0..runs(quick), &mut proceed) else {
+            let Some(measured) = Bench::default().time(clock, &cases, 0..runs(quick), &mut proceed)? else {
                 return Ok(None);
             };
             for ((points, taken), runs) in points.iter_mut().zip(&mut taken).zip(measured) {
                 points.push((*count as f64, minimum(&runs.ticks)));
-                *taken += usize::from(!Taken::in_runs(&runs).leaves_enough());
+                *taken += usize::from(!Taken::among(&runs.taken).leaves_enough());
             }
         }
         for ((engine, points), taken) in engines.iter().zip(points).zip(taken) {

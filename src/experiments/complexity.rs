@@ -2,20 +2,19 @@
 
 pub mod plot;
 
-use std::cell::RefCell;
-
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::claims::Axis;
 use super::in_size;
-use super::speedup::{self, Progress, SpeedupError};
+use super::lab::{Bench, Case, LabError, Progress, Timed};
+use super::speedup;
 use crate::kernels::Vec4;
 use crate::measure::Name;
 use crate::measure::statistics::{Line, fit_line, median, minimum};
-use crate::measure::{Clock, Machine, Work, interleave};
+use crate::measure::{Clock, Machine};
 use crate::plan::Keep;
-use crate::render::{Engine, Film, PixelFormat, Plan, Purpose, Tracer};
+use crate::render::{Engine, FilmMut, PixelFormat, Purpose};
 use crate::scene::mesh::shapes;
 use crate::scene::{Camera, Light, MeshFormat, Rng, Scene, Setting, Sphere, Triangle, many};
 
@@ -252,12 +251,12 @@ fn lit(count: u64, camera: Camera) -> Scene {
     scene
 }
 
-fn clear(film: &mut Film) {
+fn clear(film: FilmMut<'_>) {
     match film {
-        Film::F32x4(pixels) => pixels.fill(Vec4::default()),
-        Film::F32x3(pixels) => pixels.as_flattened_mut().fill(0.0),
-        Film::Rgba8(pixels) => pixels.as_flattened_mut().fill(0),
-        Film::Rgb8(pixels) => pixels.as_flattened_mut().fill(0),
+        FilmMut::F32x4(pixels) => pixels.fill(Vec4::default()),
+        FilmMut::F32x3(pixels) => pixels.as_flattened_mut().fill(0.0),
+        FilmMut::Rgba8(pixels) => pixels.as_flattened_mut().fill(0),
+        FilmMut::Rgb8(pixels) => pixels.as_flattened_mut().fill(0),
     }
 }
 
@@ -287,36 +286,26 @@ impl Picture<'_> {
         runs: usize,
         clock: &mut dyn Clock,
         proceed: &mut Progress<'_>,
-    ) -> Result<Option<Vec<Growth>>, SpeedupError> {
-        let Picture { scene, output, .. } = self;
+    ) -> Result<Option<Vec<Growth>>, LabError> {
+        let Picture { scene, output, .. } = *self;
         let camera = scene.camera;
-        let film = RefCell::new(Film::new(*output, camera.pixels() as usize)?);
-        let trace = |tracer: &dyn Tracer| tracer.rows(0..camera.height(), film.borrow_mut().as_mut());
-        // The first time shows whether it can be done at all.
-        let prepare = |engine: Engine, keep| {
-            let purpose = Purpose { format: Some(*output), keep, ..Purpose::default() };
-            Plan::new(engine, scene, purpose).map(Plan::into_tracer)
-        };
-        let mut contestants: Vec<Work<'_>> = Vec::new();
+        let mut cases = Vec::new();
         for who in who {
             match *who {
-                Who::Zeros => contestants.push(Box::new(|| clear(&mut film.borrow_mut()))),
+                Who::Zeros => cases.push(Case::new(camera, output, |_, film| clear(film))),
                 Who::Engine(engine, keep) => {
-                    let tracer = prepare(engine, keep)?;
+                    let purpose = Purpose { format: Some(output), keep, ..Purpose::default() };
                     if self.setup {
-                        drop(tracer);
-                        let again = move || prepare(engine, keep).expect("it could be done before");
-                        contestants.push(Box::new(move || trace(again().as_ref())));
-                        contestants.push(Box::new(move || drop(again())));
+                        cases.push(Case::of(Timed::Both, scene, engine, purpose, output)?);
+                        cases.push(Case::of(Timed::SetUp, scene, engine, purpose, output)?);
                     } else {
-                        contestants.push(Box::new(move || trace(tracer.as_ref())));
+                        cases.push(Case::of(Timed::Tracing, scene, engine, purpose, output)?);
                     }
                 }
             }
         }
-        // What happens once, such as first calls, nobody pays for.
-        contestants.iter_mut().for_each(|contestant| contestant());
-        let Some(measured) = interleave(clock, &mut contestants, 0..runs, &mut || proceed(0)) else { return Ok(None) };
+        let measured = Bench::default().time(clock, &cases, 0..runs, &mut || proceed(0))?;
+        let Some(measured) = measured else { return Ok(None) };
         let mut measured = measured.into_iter();
         let rows = who.iter().map(|who| {
             let samples = measured.next().expect("each has runs").ticks;
@@ -362,9 +351,9 @@ pub fn measure(
     line: usize,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-) -> Result<Measured, SpeedupError> {
+) -> Result<Measured, LabError> {
     let mut found = Measured::default();
-    let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, SpeedupError> {
+    let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, LabError> {
         let rows = picture.measure(who, settings.runs, clock, proceed)?;
         let whole = rows.is_some();
         found.rows.extend(rows.unwrap_or_default());

@@ -7,9 +7,9 @@ use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use serde::{Deserialize, Serialize};
 
-use super::PictureError;
 use super::accuracy::subjects::{Subject, named, shipped};
 use super::in_size;
+use super::lab::LabError;
 use crate::measure::Name;
 use crate::measure::compare::{compare, difference_image};
 use crate::measure::picture::{Picture, Pixels};
@@ -54,7 +54,7 @@ pub const WORK: u64 = (SHIPPED.len() + STIFF.len()) as u64;
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, PictureError> {
+pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, LabError> {
     let ordinary = SHIPPED.iter().map(|name| ((*name).to_owned(), in_size(&shipped(name), SIZE.0, SIZE.1)));
     let stiff = STIFF.iter().map(|(id, words)| {
         let subjects = named(id, true).expect("the family is there");
@@ -71,7 +71,7 @@ pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, P
     Ok(Some(shown))
 }
 
-fn show(name: String, scene: &Scene) -> Result<Shown, PictureError> {
+fn show(name: String, scene: &Scene) -> Result<Shown, LabError> {
     let (width, height) = (scene.camera.width(), scene.camera.height());
     let mut seen: Vec<(Name, Picture)> = Vec::new();
     let mut pictures = Vec::new();
@@ -91,7 +91,7 @@ fn show(name: String, scene: &Scene) -> Result<Shown, PictureError> {
 }
 
 /// The levels that the engine's file would have.
-fn picture(engine: Engine, scene: &Scene) -> Result<Picture, PictureError> {
+fn picture(engine: Engine, scene: &Scene) -> Result<Picture, LabError> {
     let (camera, pixels) = (&scene.camera, scene.camera.pixels() as usize);
     let tracer = engine.prepare(None, scene)?;
     let format = if tracer.writes(PixelFormat::Rgb8) { PixelFormat::Rgb8 } else { PixelFormat::F32x4 };

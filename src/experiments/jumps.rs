@@ -6,11 +6,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::in_size;
-use super::speedup::{self, BASELINE, CONTROL, Progress, SpeedupError};
+use super::lab::{LabError, Progress};
+use super::speedup::{self, BASELINE, CONTROL};
 use crate::kernels::{Vec4, sys};
 use crate::measure::Name;
 use crate::measure::statistics::{median, minimum};
-use crate::measure::{Cache, Clock, Machine, core_cycles_per_tick, interleave};
+use crate::measure::{Cache, Clock, Machine, Work, core_cycles_per_tick, interleave};
 use crate::render::{Film, FilmMut, PixelFormat};
 
 /// Sizes from 0.02 to 16 Mpixel, all 4:3; a quick run takes every third.
@@ -133,10 +134,13 @@ pub fn run(
     machine: &Machine,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-) -> Result<Option<Jumps>, SpeedupError> {
+) -> Result<Option<Jumps>, LabError> {
     let scene = speedup::scene();
     let engines = speedup::baseline_and_control();
-    let bandwidth = bandwidth(&machine.caches, clock)?;
+    let bandwidth = bandwidth(&machine.caches, BANDWIDTH_RUNS, clock, |pixels, pass| {
+        pixels.fill(Vec4::new(pass as f32, 0.0, 1.0));
+        std::hint::black_box(pixels);
+    })?;
     let mut rows = Vec::new();
     for (width, height) in sizes(quick) {
         let scene = in_size(&scene, width, height);
@@ -203,39 +207,43 @@ pub fn run(
     Ok(Some(Jumps { rows, bandwidth }))
 }
 
-fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, SpeedupError> {
-    sys::Fresh::new(pixels).map_err(|error| SpeedupError::System { what: "map memory for a fresh framebuffer", error })
+fn fresh(pixels: usize) -> Result<sys::Fresh<Vec4>, LabError> {
+    sys::Fresh::new(pixels).map_err(|error| LabError::System { what: "map memory for a fresh framebuffer", error })
 }
 
 /// Half of each level of cache, and four times the last: its name, and bytes.
-pub(super) fn levels_of(caches: &[Cache]) -> impl Iterator<Item = (String, usize)> {
+fn levels_of(caches: &[Cache]) -> impl Iterator<Item = (String, usize)> {
     let levels = caches.iter().map(|cache| (format!("L{}", cache.level), cache.bytes / 2));
     let memory = caches.last().map(|cache| ("memory".to_owned(), (4 * cache.bytes).min(MOST_MEMORY)));
     levels.chain(memory)
 }
 
-/// Plain stores into each.
-fn bandwidth(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
-    levels_of(caches)
-        .map(|(level, bytes)| {
-            let len = bytes / size_of::<Vec4>();
-            let mut film = Film::new(PixelFormat::F32x4, len)?;
-            let FilmMut::F32x4(film) = film.as_mut() else { unreachable!("it was made of floats") };
-            // Small levels are gone over so often that the clock's own time does not show.
-            let passes = (MIN_BYTES / bytes).max(1);
-            let mut fill: [crate::measure::Work<'_>; 1] = [Box::new(|| {
-                for pass in 0..passes {
-                    film.fill(Vec4::new(pass as f32, 0.0, 1.0));
-                    std::hint::black_box(&mut *film);
-                }
-            })];
-            let ticks = interleave(clock, &mut fill, 0..BANDWIDTH_RUNS, &mut || true).expect("nobody stops it");
-            let bytes_per_cycle = (len * size_of::<Vec4>() * passes) as f64 / minimum(&ticks[0].ticks);
-            Ok(Bandwidth { level, bytes: len * size_of::<Vec4>(), bytes_per_cycle })
-        })
-        .collect()
+/// What each level takes of stores: `fill` is told the pixels, and the number of the pass.
+pub(super) fn bandwidth(
+    caches: &[Cache],
+    runs: usize,
+    clock: &mut dyn Clock,
+    mut fill: impl FnMut(&mut [Vec4], usize),
+) -> Result<Vec<Bandwidth>, LabError> {
+    let of_level = |(level, bytes): (String, usize)| {
+        let len = bytes / size_of::<Vec4>();
+        let mut film = Film::new(PixelFormat::F32x4, len + LINE / size_of::<Vec4>())?;
+        let Film::F32x4(pixels) = &mut film else { unreachable!("it was made of floats") };
+        // Stores that cross lines at both ends of a pass would show in the shortest, those of the first level.
+        let first = pixels.as_ptr().align_offset(LINE);
+        let pixels = &mut pixels[first..first + len];
+        // Small levels are gone over so often that the clock's own time does not show.
+        let passes = (MIN_BYTES / bytes).max(1);
+        let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(|pass| fill(pixels, pass)))];
+        let runs = interleave(clock, &mut work, 0..runs, &mut || true).expect("nobody stops it");
+        let bytes = len * size_of::<Vec4>();
+        Ok(Bandwidth { level, bytes, bytes_per_cycle: (bytes * passes) as f64 / minimum(&runs[0].ticks) })
+    };
+    levels_of(caches).map(of_level).collect()
 }
 
+/// Bytes of a cache line.
+const LINE: usize = 64;
 /// Four times the last cache, but not more than this.
 const MOST_MEMORY: usize = 256 << 20;
 /// The least that is written between two looks at the clock.

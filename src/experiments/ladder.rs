@@ -5,15 +5,15 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::in_size;
-use super::speedup::{self, Films, Progress, SpeedupError, Taken, Truth, Turn, judged, kept};
+use super::lab::{Bench, Case, LabError, Pairs, Progress, Taken, Turn, judged, kept};
+use super::speedup::{self, Truth};
 use crate::kernels::ladder::{self, Rung as Variant};
 use crate::kernels::{self, Vec4, step, sys};
-use crate::measure::Name;
-use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
-use crate::measure::{Clock, Work, interleave};
+use crate::measure::statistics::{Estimate, median};
+use crate::measure::{Clock, Name};
 use crate::plan::Packed;
-use crate::render::{Engine, FilmMut, Frame, PixelFormat, Settings, Tracer};
-use crate::scene::{Camera, Rng, Scene};
+use crate::render::{Engine, Film, FilmMut, Frame, PixelFormat, Settings, Tracer};
+use crate::scene::{Camera, Scene};
 
 /// The size that all rungs but the last two trace: small enough for the picture to stay in a second-level cache, and for a run to
 /// be over before the operating system thinks of giving the core to another program.
@@ -22,7 +22,6 @@ pub const SIZE: (u32, u32) = (256, 192);
 const LARGE: (u32, u32) = (1632, 1224);
 /// Work of a round in a pixel.
 const ROUND_WORK: u64 = 1150;
-const SEED: u64 = 0x1a_dd_e2;
 
 /// A rung. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -186,15 +185,6 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     rungs
 }
 
-/// Traces rows into a film of their size.
-type Trace<'a> = Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>;
-
-/// A rung that is ready for a camera.
-struct Ready<'a> {
-    trace: Trace<'a>,
-    output: PixelFormat,
-}
-
 impl Planned {
     fn size(&self) -> (u32, u32) {
         if ["large", "threads"].contains(&self.rung) { LARGE } else { SIZE }
@@ -206,7 +196,7 @@ impl Planned {
 
     /// Instructions executed in a pixel, set-up of the engine and of a call not included. None with threads, which cannot be stepped
     /// through, and where [`step::count_instructions`] does not work.
-    fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, SpeedupError> {
+    fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, LabError> {
         let Counted { size: (width, height), step_by, call: (call_size, twice) } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
             Tracing::Engine(engine, _) if engine.is_packet() => COUNTED_BY_SPANS,
@@ -232,15 +222,15 @@ impl Planned {
         cores: &sys::Cores,
         size: (u32, u32),
         calls: impl IntoIterator<Item = Range<u32>>,
-    ) -> Result<Option<Vec<u64>>, SpeedupError> {
+    ) -> Result<Option<Vec<u64>>, LabError> {
         let scene = in_size(scene, size.0, size.1);
         let packed = Packed::new(&scene);
         let tracer = self.tracer(&scene)?;
-        let ready = self.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
-        let mut films = Films::new(2 * size.0 as usize)?;
+        let case = self.case(tracer.as_deref(), &packed, scene.camera, cores)?;
+        let mut film = Film::new(case.output, 2 * size.0 as usize)?;
         let count = |rows: Range<u32>| {
-            let film = films.of(ready.output).as_mut().part(0..rows.len() * size.0 as usize);
-            step::count_instructions(|| (ready.trace)(rows, film)).ok()
+            let film = film.as_mut().part(0..rows.len() * size.0 as usize);
+            step::count_instructions(|| case.rows(rows, film)).ok()
         };
         Ok(calls.into_iter().map(count).collect())
     }
@@ -250,46 +240,37 @@ impl Planned {
     }
 
     /// The tracer of an engine, where it is one.
-    fn tracer<'a>(&self, scene: &'a Scene) -> Result<Option<Box<dyn Tracer + 'a>>, SpeedupError> {
+    fn tracer<'a>(&self, scene: &'a Scene) -> Result<Option<Box<dyn Tracer + 'a>>, LabError> {
         Ok(match self.tracing {
             Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene)?),
             Tracing::Variant(_) | Tracing::Aos(_) => None,
         })
     }
 
-    fn ready<'a>(
-        &'a self,
+    fn case<'a>(
+        &self,
         tracer: Option<&'a dyn Tracer>,
         packed: &'a Packed,
-        camera: &Camera,
+        camera: Camera,
         cores: &sys::Cores,
-    ) -> Result<Ready<'a>, SpeedupError> {
+    ) -> Result<Case<'a>, LabError> {
+        let engine = || tracer.expect("an engine has one");
         Ok(match self.tracing {
-            Tracing::Variant(variant) => Ready {
-                trace: Box::new(move |rows, film| {
-                    variant.call(packed.frame(), packed.objects(), rows, floats(film));
-                }),
-                output: PixelFormat::F32x4,
-            },
-            Tracing::Aos(kernels) => Ready {
-                trace: Box::new(move |rows, film| {
-                    kernels.trace.call(packed.frame(), packed.objects(), rows, floats(film));
-                }),
-                output: PixelFormat::F32x4,
-            },
+            Tracing::Variant(variant) => Case::new(camera, PixelFormat::F32x4, move |rows, film| {
+                variant.call(packed.frame(), packed.objects(), rows, floats(film));
+            }),
+            Tracing::Aos(kernels) => Case::new(camera, PixelFormat::F32x4, move |rows, film| {
+                kernels.trace.call(packed.frame(), packed.objects(), rows, floats(film));
+            }),
             Tracing::Engine(_, output) => {
-                let tracer = tracer.expect("an engine has one");
-                Ready { trace: Box::new(move |rows, film| tracer.rows(rows, film)), output }
+                let tracer = engine();
+                Case::new(camera, output, move |rows, film| tracer.rows(rows, film))
             }
             Tracing::Threads(_, output, threads) => {
-                let tracer = tracer.expect("an engine has one");
-                let frame = on_all(cores, || Frame::new(tracer, *camera, Settings { threads }))??;
-                Ready {
-                    trace: Box::new(move |rows, film| {
-                        frame.trace(rows, film, &|_| ()).expect("a film of the rows' size")
-                    }),
-                    output,
-                }
+                let frame = on_all(cores, || Frame::new(engine(), camera, Settings { threads }))??;
+                Case::new(camera, output, move |rows, film| {
+                    frame.trace(rows, film, &|_| ()).expect("a film of the rows' size");
+                })
             }
         })
     }
@@ -301,8 +282,8 @@ fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
 }
 
 /// Threads that `start` starts may run on `cores`, although this one is pinned.
-pub fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, SpeedupError> {
-    let failed = |error| SpeedupError::System { what: "change the cores that threads may run on", error };
+pub fn on_all<T>(cores: &sys::Cores, start: impl FnOnce() -> T) -> Result<T, LabError> {
+    let failed = |error| LabError::System { what: "change the cores that threads may run on", error };
     let pinned = sys::Cores::of_this_thread().map_err(failed)?;
     cores.allow().map_err(failed)?;
     let started = start();
@@ -324,17 +305,14 @@ pub fn check(
     whole: bool,
     cores: &sys::Cores,
     proceed: &mut Progress<'_>,
-) -> Result<Option<Vec<Option<f64>>>, SpeedupError> {
+) -> Result<Option<Vec<Option<f64>>>, LabError> {
     let planned = plan(whole, cores);
     let truth = Truth::new(&speedup::scene())?;
     let scene = &truth.scene;
     let packed = Packed::new(scene);
     for rung in &planned {
         let tracer = rung.tracer(scene)?;
-        let ready = rung.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
-        truth.check(rung.rung, ready.output, &mut |film| {
-            (ready.trace)(0..scene.camera.height(), film);
-        })?;
+        truth.check(rung.rung, &rung.case(tracer.as_deref(), &packed, scene.camera, cores)?)?;
     }
     let mut instructions = Vec::new();
     for rung in &planned {
@@ -355,28 +333,18 @@ pub fn measure_run(
     rounds: Range<usize>,
     cores: &sys::Cores,
     clock: &mut dyn Clock,
-) -> Result<Rounds, SpeedupError> {
+) -> Result<Rounds, LabError> {
     let planned = plan(whole, cores);
     let in_its_size = |rung: &Planned| in_size(&speedup::scene(), rung.size().0, rung.size().1);
     let scenes: Vec<_> = planned.iter().map(in_its_size).collect();
     let packed = Packed::new(&scenes[0]);
     let tracers = planned.iter().zip(&scenes).map(|(rung, scene)| rung.tracer(scene));
     let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
-    let pixels = |scene: &Scene| scene.camera.pixels() as usize;
-    let films = std::cell::RefCell::new(Films::new(scenes.iter().map(pixels).max().unwrap_or(0))?);
-    let mut contestants: Vec<Work<'_>> = Vec::new();
-    for ((rung, tracer), scene) in planned.iter().zip(&tracers).zip(&scenes) {
-        let ready = rung.ready(tracer.as_deref(), &packed, &scene.camera, cores)?;
-        let films = &films;
-        contestants.push(Box::new(move || {
-            let mut films = films.borrow_mut();
-            (ready.trace)(0..scene.camera.height(), films.of(ready.output).as_mut().part(0..pixels(scene)));
-        }));
-    }
-    // As the first contestant of a run, who does not pay for what a new process does at the first call.
-    contestants.iter_mut().for_each(|contestant| contestant());
-    let measured = interleave(clock, &mut contestants, rounds, &mut || true).expect("nobody stops it");
-    Ok(measured.iter().map(|runs| speedup::turns(runs).collect()).collect())
+    let cases = planned.iter().zip(&tracers).zip(&scenes);
+    let cases = cases.map(|((rung, tracer), scene)| rung.case(tracer.as_deref(), &packed, scene.camera, cores));
+    let cases = cases.collect::<Result<Vec<_>, _>>()?;
+    let measured = Bench::default().time(clock, &cases, rounds, &mut || true)?.expect("nobody stops it");
+    Ok(measured.iter().map(|runs| Turn::each(runs).collect()).collect())
 }
 
 /// The rungs that `runs` tell of, each of as many rounds; `instructions` are those of [`check`].
@@ -390,7 +358,6 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
     };
     let measured: Vec<(Vec<f64>, Vec<bool>)> = (0..planned.len()).map(samples).collect();
     let samples_per_run = runs.first().map_or(1, |rounds| rounds[0].len().max(1));
-    let mut rng = Rng::new(SEED);
     let mut rungs = Vec::new();
     let mut before: Option<usize> = None;
     for (index, (rung, samples)) in planned.iter().zip(&measured).enumerate() {
@@ -398,10 +365,11 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
             Some(name) => planned.iter().position(|rung| rung.rung == name),
             None => before,
         };
-        let ratios = |of: usize| ratios(&measured[of], samples, samples_per_run);
-        let gain = ratios(over.unwrap_or(index));
-        let gain = median_with_interval(gain.iter().map(Vec::as_slice), &mut || rng.next_u64());
         let (ticks, taken) = samples;
+        let over_rung = |(of, of_taken): &(Vec<f64>, Vec<bool>)| {
+            Pairs::new((of, of_taken), (ticks, taken)).estimate(samples_per_run)
+        };
+        let gain = over_rung(&measured[over.unwrap_or(index)]);
         rungs.push(Rung {
             rung: rung.rung.into(),
             change: rung.change.clone(),
@@ -409,12 +377,12 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
             over: over.map(|over| planned[over].rung.into()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
-            cycles_per_pixel: median(&kept(ticks, &judged(taken.iter().copied()))) / pixels(SIZE),
+            cycles_per_pixel: median(&kept(ticks, &judged(taken))) / pixels(SIZE),
             instructions_per_pixel: instructions[index],
             gain: gain.value,
             gain_low: gain.low,
             gain_high: gain.high,
-            gain_total: median(&ratios(0).concat()),
+            gain_total: over_rung(&measured[0]).value,
             samples: ticks.clone(),
             taken: taken.clone(),
             samples_per_run,
@@ -442,28 +410,16 @@ const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, call: ((
 /// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
 const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, call: ((64, 48), 24) };
 
-/// Each cycles of one rung by those of another that were measured beside them, process by process: those to judge by.
-fn ratios(a: &(Vec<f64>, Vec<bool>), b: &(Vec<f64>, Vec<bool>), samples_per_run: usize) -> Vec<Vec<f64>> {
-    let judged = judged(a.1.iter().zip(&b.1).map(|(a, b)| *a || *b));
-    let ratios = pairwise_ratios(&a.0, &b.0);
-    let processes = ratios.chunks(samples_per_run).zip(judged.chunks(samples_per_run));
-    processes.map(|(ratios, judged)| kept(ratios, judged)).filter(|ratios| !ratios.is_empty()).collect()
-}
-
 /// In how many samples of rungs of one thread others had the core.
 pub fn taken(rungs: &[Rung]) -> Taken {
-    let taken = rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken);
-    taken.fold(Taken::default(), |all, taken| Taken { taken: all.taken + usize::from(*taken), of: all.of + 1 })
+    Taken::among(rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken))
 }
 
 /// The median ratio of the cycles of rung `a` to those of rung `b`, pair by pair; None where one is not there.
 pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     let find = |name| rungs.iter().find(|rung: &&Rung| rung.rung == name);
     let (a, b) = (find(a)?, find(b)?);
-    let mut rng = Rng::new(SEED);
-    let samples = |rung: &Rung| (rung.samples.clone(), rung.taken.clone());
-    let ratios = ratios(&samples(a), &samples(b), a.samples_per_run);
-    Some(median_with_interval(ratios.iter().map(Vec::as_slice), &mut || rng.next_u64()))
+    Some(Pairs::new((&a.samples, &a.taken), (&b.samples, &b.taken)).estimate(a.samples_per_run))
 }
 
 /// Each packet engine that is a rung, against what the compiler made for its instruction set.

@@ -10,6 +10,7 @@ pub(crate) mod complexity;
 pub(crate) mod document;
 pub mod gallery;
 pub(crate) mod jumps;
+pub(crate) mod lab;
 pub(crate) mod ladder;
 pub(crate) mod machines;
 pub mod ops;
@@ -22,17 +23,7 @@ pub mod step;
 pub(crate) mod svg;
 pub mod threads;
 
-use crate::render::{EngineError, NoMemory};
 use crate::scene::Scene;
-
-/// Why there are no pictures to measure.
-#[derive(Debug, thiserror::Error)]
-pub enum PictureError {
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    #[error(transparent)]
-    Memory(#[from] NoMemory),
-}
 
 /// A scene in another size.
 ///

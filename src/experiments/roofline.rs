@@ -2,22 +2,20 @@
 
 pub mod plot;
 
-use std::cell::RefCell;
-
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
 use super::in_size;
-use super::jumps::{Bandwidth, levels_of};
+use super::jumps::{Bandwidth, bandwidth};
+use super::lab::{Bench, Case, LabError, Progress, Timed};
 use super::ladder::SIZE;
-use super::speedup::{Progress, SpeedupError};
 use crate::kernels::{self, Isa, code_at, step};
 use crate::measure::Name;
 use crate::measure::instructions::{Instruction, decode};
 use crate::measure::source::Unit;
 use crate::measure::statistics::minimum;
 use crate::measure::{Cache, Clock, Work, interleave};
-use crate::render::{Engine, Film, PixelFormat, Tracer};
+use crate::render::{Engine, Film, PixelFormat, Purpose};
 use crate::scene::Scene;
 
 /// Why there are no points.
@@ -26,7 +24,7 @@ enum NoPoints {
     #[error(transparent)]
     Uncounted(#[from] step::Unavailable),
     #[error(transparent)]
-    Untraced(#[from] SpeedupError),
+    Untraced(#[from] LabError),
 }
 
 /// Scenes whose kernels are points.
@@ -38,10 +36,6 @@ const MOST: usize = 1 << 20;
 const RUNS: usize = 15;
 /// Rounds of the multiplications: some 50 microseconds.
 const ROUNDS: u64 = 10_000;
-/// Bytes of a cache line.
-const LINE: usize = 64;
-/// The least that is written between two looks at the clock.
-const MIN_BYTES: usize = 4 << 20;
 
 /// The most arithmetic of an instruction set.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -85,11 +79,7 @@ pub const WORK: u64 = 3;
 ///
 /// # Errors
 /// No memory for a picture.
-pub fn run(
-    caches: &[Cache],
-    clock: &mut dyn Clock,
-    proceed: &mut Progress<'_>,
-) -> Result<Option<Roofline>, SpeedupError> {
+pub fn run(caches: &[Cache], clock: &mut dyn Clock, proceed: &mut Progress<'_>) -> Result<Option<Roofline>, LabError> {
     let mut roofline = Roofline { peaks: peaks(clock), ..Roofline::default() };
     if !proceed(1) {
         return Ok(None);
@@ -133,26 +123,9 @@ fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
 }
 
 /// The widest stores into half of each level of cache, and into four times the last.
-fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, SpeedupError> {
+fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, LabError> {
     let Some(widest) = usable().last().and_then(kernels::packets) else { return Ok(Vec::new()) };
-    let measure = |(level, bytes): (String, usize)| {
-        let pixel = PixelFormat::F32x4.bytes();
-        let mut film = Film::new(PixelFormat::F32x4, bytes / pixel + LINE / pixel)?;
-        let Film::F32x4(pixels) = &mut film else { unreachable!("it was made of floats") };
-        // Stores that cross lines at both ends of a pass would show in the shortest, those of the first level.
-        let first = pixels.as_ptr().align_offset(LINE);
-        let pixels = &mut pixels[first..first + bytes / pixel];
-        // Small levels are gone over so often that the clock's own time does not show.
-        let passes = (MIN_BYTES / bytes).max(1);
-        let mut work: [Work<'_>; 1] = [Box::new(|| (0..passes).for_each(|_| widest.fill.f32x4(pixels, false)))];
-        let runs = interleave(clock, &mut work, 0..RUNS, &mut || true).expect("nobody stops it");
-        Ok(Bandwidth {
-            level,
-            bytes,
-            bytes_per_cycle: (bytes / pixel * pixel * passes) as f64 / minimum(&runs[0].ticks),
-        })
-    };
-    levels_of(caches).map(measure).collect()
+    bandwidth(caches, RUNS, clock, |pixels, _| widest.fill.f32x4(pixels, false))
 }
 
 /// The engines of assembly on a scene.
@@ -164,14 +137,10 @@ fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Ve
     for engine in &engines {
         flops.push(flops_of(*engine, &small)? / small.camera.pixels() as f64);
     }
-    let film = RefCell::new(film_of(&large)?);
-    let tracers = engines.iter().map(|engine| tracer_of(*engine, &large)).collect::<Result<Vec<_>, _>>()?;
-    let trace = |tracer: &dyn Tracer| tracer.rows(0..SIZE.1, film.borrow_mut().as_mut());
-    let mut work: Vec<Work<'_>> = Vec::new();
-    for tracer in &tracers {
-        work.push(Box::new(move || trace(tracer.as_ref())));
-    }
-    let runs = interleave(clock, &mut work, 0..RUNS, &mut || true).expect("nobody stops it");
+    let case = |engine: &Engine| Case::of(Timed::Tracing, &large, *engine, Purpose::default(), PixelFormat::F32x4);
+    let cases = engines.iter().map(case).collect::<Result<Vec<_>, _>>().map_err(LabError::from)?;
+    let runs = Bench::default().time(clock, &cases, 0..RUNS, &mut || true).map_err(LabError::from)?;
+    let runs = runs.expect("nobody stops it");
     let point = |((engine, flops_per_pixel), runs): ((&Engine, f64), crate::measure::Runs)| Point {
         scene: name.into(),
         engine: engine.name().into(),
@@ -183,14 +152,6 @@ fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Ve
     Ok(engines.iter().zip(flops).zip(runs).map(point).collect())
 }
 
-fn film_of(scene: &Scene) -> Result<Film, SpeedupError> {
-    Ok(Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?)
-}
-
-fn tracer_of(engine: Engine, scene: &Scene) -> Result<Box<dyn Tracer + '_>, SpeedupError> {
-    Ok(engine.prepare(None, scene)?)
-}
-
 /// The operations on numbers that an engine executes for a picture.
 fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, NoPoints> {
     let isa = match engine {
@@ -198,8 +159,8 @@ fn flops_of(engine: Engine, scene: &Scene) -> Result<f64, NoPoints> {
         _ => Isa::Sse41,
     };
     let unit = Unit::of(isa).ok_or(step::Unavailable::Platform)?;
-    let tracer = tracer_of(engine, scene)?;
-    let mut film = film_of(scene)?;
+    let tracer = engine.prepare(None, scene).map_err(LabError::from)?;
+    let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize).map_err(LabError::from)?;
     let trace = || tracer.rows(0..scene.camera.height(), film.as_mut());
     let (visits, _) = step::visits(std::slice::from_ref(&unit.code), MOST, trace)?;
     let code = code_at(unit.code.start).and_then(|code| code.get(..unit.code.len()));

@@ -1,18 +1,17 @@
 //! The paper's section 5: one sphere and one light, twenty sizes, `c` against `paper` and every other engine.
 
-use std::cell::RefCell;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
 use super::in_size;
-use crate::measure::Name;
-use crate::measure::statistics::{self, Estimate, mean, median, median_with_interval, minimum, pairwise_ratios};
-use crate::measure::{Clock, Runs, Work, enough, interleave};
+use super::lab::{Bench, Case, LabError, Pairs, Taken, Timed, Turn, judged, kept};
+use crate::measure::statistics::{self, Estimate, mean, median, minimum};
+use crate::measure::{Clock, Name, Runs};
 use crate::render::reference::ReferenceTracer;
-use crate::render::{Engine, EngineError, Film, FilmMut, NoMemory, PixelFormat, RenderError, Tracer};
-use crate::scene::{Rng, Scene};
+use crate::render::{Engine, EngineError, Film, PixelFormat, Purpose, Tracer};
+use crate::scene::Scene;
 
 /// A row of the paper's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +72,6 @@ pub const QUICK_RUNS: usize = 5;
 pub const BASELINE: &str = "c";
 /// The contestant that is entered twice.
 pub const CONTROL: &str = "paper";
-/// Where the bootstrap's draws begin: the same samples give the same intervals.
-const SEED: u64 = 0x5e_c7_10_05;
 
 /// The scene of the experiment, `scenes/sphere.in`.
 pub fn scene() -> Scene {
@@ -85,10 +82,6 @@ pub fn scene() -> Scene {
 pub(super) fn baseline_and_control() -> [Engine; 2] {
     [BASELINE, CONTROL].map(|name| name.parse().expect("asm is built"))
 }
-
-/// Hears how much work has been done since it last heard, in cycles of some machine or other: the shares are what
-/// matters. Where it says no, what is being measured ends, and what is finished is the result.
-pub type Progress<'a> = dyn FnMut(u64) -> bool + 'a;
 
 /// What a round costs by the pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
 const ROUND_WORK: u64 = 300;
@@ -223,57 +216,6 @@ pub struct Speedup {
     pub taken: Taken,
 }
 
-/// Measurements in which others had the core, of so many.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Taken {
-    /// They are left out, if that leaves enough.
-    pub taken: usize,
-    /// All of them.
-    pub of: usize,
-}
-
-impl Taken {
-    /// Of a contestant's runs.
-    pub fn in_runs(runs: &Runs) -> Self {
-        Taken { taken: runs.taken.iter().filter(|taken| **taken).count(), of: runs.taken.len() }
-    }
-
-    /// Whether what is left is enough to judge by.
-    pub fn leaves_enough(self) -> bool {
-        enough(self.of - self.taken, self.of)
-    }
-}
-
-/// Why nothing was measured.
-#[derive(Debug, thiserror::Error)]
-pub enum SpeedupError {
-    #[error(transparent)]
-    Engine(#[from] EngineError),
-    #[error(transparent)]
-    Memory(#[from] NoMemory),
-    /// An engine's picture is not that of the reference: its time would mean nothing.
-    #[error(
-        "{wrong} of {pixels} pixels that `{who}` wrote as {output} are not those of `reference`, \
-         and at most {allowed} may differ: its time is not that of the same picture"
-    )]
-    Picture {
-        who: String,
-        output: &'static str,
-        /// Pixels off by more than a level.
-        wrong: usize,
-        pixels: usize,
-        /// Pixels that rounding may turn at an outline.
-        allowed: usize,
-    },
-    #[error(transparent)]
-    Threads(#[from] RenderError),
-    #[error("cannot {what}: {error}")]
-    System { what: &'static str, error: std::io::Error },
-    /// Stopped before the first size was finished.
-    #[error("stopped before the first size was finished: there is nothing to show")]
-    Nothing,
-}
-
 /// An engine with a format it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Entry {
@@ -295,28 +237,15 @@ pub(super) fn entries(engines: &[Engine], scene: &Scene) -> Result<Vec<Entry>, E
     Ok(entries)
 }
 
-/// A contestant's picture at one size in one run.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Turn {
-    /// TSC cycles.
-    pub ticks: u64,
-    /// Whether it ended on another core than it began on.
-    pub migrated: bool,
-    /// Whether others had the core, each time it was tried.
-    pub taken: bool,
-}
-
 /// A run: at each size that was finished, in the order of [`Settings::sizes`], the turn of every entry and, last, that of
 /// the control's second entry.
 pub type Run = Vec<Vec<Turn>>;
 
 /// Whether every engine's picture is that of the reference.
-pub fn check(settings: &Settings) -> Result<(), SpeedupError> {
+pub fn check(settings: &Settings) -> Result<(), LabError> {
     let truth = Truth::new(&scene())?;
-    for entry in entries(&settings.engines, &truth.scene)? {
-        let tracer = entry.engine.prepare(None, &truth.scene)?;
-        let rows = 0..truth.scene.camera.height();
-        truth.check(entry.engine.name(), entry.output, &mut |film| tracer.rows(rows.clone(), film))?;
+    for Entry { engine, output } in entries(&settings.engines, &truth.scene)? {
+        truth.check(engine.name(), &Case::of(Timed::Tracing, &truth.scene, engine, Purpose::default(), output)?)?;
     }
     Ok(())
 }
@@ -331,33 +260,23 @@ pub fn measure_run(
     number: usize,
     clock: &mut dyn Clock,
     finished: &mut dyn FnMut(Vec<Turn>) -> bool,
-) -> Result<(), SpeedupError> {
+) -> Result<(), LabError> {
     let scene = scene();
     let entries = entries(&settings.engines, &scene)?;
     // The control's second entry comes right after its first.
     let first = entries.iter().position(|entry| entry.engine.name() == CONTROL).expect("the control is entered");
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.insert(first + 1, first);
-    let most = settings.sizes.iter().map(|size| PAPER[*size].pixels()).max().unwrap_or(0) as usize;
-    let films = RefCell::new(Films::new(most)?);
-    let mut warm = false;
+    let mut bench = Bench::default();
     for size in &settings.sizes {
-        let PaperRow { width, height, .. } = PAPER[*size];
-        let scene = in_size(&scene, width, height);
-        let pixels = scene.camera.pixels() as usize;
-        let tracers = entries.iter().map(|entry| entry.engine.prepare(None, &scene));
-        let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
-        let contestant = |index: &usize| -> Work<'_> {
-            let (tracer, output, films) = (tracers[*index].as_ref(), entries[*index].output, &films);
-            Box::new(move || tracer.rows(0..height, films.borrow_mut().of(output).as_mut().part(0..pixels)))
+        let scene = in_size(&scene, PAPER[*size].width, PAPER[*size].height);
+        let case = |index: &usize| {
+            let Entry { engine, output } = entries[*index];
+            Case::of(Timed::Tracing, &scene, engine, Purpose::default(), output)
         };
-        let mut contestants: Vec<Work<'_>> = order.iter().map(contestant).collect();
-        if !std::mem::replace(&mut warm, true) {
-            // What a new process does at the first call, the first contestant does not pay for.
-            contestants.iter_mut().for_each(|contestant| contestant());
-        }
-        let runs = interleave(clock, &mut contestants, number..number + 1, &mut || true).expect("nobody stops it");
-        let mut turns: Vec<Turn> = runs.iter().flat_map(turns).collect();
+        let cases = order.iter().map(case).collect::<Result<Vec<_>, _>>()?;
+        let runs = bench.time(clock, &cases, number..number + 1, &mut || true)?.expect("nobody stops it");
+        let mut turns: Vec<Turn> = runs.iter().flat_map(Turn::each).collect();
         let again = turns.remove(first + 1);
         turns.push(again);
         if !finished(turns) {
@@ -367,43 +286,6 @@ pub fn measure_run(
     Ok(())
 }
 
-/// The turns of a contestant, one a round.
-pub(super) fn turns(runs: &Runs) -> impl Iterator<Item = Turn> {
-    let turn =
-        |(ticks, taken): (&f64, &bool)| Turn { ticks: *ticks as u64, migrated: runs.migrations > 0, taken: *taken };
-    runs.ticks.iter().zip(&runs.taken).map(turn)
-}
-
-/// Which pairs of runs to judge by: those in which nobody else had the core, if they are enough, else all.
-pub(super) fn judged(taken: impl Iterator<Item = bool>) -> Vec<bool> {
-    let clean: Vec<bool> = taken.map(|taken| !taken).collect();
-    let count = clean.iter().filter(|clean| **clean).count();
-    if enough(count, clean.len()) { clean } else { vec![true; clean.len()] }
-}
-
-/// The values that are to be judged by.
-pub(super) fn kept<T: Copy>(values: &[T], judged: &[bool]) -> Vec<T> {
-    values.iter().zip(judged).filter(|(_, judged)| **judged).map(|(value, _)| *value).collect()
-}
-
-/// One film of each format, touched before, for all contestants: each finds it in the same state.
-pub(super) struct Films {
-    floats: Film,
-    bytes: Film,
-}
-
-impl Films {
-    pub(super) fn new(pixels: usize) -> Result<Self, SpeedupError> {
-        Ok(Films { floats: Film::new(PixelFormat::F32x4, pixels)?, bytes: Film::new(PixelFormat::Rgba8, pixels)? })
-    }
-
-    pub(super) fn of(&mut self, format: PixelFormat) -> &mut Film {
-        let film = if format.is_8bit() { &mut self.bytes } else { &mut self.floats };
-        assert_eq!(film.as_mut().format(), format, "the contestants write four channels");
-        film
-    }
-}
-
 /// The reference's picture at the first size: who traces something else has no place in a comparison of times.
 pub(super) struct Truth {
     pub scene: Scene,
@@ -411,29 +293,24 @@ pub(super) struct Truth {
 }
 
 impl Truth {
-    pub(super) fn new(scene: &Scene) -> Result<Self, SpeedupError> {
+    pub(super) fn new(scene: &Scene) -> Result<Self, LabError> {
         let scene = in_size(scene, PAPER[0].width, PAPER[0].height);
         let mut film = Film::new(PixelFormat::F32x4, scene.camera.pixels() as usize)?;
         ReferenceTracer::new(&scene).rows(0..scene.camera.height(), film.as_mut());
         Ok(Truth { scene, levels: levels(&film) })
     }
 
-    /// Whether `trace` fills a film of `output` with the same picture.
-    pub(super) fn check(
-        &self,
-        who: &str,
-        output: PixelFormat,
-        trace: &mut dyn FnMut(FilmMut<'_>),
-    ) -> Result<(), SpeedupError> {
+    /// Whether a case of that scene is the same picture.
+    pub(super) fn check(&self, who: &str, case: &Case<'_>) -> Result<(), LabError> {
         let pixels = self.levels.len();
-        let mut film = Film::new(output, pixels)?;
-        trace(film.as_mut());
+        let mut film = Film::new(case.output, pixels)?;
+        case.trace(&mut film);
         let apart = |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 1);
         let wrong = levels(&film).iter().zip(&self.levels).filter(|(a, b)| apart(a, b)).count();
         // Where a ray grazes the sphere, rounding may decide: not for more than a few of the outline's pixels.
         let allowed = (self.scene.camera.width() + self.scene.camera.height()) as usize / 64;
         if wrong > allowed {
-            return Err(SpeedupError::Picture { who: who.into(), output: output.name(), wrong, pixels, allowed });
+            return Err(LabError::Picture { who: who.into(), output: case.output.name(), wrong, pixels, allowed });
         }
         Ok(())
     }
@@ -445,39 +322,31 @@ fn levels(film: &Film) -> Vec<[u8; 3]> {
 
 impl Speedup {
     /// What `runs` tell. Those without all sizes are left out, unless there is no other.
-    pub fn of(settings: &Settings, runs: &[Run]) -> Result<Self, SpeedupError> {
+    pub fn of(settings: &Settings, runs: &[Run]) -> Result<Self, LabError> {
         let entries = entries(&settings.engines, &scene())?;
-        let mut random = {
-            let mut rng = Rng::new(SEED);
-            move || rng.next_u64()
-        };
         let place = |name| entries.iter().position(|entry| entry.engine.name() == name).expect("it is always entered");
         let (baseline, control, again) = (place(BASELINE), place(CONTROL), entries.len());
-        let most = runs.iter().map(Vec::len).max().filter(|most| *most > 0).ok_or(SpeedupError::Nothing)?;
+        let most = runs.iter().map(Vec::len).max().filter(|most| *most > 0).ok_or(LabError::Nothing)?;
         let runs: Vec<&Run> = runs.iter().filter(|run| run.len() == most).collect();
-
         let (mut rows, mut control_rows) = (Vec::new(), Vec::new());
-        let (mut control_ratios, mut simd_ratios) = (vec![Vec::new(); runs.len()], vec![Vec::new(); runs.len()]);
-        let mut all_taken = Taken::default();
+        let (mut by_itself, mut by_simd) = (Vec::new(), Vec::new());
         for (index, size) in settings.sizes.iter().take(most).enumerate() {
             let size = &PAPER[*size];
+            let (width, height) = (size.width, size.height);
             let of_entry = |entry: usize| Runs {
                 ticks: runs.iter().map(|run| run[index][entry].ticks as f64).collect(),
                 migrations: runs.iter().filter(|run| run[index][entry].migrated).count(),
                 taken: runs.iter().map(|run| run[index][entry].taken).collect(),
             };
-            let taken = |a: &Runs, b: &Runs| a.taken.iter().zip(&b.taken).map(|(a, b)| *a || *b).collect::<Vec<_>>();
-            let baseline = of_entry(baseline);
+            let of_baseline = of_entry(baseline);
             for (place, entry) in entries.iter().enumerate() {
                 let of_entry = of_entry(place);
-                let taken = taken(&baseline, &of_entry);
-                let judged = judged(taken.iter().copied());
-                let ratios = kept(&pairwise_ratios(&baseline.ticks, &of_entry.ticks), &judged);
-                let ratio = median_with_interval(ratios.chunks(1), &mut random);
-                let ticks = kept(&of_entry.ticks, &judged);
+                let pairs = Pairs::of(&of_baseline, &of_entry);
+                let ratio = pairs.estimate(1);
+                let ticks = kept(&of_entry.ticks, &judged(&pairs.taken));
                 rows.push(Timing {
-                    width: size.width,
-                    height: size.height,
+                    width,
+                    height,
                     pixels: size.pixels(),
                     engine: entry.engine.name().into(),
                     precision: entry.engine.precision().name().into(),
@@ -490,49 +359,30 @@ impl Speedup {
                     ratio_low: ratio.low,
                     ratio_high: ratio.high,
                     migrations: of_entry.migrations,
-                    taken: taken.iter().filter(|taken| **taken).count(),
+                    taken: Taken::among(&pairs.taken).taken,
                     off: of_entry.off(),
                     samples: of_entry.ticks,
                 });
             }
             let (control, again) = (of_entry(control), of_entry(again));
-            let ratios = pairwise_ratios(&control.ticks, &again.ticks);
-            let judged_ratios = kept(&ratios, &judged(taken(&control, &again).into_iter()));
-            let Estimate { value: ratio, low, high } = median_with_interval(judged_ratios.chunks(1), &mut random);
-            let (by_itself, by_c) = (taken(&control, &again), taken(&baseline, &control));
-            let (width, height) = (size.width, size.height);
+            let pairs = Pairs::of(&control, &again);
+            let Estimate { value: ratio, low, high } = pairs.estimate(1);
             control_rows.push(ControlRow { width, height, ratio, low, high, samples: again.ticks });
-            let simd = pairwise_ratios(&baseline.ticks, &control.ticks);
-            all_taken.taken += by_c.iter().filter(|taken| **taken).count();
-            all_taken.of += by_c.len();
-            for run in 0..runs.len() {
-                control_ratios[run].push((ratios[run], by_itself[run]));
-                simd_ratios[run].push((simd[run], by_c[run]));
-            }
+            by_itself.push(pairs);
+            by_simd.push(Pairs::of(&of_baseline, &control));
         }
-        // The sizes of a run share its process, and so are drawn together.
-        let mut overall = |pairs: &[Vec<(f64, bool)>]| {
-            let judged = judged(pairs.iter().flatten().map(|(_, taken)| *taken));
-            let mut judged = judged.into_iter();
-            let of_run = |pairs: &Vec<(f64, bool)>| {
-                let judged: Vec<_> = judged.by_ref().take(pairs.len()).collect();
-                kept(&pairs.iter().map(|(ratio, _)| *ratio).collect::<Vec<_>>(), &judged)
-            };
-            let runs: Vec<_> = pairs.iter().map(of_run).filter(|run: &Vec<f64>| !run.is_empty()).collect();
-            median_with_interval(runs.iter().map(Vec::as_slice), &mut random)
-        };
         let noise_floor = control_rows.iter().map(|row| (row.ratio - 1.0).abs()).fold(0.0, f64::max);
-        let Estimate { value, low, high } = overall(&simd_ratios);
+        let Estimate { value, low, high } = Pairs::in_turn(&by_simd).estimate(most);
         Ok(Speedup {
             rows,
             noise_floor,
-            control_overall: overall(&control_ratios),
+            control_overall: Pairs::in_turn(&by_itself).estimate(most),
             // What sets a whole series of runs apart from the next, no resampling of one of them knows.
             c_by_simd: Estimate { value, low: low / (1.0 + noise_floor), high: high * (1.0 + noise_floor) },
             control: control_rows,
             runs: runs.len(),
             asked: (settings.sizes.len(), settings.runs),
-            taken: all_taken,
+            taken: Taken::among(by_simd.iter().flat_map(|pairs| &pairs.taken)),
         })
     }
 
@@ -602,6 +452,7 @@ impl Clock for OneRun {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::FilmMut;
 
     fn settings(sizes: &[usize], runs: usize) -> Settings {
         let engines = [BASELINE, CONTROL].map(|name| name.parse().unwrap()).to_vec();
@@ -680,8 +531,8 @@ mod tests {
         let stopped_in_first = of(&[&whole[0][..2]]).unwrap();
         assert_eq!((stopped_in_first.control.len(), stopped_in_first.runs), (2, 1));
         assert!(!stopped_in_second.complete() && !stopped_in_first.complete());
-        assert!(matches!(of(&[]), Err(SpeedupError::Nothing)));
-        assert!(matches!(of(&[&[]]), Err(SpeedupError::Nothing)));
+        assert!(matches!(of(&[]), Err(LabError::Nothing)));
+        assert!(matches!(of(&[&[]]), Err(LabError::Nothing)));
     }
 
     #[test]
@@ -694,10 +545,11 @@ mod tests {
     #[test]
     fn another_picture_is_refused() {
         let truth = Truth::new(&scene()).unwrap();
-        let black = truth.check("black", PixelFormat::Rgba8, &mut |film| {
+        let black = Case::new(truth.scene.camera, PixelFormat::Rgba8, |_, film| {
             let FilmMut::Rgba8(film) = film else { unreachable!() };
             film.fill([0; 4]);
         });
-        assert!(matches!(black, Err(SpeedupError::Picture { wrong, .. }) if wrong > 1000));
+        let black = truth.check("black", &black);
+        assert!(matches!(black, Err(LabError::Picture { wrong, .. }) if wrong > 1000));
     }
 }

@@ -10,8 +10,8 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::PictureError;
 use super::accuracy::{self, Contender, Judged, judge};
+use super::lab::LabError;
 use crate::measure::Machine;
 use crate::measure::Name;
 use crate::render::{EngineError, Film, Precision};
@@ -219,7 +219,7 @@ pub fn sweep(
     settings: &Settings,
     family: &Family,
     proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Swept>, PictureError> {
+) -> Result<Option<Swept>, LabError> {
     let mut cells = Vec::new();
     for level in 0..family.levels.len() {
         cells.extend(sweep_level(settings, family, level)?);
@@ -240,7 +240,7 @@ impl StabilityReport {
     ///
     /// # Errors
     /// An engine that cannot be prepared, or no memory.
-    pub fn new(settings: &Settings, complete: bool, families: Vec<Swept>) -> Result<Self, PictureError> {
+    pub fn new(settings: &Settings, complete: bool, families: Vec<Swept>) -> Result<Self, LabError> {
         let mut document = StabilityReport {
             machine: Machine::this(),
             seed: settings.seed,
@@ -275,7 +275,7 @@ impl StabilityReport {
     }
 }
 
-fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, PictureError> {
+fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec<Cell>, LabError> {
     let variants = family.variants.len();
     let cases =
         (level * variants..(level + 1) * variants).filter(|case| settings.case.is_none_or(|only| only == *case));
@@ -397,7 +397,7 @@ fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
 }
 
 /// Nanoseconds of a ray, the fastest run of this thread.
-fn time(contender: Contender, scene: &Scene) -> Result<f64, PictureError> {
+fn time(contender: Contender, scene: &Scene) -> Result<f64, LabError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;
     let mut film = Film::new(contender.engine.format_for(false), camera.pixels() as usize)?;

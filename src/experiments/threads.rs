@@ -1,19 +1,17 @@
 //! How many times as fast a picture is on more threads: set-up and tracing, by the fastest engine.
 
-use std::cell::RefCell;
-
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
 use super::in_size;
+use super::lab::{Bench, Case, LabError, Progress};
 use super::ladder::on_all;
-use super::speedup::{Progress, SpeedupError};
 use crate::kernels::sys;
+use crate::measure::Clock;
 use crate::measure::Name;
 use crate::measure::statistics::median;
-use crate::measure::{Clock, Work, interleave};
-use crate::render::{Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
+use crate::render::{Engine, Film, FilmMut, Frame, PixelFormat, Plan, Purpose, Settings};
 use crate::scene::mesh::shapes;
 use crate::scene::{MeshFormat, Scene, Setting, many};
 
@@ -72,32 +70,32 @@ pub fn run(
     cores: &sys::Cores,
     clock: &mut dyn Clock,
     proceed: &mut Progress<'_>,
-) -> Result<Option<Vec<OnThreads>>, SpeedupError> {
+) -> Result<Option<Vec<OnThreads>>, LabError> {
     let engine = Engine::fastest();
     let mut rows = Vec::new();
     for (name, scene) in scenes() {
         let (camera, output) = (scene.camera, PixelFormat::Rgba8);
-        let film = RefCell::new(Film::new(output, camera.pixels() as usize)?);
         let counts = counts(cores.count());
-        let picture = |threads: usize| -> Result<(), SpeedupError> {
+        let picture = |threads: usize, film: FilmMut<'_>| -> Result<(), LabError> {
             let purpose = Purpose { format: Some(output), threads, ..Purpose::default() };
             on_all(cores, || {
                 let tracer = Plan::new(engine, &scene, purpose)?.into_tracer();
                 let frame = Frame::new(tracer.as_ref(), camera, Settings { threads })?;
-                frame
-                    .trace(0..camera.height(), film.borrow_mut().as_mut(), &|_| ())
-                    .expect("a film of the picture's size");
-                Ok::<_, SpeedupError>(())
+                frame.trace(0..camera.height(), film, &|_| ()).expect("a film of the picture's size");
+                Ok(())
             })?
         };
-        let mut work: Vec<Work<'_>> = Vec::new();
-        for threads in &counts {
-            // The first time shows whether it can be done at all.
-            picture(*threads)?;
-            work.push(Box::new(move || picture(*threads).expect("it could be done before")));
-        }
+        // The first time shows whether it can be done at all.
+        let mut film = Film::new(output, camera.pixels() as usize)?;
+        counts.iter().try_for_each(|threads| picture(*threads, film.as_mut()))?;
+        let case = |threads: &usize| {
+            let threads = *threads;
+            Case::new(camera, output, move |_, film| picture(threads, film).expect("it could be done before"))
+        };
+        let cases: Vec<_> = counts.iter().map(case).collect();
         let runs = if quick { QUICK_RUNS } else { RUNS };
-        let Some(measured) = interleave(clock, &mut work, 0..runs, &mut || proceed(0)) else { return Ok(None) };
+        let measured = Bench::default().time(clock, &cases, 0..runs, &mut || proceed(0))?;
+        let Some(measured) = measured else { return Ok(None) };
         let medians: Vec<f64> = measured.iter().map(|runs| median(&runs.ticks)).collect();
         rows.extend(counts.iter().zip(&medians).map(|(threads, cycles)| OnThreads {
             scene: name.clone(),

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{ExperimentArgs, run};
 use crate::cli::Failure;
+use crate::experiments::lab::Turn;
 use crate::experiments::ladder::{self, Rounds};
-use crate::experiments::speedup::{self, Settings, Turn};
+use crate::experiments::speedup::{self, Settings};
 use crate::kernels::sys;
 use crate::measure::TscClock;
 

@@ -13,7 +13,8 @@ use crate::cli::party::Party;
 use crate::cli::{Failure, print_result, say, signals};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
-use crate::experiments::speedup::{self, Settings, Speedup, SpeedupError};
+use crate::experiments::lab::{LabError, Progress};
+use crate::experiments::speedup::{self, Settings, Speedup};
 use crate::experiments::svg::Screen;
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
@@ -111,7 +112,7 @@ pub fn measure(
     args: &ExperimentArgs,
     settings: &Settings,
     prepared: &mut Prepared,
-    mut proceed: &mut speedup::Progress<'_>,
+    mut proceed: &mut Progress<'_>,
 ) -> Result<Experiment, Failure> {
     let Prepared { clock, stop, machine, cores, core } = prepared;
     let (machine, core) = (machine.clone(), *core);
@@ -125,9 +126,7 @@ pub fn measure(
     clock.total += measured.ticks;
     let of_rungs = measured.rungs;
     let measured = Speedup::of(settings, &measured.sizes).map_err(|error| match error {
-        SpeedupError::Nothing if stop.load(Ordering::Relaxed) => {
-            Failure { status: signals::status(), ..failure(error) }
-        }
+        LabError::Nothing if stop.load(Ordering::Relaxed) => Failure { status: signals::status(), ..failure(error) },
         error => failure(error),
     })?;
     let mut complete = measured.complete() && of_rungs.len() == settings.runs;
@@ -191,7 +190,7 @@ fn runs(
     core: Option<usize>,
     cores: &sys::Cores,
     rounds: usize,
-    proceed: &mut speedup::Progress<'_>,
+    proceed: &mut Progress<'_>,
 ) -> Result<Measured, Failure> {
     let mut measured = Measured::default();
     let mut go_on = proceed(0);
@@ -237,9 +236,9 @@ fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
     Ok(())
 }
 
-pub fn failure(error: SpeedupError) -> Failure {
+pub fn failure(error: LabError) -> Failure {
     match error {
-        SpeedupError::Engine(_) | SpeedupError::Memory { .. } | SpeedupError::Threads(_) => Failure::input(error),
-        SpeedupError::Picture { .. } | SpeedupError::System { .. } | SpeedupError::Nothing => Failure::output(error),
+        LabError::Engine(_) | LabError::Memory { .. } | LabError::Threads(_) => Failure::input(error),
+        LabError::Picture { .. } | LabError::System { .. } | LabError::Nothing => Failure::output(error),
     }
 }

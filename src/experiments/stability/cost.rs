@@ -1,17 +1,16 @@
 //! What stiffness costs: the picture of a far sphere, and of a small scene, against the same picture of an ordinary one.
 
-use std::cell::RefCell;
-
 use serde::{Deserialize, Serialize};
 
 use crate::experiments::accuracy::{Contender, subjects};
-use crate::experiments::{PictureError, in_size};
+use crate::experiments::in_size;
+use crate::experiments::lab::{Bench, Case, LabError, Pairs, Timed};
 use crate::measure::Name;
-use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
-use crate::measure::{WallClock, Work, interleave};
-use crate::render::{Film, PixelFormat};
+use crate::measure::WallClock;
+use crate::measure::statistics::{Estimate, median};
+use crate::render::PixelFormat;
 use crate::scene::families::Family;
-use crate::scene::{Camera, Rng, Scene};
+use crate::scene::{Camera, Scene};
 
 /// How far the far sphere is, in radii.
 const KAPPA: f32 = 1e4;
@@ -19,8 +18,6 @@ const KAPPA: f32 = 1e4;
 const SMALL: i32 = -70;
 /// Sides of the pictures and rounds of a quick run, and of any other.
 const SIZES: [((u32, u32), usize); 2] = [((160, 120), 5), ((640, 480), 15)];
-/// Where the bootstrap's draws begin.
-const SEED: u64 = 0x0070_1a17;
 
 /// One engine, precision and output. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -77,34 +74,24 @@ fn far(scene: &Scene) -> Scene {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, PictureError> {
+pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> Result<Vec<Cost>, LabError> {
     let (size, rounds) = SIZES[usize::from(!quick)];
     let mut costs = Vec::new();
     for Pair { stiff, ordinary, extreme, .. } in
         pairs(size).iter().filter(|pair| families.iter().any(|family| family.id == pair.family))
     {
-        let (height, pixels) = (ordinary.camera.height(), ordinary.camera.pixels() as usize);
+        let pixels = ordinary.camera.pixels() as f64;
         for contender in contenders {
-            let tracers = [contender.prepare(ordinary)?, contender.prepare(extreme)?];
             for output in [PixelFormat::F32x3, PixelFormat::Rgb8] {
                 let format = contender.engine.format_for(output.is_8bit());
                 if output.is_8bit() != format.is_8bit() {
                     continue;
                 }
-                let film = RefCell::new(Film::new(format, pixels)?);
-                let (film, trace) = (&film, |tracer: &dyn crate::render::Tracer, film: &RefCell<Film>| {
-                    tracer.rows(0..height, film.borrow_mut().as_mut());
-                });
-                let mut work: Vec<Work<'_>> = Vec::new();
-                for tracer in &tracers {
-                    work.push(Box::new(move || trace(tracer.as_ref(), film)));
-                }
-                work.iter_mut().for_each(|work| work());
-                let runs = interleave(&mut WallClock::new(), &mut work, 0..rounds, &mut || true);
+                let case = |scene| Case::of(Timed::Tracing, scene, contender.engine, contender.purpose(), format);
+                let cases = [case(ordinary)?, case(extreme)?];
+                let runs = Bench::default().time(&mut WallClock::new(), &cases, 0..rounds, &mut || true)?;
                 let Some([usual, stiff_runs]) = runs.as_deref() else { continue };
-                let ns = |ticks: &[f64]| median(ticks) / pixels as f64;
-                let ratios = pairwise_ratios(&stiff_runs.ticks, &usual.ticks);
-                let mut rng = Rng::new(SEED);
+                let ns = |ticks: &[f64]| median(ticks) / pixels;
                 costs.push(Cost {
                     stiff: (*stiff).into(),
                     engine: contender.engine.name().into(),
@@ -112,7 +99,7 @@ pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> R
                     output: output.name().into(),
                     ordinary_ns_per_ray: ns(&usual.ticks),
                     stiff_ns_per_ray: ns(&stiff_runs.ticks),
-                    ratio: median_with_interval(ratios.chunks(1), &mut || rng.next_u64()),
+                    ratio: Pairs::of(stiff_runs, usual).estimate(1),
                 });
             }
         }
