@@ -82,3 +82,9 @@ impl DevelopmentArgs {
         }
     }
 }
+
+/// The camera of the samples of a picture's.
+pub(super) fn sampled(camera: &Camera, development: Development) -> Result<Camera, Failure> {
+    let samples = development.samples;
+    development.camera(camera).map_err(|error| Failure::input(format!("--samples {samples}: {error}")))
+}

@@ -6,10 +6,10 @@ use std::time::Instant;
 use anstyle::{Color, Reset, RgbColor, Style};
 use anstyle_lossy::rgb_to_xterm;
 
-use super::render::failure;
+use super::development::sampled;
+use super::render::{Tracing, failure};
 use super::{Failure, colour_on_stdout, say, terminal_size, write_out};
-use crate::plan::Keep;
-use crate::render::{Developed, Development, Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings};
+use crate::render::{Developed, Development, Film, Frame, PixelFormat, Settings};
 use crate::scene::{Camera, Scene, printable};
 
 /// Columns and lines of what is no terminal.
@@ -21,11 +21,10 @@ const LETTERS: &[u8] = b" .:-=+*#%@";
 
 /// How a scene is shown.
 pub struct Preview {
-    pub engine: Engine,
-    pub precision: Option<Precision>,
-    pub keep: Keep,
-    pub threads: usize,
+    pub tracing: Tracing,
     pub development: Development,
+    /// That of the picture.
+    pub camera: Camera,
     /// Those of the whole picture's rows that are shown.
     pub rows: Range<u32>,
     pub explain: bool,
@@ -36,38 +35,32 @@ impl Preview {
     /// A terminal has few pixels, and edges need more rays than that.
     pub const SAMPLES: u32 = 4;
 
-    /// Prints the picture of the scene, whose camera is as before when this returns.
+    /// Prints the picture of the scene, whose camera is that of the samples then.
     pub fn show(&self, scene: &mut Scene) -> Result<(), Failure> {
         let (columns, lines) = terminal_size().map_or(PAGE, |(columns, lines)| (columns, lines.saturating_sub(BELOW)));
-        let whole = scene.camera;
-        let (camera, rows) = fit(&whole, self.rows.clone(), (columns as u32, lines as u32));
-        let samples = self.development.samples;
-        let too_many = |error| Failure::input(format!("--samples {samples}: {error}"));
-        scene.camera = self.development.camera(&camera).map_err(too_many)?;
-        let pixels = self.trace(scene, &camera, rows);
-        scene.camera = whole;
-        let (pixels, width) = (pixels?, camera.width() as usize);
+        let (camera, rows) = fit(&self.camera, self.rows.clone(), (columns as u32, lines as u32));
+        scene.camera = sampled(&camera, self.development)?;
+        let (pixels, width) = (self.trace(scene, &camera, rows)?, camera.width() as usize);
         let text = if colour_on_stdout() { blocks(&pixels, width, true_colour()) } else { letters(&pixels, width) };
         write_out(text.as_bytes())
     }
 
     /// Red, green and blue of these rows' pixels.
     fn trace(&self, scene: &Scene, camera: &Camera, rows: Range<u32>) -> Result<Vec<[u8; 3]>, Failure> {
-        let Preview { engine, precision, keep, threads, development, .. } = *self;
-        let purpose = Purpose { precision, format: Some(PixelFormat::F32x4), keep, threads, in_bands: true };
-        let plan = Plan::new(engine, scene, purpose).map_err(Failure::input)?;
+        let Preview { tracing, development, .. } = *self;
+        let plan = tracing.plan(scene, Some(PixelFormat::F32x4))?;
         if self.explain {
             plan.report().lines().iter().for_each(|line| say(line));
         }
         let developed = Developed::new(plan.tracer(), camera, development);
-        let frame = Frame::new(&developed, *camera, Settings { threads }).map_err(failure)?;
+        let frame = Frame::new(&developed, *camera, Settings { threads: tracing.threads }).map_err(failure)?;
         let mut film = frame.film(PixelFormat::Rgb8, rows.len() as u32).map_err(failure)?;
         let clock = Instant::now();
         frame.trace(rows.clone(), film.as_mut(), &|_| ()).map_err(failure)?;
         if !self.quiet {
             let (name, width, height, samples) =
                 (printable(&scene.name), camera.width(), rows.len(), development.samples);
-            let time = clock.elapsed();
+            let (engine, time) = (tracing.engine, clock.elapsed());
             say(&format!("{name}: {width}x{height}, {samples}x{samples} samples by {engine}, traced in {time:.1?}"));
         }
         let Film::Rgb8(pixels) = film else { unreachable!("it was asked for") };

@@ -1,0 +1,54 @@
+//! Where a picture goes: by `-o`, or by the name in its scene, which may come from anybody.
+
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+
+use super::RenderArgs;
+use crate::cli::{Failure, say};
+use crate::render::{Format, is_standard_output};
+use crate::scene::{Scene, printable};
+
+/// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one of four digits.
+pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
+    let (before, rest) = name.to_str()?.split_once('%')?;
+    let (width, after) = rest.split_once('d')?;
+    let digits: usize = if width.is_empty() { 0 } else { width.strip_prefix('0')?.parse().ok()? };
+    (digits < 10 && !after.contains('%')).then(|| format!("{before}{number:0digits$}{after}").into())
+}
+
+/// The picture that `-o` names, or else the one that the scene names, in this directory.
+pub(super) fn output(args: &RenderArgs, scene: &Scene) -> Result<(PathBuf, Format), Failure> {
+    let path = match &args.output {
+        Some(directory) if args.scenes.len() > 1 => directory.join(bare_name(&scene.name)?),
+        Some(path) => path.clone(),
+        None => bare_name(&scene.name)?,
+    };
+    let format = Format::from_path(&path).map_err(Failure::input)?;
+    if !is_standard_output(&path) {
+        return Ok((path, format));
+    }
+    if format != Format::PpmText && io::stdout().is_terminal() {
+        return Err(Failure::input(
+            "the picture goes to standard output, and that is a terminal: name a file with -o, or send it on to a program",
+        ));
+    }
+    // As errors name it.
+    Ok(("/dev/stdout".into(), format))
+}
+
+/// What is left of a scene's image name without its directories: scenes come from anywhere and must not choose one.
+fn bare_name(name: &str) -> Result<PathBuf, Failure> {
+    let (shown, bare) = (printable(name), name.rsplit(['/', '\\']).next().unwrap_or_default());
+    if ["", ".", ".."].contains(&bare) || is_standard_output(Path::new(bare)) {
+        return Err(Failure::input(format!("the scene's image name `{shown}` names no file: name one with -o")));
+    }
+    if name.contains(char::is_control) {
+        return Err(Failure::input(format!(
+            "the scene's image name `{shown}` has control characters: name a file with -o"
+        )));
+    }
+    if bare != name {
+        say(&format!("warning: of the scene's image name `{shown}` only `{bare}` is used, in this directory"));
+    }
+    Ok(Path::new(bare).to_path_buf())
+}
