@@ -62,7 +62,8 @@ impl Picture<'_> {
         let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
         let setup = clock.elapsed();
 
-        let done = |rows| self.progress.advance(rows);
+        let progress = &self.progress;
+        let done = |rows| progress.advance(rows);
         let mut stats = party.render(&frame, (format, self.rows.clone()), image.as_mut(), &done)?;
         let clock = Instant::now();
         party.agree(image.map(ImageWriter::finish).transpose().map_err(Failure::output))?;
