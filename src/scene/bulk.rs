@@ -1,7 +1,7 @@
-//! Scenes in the paper's format as nearly all are written, read in bulk and piece by piece.
+//! Scenes in the paper's format with the usual layout, read in bulk and piece by piece.
 //!
-//! Whatever is unusual or wrong gives nothing: then the file is read from its start by [`super::parse`], which is careful, and
-//! has words for what is wrong.
+//! Anything unusual or wrong yields None: then [`super::parse`] reads the file from its start, with care and with words
+//! for its errors.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -18,7 +18,7 @@ use super::pieces::{PIECE, Pieces};
 use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
 use crate::kernels::sys::room;
 
-/// The scene of a file of this length, by so many threads; `name` is what warnings call it.
+/// The scene of a file of `length` bytes, read with that many threads; warnings call it `name`.
 pub(super) fn read(file: impl Read + Send, length: usize, name: &str, threads: usize) -> Option<Opened> {
     let mut text = Text { pieces: Pieces::new(file, length), length, line: 1, threads };
     text.fill()?;
@@ -55,31 +55,31 @@ fn not_negative(number: f32) -> Option<f32> {
     (number >= 0.0).then_some(number + 0.0)
 }
 
-/// A file of this length, and the line that comes next, from 1.
+/// A file of this length, and the number of the next line, from 1.
 struct Text<R> {
     pieces: Pieces<R>,
     length: usize,
     line: usize,
-    /// Those that may read it, at least 1.
+    /// The threads that may read it, at least 1.
     threads: usize,
 }
 
-/// Items of a list; and the places among them of those that should be told of, each with its line.
+/// Items of a list; and the places of those that need a warning, each with its line.
 type Items<T> = (Vec<T>, Vec<(usize, usize)>);
 
-/// Lines, and the items of these and their number, if there is nothing else.
+/// Lines, with their items and the number of lines, if they hold nothing else.
 type Piece<T> = (Vec<u8>, Option<(Items<T>, usize)>);
 
 /// What several threads have read of a list.
 struct Shared<'a, T, R> {
     text: &'a mut Text<R>,
     items: Items<T>,
-    /// Pieces that were taken, and how many of the first ones have their items in `items`.
+    /// The number of pieces taken, and how many of the first ones have their items in `items`.
     taken: usize,
     joined: usize,
-    /// Pieces that came too early, by their number.
+    /// Pieces that finished out of order, by their number.
     early: BTreeMap<usize, Piece<T>>,
-    /// Whether one of them has something else.
+    /// Whether a piece holds something other than items.
     over: bool,
 }
 
@@ -89,7 +89,7 @@ impl<R: Read + Send> Text<R> {
         self.pieces.fill(b"\n")
     }
 
-    /// The next token, in which there is no comment.
+    /// The next token, if no comment begins in it.
     fn word(&mut self) -> Option<String> {
         let end = |text: &[u8]| text.iter().position(|byte| is_space(*byte));
         let (word, rest) = token(self.pieces.rest(), &mut self.line, |text| Some(text.split_at(end(text)?)))?;
@@ -113,7 +113,7 @@ impl<R: Read + Send> Text<R> {
         Some(numbers)
     }
 
-    /// A count and as many items, each made of what it has in the file, with whether there is nothing to be told of it.
+    /// A count and that many items, each made by `item`, which also says whether it is free of warnings.
     fn list<T: Send, const N: usize>(
         &mut self,
         item: impl Fn([f32; N]) -> Option<(T, bool)> + Sync,
@@ -136,7 +136,7 @@ impl<R: Read + Send> Text<R> {
         Some(items)
     }
 
-    /// Has threads read items, at most so many, from pieces that have whole lines of them and nothing else.
+    /// Has threads read at most that many items, from pieces that hold whole lines of them and nothing else.
     fn together<T: Send, const N: usize>(
         &mut self,
         items: Items<T>,
@@ -144,7 +144,7 @@ impl<R: Read + Send> Text<R> {
         item: &(impl Fn([f32; N]) -> Option<(T, bool)> + Sync),
     ) -> Items<T> {
         let others = (self.threads - 1).min(self.length / PIECE);
-        // A thread that waits for its turn to run holds up the rest of the file.
+        // A thread that waits for its turn to run would hold up the rest of the file.
         let most_early = 4 * self.threads;
         let shared = Shared { text: self, items, taken: 0, joined: 0, early: BTreeMap::new(), over: false };
         let shared = Mutex::new(shared);
@@ -175,7 +175,7 @@ impl<R: Read + Send> Text<R> {
         };
         thread::scope(|scope| {
             for _ in 0..others {
-                // Those that are there do all of it.
+                // The threads that run do all of it.
                 if thread::Builder::new().spawn_scoped(scope, work).is_err() {
                     break;
                 }
@@ -202,7 +202,7 @@ impl<R: Read + Send> Text<R> {
 }
 
 impl<T, R> Shared<'_, T, R> {
-    /// Takes the items of a piece, and those of what came before its turn.
+    /// Takes the items of a piece, and of later ones that finished before it.
     fn join(&mut self, piece: Option<(usize, Piece<T>)>, count: usize) {
         self.early.extend(piece);
         while let Some(first) = self.early.first_entry().filter(|first| *first.key() == self.joined) {
@@ -224,7 +224,7 @@ impl<T, R> Shared<'_, T, R> {
     }
 }
 
-/// The items of these lines, and how many lines these are; nothing if there is something else.
+/// The items of these lines, and the number of lines; None if there is anything else.
 fn items_of<T, const N: usize>(
     mut text: &[u8],
     item: impl Fn([f32; N]) -> Option<(T, bool)>,
@@ -257,7 +257,7 @@ fn numbers<'a, const N: usize>(mut text: &'a [u8], line: &mut usize) -> Option<(
     Some((numbers, text))
 }
 
-/// What `read` takes of the next token, which is all of it.
+/// The value that `read` makes of the next token, if it takes all of it.
 fn token<'a, T>(
     text: &'a [u8],
     line: &mut usize,
@@ -266,7 +266,7 @@ fn token<'a, T>(
     read(skip(text, line)?).filter(|(_, rest)| rest.first().is_some_and(|byte| is_space(*byte)))
 }
 
-/// What follows white space and comments that end, and its line.
+/// What follows white space and complete comments, and its line.
 fn skip<'a>(mut text: &'a [u8], line: &mut usize) -> Option<&'a [u8]> {
     loop {
         text = match text {
@@ -293,7 +293,7 @@ mod tests {
     use super::super::{Camera, Scene, many, parse_with_care};
     use super::read;
 
-    /// What is read in bulk, by any threads, which is what is read with care.
+    /// A scene read in bulk, with any number of threads, which must equal the one read with care.
     fn in_bulk(text: &str) -> Option<Scene> {
         let [opened, by_several] = [1, 3].map(|threads| read(text.as_bytes(), text.len(), "test", threads));
         assert!(opened == by_several);
@@ -306,7 +306,7 @@ mod tests {
     fn a_scene_of_many_pieces_is_read_in_bulk_wherever_these_end() {
         let mut scene = many(10_000, 10_000, 3);
         scene.camera = Camera::new(3, 2, 1.0, 1.0).unwrap();
-        // Warnings, whose lines come from several pieces.
+        // Warnings, with lines from several pieces.
         (0..9).for_each(|i| scene.triangles[1100 * i].vertices[2] = scene.triangles[1100 * i].vertices[0]);
         let text = scene.to_text();
         let text: String = text.split_inclusive('\n').filter(|line| !line.starts_with('#')).collect();
@@ -316,12 +316,12 @@ mod tests {
         for text in ends.into_iter().chain((0..5).map(|spaces| format!("{:spaces$}{text}", ""))) {
             assert!(in_bulk(&text).is_some_and(|read| read == scene));
         }
-        // Something else in any of them.
+        // Something unusual in any of the pieces.
         for at in (0..text.len()).step_by(text.len() / 5) {
             let at = at + text[at..].find('\n').unwrap();
             assert!(in_bulk(&format!("{} ?{}", &text[..at], &text[at..])).is_none());
         }
-        // Up to what an object may take, and more.
+        // Up to the longest that an object may be, and beyond.
         assert!(in_bulk(&format!("{text}{}\n", " ".repeat(3 * PIECE))).is_some());
         let (before, after) = text.rsplit_once(' ').unwrap();
         let apart = |count| format!("{before}{}{after}", " ".repeat(count));

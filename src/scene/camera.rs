@@ -9,7 +9,7 @@ pub const MAX_PIXELS: u64 = 1 << 31;
 
 /// A pinhole at the origin looking along +z, and the film behind (here: in front of) it.
 ///
-/// Built by [`Camera::new`], which holds the limits; every field can then be trusted.
+/// Built by [`Camera::new`], which checks the limits; every field can then be trusted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     width: u32,
@@ -18,7 +18,7 @@ pub struct Camera {
     film: f32,
 }
 
-/// Why a camera cannot be.
+/// Why there is no such camera.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// A side is 0 or longer than [`MAX_SIDE`].
@@ -60,7 +60,7 @@ impl Camera {
         }
     }
 
-    /// The same with so many pixels.
+    /// The same camera with another number of pixels.
     ///
     /// # Errors
     /// As [`Camera::new`].
@@ -93,7 +93,7 @@ impl Camera {
         self.film
     }
 
-    /// Lines 1 to 4 of Algorithm 1, all of it in the precision `T`.
+    /// Lines 1 to 4 of Algorithm 1, computed in the precision `T`.
     pub fn grid<T: Real>(&self) -> Grid<T> {
         let (width, height) = (T::from_u32(self.width), T::from_u32(self.height));
         let relation = width / height;
@@ -122,7 +122,7 @@ pub struct Grid<T> {
 }
 
 impl Grid<f64> {
-    /// The same rays, so many times as long.
+    /// The same rays, scaled by `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         Grid {
             step: factor * self.step,

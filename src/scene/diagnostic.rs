@@ -1,4 +1,4 @@
-//! What can be wrong with a scene file, and how it is told: [`Diagnostic`], [`SceneError`], and their rendering.
+//! Errors of scene files and how they are shown: [`Diagnostic`], [`SceneError`], and their rendering.
 
 use std::fmt;
 use std::io::{self, ErrorKind};
@@ -10,15 +10,15 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use super::MeshError;
 use super::log::is_line_end;
 
-/// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small
-/// however long the line is.
+/// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small even
+/// for a very long line.
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_TOKEN: usize = 40;
 const SHOWN_AFTER: usize = 30;
-/// Stands for what was cut away.
+/// Marks the place of a cut.
 const CUT: &str = "...";
 
-/// One thing that is wrong at one place of a scene file.
+/// An error at one place of a scene file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Diagnostic {
@@ -32,7 +32,7 @@ pub struct Diagnostic {
     pub token: String,
     /// What would have been right, e.g. "a number greater than 0".
     pub expected: String,
-    /// What to do about it, where that is not obvious.
+    /// How to fix it, where that is not obvious.
     pub help: Option<String>,
     /// The whole token, in bytes of the file.
     pub span: Range<usize>,
@@ -64,7 +64,7 @@ pub enum SceneError {
         #[source]
         cause: io::Error,
     },
-    /// The file was read and is no scene.
+    /// The file was read but is not a valid scene.
     #[error("{}", self.render(false))]
     Invalid {
         /// The file's name as [`parse`](super::parse()) was given it.
@@ -80,19 +80,19 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
     },
-    /// The file's name and its content are those of no format that is read.
+    /// Neither the file's name nor its content is of a known format.
     #[error("{}", self.render(false))]
     Foreign {
         /// The file.
         path: PathBuf,
     },
-    /// The file is a mesh, and no good one.
+    /// The file is an invalid mesh.
     #[error("{}", self.render(false))]
     Mesh(MeshError),
 }
 
 impl Diagnostic {
-    /// `line_start` is where the token's line begins, in bytes of `source`.
+    /// `line_start` is the start of the token's line, in bytes of `source`.
     pub(super) fn new(
         source: &[u8],
         span: Range<usize>,
@@ -112,7 +112,7 @@ impl Diagnostic {
         }
     }
 
-    /// All of it in one line: `file:line:column: message: found ..., expected ...`.
+    /// The diagnostic in one line: `file:line:column: message: found ..., expected ...`.
     pub fn one_line(&self, file: &str) -> String {
         let found = if self.token.is_empty() { "the end of the file" } else { &format!("`{}`", self.token) };
         let Diagnostic { line, column, message, expected, .. } = self;
@@ -135,7 +135,7 @@ impl Diagnostic {
 }
 
 impl SceneError {
-    /// What is wrong with the content, in the file's order; nothing if the file could not be read at all.
+    /// The errors of the content, in the file's order; empty if the file could not be read at all.
     pub fn diagnostics(&self) -> &[Diagnostic] {
         match self {
             SceneError::Invalid { diagnostics, .. } => diagnostics,
@@ -143,7 +143,7 @@ impl SceneError {
         }
     }
 
-    /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts what was left out.
+    /// A line for each diagnostic ([`Diagnostic::one_line`]), and one that counts the omitted ones.
     pub fn lines(&self) -> Vec<String> {
         match self {
             SceneError::Mesh(error) => vec![error.to_string()],
@@ -158,8 +158,7 @@ impl SceneError {
         }
     }
 
-    /// Each error with the line that it is about, for a person at a terminal: with ANSI colours or plain, without a
-    /// newline at the end.
+    /// Each error with its line of the file, for a terminal: with ANSI colours or plain, without a newline at the end.
     pub fn render(&self, colour: bool) -> String {
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut parts = Vec::new();
@@ -189,7 +188,7 @@ impl SceneError {
         parts.join("\n\n")
     }
 
-    /// What is said of a file as a whole.
+    /// The message for a file as a whole.
     fn in_short(&self) -> String {
         match self {
             SceneError::Read { path, cause } => unreadable(path, cause),
@@ -212,11 +211,11 @@ impl SceneError {
 impl Excerpt {
     fn new(source: &[u8], line_start: usize, span: &Range<usize>) -> Self {
         let whole_start = span.start - line_start <= SHOWN_BEFORE;
-        // A lone continuation byte, which is what is wrong then, does not push the window past itself.
+        // A lone continuation byte, the likely error here, does not push the window past itself.
         let cut = || boundary(source, span.start - SHOWN_BEFORE).min(span.start);
         let from = if whole_start { line_start } else { cut() };
         let token_end = shown_end(source, span);
-        // A token that is cut fills the window; what comes after it would look like a part of it.
+        // A token that is cut fills the window; text after it would look like a part of it.
         let limit = if token_end < span.end { token_end } else { source.len().min(token_end + SHOWN_AFTER) };
         let rest = &source[token_end..limit];
         let line_end = rest.iter().position(|&byte| is_line_end(byte)).map_or(limit, |length| token_end + length);
@@ -237,7 +236,7 @@ impl Excerpt {
 /// The first place at or after `at` where a character can begin.
 fn boundary(source: &[u8], at: usize) -> usize {
     let inside = source[at..].iter().take_while(|&&byte| byte & 0xc0 == 0x80).count();
-    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it is as good.
+    // No character is longer than four bytes: a longer run is not UTF-8, and any place in it will do.
     at + inside.min(3)
 }
 
@@ -257,12 +256,12 @@ fn shown_token(source: &[u8], span: &Range<usize>) -> String {
     token
 }
 
-/// A path as it may be printed.
+/// A path made safe to print.
 pub(crate) fn shown(path: impl AsRef<Path>) -> String {
     printable(&path.as_ref().to_string_lossy())
 }
 
-/// `text` with its control characters spelled out, so that a file cannot steer the terminal.
+/// `text` with its control characters escaped, so that a file cannot control the terminal.
 pub(crate) fn printable(text: &str) -> String {
     let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()

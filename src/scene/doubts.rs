@@ -1,4 +1,4 @@
-//! What a picture of a scene can hardly be meant to be, as far as that is seen without tracing it.
+//! Signs, found without tracing, that a picture of a scene will hardly be what its author meant.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use crate::reference::geometry;
 const LONG: f32 = 10.0;
 
 impl Scene {
-    /// What is hardly meant in a picture of the scene, a line each: costs as much as four rays by brute force at most.
+    /// What is probably a mistake in the scene, a line each: costs at most as much as four rays by brute force.
     pub fn doubts(&self) -> Vec<String> {
         let (mut doubts, camera) = (Vec::new(), &self.camera);
         if self.lights.iter().all(|light| light.radiance() == DVec3::ZERO) {
@@ -32,7 +32,7 @@ impl Scene {
             || self.all_triangles().any(|triangle| triangle.vertices.iter().any(|vertex| vertex.z > 0.0))
     }
 
-    /// Whether each of the rays at the corners hits something: then, but for a frame, all do.
+    /// Whether all rays at the corners hit something: then nearly all rays do, except those of a frame.
     fn covers_corners(&self) -> bool {
         let camera = &self.camera;
         let grid = camera.grid::<f64>();

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::{Diagnostic, SceneError};
 
-/// The most errors that are kept of one file; the rest is counted.
+/// The most errors of a file that are kept; further ones are only counted.
 const MAX_ERRORS: usize = 20;
 const BYTE_ORDER_MARK: &str = "\u{feff}";
 
@@ -41,7 +41,7 @@ impl<'a> Log<'a> {
         Log { source, start, place, diagnostics: Vec::new(), more: 0 }
     }
 
-    /// The text and where it begins, after a byte order mark; or nothing, and what is not UTF-8 is noted.
+    /// The text and its start, after a byte order mark; or None, after noting that it is not UTF-8.
     pub(super) fn text(&mut self) -> Option<(&'a str, usize)> {
         match std::str::from_utf8(self.source) {
             Ok(text) => Some((text, self.start)),
@@ -52,7 +52,7 @@ impl<'a> Log<'a> {
         }
     }
 
-    /// Notes what is wrong with `token`, which must not be before the last one noted.
+    /// Notes an error of `token`, which must not be before the last one noted.
     pub(super) fn note(
         &mut self,
         token: Range<usize>,
@@ -80,7 +80,7 @@ impl<'a> Log<'a> {
         self.diagnostics.first_mut()
     }
 
-    /// `value` if it is there and nothing was noted; otherwise what was.
+    /// `value` if it is there and nothing was noted; otherwise the errors.
     pub(super) fn finish<T>(self, value: Option<T>, name: &str) -> Result<T, SceneError> {
         match value {
             Some(value) if self.diagnostics.is_empty() => Ok(value),

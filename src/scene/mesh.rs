@@ -1,4 +1,4 @@
-//! Triangle meshes: what their files hold, and where a scene puts them.
+//! Triangle meshes: the content of their files, and their place in a scene.
 
 #[cfg(feature = "files")]
 mod materials;
@@ -32,13 +32,13 @@ use crate::kernels::ColourRun;
 pub struct Mesh {
     /// Points, each finite, in the file's own coordinates.
     pub vertices: Vec<Vec3>,
-    /// Three indices into `vertices` for each triangle; methods panic where there is no such vertex.
+    /// Three indices into `vertices` for each triangle; methods panic if one is out of range.
     pub triangles: Vec<[u32; 3]>,
-    /// Their colours, in runs of those that follow one another up to the last; none if all are white.
+    /// Their colours, in runs of consecutive triangles, each up to an end; empty if all are white.
     pub colours: Vec<ColourRun>,
-    /// How many faces of the file had more than three corners, and have become triangles: the same face where it is flat.
+    /// How many faces of the file had more than three corners and were triangulated: the same face if it is planar.
     pub polygons: usize,
-    /// What the file has and the mesh has not, or is not as the file wants it: a sentence each.
+    /// What of the file was dropped or is not as the format demands: a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -53,17 +53,17 @@ pub enum MeshFormat {
     Stl,
 }
 
-/// What is wrong with a mesh file, and where.
+/// An error of a mesh file, and its place.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.one_line())]
 pub struct MeshError {
     /// The file.
     pub path: PathBuf,
-    /// The line, from 1, where the file is text and the error has one.
+    /// The line, from 1, if the file is text and the error has one.
     pub line: Option<usize>,
     /// What is wrong with which element, e.g. "face 17's corner 3 is vertex 9, which the file has not".
     pub message: String,
-    /// What would have been right, where that is not obvious.
+    /// What would have been right, if that is not obvious.
     pub expected: Option<String>,
 }
 
@@ -77,18 +77,18 @@ impl MeshError {
 }
 
 impl MeshFormat {
-    /// What a file name ends in, in lower case, and the format that it stands for.
+    /// The extension of file names, in lower case, and the format that it stands for.
     pub const EXTENSIONS: &[(&str, MeshFormat)] =
         &[("obj", MeshFormat::Obj), ("ply", MeshFormat::Ply), ("stl", MeshFormat::Stl)];
 
-    /// The format that the file name asks for by its extension, in upper or lower case.
+    /// The format of a file name by its extension, in upper or lower case.
     pub fn from_path(path: &Path) -> Option<MeshFormat> {
         let extension = path.extension()?;
         let known = MeshFormat::EXTENSIONS.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
         known.map(|&(_, format)| format)
     }
 
-    /// The name that people know it by.
+    /// The format's usual name.
     pub fn name(self) -> &'static str {
         match self {
             MeshFormat::Obj => "OBJ",
@@ -97,8 +97,8 @@ impl MeshFormat {
         }
     }
 
-    /// How files of this format are taken to stand in the world, where nobody says otherwise: their coordinates are
-    /// right-handed, and the world is left-handed; y is up, but in STL, which printers use, z.
+    /// How files of this format stand in the world by default: their coordinates are right-handed, and the world is
+    /// left-handed; y is up, except in STL, which printers use, where z is.
     pub fn placement(self) -> Placement {
         let scale = DVec3::new(1.0, 1.0, -1.0);
         let rotate = if self == MeshFormat::Stl { DVec3::new(90.0, 0.0, 0.0) } else { DVec3::ZERO };
@@ -112,19 +112,19 @@ impl fmt::Display for MeshFormat {
     }
 }
 
-/// How a mesh is put into the world: scaled, then rotated, then moved.
+/// The placement of a mesh in the world: scaled, then rotated, then translated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Factors along the mesh's own axes; a negative one mirrors.
     pub scale: DVec3,
     /// Degrees about x, then about y, then about z: 90 about x takes y to z, about y z to x, about z x to y.
     pub rotate: DVec3,
-    /// What is added at last.
+    /// The translation, applied last.
     pub translate: DVec3,
 }
 
 impl Placement {
-    /// Everything where it is.
+    /// No change.
     pub const IDENTITY: Placement = Placement { scale: DVec3::ONE, rotate: DVec3::ZERO, translate: DVec3::ZERO };
 
     /// The map from the mesh's coordinates to the world's.
@@ -138,7 +138,7 @@ impl Placement {
     }
 }
 
-/// Of an angle in degrees; exact for quarter turns.
+/// Sine and cosine of an angle in degrees; exact for quarter turns.
 fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     let turned = degrees.rem_euclid(360.0);
     match turned {
@@ -151,7 +151,7 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
 }
 
 impl Mesh {
-    /// The vertices that triangles have, each once, in their order.
+    /// The vertices that triangles use, each once, in their order.
     pub fn used(&self) -> Cow<'_, [Vec3]> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.iter().flatten().for_each(|&index| used[index as usize] = true);
@@ -166,8 +166,8 @@ impl Mesh {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// Its triangles, moved by `map` in f64 and rounded once, their colours times `colour`; nothing where a corner leaves the
-    /// range of f32.
+    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`; None if a corner
+    /// leaves the range of f32.
     pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
         let Mesh { vertices, triangles, mut colours, .. } = self;
         if colours.is_empty() {
@@ -184,7 +184,7 @@ impl Mesh {
             .map_or(Vec3::ONE, |(_, colour)| *colour)
     }
 
-    /// Gives a colour to the triangles up to `end` that have none.
+    /// Sets the colour of the triangles up to `end` that have none.
     fn paint_to(&mut self, end: usize, colour: Vec3) {
         match self.colours.last_mut() {
             Some((before, last)) if *last == colour => *before = end,
@@ -200,12 +200,12 @@ impl Mesh {
         self.white_is_none();
     }
 
-    /// Forgets colours that are all white.
+    /// Drops colours that are all white.
     fn white_is_none(&mut self) {
         self.colours.truncate(if matches!(self.colours[..], [(_, Vec3::ONE)]) { 0 } else { usize::MAX });
     }
 
-    /// The mesh of a scene's triangles, as a file of a format would hold it so that [`MeshFormat::placement`] gives the
+    /// The mesh of a scene's triangles, such that [`MeshFormat::placement`] of a file in this format restores the
     /// camera's frame. Corners that are equal bit by bit become one vertex.
     pub fn of_scene(scene: &Scene, format: MeshFormat) -> Mesh {
         let mut known = HashMap::new();

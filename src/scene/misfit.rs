@@ -1,6 +1,6 @@
 //! The first line of a scene file that does not hold the numbers of an object.
 //!
-//! Where a count and its lines disagree, that is the place to look, and the error shows further down.
+//! If a count and its lines disagree, the mistake is there, and the error shows further down.
 
 use super::log::is_line_end;
 use super::parse::{Kind, next_token};
@@ -8,14 +8,14 @@ use super::parse::{Kind, next_token};
 /// A list whose count has been read.
 pub(super) struct List {
     pub kind: &'static Kind,
-    /// Its items, as its count says.
+    /// Its number of items, by its count.
     pub count: u64,
-    /// The tokens of the file that come before the first one's.
+    /// The number of tokens in the file before its first one.
     pub first: usize,
 }
 
-/// The first line, before the line `end`, at whose beginning an item begins and that is no whole number of items. Where an
-/// item takes several lines as if that was meant, there is none.
+/// The first line, before the line `end`, that begins with an item and is not a whole number of items. There is none if
+/// an item takes several lines that look deliberate.
 pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<String> {
     let mut lines = Lines { text: text.trim_start_matches('\u{feff}'), line: 1, from: 0, at: 0 };
     let mut before = 0_usize;
@@ -42,8 +42,8 @@ pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<Str
     }
 }
 
-/// Whether an item of so many tokens takes the next lines whole, as if somebody had meant it: with more than one token in
-/// the last, for one alone is what a count looks like, or with one in each.
+/// Whether an item of so many tokens takes the next lines whole, as if that were deliberate: with one token in each, or
+/// more than one in the last, since a single one looks like a count.
 fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     let (mut sum, mut most) = (0, 0);
     for (_, of_line) in lines {
@@ -56,12 +56,12 @@ fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     false
 }
 
-/// The lines that have tokens, by their numbers from 1, and how many each has.
+/// The lines that have tokens, by their numbers from 1, with the number of tokens.
 #[derive(Clone)]
 struct Lines<'a> {
     text: &'a str,
     line: usize,
-    /// Up to where lines have been counted, and tokens read.
+    /// The place up to which lines have been counted, and tokens read.
     from: usize,
     at: usize,
 }
@@ -74,7 +74,7 @@ impl Iterator for Lines<'_> {
         let mut tokens = 0;
         while let Some(token) = next_token(bytes, self.at) {
             let between = &self.text[self.from..token.start];
-            // Of CR LF one counts.
+            // A CR LF counts once.
             let ends = between.bytes().filter(|byte| is_line_end(*byte)).count() - between.matches("\r\n").count();
             if ends > 0 && tokens > 0 {
                 break;

@@ -1,6 +1,6 @@
 //! Decimal numbers read straight from a file's bytes, rounded to f32 as `str::parse` rounds them.
 
-/// The finite number that a text begins with, and what follows it: whether that may follow is for the caller to say.
+/// The finite number at the start of a text, and what follows it: the caller decides whether that may follow.
 #[inline]
 pub(super) fn number(text: &[u8]) -> Option<(f32, &[u8])> {
     let (value, length) = usual(text).or_else(|| any(text))?;
@@ -12,8 +12,8 @@ fn any(text: &[u8]) -> Option<(f32, usize)> {
     fast_float2::parse_partial(text).ok().filter(|(value, _): &(f32, _)| value.is_finite())
 }
 
-/// A number of up to 15 digits without an exponent that white space follows, and its length. The library takes half as long
-/// again for what nearly all numbers of a file are.
+/// A number of up to 15 digits without an exponent, followed by white space, and its length: nearly all numbers of a
+/// file, for which the library takes half as long again.
 #[inline]
 fn usual(text: &[u8]) -> Option<(f32, usize)> {
     const MOST: usize = 15;
@@ -26,7 +26,7 @@ fn usual(text: &[u8]) -> Option<(f32, usize)> {
         }
         powers
     };
-    // More would be too many.
+    // More digits would be too many.
     let text = &text[..text.len().min(MOST + 10)];
     let minus = *text.first()? == b'-';
     let start = usize::from(minus);
@@ -46,14 +46,14 @@ fn usual(text: &[u8]) -> Option<(f32, usize)> {
     if *text.get(at)? > b' ' || !(1..=MOST).contains(&count) {
         return None;
     }
-    // Both are exact, and the quotient is rounded to f64. To round that to f32 is as good as to round to it at once, unless it
-    // is half-way between two of f32.
+    // Both are exact, and the quotient is rounded to f64. Rounding that to f32 is as good as rounding once, unless it
+    // is half-way between two f32.
     let value = value as i64 as f64 / POWERS[places] as i64 as f64;
     let half_way = value.to_bits() << 35 == 1 << 63;
     (!half_way).then_some((if minus { -value } else { value } as f32, at))
 }
 
-/// The digits from a place on, behind those of `value`, and what place follows them; nonsense if they are too many.
+/// The digits from a place on, appended to `value`, and the place after them; meaningless if they are too many.
 #[inline]
 fn one_by_one(mut value: u64, text: &[u8], mut at: usize) -> (u64, usize) {
     while let Some(digit) = text.get(at).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10) {
@@ -63,13 +63,13 @@ fn one_by_one(mut value: u64, text: &[u8], mut at: usize) -> (u64, usize) {
     (value, at)
 }
 
-/// The number of the digits that a text begins with, and how many they are: all of them at once.
+/// The number of the digits that a text begins with, and how many there are: all of them at once.
 #[inline]
 fn up_to_eight(text: &[u8; 8]) -> (u64, usize) {
     const fn each(byte: u8) -> u64 {
         u64::from_le_bytes([byte; 8])
     }
-    // The first is the lowest byte; what is no digit has its highest bit in `others`.
+    // The first digit is in the lowest byte; bytes that are not digits have their highest bit set in `others`.
     let digits = u64::from_le_bytes(*text) ^ each(b'0');
     let others = (((digits & each(0x7f)) + each(0x80 - 10)) | digits) & each(0x80);
     let count = others.trailing_zeros() as usize / 8;
@@ -82,7 +82,7 @@ fn up_to_eight(text: &[u8; 8]) -> (u64, usize) {
     (fours.wrapping_mul(1 + (10_000 << 32)) >> 32, count)
 }
 
-/// The whole number that a text begins with, of nine digits at most, and what follows it.
+/// The integer at the start of a text, of at most nine digits, and what follows it.
 #[inline]
 pub(super) fn whole(text: &[u8]) -> Option<(u32, &[u8])> {
     let (value, length) = match text.first_chunk().map(up_to_eight) {
@@ -97,13 +97,13 @@ mod tests {
     use super::super::Rng;
     use super::number;
 
-    /// Whatever follows it, a number is what `str::parse` makes of it.
+    /// Whatever follows it, a number has the value that `str::parse` gives.
     fn agrees(token: &str) {
         let expected = token.parse::<f32>().ok().filter(|value| value.is_finite()).map(f32::to_bits);
         for tail in ["", " 12345678 ", "\n", ",5", "#", "x1234567"] {
             let text = format!("{token}{tail}");
             let read = number(text.as_bytes()).filter(|(_, rest)| *rest == tail.as_bytes());
-            // What is longer than a number is not always seen to begin with one: "1e5x" does, "1ex" does not.
+            // A text that is longer than a number is not always seen to begin with one: "1e5x" does, "1ex" does not.
             if read.is_some() || tail.is_empty() {
                 assert_eq!(read.map(|(value, _)| value.to_bits()), expected, "{text:?}");
             }
@@ -160,7 +160,7 @@ mod tests {
             "123456789012345678e-17",
             "0.12345678901234567",
             "12345678.12345678",
-            // As f64, each is half-way between two of f32.
+            // In f64, each is half-way between two f32.
             "2.72830331325531",
             "6.85021710395813",
         ] {
@@ -181,7 +181,7 @@ mod tests {
                 2 => agrees(&near.to_string()),
                 3 => agrees(&format!("{near:.*}", places as usize)),
                 4 => agrees(&format!("{digits}e-{places}")),
-                // Half-way between two of f32, and beside it.
+                // Half-way between two f32, and next to that.
                 5 => agrees(&(f64::from(near) + f64::from(near.next_up())).to_string()),
                 _ => agrees(&format!("{}.{digits}E{places}", digits % 1000)),
             }

@@ -18,26 +18,26 @@ use crate::kernels::sys::room;
 const MAX_FILE: u64 = 4 << 30;
 /// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is read.
 pub const MAX_TOML: u64 = 32 << 20;
-/// The most that is read of what has no length of its own: a pipe, a device.
+/// The most that is read from a source without a length of its own: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
-/// What is said of a scene that is longer.
+/// The message for a longer scene.
 const FOR_A_SCENE: &str = "too many for a scene";
 /// The name of standard input.
 const STANDARD_INPUT: &str = "-";
 
-/// What a file of a scene is written in.
+/// The formats of scene files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SceneFormat {
     /// The paper's.
     In,
     /// TOML.
     Toml,
-    /// A mesh, which is no whole scene.
+    /// A mesh, which is not a whole scene.
     Mesh(MeshFormat),
 }
 
 impl SceneFormat {
-    /// The format by the file name's extension, in upper or lower case; nothing where it is unknown.
+    /// The format by the file name's extension, in upper or lower case; None if it is unknown.
     pub fn from_path(path: &Path) -> Option<SceneFormat> {
         let extension = path.extension()?;
         if extension.eq_ignore_ascii_case("in") {
@@ -50,10 +50,10 @@ impl SceneFormat {
     }
 }
 
-/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format
-/// otherwise, whatever its name ends in. `-` is standard input, which is TOML if its first line that says something is a table or a key.
+/// Reads a scene file: TOML if its name ends in `.toml`, a mesh in `.obj`, `.ply` or `.stl`, and the paper's format for
+/// any other name. `-` is standard input, which is TOML if its first line with content is a table or a key.
 ///
-/// `camera` is for a mesh alone, which brings none: it is put where it sees the whole mesh, under one light, in white.
+/// `camera` is for a mesh alone, which has none: it is placed to see the whole mesh, in white, under one light.
 ///
 /// # Errors
 /// [`SceneError::Read`] if there is no such file, it is a directory, may not be read, or has more than 4 GiB (64 MiB
@@ -62,7 +62,7 @@ pub fn open(path: &Path, camera: &Camera) -> Result<Opened, SceneError> {
     open_by(path, camera, thread::available_parallelism().map_or(1, usize::from))
 }
 
-/// The same by so many threads, which share the paper's format where a scene is large.
+/// The same with that many threads, which share a large scene in the paper's format.
 ///
 /// # Errors
 /// As [`open`].
@@ -104,13 +104,13 @@ pub fn open_by(path: &Path, camera: &Camera, threads: usize) -> Result<Opened, S
     }
 }
 
-/// A file that can be read twice, if the first time is in vain, and its length.
+/// A file that can be read again after a first attempt failed, and its length.
 pub(super) fn read_twice(path: &Path) -> Option<(File, usize)> {
     let metadata = fs::metadata(path).ok().filter(|metadata| metadata.is_file() && metadata.len() <= MAX_FILE)?;
     Some((File::open(path).ok()?, metadata.len() as usize))
 }
 
-/// Whether a text without a name is TOML: its first line that says something begins a table or gives a key its value.
+/// Whether a text without a name is TOML: its first line with content begins a table or assigns a key.
 fn is_toml(source: &[u8]) -> bool {
     let source = source.strip_prefix(b"\xef\xbb\xbf").unwrap_or(source);
     let lines = source.split(|byte| is_line_end(*byte)).map(<[u8]>::trim_ascii);
@@ -118,7 +118,7 @@ fn is_toml(source: &[u8]) -> bool {
     first.is_some_and(|line| line.starts_with(b"[") || !line.starts_with(b"//") && line.contains(&b'='))
 }
 
-/// The error of what is no scene; if it is a picture, then that says it best.
+/// The error for a file that is not a scene; for a picture, an error that says so.
 fn no_picture(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
     const BEGINNINGS: [&[u8]; 13] = [
         b"\x89PNG",
@@ -141,8 +141,8 @@ fn no_picture(error: SceneError, path: &Path, source: &[u8]) -> SceneError {
     error
 }
 
-/// Whether what is no scene is not meant to be one in the paper's format either: by its name, and since it does not begin as one
-/// does, with a name, a width and a height.
+/// Whether a file that is not a scene is not meant as one in the paper's format either: by its name, and because it
+/// does not begin with a name, a width and a height.
 fn is_foreign(path: &Path, source: &[u8]) -> bool {
     let mut at = 0;
     let mut token = || {
@@ -154,10 +154,10 @@ fn is_foreign(path: &Path, source: &[u8]) -> bool {
     path.extension().is_some() && SceneFormat::from_path(path).is_none() && !begins
 }
 
-/// The path that was meant in place of one where nothing is: that of a scene or a mesh in the same folder whose name differs in
-/// two letters at most, or in what it ends in.
+/// The path that was probably meant in place of a missing one: a scene or a mesh in the same folder whose name differs
+/// in at most two letters or in its extension.
 pub(super) fn nearest(path: &Path) -> Option<String> {
-    /// More files than this are not looked at.
+    /// At most so many files are looked at.
     const MOST: usize = 10_000;
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let name = path.file_name()?.to_string_lossy();
@@ -171,7 +171,7 @@ pub(super) fn nearest(path: &Path) -> Option<String> {
     Some(near.min()?.1)
 }
 
-/// Reads a scene file as [`open`] does, a mesh alone as 800 x 600 pixels.
+/// Reads a scene file as [`open`] does; a mesh alone gets 800 x 600 pixels.
 ///
 /// # Errors
 /// As [`open`].
@@ -201,8 +201,8 @@ fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened,
     Ok(Opened { scene, up: above, notes, warnings })
 }
 
-/// A warning of the triangles of a mesh that have no area, which are often its seams: how many, and the first by their
-/// numbers in the file, from 1 on, where each face of more corners counts as the triangles it is cut into.
+/// A warning of the triangles of a mesh that have no area, which are often its seams: their number, and the first of
+/// them by their numbers in the file, from 1, where a face of more corners counts as the triangles it is cut into.
 pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     const MOST: usize = 5;
     let numbers = mesh.without_area();
@@ -217,7 +217,7 @@ pub(super) fn no_area_of_mesh(path: &Path, mesh: &Faces) -> Option<String> {
     }
 }
 
-/// What is to be said of a mesh: that faces have been cut, and what its file has besides.
+/// Notes on a mesh: faces that were triangulated, and content of its file that was skipped.
 pub(super) fn told(path: &Path, mesh: &Mesh) -> Vec<String> {
     let cut = match mesh.polygons {
         0 => None,
@@ -227,12 +227,12 @@ pub(super) fn told(path: &Path, mesh: &Mesh) -> Vec<String> {
     cut.iter().chain(&mesh.notes).map(|note| format!("{}: {note}", shown(path))).collect()
 }
 
-/// A file's bytes, so many at most as make sense.
+/// A file's bytes, up to the limit of its kind.
 pub(super) fn contents(path: &Path) -> io::Result<Vec<u8>> {
     contents_within(path, MAX_FILE, FOR_A_SCENE)
 }
 
-/// A file's bytes, if they are at most `limit`, or else `advice`.
+/// A file's bytes if there are at most `limit`, else an error with `advice`.
 pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let metadata = fs::metadata(path)?;
     if metadata.is_dir() {
@@ -242,18 +242,18 @@ pub(super) fn contents_within(path: &Path, limit: u64, advice: &str) -> io::Resu
     if metadata.len() > limit {
         return Err(too_large(limit, advice));
     }
-    // The length is only what the file system says: what is read is held to the limit, too.
+    // The length is only what the file system says: the bytes read are limited, too.
     within(File::open(path)?, metadata.len(), limit, advice)
 }
 
-/// The same of a text.
+/// The same for a text.
 #[cfg(feature = "lab")]
 pub(crate) fn text_within(path: &Path, limit: u64, advice: &str) -> io::Result<String> {
     String::from_utf8(contents_within(path, limit, advice)?)
         .map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
 }
 
-/// What `reader` has, with room for `likely` bytes from the start.
+/// The bytes of `reader`, with room for `likely` of them from the start.
 fn within(reader: impl Read, likely: u64, limit: u64, advice: &str) -> io::Result<Vec<u8>> {
     let mut source = room(likely as usize);
     reader.take(limit + 1).read_to_end(&mut source)?;

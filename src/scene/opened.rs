@@ -1,24 +1,24 @@
-//! A scene that was read, with what its reader has to say of it.
+//! A scene that was read, with its reader's notes and warnings.
 
 use glam::DVec3;
 
 use super::Scene;
 use super::diagnostic::printable;
 
-/// A scene, and what its reader should say about how it came to be.
+/// A scene, and what its reader has to report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Opened {
     /// The scene.
     pub scene: Scene,
-    /// What points upwards in its world, seen from the camera: of length 1.
+    /// The world's up in the camera's frame: of length 1.
     pub up: DVec3,
     /// What was done or assumed without being asked for, a line each.
     pub notes: Vec<String>,
-    /// What is as the file has it and hardly meant, a line each.
+    /// What is probably a mistake in the file, a line each.
     pub warnings: Vec<String>,
 }
 
-/// Warnings of triangles that have no area: the first ones, and how many more there are.
+/// Warnings of triangles that have no area: the first ones, and the number of further ones.
 #[derive(Default)]
 pub(super) struct NoArea {
     told: Vec<String>,
@@ -26,10 +26,10 @@ pub(super) struct NoArea {
 }
 
 impl NoArea {
-    /// The most that are told one by one.
+    /// The most that are listed one by one.
     const MOST: usize = 10;
 
-    /// Of the file `name`, whose `line` has the triangle that is called `which`.
+    /// Adds the triangle `which` of the file `name`, in this `line`.
     pub(super) fn add(&mut self, name: &str, which: &str, line: impl FnOnce() -> usize) {
         if self.told.len() < Self::MOST {
             let (name, line) = (printable(name), line());

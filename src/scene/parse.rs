@@ -12,7 +12,7 @@ use super::opened::{NoArea, Opened};
 use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
-/// The film diagonal of Algorithm 1; the format has no place for another.
+/// The film diagonal of Algorithm 1; the format cannot give another.
 pub(super) const FILM: f32 = 1.0;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
@@ -22,19 +22,19 @@ pub(super) const FILM: f32 = 1.0;
 /// zero in an intensity or a colour becomes 0.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics: a value that cannot be is noted and reading goes on; a count
-/// that cannot be, the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of
-/// `source`, whatever the counts say, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics: an invalid value is noted and reading goes on; an invalid count,
+/// the end of the file and a byte that is not UTF-8 end it. Memory stays within a small multiple of `source`, whatever
+/// the counts say, and time is linear.
 pub fn parse(source: &[u8], name: &str) -> Result<Scene, SceneError> {
     Ok(parse_with_warnings(source, name, 1)?.scene)
 }
 
-/// As [`parse`], by so many threads, with a warning of each triangle that has no area.
+/// As [`parse`], with that many threads, and with a warning for each triangle that has no area.
 pub(super) fn parse_with_warnings(source: &[u8], name: &str, threads: usize) -> Result<Opened, SceneError> {
     bulk::read(source, source.len(), name, threads).map_or_else(|| opened_with_care(source, name), Ok)
 }
 
-/// As [`parse`], without reading in bulk: tests hold the two against each other.
+/// As [`parse`], without reading in bulk: tests compare the two.
 #[doc(hidden)]
 pub fn parse_with_care(source: &[u8], name: &str) -> Result<Scene, SceneError> {
     Ok(opened_with_care(source, name)?.scene)
@@ -79,10 +79,10 @@ pub(super) fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | 0x0b | 0x0c) || is_line_end(byte)
 }
 
-/// Nothing more can be read; why has been noted.
+/// Nothing more can be read; the reason has been noted.
 struct Stop;
 
-/// What a number must be.
+/// The requirement on a number.
 #[derive(Clone, Copy)]
 pub(super) enum Rule {
     Any,
@@ -90,7 +90,7 @@ pub(super) enum Rule {
     Positive,
 }
 
-/// Why a token is not the number that it should be.
+/// Why a token is not the required number.
 pub(super) struct Problem {
     pub(super) what: &'static str,
     pub(super) help: Option<&'static str>,
@@ -115,7 +115,7 @@ pub(super) struct Kind {
     pub(super) one: &'static str,
     many: &'static str,
     count: &'static str,
-    /// Tokens of an item.
+    /// The number of tokens of an item.
     pub(super) tokens: usize,
 }
 
@@ -127,24 +127,24 @@ const POSITION: [&str; 3] = ["x", "y", "z"];
 const VERTICES: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
 
 struct Parser<'a, 'b> {
-    /// The file's.
+    /// The name of the file.
     name: &'b str,
     text: &'a str,
     /// The next byte to be read.
     at: usize,
     /// The last token, in bytes of the text.
     last: Range<usize>,
-    /// Tokens so far.
+    /// The number of tokens so far.
     tokens: usize,
-    /// The lists that were begun.
+    /// The lists begun so far.
     lists: Vec<List>,
-    /// The one that was begun last.
+    /// The list begun last.
     announced: Option<Announced>,
     log: &'b mut Log<'a>,
     no_area: &'b mut NoArea,
 }
 
-/// What the count of a list says, and in which line.
+/// The count of a list, and its line.
 struct Announced {
     line: usize,
     count: u64,
@@ -161,7 +161,7 @@ impl<'a> Parser<'a, '_> {
         };
         let name = &self.text[name];
         let scene = self.after_name(name);
-        // Before the errors are told: what may be their cause.
+        // What may be the cause of the errors comes before them.
         if let Some(line) = self.log.first_mut().map(|first| first.line)
             && let Some(misfit) = first_misfit(self.text, &self.lists, line)
             && let Some(first) = self.log.first_mut()
@@ -211,7 +211,7 @@ impl<'a> Parser<'a, '_> {
             Ok(item)
         })?;
         self.end_of_file();
-        // What a camera cannot be has been noted above.
+        // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
         Ok(Scene { name: name.to_owned(), camera, lights, spheres, triangles, faces: Faces::default() })
     }
@@ -240,7 +240,7 @@ impl<'a> Parser<'a, '_> {
         Err(Stop)
     }
 
-    /// A side of the image; 1 stands in for what cannot be.
+    /// A side of the image; an invalid one is replaced by 1.
     fn side(&mut self, part: &'static str) -> Result<u32, Stop> {
         let expected = format!("a whole number from 1 to {MAX_SIDE}");
         let problem = match whole(self.wanted(Field { owner: None, part }, &expected)?) {
@@ -253,7 +253,7 @@ impl<'a> Parser<'a, '_> {
         Ok(1)
     }
 
-    /// A number rounded to f32; 1 stands in for what cannot be.
+    /// A number rounded to f32; an invalid one is replaced by 1.
     fn number(&mut self, field: Field, rule: Rule) -> Result<f32, Stop> {
         let token = self.wanted(field, rule.expected())?;
         rule.check(token).or_else(|Problem { what, help }| {
@@ -268,7 +268,7 @@ impl<'a> Parser<'a, '_> {
         Ok(Vec3::new(number(x)?, number(y)?, number(z)?))
     }
 
-    /// A count and as many items.
+    /// A count and that many items.
     fn list<T>(
         &mut self,
         kind: &'static Kind,
@@ -308,7 +308,7 @@ impl<'a> Parser<'a, '_> {
         Err(Stop)
     }
 
-    /// Notes what stands after the last triangle.
+    /// Notes anything after the last triangle.
     fn end_of_file(&mut self) {
         let Some(token) = self.token() else { return };
         let extra = 1 + self.remaining();
@@ -340,7 +340,7 @@ impl Rule {
             let help = "the decimal mark is a point, and white space alone separates numbers";
             return problem("is not a number", comma.then_some(help));
         };
-        // `parse` takes the words nan, inf and infinity, and makes infinity of what is too large.
+        // `parse` accepts the words nan, inf and infinity, and returns infinity for numbers that are too large.
         let word = !token.bytes().any(|byte| byte.is_ascii_digit());
         let zero = number == 0.0;
         match self {
@@ -362,18 +362,18 @@ impl Rule {
     }
 }
 
-/// Whether a token that was read as 0 says something else: it has a digit other than 0 before the exponent.
+/// Whether a token that was read as 0 is not 0: it has another digit before the exponent.
 fn vanished(token: &str) -> bool {
     token.bytes().take_while(|byte| !byte.eq_ignore_ascii_case(&b'e')).any(|byte| matches!(byte, b'1'..=b'9'))
 }
 
-/// A whole number of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with it.
+/// An integer of at least 0, at most `u64::MAX`, which is beyond all limits; or what is wrong with it.
 fn whole(token: &str) -> Result<u64, &'static str> {
     let digits = token.strip_prefix(['+', '-']).unwrap_or(token);
     if digits.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
         return Err("is not a whole number");
     }
-    // All that can go wrong with digits is that they are too many.
+    // Digits can only be wrong by being too many.
     match digits.parse().unwrap_or(u64::MAX) {
         number if number > 0 && token.starts_with('-') => Err("is negative"),
         number => Ok(number),

@@ -2,33 +2,33 @@
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
-/// So much is read at a time, which stays in a core's caches. To get memory for all of a file takes longer than to fill it.
+/// The size of a piece, which stays in a core's caches. Getting memory for a whole file takes longer than filling it.
 pub(super) const PIECE: usize = 128 << 10;
-/// So much is at hand before the end, at least: the most that is read of at once.
+/// At least this much is at hand before the end: the most that is read at once.
 pub(super) const LONGEST: usize = 16 << 10;
 
-/// A file, and the piece of it that is at hand.
+/// A file, and its piece in memory.
 pub(super) struct Pieces<R> {
     file: R,
     bytes: Vec<u8>,
-    /// The first of `bytes` that has not been read.
+    /// The index in `bytes` of the first that has not been read.
     at: usize,
     /// Whether `bytes` are the last ones.
     ended: bool,
 }
 
 impl<R: Read> Pieces<R> {
-    /// Of a file of this length.
+    /// For a file of this length.
     pub(super) fn new(file: R, length: usize) -> Self {
         Pieces { file, bytes: Vec::with_capacity(1 + length.min(PIECE + LONGEST)), at: 0, ended: false }
     }
 
-    /// Has [`LONGEST`] bytes at hand, or all there are, and then `end`.
+    /// Has [`LONGEST`] bytes at hand, or all that are left, followed by `end`.
     pub(super) fn fill(&mut self, end: &[u8]) -> Option<()> {
         if self.rest().len() < LONGEST { self.lengthen(end) } else { Some(()) }
     }
 
-    /// Has at hand twice as much, or all there is, and then `end`.
+    /// Has twice as much at hand, or all that is left, followed by `end`.
     pub(super) fn lengthen(&mut self, end: &[u8]) -> Option<()> {
         if !self.ended {
             self.bytes.drain(..self.at);
@@ -43,12 +43,12 @@ impl<R: Read> Pieces<R> {
         Some(())
     }
 
-    /// Takes what is at hand, with a piece more, up to the end of its last line; nothing if no line ends there.
+    /// Takes the bytes at hand and one piece more, up to the end of their last line; None if no line ends there.
     pub(super) fn take_lines(&mut self) -> Option<Vec<u8>> {
         let mut lines = Vec::with_capacity(1 + self.rest().len() + PIECE);
         lines.extend(self.rest());
         if !self.ended {
-            // What cannot be read is no line, and no number either.
+            // A read error stands for neither a line nor a number.
             let more = self.file.by_ref().take(PIECE as u64).read_to_end(&mut lines);
             self.ended = more.as_ref().is_ok_and(|more| *more < PIECE);
             lines.extend(if more.is_err() { Some(b'?') } else { self.ended.then_some(b'\n') });
@@ -58,7 +58,7 @@ impl<R: Read> Pieces<R> {
         Some(lines).filter(|lines| !lines.is_empty())
     }
 
-    /// Has at hand what was taken, before all else.
+    /// Puts bytes that were taken back in front of all others.
     pub(super) fn give_back(&mut self, lines: &[u8]) {
         self.bytes = [lines, self.rest()].concat();
         self.at = 0;
@@ -69,12 +69,12 @@ impl<R: Read> Pieces<R> {
         self.ended
     }
 
-    /// What is at hand.
+    /// The bytes at hand.
     pub(super) fn rest(&self) -> &[u8] {
         &self.bytes[self.at..]
     }
 
-    /// Has read all that is at hand but for so many bytes.
+    /// Marks all bytes at hand as read, except the last `left`.
     pub(super) fn leave(&mut self, bytes: usize) {
         self.at = self.bytes.len() - bytes;
     }

@@ -44,7 +44,7 @@ impl Rng {
 const COVER: f32 = 0.55;
 /// The depths between which the objects lie.
 const DEPTHS: (f32, f32) = (20.0, 60.0);
-/// Half of what a film of diagonal 1 sees at depth 1 with an image of 4:3: width and height are 0.8 and 0.6.
+/// Half of what a film of diagonal 1 sees at depth 1 in an image of 4:3: width and height are 0.8 and 0.6.
 const HALF_VIEW: (f32, f32) = (0.4, 0.3);
 
 /// A scene of small spheres and triangles, spread over the whole picture at different depths and in different sizes,
@@ -69,7 +69,7 @@ pub fn many(spheres: usize, triangles: usize, seed: u64) -> Scene {
     }
 }
 
-/// Where an object goes.
+/// The place of an object.
 struct Spot {
     centre: Vec3,
     /// Half of its extent.
@@ -77,7 +77,7 @@ struct Spot {
     colour: Vec3,
 }
 
-/// A sequence of places that fills the picture evenly: each step is an irrational part of the width and of the height.
+/// A sequence of places that fills the picture evenly: each step is an irrational share of the width and of the height.
 /// Those of Roberts' R₂ sequence, 1/g and 1/g² with g³ = g + 1, leave the fewest gaps.
 struct Spots {
     across: f32,

@@ -1,4 +1,4 @@
-//! Scene files in TOML: the world and where the camera stands in it, checked key by key, moved into the camera's frame.
+//! Scene files in TOML: a world and its camera, checked key by key, transformed to the camera's frame.
 
 use std::ops::Range;
 use std::path::Path;
@@ -16,21 +16,21 @@ use super::view::{ToCamera, View, ViewError};
 use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Opened, Scene, SceneError, Sphere, Triangle};
 use crate::reference::geometry;
 
-/// The focal distance and the film's diagonal where the file gives none: those of Algorithm 1.
+/// The default focal distance and diagonal of the film: those of Algorithm 1.
 const FOCAL: f32 = 1.0;
 const FILM: f32 = 1.0;
 
-/// Reads a scene in TOML; `name` is what diagnostics call the file, and `folder` where it looks for mesh files.
+/// Reads a scene in TOML; diagnostics call the file `name`, and mesh files are relative to `folder`.
 ///
 /// # Errors
-/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read once the text is in order. Memory stays within
-/// a multiple of `source` and of the mesh files, and time is linear.
+/// [`SceneError::Invalid`] with up to 20 diagnostics; mesh files are read only if the text has no errors. Memory stays
+/// within a multiple of `source` and of the mesh files, and time is linear.
 pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, SceneError> {
     let mut log = Log::new(source);
     let Some((text, start)) = log.text() else { return log.finish(None, name) };
     let mut reader = Reader { start, notes: Vec::new(), folder, no_area: Vec::new() };
     let (table, errors) = DeTable::parse_recoverable(&text[start..]);
-    // Behind the first mistake of the text itself, others are often its consequences.
+    // After the first mistake of the text itself, others are often its consequences.
     let opened = match errors.iter().min_by_key(|error| error.span().map_or(usize::MAX, |span| span.start)) {
         Some(error) => {
             let (message, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), "TOML"));
@@ -54,8 +54,8 @@ pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, Sc
     Ok(opened)
 }
 
-/// A place that holds something to be shown: where the error is between two words, the next one of the line, or else the
-/// last one before it.
+/// A place with something to be shown: if the error is between two words, the next one of the line, or else the last
+/// one before it.
 fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     let after = text.get(span.start..).unwrap_or_default();
     if !span.is_empty() || after.trim_ascii().is_empty() {
@@ -70,7 +70,7 @@ fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     text[..end].rfind(blank).map_or(0, |at| at + 1)..end
 }
 
-/// Something that is wrong.
+/// An error.
 struct Note {
     span: Range<usize>,
     message: String,
@@ -79,16 +79,16 @@ struct Note {
 }
 
 struct Reader<'a> {
-    /// Where the TOML begins in the file, after a byte order mark.
+    /// The start of the TOML in the file, after a byte order mark.
     start: usize,
-    /// In any order: the values are visited in that of the scene, not of the file.
+    /// In any order: values are visited in the order of the scene, not of the file.
     notes: Vec<Note>,
-    /// Triangles that have no area: where, and what they are called.
+    /// Triangles that have no area: their places, and their names.
     no_area: Vec<(usize, String)>,
     folder: &'a Path,
 }
 
-/// A table whose keys are known.
+/// A table with known keys.
 struct Fields<'t> {
     /// "sphere 3" or "the camera".
     owner: String,
@@ -97,7 +97,7 @@ struct Fields<'t> {
     span: Range<usize>,
 }
 
-/// A number as the nearest f32, and as the nearest f64 for what is computed before it is rounded.
+/// A number as the nearest f32, and as the nearest f64 for computations before rounding.
 #[derive(Clone, Copy)]
 struct Number {
     single: f32,
@@ -129,7 +129,7 @@ impl Fields<'_> {
         format!("{}'s {key}", self.owner)
     }
 
-    /// Where a key's value is, or else the header.
+    /// The place of a key's value, or else of the header.
     fn span(&self, key: &str) -> Range<usize> {
         self.get(key).map_or(self.span.clone(), Spanned::span)
     }
@@ -194,7 +194,7 @@ impl Reader<'_> {
         if !self.notes.is_empty() {
             return None;
         }
-        // What a camera cannot be has been noted above.
+        // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
         let scene = Scene { name: file, camera, lights, spheres, triangles, faces };
         Some(Opened { scene, up, notes: told, warnings })
@@ -223,7 +223,8 @@ impl Reader<'_> {
         (file, width, height)
     }
 
-    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and what is up in that.
+    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and the world's up in
+    /// that frame.
     fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, DVec3) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {
@@ -368,7 +369,7 @@ impl Reader<'_> {
         Some(fields)
     }
 
-    /// Notes keys that mean nothing.
+    /// Notes unknown keys.
     fn known(&mut self, fields: &Fields<'_>, keys: &[&str]) {
         for key in fields.table.keys() {
             let word = key.get_ref().as_ref();
@@ -432,7 +433,7 @@ impl Reader<'_> {
         self.point(fields, key, Rule::Any).unwrap_or([Number::of(0.0); 3])
     }
 
-    /// Three numbers, where the key is there and they are right.
+    /// Three numbers, if the key is there and they are valid.
     fn point(&mut self, fields: &Fields<'_>, key: &str, rule: Rule) -> Option<Point> {
         self.numbers(fields.get(key)?, &fields.name(key), rule)
     }
@@ -456,7 +457,7 @@ impl Reader<'_> {
     fn number(&mut self, value: &Spanned<DeValue<'_>>, name: &str, rule: Rule) -> Option<Number> {
         let token = match value.get_ref() {
             DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().to_owned(),
-            // Of what is written in another base, no more than 64 bits are of use.
+            // A number in another base needs no more than 64 bits.
             DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix())
                 .map_or_else(|_| "1e99".to_owned(), |number| number.to_string()),
             DeValue::Float(float) => float.as_str().to_owned(),
@@ -488,7 +489,7 @@ impl Reader<'_> {
     }
 }
 
-/// What kind of value it is.
+/// The kind of a value.
 fn kind(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a string",

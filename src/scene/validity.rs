@@ -1,18 +1,18 @@
-//! Whether a scene that was built in code has numbers that a scene may have.
+//! Whether the numbers of a scene that was built in code are valid.
 
 use glam::Vec3;
 
 use super::Scene;
 
-/// A number of a scene that it may not have.
+/// An invalid number of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{field} must be {expected}, not {found}")]
 pub struct InvalidScene {
-    /// Whose number: "sphere 2's radius", counted from 1 in the scene's order.
+    /// The owner of the number: "sphere 2's radius", counted from 1 in the scene's order.
     pub field: String,
-    /// What it may be.
+    /// The valid values.
     pub expected: &'static str,
-    /// What it is.
+    /// Its value.
     pub found: String,
 }
 
@@ -21,10 +21,10 @@ const POSITIVE: &str = "finite and greater than 0";
 const NOT_NEGATIVE: &str = "finite and at least 0";
 
 impl Scene {
-    /// Whether every number is one that a scene may have, as it is in every scene that was read from a file.
+    /// Checks that every number is valid, as it is in every scene that was read from a file.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first invalid one.
     pub fn check(&self) -> Result<(), InvalidScene> {
         self.check_lights()?;
         for (i, sphere) in self.spheres.iter().enumerate() {
@@ -46,7 +46,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The same for lights alone: a million objects take a while.
+    /// The same for lights alone: checking a million objects takes a while.
     pub(crate) fn check_lights(&self) -> Result<(), InvalidScene> {
         for (i, light) in self.lights.iter().enumerate() {
             if !(light.intensity.is_finite() && light.intensity >= 0.0) {

@@ -1,4 +1,4 @@
-//! A scene as text in the paper's format, such that reading it gives the same scene to the last bit.
+//! A scene as text in the paper's format, such that reading it restores the scene to the last bit.
 
 use std::fmt::{self, Write};
 
@@ -10,9 +10,9 @@ use super::{Scene, Sphere, Triangle};
 impl Scene {
     /// The scene in the paper's format, with a comment above each section.
     ///
-    /// [`parse`](super::parse()) gives back the same scene, bit by bit, if it is one that `parse` could have made. The
-    /// format has no place for a film diagonal other than 1 (a comment tells it), nor for white space and comment
-    /// marks in the image name: `_` replaces them, and an empty name is written as `image`.
+    /// [`parse`](super::parse()) restores the same scene, bit by bit, if it is one that `parse` could have made. The
+    /// format has no place for a film diagonal other than 1 (a comment gives it), nor for white space and comment marks
+    /// in the image name: `_` replaces them, and an empty name is written as `image`.
     pub fn to_text(&self) -> String {
         let mut text = String::new();
         self.write(&mut text).expect("a String takes all that is written to it");
@@ -45,7 +45,7 @@ impl Scene {
     }
 }
 
-/// The shortest decimal that is read as the same f32, with an exponent where the zeros would be many.
+/// The shortest decimal that is read as the same f32, with an exponent in place of many zeros.
 pub(super) struct Decimal(pub(super) f32);
 
 struct Triple(Vec3);
@@ -68,7 +68,7 @@ impl fmt::Display for Triple {
     }
 }
 
-/// The name as one token that holds no comment.
+/// The name as one token without comment marks.
 fn writable(name: &str) -> String {
     if name.is_empty() {
         return "image".to_owned();

@@ -1,4 +1,4 @@
-//! A scene, or a mesh and where it is seen from, as text in TOML, such that reading it gives the same scene to the last bit.
+//! A scene, or a mesh and its view, as text in TOML, such that reading it restores the scene to the last bit.
 
 use std::fmt::{self, Display, Write};
 
@@ -10,7 +10,7 @@ use super::{Camera, Light, Scene, Setting, Sphere, Triangle};
 impl Scene {
     /// The scene in TOML: its camera at rest, so that every number is the scene's own.
     ///
-    /// [`parse_toml`](super::parse_toml()) gives back the same scene, bit by bit, if its name is not empty.
+    /// [`parse_toml`](super::parse_toml()) restores the same scene, bit by bit, if its name is not empty.
     pub fn to_toml(&self) -> String {
         let mut text = String::new();
         self.write_toml(&mut text).expect("a String takes all that is written to it");

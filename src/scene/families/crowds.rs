@@ -1,4 +1,4 @@
-//! The families that come in a scene of one object and of many, on both sides of the crossover to tiles: S9, X1, X2 and L2.
+//! The families whose scenes have one object or many, up to 5,000: S9, X1, X2 and L2.
 
 use glam::{DVec3, Vec3, dvec3};
 
@@ -10,16 +10,17 @@ const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
 const VARIANTS: &[&str] = &["1 object", "31 objects", "32 objects", "200 objects", "5000 objects"];
 const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
 
-/// A scene without objects that sees `half` to each side at distance 1, and how many are to be in it.
+/// A scene without objects that sees `half` to each side at distance 1, and the number of objects it is to have.
 fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> (Scene, usize) {
     let count = COUNTS[maker.variant];
-    // A crowd is shown smaller, and the others larger, so that there are as many rays as elsewhere.
+    // Scenes of many objects have smaller pictures, the others larger ones, so that there are as many rays as
+    // elsewhere.
     maker.side = if count > 1000 { maker.side.div_ceil(2) } else { maker.side + maker.side / 8 };
     let camera = maker.square(half);
     (maker.scene(camera, lights, scale), count)
 }
 
-/// Spheres and triangles by turns until there are `count` objects, anywhere in a picture that sees `half` to each side, at
+/// Alternately spheres and triangles up to `count` objects, anywhere in a picture that sees `half` to each side, at
 /// many depths; the i-th is `scale(i)` times as far and as large, and has its colour times `shade(i)`.
 fn fill(
     maker: &mut Maker,
@@ -68,14 +69,14 @@ fn beside(maker: &mut Maker) -> Made {
     let centre = radius * dvec3(far * x, far * y, maker.value);
     scene.spheres.push(sphere(radius, RED, centre));
     if count > 1 {
-        // Another, 1e-4 behind it, which comes first.
+        // Another, 1e-4 behind it, first in the file.
         scene.spheres.insert(0, sphere(radius, GREEN, centre * (1.0 + 1e-4)));
     }
     fill(maker, &mut scene, 1.0, count, AS_IT_IS, UNSHADED);
     scene.into()
 }
 
-/// Where the sun is, in metres.
+/// The position of the sun, in metres.
 const SUN: f64 = 1.4e11;
 
 pub const SCALES: Family = Family {
@@ -109,7 +110,7 @@ fn scales(maker: &mut Maker) -> Made {
         scene.spheres.push(sphere(7e8, GREY, centre));
         fill(maker, &mut scene, 0.5, count, AS_IT_IS, UNSHADED);
     } else {
-        // What is smaller is nearer, and shows as large.
+        // A smaller object is nearer, and appears as large.
         let scale = |i: usize| [ratio, 1.0, 1.0 / ratio, 1.0][i / 2 % 4];
         fill(maker, &mut scene, 0.5, count, scale, UNSHADED);
     }
@@ -149,7 +150,7 @@ fn duplicates(maker: &mut Maker) -> Made {
     let triangles = scene.triangles.iter().map(|t| Triangle { colour: other(t.colour), ..*t }).collect::<Vec<_>>();
     scene.spheres.extend(spheres);
     scene.triangles.extend(triangles);
-    // One too many where their number is odd.
+    // One too many if `count` is odd.
     if scene.spheres.len() + scene.triangles.len() > count {
         scene.spheres.pop();
     }
@@ -195,7 +196,7 @@ fn brightness(maker: &mut Maker) -> Made {
         8 => scene.lights.iter_mut().for_each(|light| light.intensity = 1.5e38),
         _ => scene.lights[0].intensity *= intensity,
     }
-    // Some reflect as little as makes the light an ordinary one.
+    // Some reflect so little that their light is an ordinary one.
     let shade = |i: usize| if i % 3 == 1 { 1.0 / intensity } else { 1.0 };
     fill(maker, &mut scene, 0.5, count, AS_IT_IS, shade);
     scene.into()

@@ -1,4 +1,4 @@
-//! What the families' cases are made with: one case's value, variant and random numbers, and the parts of a scene.
+//! What the families build cases with: a case's value, variant and random numbers, and the parts of a scene.
 
 use std::f64::consts::SQRT_2;
 
@@ -41,17 +41,17 @@ impl Maker {
         (x.into(), y.into())
     }
 
-    /// A square picture that sees `half` to each side at distance 1, from focal distance `focal`.
+    /// A square picture that sees `half` to each side at distance 1, at the focal distance `focal`.
     pub fn square_at(&self, focal: f64, half: f64) -> Camera {
         camera(self.side, self.side, focal, 2.0 * SQRT_2 * half * focal)
     }
 
-    /// The same from focal distance 1.
+    /// The same at the focal distance 1.
     pub fn square(&self, half: f64) -> Camera {
         self.square_at(1.0, half)
     }
 
-    /// A picture of at least side x side pixels that is `width` / `height` times as wide as it is high.
+    /// A picture of at least side x side pixels with the proportions `width` / `height`.
     pub fn strip(&self, width: u32, height: u32, half: f64) -> Camera {
         let factor = f64::from(self.side).powi(2) / (f64::from(width) * f64::from(height));
         let width = (f64::from(width) * factor).ceil().max(1.0) as u32;
@@ -59,7 +59,7 @@ impl Maker {
         camera(width, height, 1.0, 2.0 * half * (1.0 + 1.0 / (relation * relation)).sqrt())
     }
 
-    /// A scene without objects under `count` lights, the first of which stands behind the camera and to the side; `scale`
+    /// A scene without objects under `count` lights, the first of which is behind the camera and to the side; `scale`
     /// is the scene's own unit of length.
     pub fn scene(&mut self, camera: Camera, count: usize, scale: f64) -> Scene {
         let (x, y) = self.turn();
@@ -87,7 +87,7 @@ pub fn triangle(colour: Vec3, vertices: [DVec3; 3]) -> Triangle {
     Triangle { colour, vertices: vertices.map(|v| v.as_vec3()) }
 }
 
-/// The tangent of the angle under which a sphere at distance `kappa` radii is seen, half of it, and at most `most`.
+/// The tangent of half the angle that a sphere at distance `kappa` radii subtends, at most `most`.
 pub fn tangent(kappa: f64, most: f64) -> f64 {
     if kappa <= 1.0 { most } else { (1.0 / (kappa * kappa - 1.0).sqrt()).min(most) }
 }
@@ -95,7 +95,7 @@ pub fn tangent(kappa: f64, most: f64) -> f64 {
 /// The triangles of an icosahedron whose faces are divided `divisions` times into four, on the unit sphere.
 pub fn icosphere(divisions: u32) -> Vec<[DVec3; 3]> {
     let g = (1.0 + 5f64.sqrt()) / 2.0;
-    // Vertices are met by cyclic turns of (+-1, +-g, 0); three are a face where they are 2 apart.
+    // The vertices are the cyclic permutations of (+-1, +-g, 0); three that are 2 apart are a face.
     let signs = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
     let corners: Vec<DVec3> = signs
         .iter()

@@ -1,7 +1,7 @@
-//! The stiff and extreme scenes: families of seeded cases, each swept over the whole range of its parameter.
+//! The ill-conditioned (stiff) and extreme scenes: families of seeded cases over the whole range of a parameter.
 //!
-//! A case is a scene with its camera around what is hard: the limb of a sphere, the short side of a sliver, a vertex.
-//! What is correct there is the same for all engines; how near one comes is for experiments and tests to say.
+//! A case is a scene with its camera on the critical place: the limb of a sphere, the short side of a sliver, a vertex.
+//! The correct answer there is the same for all engines; experiments and tests measure how close one comes.
 
 mod crowds;
 mod maker;
@@ -12,28 +12,28 @@ mod triangles;
 use super::Scene;
 use maker::Maker;
 
-/// The side of a case's picture, in pixels, that gives at least 10⁵ rays where a family has no size of its own.
+/// The side of a case's picture, in pixels, which makes at least 10⁵ rays if a family has no size of its own.
 pub const SIDE: u32 = 320;
 
-/// Scenes that are hard in one way, harder along [`Family::levels`].
+/// Scenes that are hard in one respect, increasingly so along [`Family::levels`].
 #[derive(Debug)]
 pub struct Family {
     /// `S1` to `S9` (spheres), `T1` to `T7` (triangles), `X1` and `X2` (scales mixed, objects twice), `L1` and `L2` (lights),
     /// `I1` (images), `N1` (not numbers).
     pub id: &'static str,
-    /// What it is, in a few words.
+    /// A description in a few words.
     pub name: &'static str,
-    /// What is varied.
+    /// The parameter.
     pub parameter: &'static str,
-    /// What is correct, in words.
+    /// The correct result, in words.
     pub correct: &'static str,
-    /// The values of the parameter, the whole range; the ordinary case is at [`Family::ordinary`].
+    /// The values of the parameter over its whole range; the ordinary case is at [`Family::ordinary`].
     pub levels: &'static [Level],
-    /// Which of `levels` is as easy as any scene.
+    /// Index in `levels` of the ordinary case.
     pub ordinary: usize,
     /// Whether all levels show about as much, so that their times can be compared.
     pub same_work: bool,
-    /// The ways in which each level comes.
+    /// The variants of each level.
     pub variants: &'static [&'static str],
     make: fn(&mut Maker) -> Made,
 }
@@ -41,9 +41,9 @@ pub struct Family {
 /// One value of a family's parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// The parameter; where that is not a number, which of them it is.
+    /// The parameter, or the index of a named level.
     pub value: f64,
-    /// Its name where it is not a number.
+    /// The name of the level, if it has one.
     pub label: &'static str,
 }
 
@@ -64,21 +64,21 @@ pub struct Case {
     pub family: &'static str,
     /// Its number in the family: `level * variants + variant`.
     pub index: usize,
-    /// What its random numbers came from.
+    /// The seed of its random numbers.
     pub seed: u64,
     /// The value of the parameter.
     pub level: Level,
-    /// Which of the family's variants it is.
+    /// The index of the variant.
     pub variant: &'static str,
-    /// The scene; its camera looks at what is hard.
+    /// The scene; its camera looks at the critical place.
     pub scene: Scene,
-    /// Whether its numbers are such as a scene may have. Where not, asking for its picture is an error.
+    /// Whether its numbers are valid. If not, asking for its picture is an error.
     pub valid: bool,
     /// Whether every ray of the picture hits something.
     pub covered: bool,
 }
 
-/// What a family's function gives.
+/// The result of a family's function.
 struct Made {
     scene: Scene,
     valid: bool,
@@ -92,17 +92,17 @@ impl From<Scene> for Made {
 }
 
 impl Family {
-    /// How many cases there are: each level in each variant.
+    /// The number of cases: each level in each variant.
     pub fn cases(&self) -> usize {
         self.levels.len() * self.variants.len()
     }
 
-    /// The case of that number, with a picture of about `side` x `side` pixels.
+    /// Case `index`, with a picture of about `side` x `side` pixels.
     ///
     /// The same arguments give the same scene on every machine.
     ///
     /// # Panics
-    /// Where `index` is not below [`Family::cases`].
+    /// If `index` is not below [`Family::cases`].
     pub fn case(&self, index: usize, seed: u64, side: u32) -> Case {
         let (level, variant) = (self.levels[index / self.variants.len()], index % self.variants.len());
         let mut maker = Maker::new(level.value, variant, seed, index, side);
@@ -138,7 +138,7 @@ pub static FAMILIES: &[Family] = &[
     others::NOT_NUMBERS,
 ];
 
-/// The family of that id, in small letters or large ones.
+/// The family with that id, in upper or lower case.
 pub fn family(id: &str) -> Option<&'static Family> {
     FAMILIES.iter().find(|family| family.id.eq_ignore_ascii_case(id))
 }
@@ -195,7 +195,7 @@ mod tests {
         for family in FAMILIES.iter().filter(|family| !["I1", "N1"].contains(&family.id)) {
             for index in 0..family.cases() {
                 let Case { variant, scene: Scene { camera, .. }, .. } = family.case(index, 1, SIDE);
-                // The others of its level have so many more.
+                // The other variants of its level have correspondingly more.
                 assert!(camera.pixels() >= 100_000 || variant == "5000 objects", "{} {index}: {camera:?}", family.id);
             }
         }

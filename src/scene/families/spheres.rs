@@ -6,7 +6,7 @@ use super::maker::{BLUE, GREEN, GREY, Maker, RED, sphere, tangent};
 use super::{Family, Level, Made, names, numbers};
 use crate::scene::Camera;
 
-/// Whole numbers a² + b² = c²: a sphere of radius c whose centre is at (a, b) from the axis touches the axis exactly.
+/// Integers with a² + b² = c²: a sphere of radius c whose centre is at (a, b) from the axis touches the axis exactly.
 const PYTHAGOREAN: [(f64, f64, f64); 4] =
     [(3.0, 4.0, 5.0), (-8.0, 15.0, 17.0), (5.0, -12.0, 13.0), (-24.0, -7.0, 25.0)];
 
@@ -37,7 +37,7 @@ fn far(maker: &mut Maker) -> Made {
             (maker.square(off + 1.2 * seen), dvec3(off * x, off * y, 1.0))
         }
         _ => {
-            // Half a radian to the side, where a row of the picture is at an angle to the limb.
+            // Half a radian to the side, where rows of the picture meet the limb at an angle.
             let height = if kappa > 1e3 { 1 } else { 5 };
             let side = maker.strip(100_000 / height, height, 0.6);
             (side, dvec3(0.5 * x.signum(), 0.0, 1.0))
@@ -127,7 +127,7 @@ fn film(maker: &mut Maker) -> Made {
     scene.spheres.push(sphere(radius, RED, dvec3(a, b, near)));
     scene.spheres.push(sphere(4.0, BLUE, dvec3(-3.0, -4.0, 24.0)));
     if half > 1.0 {
-        // Most of what so wide a picture sees is far from the axis.
+        // Most of so wide a picture is far from the axis.
         scene.spheres.push(sphere(100.0, GREY, dvec3(10.0, 20.0, -30.0)));
     }
     scene.into()
@@ -158,7 +158,7 @@ pub const CAMERA: Family = Family {
 };
 
 fn inside(maker: &mut Maker) -> Made {
-    // (2, 3, 6) has length 7 exactly: the radius alone says where the camera is.
+    // (2, 3, 6) has length 7 exactly: the radius alone decides on which side the camera is.
     let direction = [dvec3(2.0, 3.0, 6.0), dvec3(3.0, -2.0, -6.0), dvec3(-6.0, 3.0, 2.0)][maker.variant];
     let scale = 2f64.powi((maker.rng.next_u64() % 7) as i32 - 3);
     let (radius, centre) = if maker.value == 0.0 {
@@ -190,7 +190,7 @@ pub const GROUND: Family = Family {
 
 fn ground(maker: &mut Maker) -> Made {
     let radius = maker.value as f32;
-    // Height 1, or what f32 has next to the radius.
+    // Height 1, or the next f32 to the radius.
     let centre = (radius + 1.0).max(radius.next_up());
     let height = f64::from(centre - radius);
     let camera = maker.square(0.5);
@@ -229,7 +229,7 @@ fn nested(maker: &mut Maker) -> Made {
     let camera = maker.square(0.4);
     let mut scene = maker.scene(camera, if maker.variant == 4 { 2 } else { 1 }, 5.0);
     let centre = dvec3(maker.between(-0.25, 0.25), maker.between(-0.25, 0.25), 4.0).as_vec3().as_dvec3();
-    // The larger one is nearer, and comes last in half of the cases: order decides between equals alone.
+    // The larger one is nearer, and comes last in half of the cases: order decides only between equals.
     let (one, other) = (sphere(1.0, RED, centre), sphere(1.0 - 4.0 * gap, GREEN, centre));
     scene.spheres = match maker.variant {
         0 if maker.rng.next_u64().is_multiple_of(2) => vec![one, other],

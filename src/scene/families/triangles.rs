@@ -21,7 +21,7 @@ pub const SLIVER: Family = Family {
 fn sliver(maker: &mut Maker) -> Made {
     let height = 2.0 * maker.value;
     let (x, y) = maker.turn();
-    // The middle of the long side is on the axis, exactly.
+    // The midpoint of the long side is exactly on the axis.
     let slope = if maker.variant == 2 { 0.75 } else { 0.0 };
     let end = dvec3(x, y, slope);
     let at = dvec3(0.0, 0.0, 4.0);
@@ -81,8 +81,8 @@ fn grazing(maker: &mut Maker) -> Made {
     let half = if slope == 0.0 { 1e-3 } else { slope };
     let camera = maker.square(half);
     let mut scene = maker.scene(camera, 1 + usize::from(maker.variant == 1), 4.0);
-    // The plane y = slope (z - 4), seen from far below where z < 4 and from little above beyond. At slope 0 it is y = 0,
-    // which the camera is in.
+    // The plane y = slope (z - 4), seen from far below where z < 4 and from slightly above beyond. At slope 0 it is y =
+    // 0, which contains the camera.
     let (x, y) = if maker.variant == 2 { maker.turn() } else { (1.0, 0.0) };
     let on = |across: f64, z: f64| {
         let up = slope * (z - 4.0);
@@ -114,7 +114,7 @@ fn large(maker: &mut Maker) -> Made {
     let vertices = match maker.variant {
         0 => [wall(-length, -length), wall(2.0 * length, -length), wall(-length, 2.0 * length)],
         1 => [dvec3(-length, -1.0, 0.1), dvec3(length, -1.0, 0.1), dvec3(0.1, -1.0, length)],
-        // One edge passes by the axis.
+        // One edge passes next to the axis.
         _ => [wall(-0.25, -length), wall(0.25, length), wall(length, 0.0)],
     };
     scene.triangles.push(triangle(BLUE, vertices));
@@ -172,7 +172,7 @@ fn shared(maker: &mut Maker) -> Made {
     let turned = |v: DVec3| dvec3(x * v.x - y * v.z, v.y, y * v.x + x * v.z);
     let kind = maker.value as usize;
     let lights = 1 + maker.variant;
-    // Those that one sees from inside, or that fill the picture.
+    // Those seen from inside, or that fill the picture.
     let covered = [2, 4, 5, 6].contains(&kind);
     let scene = match kind {
         0..4 => {
@@ -188,7 +188,7 @@ fn shared(maker: &mut Maker) -> Made {
         }
         4 | 5 => on_rays(maker, if kind == 4 { 32 } else { 8 }, lights),
         _ => {
-            // An odd side: the pixel in the middle is on the axis, like the vertex that all share.
+            // An odd side: the pixel in the middle is on the axis, like the vertex that all triangles share.
             let side = maker.side | 1;
             let camera = camera(side, side, 1.0, 1.0);
             let mut scene = maker.scene(camera, lights, 4.0);
@@ -259,7 +259,7 @@ pub const DEGENERATE: Family = Family {
     make: degenerate,
 };
 
-/// `v` with each number of its f32 so many units of its last place further from 0; 0 itself, so many units of 1.
+/// `v` with each f32 moved away from 0 by that many units in its last place; for 0 itself, units of 1.
 fn ulps(v: DVec3, count: [i32; 3]) -> DVec3 {
     let further = |x: f32, count: i32| match count {
         0 => x,
@@ -287,7 +287,7 @@ fn degenerate(maker: &mut Maker) -> Made {
             .map(|i| [tenths, tenths + f64::from(i) * along / 7.0, tenths + f64::from(i) * along / 3.0])
             .collect(),
         5 => {
-            // Differences of numbers of unlike size are rounded even in f64.
+            // Differences of numbers of different size are rounded even in f64.
             let tiny = dvec3(3e-12, 7e-12, 1e-11);
             vec![[tiny, p * 1e6, 2e6 * p], [p, p + 1e9 * along, p - 1e-3 * along], [1e-9 * p, p, 1e9 * p]]
         }
@@ -299,7 +299,7 @@ fn degenerate(maker: &mut Maker) -> Made {
             [dvec3(-3.0, -3.0, -1e6), dvec3(3e6, -3.0, -4.0), dvec3(0.0, 4.0, 0.0)],
         ],
         10 => vec![[dvec3(0.1, 0.2, 3.0), dvec3(-3.0, -1.0, -4.0), dvec3(3.0, -2.0, -2.0)]],
-        // The next numbers to those of kinds 3 and 6 to 8, which are degenerate in f32: these have an area and a side.
+        // The f32 next to those of kinds 3 and 6 to 8, which are degenerate in f32: these have an area and a side.
         11 => vec![[p, p + along, ulps(p + 3.0 * along, [0, 1, 0])], [p - along, ulps(p, [-1, 0, 0]), p + 2.0 * along]],
         12 => vec![
             [ulps(DVec3::ZERO, [1, 0, 1]), p, p + along],

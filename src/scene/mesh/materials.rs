@@ -1,4 +1,4 @@
-//! Colours of meshes as their files have them: those of vertices, and the materials that an OBJ file names (MTL).
+//! Colours of meshes: those of vertices, and the materials that an OBJ file names (MTL).
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -10,19 +10,19 @@ use crate::scene::diagnostic::printable;
 use crate::scene::number::number;
 use crate::scene::open;
 
-/// The longest file of materials, in bytes.
+/// The longest file of materials that is read, in bytes.
 const MOST: u64 = 16 << 20;
 
-/// What an OBJ file says of its materials.
+/// The statements of an OBJ file about materials.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Materials {
-    /// The files that have them.
+    /// The files of materials.
     libraries: Vec<Vec<u8>>,
-    /// From which triangle on which one is used.
+    /// The material used from each triangle on.
     uses: Vec<(usize, Vec<u8>)>,
 }
 
-/// A material, as far as it is of use.
+/// The used part of a material.
 #[derive(Default)]
 struct Material {
     colour: Option<Vec3>,
@@ -30,7 +30,7 @@ struct Material {
     is_transparent: bool,
 }
 
-/// The three numbers that a text begins with, if they make a colour.
+/// The three numbers at the start of a text, if they are a colour.
 pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
     let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let mut channel = || {
@@ -41,18 +41,18 @@ pub(super) fn colour(text: &[u8]) -> Option<Vec3> {
 }
 
 impl Mesh {
-    /// Gives each triangle the mean of the colours of its corners, which vertices have.
+    /// Gives each triangle the mean of the colours of its corners.
     pub(super) fn paint_by_vertices(&mut self, of_vertices: &[Vec3]) {
         let triangles = std::mem::take(&mut self.triangles);
         self.paint(triangles.iter().map(|triangle| {
             let [a, b, c] = triangle.map(|corner| of_vertices[corner as usize]);
-            // The mean of three that are the same may be another one, by its rounding.
+            // The mean of three equal colours may differ from them by rounding.
             if a == b && b == c { a } else { ((a + b + c) / 3.0).min(Vec3::MAX) }
         }));
         self.triangles = triangles;
     }
 
-    /// Notes what of its file is not read.
+    /// Notes the parts of its file that are not read.
     pub(super) fn note_unread(&mut self, unread: &[(&str, bool)]) {
         let unread: Vec<_> = unread.iter().filter(|(_, is_there)| *is_there).map(|(what, _)| *what).collect();
         if !unread.is_empty() {
@@ -62,7 +62,7 @@ impl Mesh {
 }
 
 impl Materials {
-    /// Takes a line, if it is of materials; `triangles` were there before it.
+    /// Takes a line about materials; `triangles` came before it.
     pub(super) fn line(&mut self, line: &[u8], triangles: usize) {
         let word = |word: &[u8]| {
             let name = line.strip_prefix(word)?;
@@ -75,7 +75,7 @@ impl Materials {
         }
     }
 
-    /// Gives a mesh that has no colours those of the materials, whose files are in this folder.
+    /// Gives a mesh without colours those of its materials, from files in this folder.
     pub(super) fn paint(&self, mesh: &mut Mesh, folder: &Path) {
         if self.uses.is_empty() {
             return;

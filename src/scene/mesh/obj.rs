@@ -1,4 +1,4 @@
-//! Wavefront OBJ, piece by piece: a line as nearly all are is read straight from its bytes, and any other one with care.
+//! Wavefront OBJ, piece by piece: a usual line is read straight from its bytes, and any other one with care.
 
 use std::io::Read;
 
@@ -12,10 +12,10 @@ use crate::kernels::sys::room;
 use crate::scene::number::{number, whole};
 use crate::scene::pieces::Pieces;
 
-/// Corners are numbers from 1, or from -1 backwards.
+/// Corners are numbers from 1, or backwards from -1.
 const CORNER: &str = "vertex numbers, as in 7, 7/1, 7/1/2 or 7//2";
 
-/// The mesh of a file of this length; nothing where that cannot be read.
+/// The mesh of a file of this length; None if that cannot be read.
 pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Materials), Fault>> {
     let mut pieces = Pieces::new(file, length);
     // "v 0 0 0" and "f 1 2 3" are the shortest lines.
@@ -41,47 +41,47 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<(Mesh, Mater
     }
 }
 
-/// What has been read of a file.
+/// What has been read of a file so far.
 #[derive(Default)]
 struct Obj {
-    /// Lines that were begun.
+    /// The number of lines begun.
     line: usize,
     points: Vec<Vec3>,
-    /// Its triangles are of `points`.
+    /// The mesh, with triangles of `points`.
     mesh: Mesh,
-    /// Colours of points; those that follow are white.
+    /// Colours of points; later points are white.
     tints: Vec<Vec3>,
     faces: usize,
     fans: Vec<Fan>,
     materials: Materials,
     normals: bool,
     textures: bool,
-    /// The corners of the face that is read.
+    /// The corners of the current face.
     corners: Vec<u32>,
     /// Whether some vertices have weights: then none has a colour.
     weighted: bool,
-    /// The first vertex that is nowhere, which matters if it is used, and its line.
+    /// The first vertex that is not finite, which matters if it is used, and its line.
     infinite: Option<(usize, usize)>,
-    /// Corners whose vertices had not been read then, but for those that cannot be the first that there are not.
+    /// Corners whose vertices had not been read yet, except those that cannot be the first missing one.
     early: Vec<Corner>,
     /// The first face of less than three corners, and the corners of all such faces.
     small: Option<Fault>,
     of_small: Vec<u32>,
 }
 
-/// A corner of a face, as it is told of.
+/// A corner of a face, for an error.
 struct Corner {
     line: usize,
     face: usize,
     corner: usize,
-    /// The number that the file gives.
+    /// The number in the file.
     index: i64,
     /// The vertex from 1, if there is one.
     vertex: i64,
 }
 
 impl Obj {
-    /// Takes lines, up to one that goes on in what is not at hand.
+    /// Takes lines, up to one that is not all at hand.
     fn lines(&mut self, rest: &mut &[u8], ended: bool) -> Result<(), Fault> {
         while !rest.is_empty() {
             let begun = *rest;
@@ -100,7 +100,7 @@ impl Obj {
         Ok(())
     }
 
-    /// Takes a line that is as nearly all are; if there is none, nothing has changed but the place.
+    /// Takes a usual line; if there is none, only the position has changed.
     #[inline]
     fn usual(&mut self, rest: &mut &[u8]) -> Option<()> {
         while let [b' ' | b'\t' | b'\r' | 0x0c, after @ ..] = *rest {
@@ -114,7 +114,7 @@ impl Obj {
                 let point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
                 let more = line(rest)?;
                 if !more.is_empty() {
-                    // One number is a weight.
+                    // A single number is a weight.
                     if more.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() == 1 {
                         return None;
                     }
@@ -169,7 +169,8 @@ impl Obj {
                 let mut coordinate = || number().and_then(Result::ok).ok_or_else(no_point);
                 let mut point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
                 let weight = number();
-                // Unicode parts words where ASCII does not: with two more it is a colour, which is not read then.
+                // Unicode separates words where ASCII does not: with two more words it is a colour, which is not read
+                // here.
                 let weight = match words.count() {
                     0 => weight.transpose().map_err(|_| no_point())?,
                     2 => None,
@@ -228,7 +229,7 @@ impl Obj {
         }
     }
 
-    /// Takes a line that is of no vertex and no face.
+    /// Takes a line that is neither a vertex nor a face.
     fn other(&mut self, line: &[u8]) {
         let line = line.trim_ascii_start();
         let blank = line.get(2).is_some_and(u8::is_ascii_whitespace);
@@ -237,7 +238,7 @@ impl Obj {
         self.materials.line(line, self.mesh.triangles.len());
     }
 
-    /// The mesh, when all lines have been read: its vertices are those that faces name, in the order in which they do.
+    /// The mesh, after all lines have been read: its vertices are those that faces name, in the order in which they do.
     fn mesh(self) -> Result<(Mesh, Materials), Fault> {
         let Obj { points, mut mesh, tints, .. } = self;
         let there_are = points.len() as i64;
@@ -282,8 +283,8 @@ impl Obj {
     }
 }
 
-/// Takes a line, or those that end in backslashes and the one after them, without what ends it, and how many these are; nothing
-/// if it goes on in what is not at hand.
+/// Takes a line, joined with the next one after a backslash, without its end, and the number of lines; None if it is
+/// not all at hand.
 fn joined(rest: &mut &[u8], ended: bool) -> Option<(Vec<u8>, usize)> {
     let mut joined = Vec::new();
     for count in 1.. {
@@ -305,7 +306,7 @@ fn joined(rest: &mut &[u8], ended: bool) -> Option<(Vec<u8>, usize)> {
     }
     None
 }
-/// Takes the next word of the line, which is all that `read` takes.
+/// The value that `read` makes of the next word of the line, if it takes all of it.
 fn word<'a, T>(rest: &mut &'a [u8], read: impl FnOnce(&'a [u8]) -> Option<(T, &'a [u8])>) -> Option<T> {
     let (value, after) = read(blanks(rest))?;
     *rest = after;
@@ -321,7 +322,7 @@ fn blanks(text: &[u8]) -> &[u8] {
     text
 }
 
-/// Takes what is left of the line; nothing if it goes on in the next one.
+/// Takes the rest of the line; None if it continues in the next one.
 fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if let [b'\n', after @ ..] = *rest {
         *rest = after;
@@ -332,12 +333,13 @@ fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     (!line.ends_with(b"\\")).then_some(line)
 }
 
-/// A corner of a face, as the place of its vertex from 0, and what follows it; nothing if it is not among these `vertices`.
+/// A corner of a face, as the index of its vertex from 0, and what follows it; None if it is not among these
+/// `vertices`.
 fn corner(text: &[u8], vertices: u32) -> Option<(u32, &[u8])> {
     let (back, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
     let (number, mut rest) = whole(text)?;
     let before = if back { vertices.checked_sub(number)? } else { number.wrapping_sub(1) };
-    // The numbers of a texture and a normal, which may be left out.
+    // The numbers of a texture and a normal are optional.
     for _ in 0..2 {
         if let [b'/', text @ ..] = rest {
             let number = text.strip_prefix(b"-").unwrap_or(text);
@@ -367,10 +369,10 @@ mod tests {
             "v 1 2 3 4 5\nf 1 2 5",
         ] {
             let source = format!("{VERTICES}{faces}\n");
-            // Lines that go on in the next one, which is empty.
+            // Lines that continue in the next one, which is empty.
             let [usual, any] = [&source, &source.replace('\n', " \\\n\n")]
                 .map(|source| Mesh::from_bytes(source.clone().into_bytes(), MeshFormat::Obj, "mesh").unwrap());
-            // Debug tells -0 from 0.
+            // Debug distinguishes -0 from 0.
             assert_eq!(format!("{usual:?}"), format!("{any:?}"), "{faces:?}");
         }
     }

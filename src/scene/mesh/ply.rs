@@ -1,4 +1,5 @@
-//! PLY, text and binary: ply-rs-bw reads header and elements; what the header claims is held against the file first.
+//! PLY, text and binary: ply-rs-bw reads header and elements, once the header's counts have been checked against the file.
+//! the file.
 
 use std::io::{BufRead, Read};
 
@@ -14,10 +15,10 @@ use super::read::{Fault, counted, not_finite};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
 
-/// What an element of triangle strips is called.
+/// The name of elements of triangle strips.
 const STRIPS: &str = "tristrips";
 
-/// The header, held to what is a mesh and to what the file, of this length, can hold; what follows it, and in which line.
+/// The header, checked to be that of a mesh and to fit a file of this length; what follows it, and the line of that.
 fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault> {
     if !source.starts_with(b"ply") {
         return Err(Fault::new("this is no PLY file").line(1).expected("the word ply in the first line"));
@@ -38,7 +39,7 @@ fn header(source: &[u8], length: usize) -> Result<(Header, &[u8], usize), Fault>
     Ok((header, payload, line))
 }
 
-/// The mesh of a file of this length; nothing where that cannot be read.
+/// The mesh of a file of this length; None if that cannot be read.
 pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
     let mut pieces = Pieces::new(file, length);
     pieces.fill(&[])?;
@@ -46,14 +47,14 @@ pub(super) fn read(file: impl Read, length: usize) -> Option<Result<Mesh, Fault>
         match header(pieces.rest(), length) {
             Ok((header, rest, line)) => break (header, rest.len(), line),
             Err(fault) if pieces.ended() => return Some(Err(fault)),
-            // Its end may be further on.
+            // Its end may come later.
             Err(_) => pieces.lengthen(&[])?,
         }
     };
     pieces.leave(left);
     let mut elements = Elements { pieces, encoding: header.encoding, line, text: String::new() };
     match elements.mesh(&header) {
-        // What cannot be read is not what is wrong.
+        // A read error is not an error of the content.
         Err(_) if elements.pieces.lengthen(&[]).is_none() => None,
         read => Some(read),
     }
@@ -72,13 +73,13 @@ impl<R: Read> Elements<R> {
         for element in header.elements.values() {
             let is_coloured = colour_of(element).is_some();
             if is_coloured {
-                // Those of an element before that has no colours.
+                // White for the triangles of a previous element without colours.
                 mesh.paint_to(mesh.triangles.len(), Vec3::ONE);
             }
             let usual = Usual::of(element, self.encoding);
             match element.name.as_str() {
                 "vertex" => {
-                    // With the one that faces have behind them.
+                    // With room for the padding that faces have after their vertices.
                     mesh.vertices = room(element.count + 1);
                     tints = room(if is_coloured { element.count } else { 0 });
                     while mesh.vertices.len() < element.count {
@@ -145,7 +146,7 @@ impl<R: Read> Elements<R> {
         Ok(painted(mesh.cut(&fans)?, header, &tints))
     }
 
-    /// Reads vertices, of which there are to be so many, up to one that is unusual or not all at hand.
+    /// Reads up to `count` vertices, stopping at one that is unusual or not all at hand.
     fn usual_vertices(&mut self, usual: &Usual<'_>, count: usize, points: &mut Vec<Vec3>, tints: &mut Vec<Vec3>) {
         let Some([x, y, z]) = usual.places(["x", "y", "z"]).filter(|_| !usual.corners) else { return };
         if [x, y, z].iter().any(|(_, of)| **of != ScalarType::Float) {
@@ -176,7 +177,7 @@ impl<R: Read> Elements<R> {
         }
     }
 
-    /// Reads faces, of which some have been read and there are to be so many, up to one that is unusual or not all at hand.
+    /// Reads faces up to `count`, some of which have been read, stopping at one that is unusual or not all at hand.
     fn usual_faces(
         &mut self,
         usual: &Usual<'_>,
@@ -185,7 +186,7 @@ impl<R: Read> Elements<R> {
         mesh: &mut Mesh,
         fans: &mut Vec<Fan>,
     ) {
-        // A negative index is beyond it, too.
+        // A negative index is out of range, too.
         let end = vertices.min(1 << 31) as u32;
         let index = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
         let mut corners = Vec::new();
@@ -228,10 +229,10 @@ impl<R: Read> Elements<R> {
     }
 }
 
-/// Where a number is among the bytes of its element, and of what type it is.
+/// The place of a number among the bytes of its element, and its type.
 type Place<'a> = (usize, &'a ScalarType);
 
-/// Elements as nearly all are, little-endian: numbers, of which before those of a face stand its corners.
+/// Elements of the usual kind, little-endian: numbers, after the corners if it is a face.
 struct Usual<'a> {
     corners: bool,
     numbers: Vec<(&'a str, Place<'a>)>,
@@ -241,7 +242,7 @@ struct Usual<'a> {
 }
 
 impl<'a> Usual<'a> {
-    /// Nothing where they are not.
+    /// None if they are not.
     fn of(element: &'a ElementDef, encoding: Encoding) -> Option<Self> {
         let mut usual = Usual { corners: false, numbers: Vec::new(), size: 0, colour: None };
         for (i, (name, property)) in element.properties.iter().enumerate() {
@@ -268,7 +269,7 @@ impl<'a> Usual<'a> {
     }
 }
 
-/// The first bytes, of an element that has as many.
+/// The first bytes of an element that has as many.
 fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
     *bytes.first_chunk().expect("the element has them")
 }
@@ -287,8 +288,8 @@ fn channels(bytes: &[u8], places: [Place<'_>; 3]) -> Vec3 {
 }
 
 impl Mesh {
-    /// Adds strips of triangles, between which stands -1: each corner makes one with the two before it, and every other one
-    /// is turned round. Those with a corner twice only lead the strip elsewhere.
+    /// Adds strips of triangles, separated by -1: each corner makes one with the two before it, and every other one is
+    /// reversed. Those with a repeated corner only lead the strip elsewhere.
     fn push_strips(&mut self, corners: &[i64], vertex: impl Fn(usize, i64) -> Result<u32, Fault>) -> Result<(), Fault> {
         let mut strip = Vec::new();
         for (corner, &index) in (1..).zip(corners) {
@@ -331,7 +332,7 @@ fn colour_of(element: &ElementDef) -> Option<[&str; 3]> {
     Some([red?, green?, blue?])
 }
 
-/// A channel of a colour: levels as shares of the highest one, and what no colour can have as the nearest that it can.
+/// A channel of a colour: levels as shares of the highest one, and impossible values as the nearest possible one.
 fn channel(property: &Property) -> f32 {
     let value = match *property {
         Property::UChar(level) => f32::from(level) / 255.0,
@@ -340,12 +341,12 @@ fn channel(property: &Property) -> f32 {
         Property::Double(value) => value as f32,
         _ => 0.0,
     };
-    // What is no number is none, too.
+    // A NaN is impossible, too.
     if value > 0.0 { value.min(f32::MAX) } else { 0.0 }
 }
 
-/// The mesh of a file, of which those faces are painted that have colours of their own: or else by its vertices, if these have
-/// `tints`; and noted what is not read.
+/// The mesh of a file, whose faces have their own colours, or else those of their vertices if there are `tints`; and
+/// notes on what was not read.
 fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
     if mesh.colours.is_empty() && !tints.is_empty() {
         mesh.paint_by_vertices(tints);
@@ -365,7 +366,7 @@ fn painted(mut mesh: Mesh, header: &Header, tints: &[Vec3]) -> Mesh {
     mesh
 }
 
-/// Holds the header to what is a mesh and to what the file can hold: `length` bytes follow it.
+/// Checks that the header is that of a mesh and that the `length` bytes after it can hold its elements.
 fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
     let begins = |word: &[u8]| text.split(|&byte| byte == b'\n').filter(|line| line.starts_with(word)).count();
     let properties: usize = header.elements.values().map(|element| element.properties.len()).sum();
@@ -376,7 +377,7 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
     for element in header.elements.values() {
         let ElementDef { name, count, properties } = element;
         let least: usize = match header.encoding {
-            // A line for each element, with a digit and what ends it for each property.
+            // A line for each element, with a digit and a separator for each property.
             Encoding::Ascii => (2 * properties.len()).max(1),
             _ => properties.values().map(|property| least_bytes(&property.data_type)).sum(),
         };
@@ -385,7 +386,7 @@ fn check(header: &Header, text: &[u8], length: usize) -> Result<(), Fault> {
                 Fault::new(format!("the header gives its {name} elements no properties")).expected("at least one")
             );
         }
-        // The last line may have no end.
+        // The last line may lack its end.
         let most = (length + 1).checked_div(least).unwrap_or(0);
         if *count > most {
             let message = format!("the header claims {count} {name} elements, and the file has no room for so many");
@@ -438,7 +439,7 @@ fn is_corners(property: &str) -> bool {
 struct Elements<R> {
     pieces: Pieces<R>,
     encoding: Encoding,
-    /// In text, the line that is read next.
+    /// In text, the number of the next line.
     line: usize,
     text: String,
 }
@@ -484,13 +485,13 @@ impl<R: Read> Elements<R> {
         Fault::new(message).expected(format!("{} of them, as its header says", element.count))
     }
 
-    /// With the line of the element that was read last, in text.
+    /// With the line of the last element, in text.
     fn at(&self, fault: Fault) -> Fault {
         if self.encoding == Encoding::Ascii { fault.line(self.line - 1) } else { fault }
     }
 }
 
-/// A vertex: of its properties x, y and z, and its colour.
+/// A vertex: x, y and z of its properties, and its colour.
 struct Point {
     at: Vec3,
     colour: Vec3,
@@ -513,7 +514,7 @@ impl PropertyAccess for Point {
     }
 }
 
-/// A face: of its properties the corners and the colour.
+/// A face: the corners and the colour of its properties.
 struct Face {
     corners: Vec<i64>,
     colour: Vec3,
@@ -545,7 +546,7 @@ impl PropertyAccess for Face {
     }
 }
 
-/// An element of no interest.
+/// An element that is skipped.
 struct Skipped;
 
 impl PropertyAccess for Skipped {

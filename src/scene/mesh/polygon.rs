@@ -1,10 +1,10 @@
-//! Faces of more than three corners: fans where they are convex, and cut ear by ear where they are not.
+//! Faces of more than three corners: fans if they are convex, and triangulated by ear clipping if not.
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::read::{Fault, counted};
 
-/// How many corners one of a face is held against at most, on average: enough for some two thousand corners.
+/// The most corners that one of a face is compared with, on average: enough for some two thousand corners.
 const PATIENCE: usize = 1000;
 
 /// A face that was read as a fan around its first corner, before all vertices were known.
@@ -13,11 +13,11 @@ pub(super) struct Fan {
     pub number: usize,
     /// The first of its triangles.
     pub first: usize,
-    /// How many corners it has: two more than triangles.
+    /// The number of its corners: two more than triangles.
     pub corners: usize,
 }
 
-/// Cuts the faces that are not convex anew, in place.
+/// Triangulates the faces that are not convex again, in place.
 pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -> Result<(), Fault> {
     for &Fan { number, first, corners } in fans {
         let fan = &mut triangles[first..first + corners - 2];
@@ -37,7 +37,7 @@ pub(super) fn cut(fans: &[Fan], vertices: &[Vec3], triangles: &mut [[u32; 3]]) -
     Ok(())
 }
 
-/// A face seen along its normal (Newell's: the sum over all its edges), counter-clockwise.
+/// A face projected along its normal (Newell's: the sum over all its edges), counter-clockwise.
 fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     let from_first = |corner: &DVec3| *corner - corners[0];
     let edges = corners.iter().zip(&corners[1..]);
@@ -57,7 +57,7 @@ fn flat(corners: Vec<DVec3>) -> Vec<DVec2> {
     corners.iter().map(seen).collect()
 }
 
-/// Whether there is no turn to the right but by the rounding of corners to f32.
+/// Whether there is no turn to the right beyond the rounding of corners to f32.
 fn is_convex(flat: &[DVec2]) -> bool {
     let rounding = flat.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max) * f64::from(f32::EPSILON);
     let count = flat.len();
@@ -72,8 +72,8 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - b)
 }
 
-/// Triangles of three corners in a row with no other corner in them, cut off one after the other; where there is none, as
-/// in an outline that crosses itself, of any three. Nothing where that takes too long.
+/// Clips ears one by one, triangles of three consecutive corners with no other corner in them; if there is none, as in
+/// an outline that crosses itself, of any three. None if that takes too long.
 fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut rest: Vec<usize> = (0..flat.len()).collect();
     let mut ears = Vec::with_capacity(flat.len() - 2);
@@ -92,7 +92,8 @@ fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
             ears.push(ear);
             rest.remove(at % count);
             refused = 0;
-            // The next corner has come into this place; the one after it keeps the triangles from being a fan of slivers.
+            // The next corner has come into this place; going on after it keeps the triangles from being a fan of
+            // slivers.
             at = (at + 1) % (count - 1);
         } else {
             refused += 1;

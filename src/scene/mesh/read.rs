@@ -1,4 +1,4 @@
-//! Mesh files read: what all formats share, from the file's name to faces of any number of corners.
+//! Reading mesh files: what all formats share, from the file's name to faces of any number of corners.
 
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
@@ -8,7 +8,7 @@ use super::polygon::{self, Fan};
 use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
 use crate::scene::open;
 
-/// What is wrong with a mesh, before it is known by which name its file goes.
+/// An error of a mesh, before the name of its file is known.
 #[derive(Debug)]
 pub(super) struct Fault {
     line: Option<usize>,
@@ -31,12 +31,11 @@ impl Fault {
 }
 
 impl Mesh {
-    /// Reads a mesh file of a format that its extension names.
+    /// Reads a mesh file in the format of its extension.
     ///
     /// # Errors
-    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Materials that cannot be read are no
-    /// error, but a note. Memory stays within a small
-    /// multiple of the file's length, whatever its header claims.
+    /// If it cannot be read or is damaged; [`MeshError`] names the file and the element. Unreadable materials are not
+    /// an error, but a note. Memory stays within a small multiple of the file's length, whatever its header claims.
     pub fn read(path: &Path) -> Result<Mesh, MeshError> {
         let fault = |Fault { line, message, expected }| MeshError { path: path.into(), line, message, expected };
         let format = MeshFormat::from_path(path).ok_or_else(|| {
@@ -61,7 +60,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Reads the content of a mesh file, without the materials of others; `name` is what errors call it.
+    /// Reads the content of a mesh file, without the materials in other files; errors call it `name`.
     ///
     /// # Errors
     /// As [`Mesh::read`].
@@ -70,7 +69,7 @@ impl Mesh {
         parse_all(&source, format).map(|(mesh, _)| mesh).map_err(fault)
     }
 
-    /// Adds the face of this number, of three corners or more, as a fan around its first.
+    /// Adds face `number`, of three corners or more, as a fan around its first.
     pub(super) fn push_face(&mut self, number: usize, corners: &[u32], fans: &mut Vec<Fan>) {
         if corners.len() > 3 {
             fans.push(Fan { number, first: self.triangles.len(), corners: corners.len() });
@@ -78,7 +77,7 @@ impl Mesh {
         self.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
     }
 
-    /// Cuts the fans that are no such thing anew, when all vertices are known.
+    /// Triangulates faces that are not convex, now that all vertices are known.
     pub(super) fn cut(mut self, fans: &[Fan]) -> Result<Mesh, Fault> {
         self.polygons = fans.len();
         polygon::cut(fans, &self.vertices, &mut self.triangles)?;
@@ -86,7 +85,7 @@ impl Mesh {
     }
 }
 
-/// The mesh of a file of this length, of which only a piece at a time is in memory; nothing where that cannot be read.
+/// The mesh of a file of this length, with only a piece at a time in memory; None if that cannot be read.
 fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(Mesh, Materials), Fault>> {
     if length == 0 {
         return Some(Err(Fault::new("the file is empty").expected(format!("a mesh in the format {format}"))));
@@ -105,7 +104,7 @@ fn parse_all(source: &[u8], format: MeshFormat) -> Result<(Mesh, Materials), Fau
     parse(source, source.len(), format).expect("memory can be read")
 }
 
-/// What is said of a vertex that is nowhere.
+/// The message for a vertex that is not finite.
 pub(super) fn not_finite(vertex: &str) -> Fault {
     Fault::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
 }

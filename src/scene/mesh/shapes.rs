@@ -1,4 +1,4 @@
-//! Meshes of any size, made by rule: an icosphere, smooth or bumpy, a torus, and a terrain. The same on every machine.
+//! Generated meshes of any size: an icosphere, smooth or bumpy, a torus, and a terrain. The same on every machine.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::Mesh;
 use crate::scene::Rng;
 
-/// The most triangles that a shape is made of.
+/// The most triangles of a shape.
 pub const MOST_TRIANGLES: u64 = 100_000_000;
 
 /// The sphere of radius 1 about the origin as an icosahedron whose faces are cut into f² triangles each: 20 f² of them,
@@ -20,8 +20,8 @@ pub fn icosphere(triangles: u64, bumps: f64, seed: u64) -> Mesh {
     let noise = Noise::new(seed);
     let corners = icosahedron();
     let mut mesh = Mesh::default();
-    // A point inside an edge or at a corner belongs to several faces, and is made once: it is known by its weights of
-    // the icosahedron's corners.
+    // A point inside an edge or at a corner belongs to several faces, and is made once: its weights of the
+    // icosahedron's corners identify it.
     let mut shared = HashMap::new();
     for face in FACES {
         let mut point = |weights: [u64; 3]| {
@@ -109,7 +109,7 @@ pub fn terrain(triangles: u64, seed: u64) -> Mesh {
     mesh
 }
 
-/// The number from 1 whose count of triangles is nearest to what is asked for; `count` grows.
+/// The n from 1 for which `count`, which grows, is nearest to `triangles`.
 fn nearest(triangles: u64, count: impl Fn(u64) -> u64) -> u64 {
     let triangles = triangles.min(MOST_TRIANGLES);
     let above = (1..).find(|&n| count(n) >= triangles).unwrap_or(1);

@@ -1,4 +1,4 @@
-//! STL, binary piece by piece, and text, of which stl_io reads the facets.
+//! STL: binary piece by piece, and text, whose facets stl_io reads.
 
 use std::io::{Cursor, ErrorKind, Read};
 
@@ -8,19 +8,20 @@ use super::Mesh;
 use super::read::{Fault, not_finite};
 use crate::kernels::sys::room;
 
-/// A binary file: this many bytes of anything, a count of 4 bytes, and the facets.
+/// A binary file: a title of this many bytes, a count of 4 bytes, and the facets.
 const TITLE: usize = 80;
 const FACET: usize = 50;
 
-/// Whether a file of so many bytes that begins like this is binary: its title may begin like a text does.
+/// Whether a file of so many bytes that begins like this is binary: its title may begin as a text does.
 fn is_binary(source: &[u8], length: usize) -> bool {
     let body = length.saturating_sub(TITLE + 4);
     let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
     fits || !source.starts_with(b"solid")
 }
 
-/// The vertices of facets, which share none in a file: a corner that is bit by bit one that was met lately becomes the same.
-/// Facets are nearly always written beside their neighbours, so that few are missed; nothing but memory is lost by one.
+/// The vertices of facets, which share none in a file: a corner equal bit by bit to a recent one becomes the same
+/// vertex. Facets are nearly always written beside their neighbours, so that few are missed, and a miss costs only
+/// memory.
 struct Corners {
     vertices: Vec<Vec3>,
     /// The last vertex of each hash.
@@ -30,16 +31,16 @@ struct Corners {
 impl Corners {
     const BITS: u32 = 15;
 
-    /// None so far, and where they are to be put.
+    /// No vertices yet, and the mesh that they are added to.
     fn new(room: Vec<Vec3>) -> Self {
         Corners { vertices: room, met: vec![u32::MAX; 1 << Self::BITS] }
     }
 
-    /// The number of this one's vertex.
+    /// The index of this corner's vertex.
     fn vertex(&mut self, corner: Vec3) -> u32 {
         let bits = |vertex: Vec3| vertex.to_array().map(f32::to_bits);
         let [x, y, z] = bits(corner);
-        // Odd numbers without a pattern: what differs anywhere differs in the upper bits.
+        // Odd numbers without a pattern: any difference changes the upper bits.
         let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ z.wrapping_mul(0xc2b2_ae3d);
         let met = &mut self.met[(mixed >> (u32::BITS - Self::BITS)) as usize];
         if self.vertices.get(*met as usize).is_none_or(|vertex| bits(*vertex) != [x, y, z]) {
@@ -55,8 +56,8 @@ fn claimed(source: &[u8]) -> Option<u32> {
     source.get(TITLE..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
 }
 
-/// Makes one solid of several: stl_io reads the first. The lines between them, at which one ends and the next begins, become
-/// blank.
+/// Merges several solids into one, since stl_io reads only the first: the lines between them, at which one ends and the
+/// next begins, become blank.
 fn join_solids(source: &mut [u8]) {
     let is = |line: &[u8], word: &[u8]| line.split(u8::is_ascii_whitespace).find(|word| !word.is_empty()) == Some(word);
     let (mut ended, mut at) = (None, 0);
@@ -75,7 +76,7 @@ fn join_solids(source: &mut [u8]) {
     }
 }
 
-/// The mesh of a file of this length; nothing where that cannot be read.
+/// The mesh of a file of this length; None if that cannot be read.
 pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Fault>> {
     let mut source = Vec::new();
     file.by_ref().take((TITLE + 4) as u64).read_to_end(&mut source).ok()?;
@@ -86,9 +87,9 @@ pub(super) fn read(mut file: impl Read, length: usize) -> Option<Result<Mesh, Fa
     Some(text(source))
 }
 
-/// What follows the head of a binary file.
+/// Reads the rest of a binary file after its head.
 fn binary(mut file: impl Read, head: &[u8], length: usize) -> Option<Result<Mesh, Fault>> {
-    /// Facets of a piece, which stays in a core's caches.
+    /// The facets of a piece, which stays in a core's caches.
     const TOGETHER: usize = 2048;
     let body = length.saturating_sub(TITLE + 4);
     let Some(claimed) = claimed(head) else {
@@ -128,7 +129,7 @@ fn nowhere(facet: usize, corner: usize) -> Fault {
 fn text(mut source: Vec<u8>) -> Result<Mesh, Fault> {
     join_solids(&mut source);
     if source.get(5).is_none_or(|&after| after != b' ') {
-        // A solid without a name; stl_io looks for the space before it.
+        // A solid without a name; stl_io expects the space before it.
         source.insert(5, b' ');
     }
     let (mut vertices, mut triangles) = (Corners::new(Vec::new()), Vec::new());

@@ -1,4 +1,4 @@
-//! Mesh files written.
+//! Writing mesh files.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -10,11 +10,11 @@ use super::{Mesh, MeshFormat};
 use crate::kernels::ColourRun;
 
 impl Mesh {
-    /// Writes the mesh in a format, to the last bit of its numbers: in PLY with a colour for each face, in OBJ for each vertex, in
-    /// STL without.
+    /// Writes the mesh in a format, exact to the last bit: in PLY with a colour for each face, in OBJ for each vertex,
+    /// in STL without.
     ///
     /// # Errors
-    /// If `out` does not take it.
+    /// If writing to `out` fails.
     pub fn write(&self, format: MeshFormat, out: &mut impl Write) -> io::Result<()> {
         match format {
             MeshFormat::Obj => self.write_obj(out),
@@ -38,7 +38,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// The colours are behind the vertices, of which each has one: what several triangles of different colours share becomes
+    /// Colours follow the vertices, of which each has one: a vertex that triangles of different colours share becomes
     /// several.
     fn write_coloured_obj(&self, out: &mut impl Write) -> io::Result<()> {
         let mut known = HashMap::new();
@@ -58,7 +58,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// By hand: ply-rs-bw would have it as a map of named properties for each vertex.
+    /// By hand: ply-rs-bw would need a map of named properties for each vertex.
     fn write_ply(&self, out: &mut impl Write) -> io::Result<()> {
         write!(
             out,
@@ -68,7 +68,7 @@ impl Mesh {
             self.vertices.len(),
             self.triangles.len()
         )?;
-        // Levels as other programs expect them, where nothing is lost by that.
+        // Levels as other programs expect them, if that loses nothing.
         let levels = |colour: Vec3| colour.to_array().map(|channel| (channel * 255.0).round() as u8);
         let in_levels =
             |(_, colour): &ColourRun| levels(*colour).map(|level| f32::from(level) / 255.0) == colour.to_array();
