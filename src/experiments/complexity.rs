@@ -12,7 +12,7 @@ use super::speedup;
 use crate::kernels::Vec4;
 use crate::measure::Name;
 use crate::measure::statistics::{Line, fit_line, median, minimum};
-use crate::measure::{Clock, Machine};
+use crate::measure::{Clock, Machine, Runs};
 use crate::plan::Keep;
 use crate::render::{Engine, FilmMut, PixelFormat, Purpose};
 use crate::scene::mesh::shapes;
@@ -78,12 +78,12 @@ impl Settings {
         if self.quick { QUICK_SIZE } else { SIZE }
     }
 
-    fn sizes(&self) -> impl Iterator<Item = (u32, u32)> {
+    fn sizes(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
         let most = if self.quick { QUICK_PIXELS } else { u64::MAX };
         SIZES.into_iter().filter(move |(width, height)| u64::from(*width) * u64::from(*height) <= most)
     }
 
-    fn objects(&self) -> impl Iterator<Item = u64> {
+    fn objects(&self) -> impl Iterator<Item = u64> + use<> {
         let most = if self.quick { QUICK_OBJECTS } else { u64::MAX };
         OBJECTS.into_iter().filter(move |count| *count <= most)
     }
@@ -260,78 +260,105 @@ fn clear(film: FilmMut<'_>) {
     }
 }
 
-/// Who traces or fills.
-#[derive(Clone, Copy, PartialEq)]
+/// Who traces, or fills.
+#[derive(Clone, Copy)]
 enum Who {
     Engine(Engine, Keep),
     Zeros,
 }
 
-/// What is measured in turn.
-struct Picture<'a> {
+/// How many lines [`measure`] has: an axis of a scene and an output is one, so that one clock times what slopes go through.
+pub const LINES: usize = OUTPUTS.len() + SCENES.len() + 1;
+
+/// Pictures of which one has more of something than the one before.
+struct Pictures {
     axis: Axis,
     name: &'static str,
-    count: u64,
-    scene: &'a Scene,
     output: PixelFormat,
-    /// Whether the set-up is part of the time.
-    setup: bool,
+    /// From the least to the greatest; a scene is made when its turn comes.
+    scenes: Box<dyn Iterator<Item = Scene>>,
 }
 
-impl Picture<'_> {
-    /// Each of `who` in turn, so many times. None where `proceed` says no.
+impl Pictures {
+    fn new(settings: &Settings, line: usize) -> Self {
+        let (width, height) = settings.size();
+        let camera = in_size(&speedup::scene(), width, height).camera;
+        let output = PixelFormat::Rgb8;
+        if let Some(output) = OUTPUTS.get(line).copied() {
+            let scenes = Box::new(settings.sizes().map(|(width, height)| in_size(&speedup::scene(), width, height)));
+            Pictures { axis: Axis::Pixels, name: "sphere", output, scenes }
+        } else if let Some((name, make)) = SCENES.get(line - OUTPUTS.len()).copied() {
+            let scenes = Box::new(settings.objects().map(move |count| make(count, camera)));
+            Pictures { axis: Axis::Objects, name, output, scenes }
+        } else {
+            let scenes = Box::new(LIGHTS.into_iter().map(move |count| lit(count, camera)));
+            Pictures { axis: Axis::Lights, name: "sphere", output, scenes }
+        }
+    }
+
+    fn count(&self, scene: &Scene) -> u64 {
+        match self.axis {
+            Axis::Pixels => scene.camera.pixels(),
+            Axis::Objects => (scene.spheres.len() + scene.triangle_count()) as u64,
+            Axis::Lights => scene.lights.len() as u64,
+        }
+    }
+
+    fn who(&self, engines: &[Engine], count: u64) -> Vec<Who> {
+        let plans = |engines: &[Engine]| engines.iter().map(|engine| Who::Engine(*engine, Keep::NOTHING)).collect();
+        let fastest = engines.last().map(std::slice::from_ref).unwrap_or_default();
+        let by_force = fastest.iter().map(|engine| Who::Engine(*engine, Keep::all()));
+        match self.axis {
+            Axis::Pixels => [plans(engines), vec![Who::Zeros]].concat(),
+            Axis::Objects if count <= MOST_BY_FORCE => [plans(fastest), by_force.collect()].concat(),
+            Axis::Objects => plans(fastest),
+            Axis::Lights => plans(engines),
+        }
+    }
+
+    /// Each of `who` in a scene, so many times in turn; all but along the axis of pixels with the set-up. None where
+    /// `proceed` says no.
     fn measure(
         &self,
-        who: &[Who],
-        runs: usize,
+        (scene, count): (&Scene, u64),
+        (who, runs): (&[Who], usize),
         clock: &mut dyn Clock,
-        proceed: &mut Progress<'_>,
+        proceed: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Growth>>, LabError> {
-        let Picture { scene, output, .. } = *self;
-        let camera = scene.camera;
+        let (camera, output) = (scene.camera, self.output);
         let mut cases = Vec::new();
         for who in who {
-            match *who {
-                Who::Zeros => cases.push(Case::new(camera, output, |_, film| clear(film))),
-                Who::Engine(engine, keep) => {
-                    let purpose = Purpose { format: Some(output), keep, ..Purpose::default() };
-                    if self.setup {
-                        cases.push(Case::of(Timed::Both, scene, engine, purpose, output)?);
-                        cases.push(Case::of(Timed::SetUp, scene, engine, purpose, output)?);
-                    } else {
-                        cases.push(Case::of(Timed::Tracing, scene, engine, purpose, output)?);
-                    }
-                }
+            let Who::Engine(engine, keep) = *who else {
+                cases.push(Case::new(camera, output, |_, film| clear(film)));
+                continue;
+            };
+            let purpose = Purpose { format: Some(output), keep, ..Purpose::default() };
+            let timed: &[Timed] =
+                if self.axis == Axis::Pixels { &[Timed::Tracing] } else { &[Timed::Both, Timed::SetUp] };
+            for timed in timed {
+                cases.push(Case::of(*timed, scene, engine, purpose, output)?);
             }
         }
-        let measured = Bench::default().time(clock, &cases, 0..runs, &mut || proceed(0))?;
-        let Some(measured) = measured else { return Ok(None) };
-        let mut measured = measured.into_iter();
-        let rows = who.iter().map(|who| {
-            let samples = measured.next().expect("each has runs").ticks;
-            let setup = (self.setup && *who != Who::Zeros).then(|| measured.next().expect("so has its set-up"));
-            Growth {
-                axis: self.axis,
-                scene: self.name.into(),
-                count: self.count,
-                width: camera.width(),
-                height: camera.height(),
-                engine: if let Who::Engine(engine, _) = who { engine.name().into() } else { ZEROS.into() },
-                output: output.name().into(),
-                keep_all: matches!(who, Who::Engine(_, keep) if *keep != Keep::NOTHING),
-                cpu: None,
-                setup_cycles: setup.map(|setup| median(&setup.ticks)),
-                cycles_median: median(&samples),
-                cycles_min: minimum(&samples),
-                samples,
-            }
-        });
-        Ok(Some(rows.collect()))
+        let measured = Bench::default().time(clock, &cases, 0..runs, proceed)?;
+        let row = |(who, runs): (&Who, &[Runs])| Growth {
+            axis: self.axis,
+            scene: self.name.into(),
+            count,
+            width: camera.width(),
+            height: camera.height(),
+            engine: if let Who::Engine(engine, _) = who { engine.name() } else { ZEROS }.into(),
+            output: output.name().into(),
+            keep_all: matches!(who, Who::Engine(_, keep) if *keep != Keep::NOTHING),
+            cpu: None,
+            setup_cycles: runs.get(1).map(|setup| median(&setup.ticks)),
+            cycles_median: median(&runs[0].ticks),
+            cycles_min: minimum(&runs[0].ticks),
+            samples: runs[0].ticks.clone(),
+        };
+        let rows = measured.map(|runs| who.iter().zip(runs.chunks(runs.len() / who.len())).map(row).collect());
+        Ok(rows)
     }
 }
-
-/// How many [`measure`] has: an axis of a scene and an output is one, so that one clock times what slopes go through.
-pub const LINES: usize = OUTPUTS.len() + SCENES.len() + 1;
 
 /// What was measured along a line.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -353,55 +380,19 @@ pub fn measure(
     proceed: &mut Progress<'_>,
 ) -> Result<Measured, LabError> {
     let mut found = Measured::default();
-    let mut measure = |picture: &Picture<'_>, who: &[Who], proceed: &mut Progress<'_>| -> Result<bool, LabError> {
-        let rows = picture.measure(who, settings.runs, clock, proceed)?;
-        let whole = rows.is_some();
-        found.rows.extend(rows.unwrap_or_default());
-        Ok(whole && proceed(1))
-    };
-    let all = |engines: &[Engine]| engines.iter().map(|engine| Who::Engine(*engine, Keep::NOTHING)).collect::<Vec<_>>();
-    let (width, height) = settings.size();
-    let camera = in_size(&speedup::scene(), width, height).camera;
-    if let Some(output) = OUTPUTS.get(line).copied() {
-        let mut who = all(&settings.engines);
-        who.push(Who::Zeros);
-        for (width, height) in settings.sizes() {
-            let scene = in_size(&speedup::scene(), width, height);
-            let count = scene.camera.pixels();
-            let picture = Picture { axis: Axis::Pixels, name: "sphere", count, scene: &scene, output, setup: false };
-            if !measure(&picture, &who, proceed)? {
-                return Ok(found);
-            }
+    let mut pictures = Pictures::new(settings, line);
+    let mut before = 0;
+    while let Some(scene) = pictures.scenes.next() {
+        let count = pictures.count(&scene);
+        // A mesh has as many triangles as its shape admits.
+        if std::mem::replace(&mut before, count) != count {
+            let who = pictures.who(&settings.engines, count);
+            let rows = pictures.measure((&scene, count), (&who, settings.runs), clock, &mut || proceed(0))?;
+            let Some(rows) = rows else { return Ok(found) };
+            found.rows.extend(rows);
         }
-    } else if let Some((name, make)) = SCENES.get(line - OUTPUTS.len()).copied() {
-        let fastest = settings.engines.last().map(std::slice::from_ref).unwrap_or_default();
-        let mut before = 0;
-        for wanted in settings.objects() {
-            let scene = make(wanted, camera);
-            // A mesh has as many triangles as its shape admits.
-            let count = (scene.spheres.len() + scene.triangle_count()) as u64;
-            if std::mem::replace(&mut before, count) == count {
-                proceed(1);
-                continue;
-            }
-            let picture =
-                Picture { axis: Axis::Objects, name, count, scene: &scene, output: PixelFormat::Rgb8, setup: true };
-            let mut who = all(fastest);
-            if count <= MOST_BY_FORCE {
-                who.extend(fastest.iter().map(|engine| Who::Engine(*engine, Keep::all())));
-            }
-            if !measure(&picture, &who, proceed)? {
-                return Ok(found);
-            }
-        }
-    } else {
-        for count in LIGHTS {
-            let scene = lit(count, camera);
-            let (axis, output) = (Axis::Lights, PixelFormat::Rgb8);
-            let picture = Picture { axis, name: "sphere", count, scene: &scene, output, setup: true };
-            if !measure(&picture, &all(&settings.engines), proceed)? {
-                return Ok(found);
-            }
+        if !proceed(1) {
+            return Ok(found);
         }
     }
     found.complete = true;

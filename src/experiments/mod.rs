@@ -1,7 +1,4 @@
 //! The experiments: each returns rows.
-//!
-//! They are the program's: no part of what the library promises.
-#![doc(hidden)]
 
 pub(crate) mod ablation;
 pub mod accuracy;

@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::accuracy::AccuracyReport;
 use super::complexity::Complexity;
@@ -55,19 +54,8 @@ impl Stage {
     ];
 
     /// Its name in the document.
-    pub fn name(self) -> &'static str {
-        match self {
-            Stage::Experiment => "experiment",
-            Stage::Ops => "ops",
-            Stage::Roofline => "roofline",
-            Stage::Accuracy => "accuracy",
-            Stage::Stability => "stability",
-            Stage::Complexity => "complexity",
-            Stage::Threads => "threads",
-            Stage::Plans => "plans",
-            Stage::Gallery => "gallery",
-            Stage::Ray => "ray",
-        }
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
     }
 }
 
@@ -85,34 +73,24 @@ pub struct Results {
     #[serde(default)]
     pub seconds: BTreeMap<String, f64>,
     /// C against SIMD, and the ladder.
-    #[serde(default)]
     pub experiment: Option<Experiment>,
     /// Instructions of each operation.
-    #[serde(default)]
     pub ops: Option<ops::Report>,
     /// Arithmetic and stores at their peak.
-    #[serde(default)]
     pub roofline: Option<Roofline>,
     /// Error against run time.
-    #[serde(default)]
     pub accuracy: Option<AccuracyReport>,
     /// Stiff and extreme scenes.
-    #[serde(default)]
     pub stability: Option<StabilityReport>,
     /// Growth in pixels, objects and lights.
-    #[serde(default)]
     pub complexity: Option<Complexity>,
     /// Growth in threads.
-    #[serde(default)]
     pub threads: Option<Vec<OnThreads>>,
     /// What is left out of scenes.
-    #[serde(default)]
     pub plans: Option<Vec<Planned>>,
     /// Scenes by every engine.
-    #[serde(default)]
     pub gallery: Option<Vec<Shown>>,
     /// One ray, as `rayo step` tells it.
-    #[serde(default)]
     pub ray: Option<Told>,
 }
 
@@ -234,43 +212,28 @@ impl Results {
 
     /// One document.
     fn of(text: &str, path: &Path) -> Result<Self, ReadError> {
-        let json = |error| ReadError::Json { path: path.into(), error };
-        let document: Value = serde_json::from_str(text).map_err(json)?;
+        let no_document = |error| ReadError::Json { path: path.into(), error };
+        let document: Value = serde_json::from_str(text).map_err(no_document)?;
         let schema = &document["schema"];
         if schema.as_u64() != Some(SCHEMA) {
             let found = if schema.is_null() { "no number".to_owned() } else { schema.to_string() };
             return Err(ReadError::Schema { path: path.into(), found });
         }
-        // Each has something that no other has.
-        let has = |name: &str| document.get(name).is_some();
-        let (verdicts, cells, fronts, slopes) = (has("verdicts"), has("cells"), has("off_every_front"), has("slopes"));
-        fn typed<T: DeserializeOwned>(document: Value) -> serde_json::Result<T> {
-            serde_json::from_value(document)
-        }
-        let mut results = Results::default();
-        match () {
-            () if verdicts => {
-                let document: Experiment = typed(document).map_err(json)?;
-                results.machine = document.machine.clone();
-                results.experiment = Some(document);
+        // The document of one part has something that no other has.
+        let parts = [
+            ("verdicts", "experiment"),
+            ("cells", "stability"),
+            ("off_every_front", "accuracy"),
+            ("slopes", "complexity"),
+        ];
+        let part = parts.into_iter().find(|(field, _)| document.get(field).is_some());
+        let whole = match part {
+            Some((_, part)) => {
+                json!({ "machine": document["machine"], "quick": document["quick"] == true, part: document })
             }
-            () if cells => {
-                let document: StabilityReport = typed(document).map_err(json)?;
-                (results.machine, results.quick) = (document.machine.clone(), document.quick);
-                results.stability = Some(document);
-            }
-            () if fronts => {
-                let document: AccuracyReport = typed(document).map_err(json)?;
-                (results.machine, results.quick) = (document.machine.clone(), document.quick);
-                results.accuracy = Some(document);
-            }
-            () if slopes => {
-                let document: Complexity = typed(document).map_err(json)?;
-                results.machine = document.machine.clone();
-                results.complexity = Some(document);
-            }
-            () => results = typed(document).map_err(json)?,
-        }
+            None => document,
+        };
+        let results: Results = serde_json::from_value(whole).map_err(no_document)?;
         if let Some(what) = results.experiment.as_ref().and_then(Experiment::gap) {
             return Err(ReadError::Gap { path: path.into(), what });
         }
@@ -298,7 +261,7 @@ impl Results {
     }
 
     /// What is there of it that was ended before its end.
-    pub fn cut_short(&self) -> Vec<&'static str> {
+    pub fn cut_short(&self) -> Vec<String> {
         let parts = [
             (Stage::Experiment, self.experiment.as_ref().map(|part| part.conditions.complete)),
             (Stage::Accuracy, self.accuracy.as_ref().map(|part| part.complete)),

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use plotters::coord::Shift;
-use plotters::coord::combinators::LogCoord;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::drawing::DrawingAreaErrorKind;
 use plotters::prelude::*;
@@ -108,7 +107,7 @@ pub(super) fn mark(
     mark: Mark,
     (x, y): (i32, i32),
     size: i32,
-    colour: RGBColor,
+    colour: impl Color,
 ) -> Result<(), PlotError> {
     let thick = colour.stroke_width(2);
     Ok(match mark {
@@ -175,23 +174,23 @@ pub(super) fn down(area: &Area<'_>, x: i32, bottom: i32, value: f64, strength: f
 }
 
 /// Where the names of marks go: beside them, and neither on one another nor on a mark.
-pub(super) struct Names {
+struct Names {
     within: [i32; 4],
     taken: Vec<[i32; 4]>,
 }
 
 impl Names {
     /// Letters of names.
-    pub(super) const SIZE: i32 = SMALL - 2;
+    const SIZE: i32 = SMALL - 2;
 
     /// Among marks at these places, in so many pixels across and down.
-    pub(super) fn among(marks: impl Iterator<Item = (i32, i32)>, (x, y): (Range<i32>, Range<i32>)) -> Self {
+    fn among(marks: impl Iterator<Item = (i32, i32)>, (x, y): (Range<i32>, Range<i32>)) -> Self {
         let taken = marks.map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]).collect();
         Names { within: [x.start, y.start, x.end, y.end], taken }
     }
 
     /// How far from its mark a name begins, to the right and down; None where there is no room for it.
-    pub(super) fn place(&mut self, name: &str, (x, y): (i32, i32)) -> Option<(i32, i32)> {
+    fn place(&mut self, name: &str, (x, y): (i32, i32)) -> Option<(i32, i32)> {
         let (wide, high) = (text_width(name, Self::SIZE), Self::SIZE);
         let [left, top, right, bottom] = self.within;
         let beside = |far: i32| {
@@ -241,7 +240,7 @@ where
 
 /// What a logarithmic axis of what `of` says can show. One that is empty or endless, as of figures that nobody has measured, would
 /// take for ever.
-pub(super) fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotError> {
+fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotError> {
     if range.start > 0.0 && range.start < range.end && range.end / range.start < 1e30 {
         Ok(range)
     } else {
@@ -249,19 +248,75 @@ pub(super) fn on_axis(range: Range<f64>, of: &str) -> Result<Range<f64>, PlotErr
     }
 }
 
-/// A chart on two logarithmic axes, with what each is of.
-pub(super) fn log_chart<'a, 'b>(
-    area: &'a Area<'b>,
-    x: (Range<f64>, &str),
-    y: (Range<f64>, &str),
-) -> Result<Chart<'a, 'b, LogCoord<f64>, LogCoord<f64>>, PlotError> {
-    let mut chart = ChartBuilder::on(area)
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
-        .build_cartesian_2d(on_axis(x.0, x.1)?.log_scale(), on_axis(y.0, y.1)?.log_scale())?;
-    axes(&mut chart, x.1, y.1)?;
-    Ok(chart)
+/// Points of one kind, joined by a line where that has a width, and each with a mark of that size.
+pub(super) struct Series {
+    pub points: Vec<(f64, f64)>,
+    pub colour: RGBAColor,
+    pub width: u32,
+    pub mark: Option<(Mark, i32)>,
+}
+
+impl Series {
+    pub(super) fn line(points: impl IntoIterator<Item = (f64, f64)>, colour: impl Color, width: u32) -> Self {
+        Series { points: points.into_iter().collect(), colour: colour.to_rgba(), width, mark: None }
+    }
+}
+
+/// Series on two logarithmic axes, of which each says what it is of.
+pub(super) struct LogChart<'a> {
+    pub x: (Range<f64>, &'a str),
+    pub y: (Range<f64>, &'a str),
+    /// Drawn one after the other.
+    pub series: Vec<Series>,
+    /// Names of points, where there is room for them among the marks.
+    pub names: Vec<(String, (f64, f64))>,
+}
+
+impl LogChart<'_> {
+    /// Draws it, with so many pixels around it, below it and at its left.
+    pub(super) fn draw(self, area: &Area<'_>, [margin, below, left]: [i32; 3]) -> Result<(), PlotError> {
+        let LogChart { x, y, series, names } = self;
+        let mut chart = ChartBuilder::on(area)
+            .margin(margin)
+            .x_label_area_size(below)
+            .y_label_area_size(left)
+            .build_cartesian_2d(on_axis(x.0, x.1)?.log_scale(), on_axis(y.0, y.1)?.log_scale())?;
+        axes(&mut chart, x.1, y.1)?;
+        let (mut marked, (left, top)) = (Vec::new(), area.get_base_pixel());
+        for Series { points, colour, width, mark: shape } in series {
+            if width > 0 {
+                chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(width)))?;
+            }
+            let Some((shape, size)) = shape else { continue };
+            for at in points {
+                let (x, y) = chart.backend_coord(&at);
+                mark(area, shape, (x - left, y - top), size, colour)?;
+                marked.push((x, y));
+            }
+        }
+        let mut free = Names::among(marked.into_iter(), chart.plotting_area().get_pixel_range());
+        for (name, at) in names {
+            if let Some(offset) = free.place(&name, chart.backend_coord(&at)) {
+                chart.draw_series([EmptyElement::at(at) + Text::new(name, offset, (FONT, Names::SIZE))])?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The margins of a chart that is a figure by itself.
+pub(super) const ALONE: [i32; 3] = [12, 44, 64];
+
+/// Whose marks are whose: each engine once, in the order of their first.
+pub(super) fn engines<'a>(mark: Mark, engines: impl Iterator<Item = &'a str>) -> Vec<Entry> {
+    let mut entries = Vec::new();
+    for engine in engines {
+        let entry = (mark, colour_of(engine), engine.to_owned());
+        if !entries.contains(&entry) {
+            entries.push(entry);
+        }
+    }
+    entries
 }
 
 /// A number at an axis: 0.25, 1000, 10⁶.

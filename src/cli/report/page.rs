@@ -152,14 +152,14 @@ fn section<T>(
 
 /// Why a part is not there.
 fn absent(results: &Results, stage: Stage) -> Markup {
-    let reason = results.missing.get(stage.name()).map_or("not among these results", String::as_str);
+    let reason = results.missing.get(&stage.name()).map_or("not among these results", String::as_str);
     html! { p.absent { "Not measured: " (words(reason)) "." } }
 }
 
 /// What of a part is not there, where some is.
 fn partly(results: &Results, stage: Stage) -> Markup {
     html! {
-        @if let Some(reason) = results.missing.get(stage.name()) { p.absent { "Not all of it: " (words(reason)) "." } }
+        @if let Some(reason) = results.missing.get(&stage.name()) { p.absent { "Not all of it: " (words(reason)) "." } }
     }
 }
 

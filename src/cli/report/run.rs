@@ -94,17 +94,17 @@ pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     let mut results = Results { machine: prepared.machine.clone(), quick, ..Results::default() };
     for stage in Stage::ALL {
         if stop.load(Ordering::Relaxed) {
-            results.missing.insert(stage.name().into(), "stopped before".into());
+            results.missing.insert(stage.name(), "stopped before".into());
             continue;
         }
         course.begin(stage, quick);
         let begun = Instant::now();
         match measure(stage, quick, &mut prepared, &mut course, &mut results) {
             Ok(true) => {}
-            Ok(false) => drop(results.missing.insert(stage.name().into(), "stopped before its end".into())),
-            Err(failure) => drop(results.missing.insert(stage.name().into(), failure.message)),
+            Ok(false) => drop(results.missing.insert(stage.name(), "stopped before its end".into())),
+            Err(failure) => drop(results.missing.insert(stage.name(), failure.message)),
         }
-        results.seconds.insert(stage.name().into(), begun.elapsed().as_secs_f64());
+        results.seconds.insert(stage.name(), begun.elapsed().as_secs_f64());
     }
     course.bar.finish_and_clear();
     *stopped = stop.load(Ordering::Relaxed);

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use super::Accuracy;
 use super::front::{Point, front};
 use crate::experiments::svg::{
-    Area, Entry, GREY, Mark, PlotError, Screen, around, axes, colour_of, draw, head, on_axis,
+    Area, Entry, GREY, LogChart, Mark, PlotError, Screen, Series, around, colour_of, draw, engines, head,
 };
 
 const COLUMNS: usize = 3;
@@ -17,6 +17,9 @@ const HEAD: i32 = 64;
 const FLOOR: f64 = 1e-9;
 /// Errors above this too: bright light, or a picture of NaN.
 const CEILING: f64 = 1.0;
+
+/// What mark an engine has in each of its precisions.
+const PRECISIONS: [(Mark, &str); 3] = [(Mark::Dot, "single"), (Mark::Triangle, "fast"), (Mark::Square, "double")];
 
 fn point(row: &Accuracy) -> (f64, f64) {
     (row.ns_per_ray, row.error.clamp(FLOOR, CEILING))
@@ -79,26 +82,13 @@ fn times<'a>(rows: impl Iterator<Item = &'a Accuracy>) -> std::ops::Range<f64> {
 
 /// What the colours and marks stand for.
 fn entries<'a>(rows: impl Iterator<Item = &'a Accuracy>) -> Vec<Entry> {
-    let mut entries: Vec<Entry> = Vec::new();
-    for row in rows {
-        if !entries.iter().any(|(_, _, name)| *name == row.who.engine) {
-            entries.push((Mark::Line, colour_of(&row.who.engine), row.who.engine.to_string()));
-        }
-    }
-    let precisions = [(Mark::Dot, "single"), (Mark::Triangle, "fast"), (Mark::Square, "double")];
-    entries.extend(precisions.map(|(mark, name)| (mark, GREY, name.to_owned())));
+    let mut entries = engines(Mark::Line, rows.map(|row| &*row.who.engine));
+    entries.extend(PRECISIONS.map(|(mark, name)| (mark, GREY, name.to_owned())));
     entries.push((Mark::Line, GREY, "wide: the front, which nothing beats in both, of the stiffest".into()));
     entries
 }
 
 fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result<(), PlotError> {
-    let mut chart = ChartBuilder::on(area)
-        .margin(8)
-        .x_label_area_size(36)
-        .y_label_area_size(56)
-        .build_cartesian_2d(on_axis(x, "ns a ray")?.log_scale(), (FLOOR / 3.0..3.0 * CEILING).log_scale())?;
-    axes(&mut chart, "ns a ray", "error; 10⁻⁹ is 0")?;
-
     // The front of the stiffest of these scenes.
     let last = rows.last().map(|row| row.scene.as_str());
     let stiffest: Vec<&&Accuracy> = rows.iter().filter(|row| Some(row.scene.as_str()) == last).collect();
@@ -111,7 +101,7 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
         let before = steps.last().map_or(3.0 * CEILING, |(_, y)| *y);
         steps.extend([(x, before), (x, y)]);
     }
-    chart.draw_series(LineSeries::new(steps, BLACK.mix(0.2).stroke_width(5)))?;
+    let mut series = vec![Series::line(steps, BLACK.mix(0.2), 5)];
 
     let mut drawn: Vec<(&str, &str)> = Vec::new();
     for row in rows {
@@ -120,23 +110,18 @@ fn panel(area: &Area<'_>, rows: &[&Accuracy], x: std::ops::Range<f64>) -> Result
             continue;
         }
         drawn.push(key);
-        let of: Vec<_> = rows.iter().filter(|other| (&*other.who.engine, &*other.who.precision) == key).collect();
+        let of = || rows.iter().filter(|other| (&*other.who.engine, &*other.who.precision) == key);
         let colour = colour_of(&row.who.engine);
-        chart.draw_series(LineSeries::new(of.iter().map(|row| point(row)), colour.mix(0.6).stroke_width(1)))?;
-        // A mark by its precision, larger the stiffer.
-        let marks = of.iter().map(|row| (point(row), 3 + row.stiffness.unwrap_or(1) as i32));
-        match &*row.who.precision {
-            "single" => chart.draw_series(marks.map(|(at, size)| Circle::new(at, size, colour.filled()))).map(drop),
-            "fast" => {
-                chart.draw_series(marks.map(|(at, size)| TriangleMarker::new(at, size + 1, colour.filled()))).map(drop)
-            }
-            _ => chart
-                .draw_series(marks.map(|(at, size)| {
-                    let corners = [(-size, -size), (size, -size), (size, size), (-size, size), (-size, -size)];
-                    EmptyElement::at(at) + PathElement::new(corners, colour.stroke_width(2))
-                }))
-                .map(drop),
-        }?;
+        series.push(Series::line(of().map(|row| point(row)), colour.mix(0.6), 1));
+        let mark = PRECISIONS.iter().find(|(_, precision)| *precision == row.who.precision).map(|(mark, _)| *mark);
+        // Larger the stiffer.
+        let size = |row: &Accuracy| 3 + row.stiffness.unwrap_or(1) as i32;
+        let marked = |row: &&Accuracy| Series {
+            mark: mark.map(|mark| (mark, size(row))),
+            ..Series::line([point(row)], colour, 0)
+        };
+        series.extend(of().map(marked));
     }
-    Ok(())
+    let y = (FLOOR / 3.0..3.0 * CEILING, "error; 10⁻⁹ is 0");
+    LogChart { x: (x, "ns a ray"), y, series, names: Vec::new() }.draw(area, [8, 36, 56])
 }

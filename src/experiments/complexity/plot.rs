@@ -5,8 +5,8 @@ use plotters::prelude::*;
 use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{
-    Area, BLUE, Entry, GREEN, GREY, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, VERMILION, around, axes, colour_of,
-    draw, head, on_axis,
+    Area, BLUE, Entry, GREEN, GREY, LogChart, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, Series, VERMILION, around,
+    colour_of, draw, head,
 };
 use crate::render::PixelFormat;
 
@@ -55,18 +55,11 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), Plot
     let area = head(area, &format!("Cycles per pixel against {name}"), &entries)?;
     let points = || lines.iter().flatten().map(point);
     let (x, y) = (around(points().map(|at| at.0), (0.8, 1.25)), around(points().map(|at| at.1), (0.7, 1.4)));
-    let mut chart = ChartBuilder::on(&area)
-        .margin(10)
-        .x_label_area_size(40)
-        .y_label_area_size(56)
-        .build_cartesian_2d(on_axis(x, name)?.log_scale(), on_axis(y, "TSC cycles per pixel")?.log_scale())?;
-    axes(&mut chart, name, "TSC cycles per pixel")?;
-    for (line, (shape, colour, _)) in lines.iter().zip(&entries) {
+    let series = lines.iter().zip(&entries).map(|(line, (shape, colour, _))| {
         let width = if *shape == Mark::Line || *colour == GREY { 1 } else { 2 };
-        chart.draw_series(LineSeries::new(line.iter().map(point), colour.stroke_width(width)))?;
-        if *shape == Mark::Dot {
-            chart.draw_series(line.iter().map(|row| Circle::new(point(row), 3, colour.filled())))?;
-        }
-    }
-    Ok(())
+        let mark = (*shape == Mark::Dot).then_some((Mark::Dot, 3));
+        Series { mark, ..Series::line(line.iter().map(point), *colour, width) }
+    });
+    let series = series.collect();
+    LogChart { x: (x, name), y: (y, "TSC cycles per pixel"), series, names: Vec::new() }.draw(&area, [10, 40, 56])
 }

@@ -1,10 +1,10 @@
 //! The figure: cycles against instructions, a mark for each operation in each implementation.
 
-use plotters::prelude::*;
+use plotters::style::RGBColor;
 
 use super::Report;
 use crate::experiments::svg::{
-    Entry, FONT, GREY, Mark, Names, ORANGE, PlotError, Screen, around, colour_of, draw, head, log_chart,
+    ALONE, Entry, GREY, LogChart, Mark, ORANGE, PlotError, Screen, Series, around, colour_of, draw, head,
 };
 
 const SIZE: (i32, i32) = (960, 560);
@@ -52,40 +52,23 @@ pub fn figure(report: &Report, screen: Screen) -> Result<String, PlotError> {
     let y = around(marks.iter().map(|(.., at)| at.1), (0.6, 1.8));
     draw(screen.size(SIZE), |area| {
         let area = head(area, "Fewer instructions are not always faster", &entries)?;
-        let mut chart = log_chart(
-            &area,
-            (x.clone(), "instructions for each vector"),
-            (y.clone(), "core cycles for each vector, many independent"),
-        )?;
         let (low, high) = (x.start.max(y.start), x.end.min(y.end));
-        chart.draw_series(LineSeries::new([(low, low), (high, high)], GREY.stroke_width(1)))?;
-        let mut labels: Vec<(String, (f64, f64))> = Vec::new();
+        let mut series = vec![Series::line([(low, low), (high, high)], GREY, 1)];
+        let mut names: Vec<(String, (f64, f64))> = Vec::new();
         for (op, implementation, mark, at) in &marks {
-            let colour = colour(implementation);
-            match mark {
-                Mark::Triangle => chart.draw_series([TriangleMarker::new(*at, 6, colour.filled())]).map(drop),
-                Mark::Square => {
-                    let square = Rectangle::new([(-4, -4), (4, 4)], colour.stroke_width(2));
-                    chart.draw_series([EmptyElement::at(*at) + square]).map(drop)
-                }
-                _ => chart.draw_series([Circle::new(*at, 5, colour.filled())]).map(drop),
-            }?;
+            let mark = Some((*mark, if *mark == Mark::Square { 4 } else { 5 }));
+            series.push(Series { mark, ..Series::line([*at], colour(implementation), 0) });
             if ["c-O3", "paper"].contains(implementation) {
                 // What takes the same shares a name.
                 let same = |(_, (x, y)): &&mut (String, (f64, f64))| *x == at.0 && (y.ln() - at.1.ln()).abs() < 0.1;
-                match labels.iter_mut().find(same) {
+                match names.iter_mut().find(same) {
                     Some((names, _)) => *names += &format!(", {op}"),
-                    None => labels.push(((*op).to_owned(), *at)),
+                    None => names.push(((*op).to_owned(), *at)),
                 }
             }
         }
-        let on_screen = |at: &(f64, f64)| chart.backend_coord(at);
-        let mut free =
-            Names::among(marks.iter().map(|(.., at)| on_screen(at)), chart.plotting_area().get_pixel_range());
-        let placed = labels.iter().filter_map(|(name, at)| Some((name, *at, free.place(name, on_screen(at))?)));
-        for (name, at, offset) in placed.collect::<Vec<_>>() {
-            chart.draw_series([EmptyElement::at(at) + Text::new(name.clone(), offset, (FONT, Names::SIZE))])?;
-        }
-        Ok(())
+        let x = (x.clone(), "instructions for each vector");
+        let y = (y.clone(), "core cycles for each vector, many independent");
+        LogChart { x, y, series, names }.draw(&area, ALONE)
     })
 }
