@@ -1,8 +1,8 @@
 //! Ranks: the processes that MPI started together, and tasks that each takes as it becomes free.
 //!
-//! Rank 0 hands out the tasks and takes their results in order. A result stays where it was made until rank 0 asks for it, so
-//! that rank 0 holds few at a time however many ranks there are; and a rank that holds many takes no further task. (One
-//! counter of all, read by the ranks themselves, would need MPI's one-sided operations, which the crate `mpi` does not have.)
+//! Rank 0 hands out the tasks and takes their results in order. A rank keeps a result until rank 0 asks for it, so that
+//! rank 0 holds few at a time with any number of ranks; and a rank that holds many takes no further task. (A shared
+//! counter, read by the ranks themselves, would need MPI's one-sided operations, which the crate `mpi` lacks.)
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -14,14 +14,14 @@ use mpi::point_to_point::{Message, Status};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 
-/// How far ranks may be ahead of what rank 0 has taken.
+/// How far ranks may be ahead of rank 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Tasks of a rank that have no result yet.
     ahead: usize,
     /// Results that a rank holds.
     held: usize,
-    /// Results that rank 0 has asked others for.
+    /// Results that rank 0 has requested from others.
     asked_for: u64,
 }
 
@@ -32,30 +32,30 @@ impl Pace {
     pub const CELLS: Pace = Pace { ahead: 1, held: usize::MAX, asked_for: u64::MAX };
 }
 
-/// How long a rank that has nothing to tell sleeps, from the first time to the last: MPI's own waiting would keep a core busy
+/// How long a rank without messages sleeps, from the first time to the last: MPI's own waiting would keep a core busy
 /// that has rays to trace.
 const NAPS: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(2)];
 
-/// What messages are about.
+/// The kinds of messages.
 mod tag {
     use mpi::Tag;
 
-    /// To rank 0: a task, please.
+    /// To rank 0: request for a task.
     pub const ASK: Tag = 1;
     /// From rank 0: the number of a task.
     pub const TASK: Tag = 2;
-    /// From rank 0: the result of this task, please.
+    /// From rank 0: request for the result of a task.
     pub const GIVE: Tag = 3;
-    /// To rank 0: a result or what went wrong, whether it went well, and the task's number.
+    /// To rank 0: a result or an error, which of them, and the task's number.
     pub const RESULT: Tag = 4;
-    /// From rank 0: there are no more tasks. And the last word to rank 0.
+    /// From rank 0: there are no more tasks. Also the last message to rank 0.
     pub const END: Tag = 5;
 }
 
 /// This process among those that MPI started.
 pub struct Ranks {
     world: SimpleCommunicator,
-    /// For what is said of tasks, which whoever listens takes from anybody.
+    /// For messages about tasks, which are received from any rank.
     tasks: SimpleCommunicator,
     /// Ends MPI when it is dropped.
     _universe: Universe,
@@ -70,7 +70,7 @@ impl Drop for Ranks {
     }
 }
 
-/// The nap that comes next.
+/// The next nap.
 struct Naps(Duration);
 
 impl Naps {
@@ -82,7 +82,7 @@ impl Naps {
         self.next(std::thread::sleep);
     }
 
-    /// Has `wait` do so for the nap's time at most.
+    /// Calls `wait` with the nap's time as its limit.
     fn next<T>(&mut self, wait: impl FnOnce(Duration) -> T) -> T {
         let nap = self.0;
         self.0 = (2 * nap).min(NAPS[1]);
@@ -91,9 +91,9 @@ impl Naps {
 }
 
 impl Ranks {
-    /// Takes part in what MPI has started; None where it has started one process, or was not asked.
+    /// Joins the processes that MPI has started; None if there is only one, or if MPI did not start it.
     pub fn join() -> Option<Ranks> {
-        // Alone, a program need not wait until MPI is ready. These are set by Open MPI's own starter and by others'.
+        // Alone, a program need not wait until MPI is ready. Open MPI's launcher and others set these.
         let started =
             ["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"].iter().any(|name| std::env::var_os(name).is_some());
         if !started {
@@ -104,17 +104,17 @@ impl Ranks {
         (world.size() > 1).then(|| Ranks { tasks: world.duplicate(), world, _universe: universe })
     }
 
-    /// The number of this one.
+    /// The number of this rank.
     pub fn rank(&self) -> usize {
         self.world.rank() as usize
     }
 
-    /// How many there are.
+    /// The number of ranks.
     pub fn count(&self) -> usize {
         self.world.size() as usize
     }
 
-    /// The name of the machine that this one is on.
+    /// The name of this rank's machine.
     pub fn host() -> String {
         mpi::environment::processor_name().unwrap_or_else(|_| "a host without a name".into())
     }
@@ -123,7 +123,7 @@ impl Ranks {
         self.world.process_at_rank(to as i32).send(bytes);
     }
 
-    /// What a rank says next, without keeping a core busy until it does.
+    /// The next message of a rank, without keeping a core busy until it comes.
     fn listen(&self, from: usize) -> Vec<u8> {
         let process = self.world.process_at_rank(from as i32);
         let mut naps = Naps::new();
@@ -135,7 +135,7 @@ impl Ranks {
         }
     }
 
-    /// What each rank has to say, in their order, on rank 0; nothing on the others.
+    /// The contributions of all ranks, in their order, on rank 0; nothing on the others.
     pub fn gather(&self, mine: Vec<u8>) -> Vec<Vec<u8>> {
         if self.rank() > 0 {
             self.talk(0, &mine);
@@ -145,9 +145,9 @@ impl Ranks {
         [mine].into_iter().chain(others).collect()
     }
 
-    /// What rank 0 has to say, on all.
+    /// Rank 0's contribution, on all ranks.
     pub fn broadcast(&self, mine: Vec<u8>) -> Vec<u8> {
-        /// No more at once than an `int` counts.
+        /// At most as much at once as an `int` counts.
         const MOST: usize = 1 << 30;
         let root = self.world.process_at_rank(0);
         let mut bytes = mine;
@@ -161,11 +161,11 @@ impl Ranks {
         bytes
     }
 
-    /// Has all ranks do the `tasks`: `work` makes the result of one, in a thread of its own, and rank 0 hands them to `take`
-    /// in order, with the error of who failed. An error of `take` is the end.
+    /// Has all ranks do the `tasks`: `work` makes the result of one, in a thread of its own, and rank 0 hands them to
+    /// `take` in order, with the error of a rank that failed. An error of `take` ends it.
     ///
     /// # Errors
-    /// What `take` says, on rank 0.
+    /// The error of `take`, on rank 0.
     pub fn share<E>(
         &self,
         (tasks, pace): (u64, Pace),
@@ -177,7 +177,7 @@ impl Ranks {
             let (end, ended) = channel();
             scope.spawn(move || {
                 for task in begun {
-                    // Nobody listens any more when something else has failed.
+                    // The channel is closed if something else has failed.
                     if end.send((task, work(task))).is_err() {
                         return;
                     }
@@ -187,7 +187,7 @@ impl Ranks {
             let own_results = |wait| match ended.recv_timeout(wait) {
                 Ok(result) => Some(result),
                 Err(RecvTimeoutError::Timeout) => None,
-                // It has panicked, and said so.
+                // It has panicked, and reported that.
                 Err(RecvTimeoutError::Disconnected) => self.world.abort(1),
             };
             let begin = |task| _ = begin.send(task);
@@ -197,7 +197,7 @@ impl Ranks {
                 self.serve(&mut own, begin, own_results);
                 Ok(())
             };
-            // Nobody says anything of later tasks before all are here.
+            // No message about later tasks is sent before all are here.
             self.broadcast(Vec::new());
             result
         })
@@ -212,7 +212,7 @@ impl Ranks {
         own_results: impl Fn(Duration) -> Option<(u64, Outcome)>,
         take: &mut impl FnMut(u64, Outcome) -> Result<(), E>,
     ) -> Result<(), E> {
-        // The task to hand out next, the one whose result is next, and the one that is asked for next.
+        // The task to hand out next, the one whose result is next, and the one to request next.
         let (mut next, mut taken, mut asked) = (0, 0, 0);
         let mut owners = BTreeMap::new();
         let mut arrived: BTreeMap<u64, Outcome> = BTreeMap::new();
@@ -232,7 +232,7 @@ impl Ranks {
                 }
                 idle = false;
             }
-            // Others first: this rank's is not on its way.
+            // Others first: this rank's own tasks need no message.
             while next < tasks
                 && let Some(rank) = waiting.pop_front()
             {
@@ -264,7 +264,7 @@ impl Ranks {
                 own.finished(of_own);
             }
         }
-        // What was asked for is on its way, and has to be received.
+        // Requested results are on their way, and have to be received.
         let mut left = self.count() - 1;
         (1..=left).for_each(|rank| self.send(rank, tag::END, &[]));
         while left > 0 {
@@ -276,7 +276,7 @@ impl Ranks {
         result
     }
 
-    /// The other ranks: work on tasks, and give their results when they are asked for them.
+    /// The other ranks: work on tasks, and send their results on request.
     fn serve(&self, own: &mut Own, begin: impl Fn(u64), own_results: impl Fn(Duration) -> Option<(u64, Outcome)>) {
         let mut wanted: VecDeque<u64> = VecDeque::new();
         let mut asked = 0;
@@ -287,7 +287,7 @@ impl Ranks {
                 own.finished(of_own);
                 idle = false;
             }
-            // Tasks and what is wanted of them come in order.
+            // Tasks and requests for them come in order.
             while let Some(of_first) = wanted.front().and_then(|task| own.give(*task)) {
                 let task = wanted.pop_front().unwrap_or_default();
                 self.send_result(&message(task, of_first));
@@ -321,7 +321,7 @@ impl Ranks {
         self.tasks.process_at_rank(to as i32).send_with_tag(bytes, tag);
     }
 
-    /// Sends rank 0 a result. MPI's own sending would keep a core busy until rank 0 takes it.
+    /// Sends rank 0 a result. MPI's own sending would keep a core busy until rank 0 receives it.
     fn send_result(&self, message: &[u8]) {
         mpi::request::scope(|scope| {
             let rank_0 = self.tasks.process_at_rank(0);
@@ -334,7 +334,7 @@ impl Ranks {
         });
     }
 
-    /// A message about tasks that has come: from whom, about what, and what it says.
+    /// A message about tasks that has arrived: its rank, its kind, and its content.
     fn message(&self) -> Option<(usize, mpi::Tag, Vec<u8>)> {
         let message: (Message, Status) = self.tasks.any_process().immediate_matched_probe()?;
         let (from, what) = (message.1.source_rank() as usize, message.1.tag());
@@ -342,20 +342,20 @@ impl Ranks {
     }
 }
 
-/// A result, or what went wrong.
+/// A result, or an error.
 type Outcome = Result<Vec<u8>, String>;
 
 /// This rank's own tasks.
 struct Own {
     pace: Pace,
-    /// Results that nobody has asked for, in the order of the tasks.
+    /// Results that have not been requested, in the order of the tasks.
     held: VecDeque<(u64, Outcome)>,
     /// Tasks that have no result yet.
     working: usize,
 }
 
 impl Own {
-    /// Whether there is room for a task, where so many are on their way.
+    /// Whether there is room for a task, with so many on their way.
     fn wants(&self, asked: usize) -> bool {
         let Pace { ahead, held, .. } = self.pace;
         let working = self.working + asked;
@@ -367,7 +367,7 @@ impl Own {
         self.held.push_back(result);
     }
 
-    /// The result of a task, if that is the first here.
+    /// The result of a task, if it is the first here.
     fn give(&mut self, task: u64) -> Option<Outcome> {
         let is_first = self.held.front().is_some_and(|(first, _)| *first == task);
         is_first.then(|| self.held.pop_front())?.map(|(_, result)| result)
@@ -378,7 +378,7 @@ fn number(bytes: &[u8]) -> u64 {
     bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
 }
 
-/// What is said of a task comes last, so that a large result stays where it is.
+/// The task's number comes last, so that a large result stays where it is.
 fn message(task: u64, result: Outcome) -> Vec<u8> {
     let (fine, mut bytes) = match result {
         Ok(bytes) => (1, bytes),

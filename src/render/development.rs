@@ -9,22 +9,23 @@ use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
-/// Samples that are traced at once take no more memory than so many pixels do, unless those of one row do.
+/// Samples that are traced at once take no more memory than so many pixels, unless those of one row do.
 const MOST_TOGETHER: usize = 1 << 20;
 
-/// Edges are looked for in so many rows of tiles at a time.
+/// Edges are searched for in so many rows of tiles at a time.
 const TILES_TOGETHER: u32 = 2;
 
-/// What is made of linear light after it was traced. By default nothing is.
+/// What is done to linear light after tracing. By default nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Development {
-    /// A pixel is the mean of so many times so many samples, whose rays go through the middles of equal squares of it.
+    /// A pixel is the mean of so many times so many samples, whose rays pass through the centres of equal squares of
+    /// it.
     pub samples: u32,
-    /// Where a ray hits nothing: linear red, green, blue. It is light as any other, averaged and exposed.
+    /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed like any other light.
     pub background: [f32; 3],
-    /// In stops: light is multiplied by 2 to the power of this.
+    /// In stops: light is multiplied by 2 to this power.
     pub exposure: f64,
-    /// Whether levels are those of the sRGB curve (IEC 61966-2-1), to the nearest, and not linear.
+    /// Whether levels are the nearest on the sRGB curve (IEC 61966-2-1), and not linear.
     pub srgb: bool,
 }
 
@@ -35,7 +36,7 @@ impl Default for Development {
 }
 
 impl Development {
-    /// The camera that the scene is to be traced with: that of the samples.
+    /// The camera to trace the scene with: that of the samples.
     ///
     /// # Errors
     /// More samples than a picture may have pixels.
@@ -48,25 +49,26 @@ impl Development {
 /// A tracer of the samples' picture, developed.
 pub struct Developed<'a> {
     tracer: &'a dyn Tracer,
-    /// The picture of one sample in each pixel, where only its edges have more.
+    /// The picture of one sample per pixel, if only edges have more.
     plain: Option<Box<Developed<'a>>>,
     width: usize,
     height: u32,
     development: Development,
-    /// Room for samples that no thread uses now.
+    /// Memory for samples that no thread uses now.
     spare: Mutex<Vec<Vec<Vec4>>>,
 }
 
 impl<'a> Developed<'a> {
-    /// The picture of `camera`, of what `tracer` traces with [`Development::camera`] in [`PixelFormat::F32x4`].
+    /// The picture of `camera`, developed from what `tracer` traces with [`Development::camera`] in
+    /// [`PixelFormat::F32x4`].
     pub fn new(tracer: &'a dyn Tracer, camera: &Camera, development: Development) -> Self {
         let (width, height) = (camera.width() as usize, camera.height());
         Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }
     }
 
-    /// Leaves out the samples of pixels that are not at an edge: these are what `plain`, which traces with the picture's own
-    /// camera, has there. At an edge are pixels that differ by more than four levels from the mean of two neighbours that are
-    /// opposite; what no ray of `plain` hits has no edge.
+    /// Omits the samples of pixels that are not at an edge: these have the light of `plain`, which traces with the
+    /// picture's own camera. At an edge are pixels that differ by more than four levels from the mean of two opposite
+    /// neighbours; a detail that no ray of `plain` hits has no edge.
     pub fn along_edges(self, plain: &'a dyn Tracer) -> Self {
         let development = Development { samples: 1, ..self.development };
         let (width, height) = (self.width, self.height);
@@ -74,17 +76,17 @@ impl<'a> Developed<'a> {
         Developed { plain: Some(plain.into()), ..self }
     }
 
-    /// The samples' rows.
+    /// The rows of samples.
     fn samples(&self, rows: Range<u32>) -> Range<u32> {
         rows.start * self.development.samples..rows.end * self.development.samples
     }
 
-    /// Develops the pixels of all rows, or those of them at `edges`; what the tracer says of hits, in sum.
+    /// Develops the pixels of all rows, or only those at `edges`; returns the sum of the tracer's counts of hits.
     fn develop<P: Pixel>(&self, rows: Range<u32>, edges: Option<&Edges>, out: &mut [P]) -> Option<Counted> {
         assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
         let Development { samples, background, exposure, srgb } = self.development;
         let scale = exposure.exp2() / f64::from(samples * samples);
-        // One sample's level is that of its light.
+        // The level of one sample is that of its light.
         let as_it_is = scale == 1.0 && samples == 1 && !srgb && P::film(&mut []).format().is_8bit();
         let across = self.width * samples as usize;
         let of_row = across * samples as usize;
@@ -122,13 +124,13 @@ impl<'a> Developed<'a> {
         counted
     }
 
-    /// Of the sum of a pixel's samples.
+    /// Develops the sum of a pixel's samples.
     fn pixel<P: Pixel>(&self, scale: f64, sum: [f64; 3]) -> P {
         let light = sum.map(|sum| sum * scale);
         P::of_colour(if self.development.srgb { light.map(nearest_level) } else { light }.into())
     }
 
-    /// The levels of the plain picture from the row above these to the one below, if there are any, and where they have edges.
+    /// The levels of the plain picture from the row above these to the one below, if they exist, and their edges.
     fn edges(&self, plain: &Developed<'_>, rows: Range<u32>) -> (Edges, Vec<[u8; 4]>) {
         let known = rows.start.saturating_sub(1)..self.height.min(rows.end + 1);
         let mut levels = vec![[0; 4]; known.len() * self.width];
@@ -139,7 +141,7 @@ impl<'a> Developed<'a> {
         (edges, levels)
     }
 
-    /// The plain picture, and of pixels at its edges what they are by all samples.
+    /// The plain picture, with all samples for pixels at its edges.
     fn rows_along_edges(&self, plain: &Developed<'_>, rows: Range<u32>, mut out: FilmMut<'_>) {
         let (edges, levels) = self.edges(plain, rows.clone());
         match &mut out {
@@ -151,14 +153,14 @@ impl<'a> Developed<'a> {
         with_pixels!(FilmMut(out) = out => _ = self.develop(rows, Some(&edges), out));
     }
 
-    /// How many rows of pixels, from a multiple of it on, have whole tiles of samples.
+    /// The number of rows of pixels, starting at a multiple of it, that have whole tiles of samples.
     fn together(&self) -> u32 {
         let (of_tracer, samples) = (self.tracer.rows_together(), self.development.samples);
         (1..of_tracer).find(|rows| (rows * samples).is_multiple_of(of_tracer)).unwrap_or(of_tracer)
     }
 }
 
-/// The light of a pixel's samples, row by row of so many; their rows are so far `across`.
+/// The sum of the light of a pixel's samples, `samples` in a row; rows of `light` have `across` samples.
 fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3] {
     let mut sum = [0.0; 4];
     for row in light.chunks_exact(across) {
@@ -172,7 +174,7 @@ fn sum(light: &[Vec4], across: usize, column: usize, samples: usize) -> [f64; 3]
     [r, g, b]
 }
 
-/// What has as its level the one nearest to that of linear light on the sRGB curve.
+/// A value whose linear level is the nearest one on the sRGB curve to that of this linear light.
 fn nearest_level(linear: f64) -> f64 {
     let v = linear.clamp(0.0, 1.0);
     let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
@@ -186,7 +188,7 @@ impl Tracer for Developed<'_> {
 
     fn rows_together(&self) -> u32 {
         match &self.plain {
-            // Each time the plain picture's tiles above and below are traced for a row of theirs.
+            // For each row of tiles, the plain picture's tiles above and below are traced again.
             Some(plain) => (TILES_TOGETHER * plain.tracer.rows_together()).next_multiple_of(self.together()),
             None => self.together(),
         }
@@ -202,7 +204,7 @@ impl Tracer for Developed<'_> {
         }
     }
 
-    /// Of each pixel the sample in the middle, or next to it.
+    /// The sample in the middle of each pixel, or next to it.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let samples = self.development.samples;
         let middle = |row| {
@@ -212,7 +214,7 @@ impl Tracer for Developed<'_> {
         rows.flat_map(middle).collect()
     }
 
-    /// Of all samples that there are.
+    /// All samples.
     fn count(&self, rows: Range<u32>) -> Counted {
         let Some(plain) = &self.plain else { return self.tracer.count(self.samples(rows)) };
         let ((edges, _), samples) = (self.edges(plain, rows.clone()), self.development.samples);
@@ -229,7 +231,7 @@ impl Tracer for Developed<'_> {
         at_edges.fold(plain.tracer.count(rows.clone()) + Counted { rays, hits: 0 }, Counted::add)
     }
 
-    /// Of all samples. Along edges there are some that are traced for nothing, and others not at all.
+    /// All samples. Along edges some are traced in vain, and others not at all.
     fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         if self.plain.is_some() {
             self.rows(rows, out);
@@ -326,7 +328,7 @@ mod tests {
         assert_eq!(light(&scene, development, 7..20), whole[7 * 48..20 * 48]);
     }
 
-    /// A tracer that is not to look twice.
+    /// A tracer that must not trace twice.
     struct Once<'a>(&'a dyn Tracer);
 
     impl Tracer for Once<'_> {
@@ -351,7 +353,7 @@ mod tests {
     fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
         let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
         let mut seen = [0, 0];
-        // Of many objects, in the dark, of few, and of one of each kind.
+        // Many objects, darkness, few objects, and one of each kind.
         for (objects, lit) in [(20, true), (20, false), (3, true), (1, true)] {
             let scene = many(objects, objects, 3);
             let lights = if lit { scene.lights } else { Vec::new() };
@@ -361,7 +363,7 @@ mod tests {
                 let own = engine.prepare(Some(precision), &scene).unwrap();
                 let hits = own.hits(0..36);
                 let once = Once(own.as_ref());
-                // Those of the paper are as it has them: they say what they hit in a second pass.
+                // `c` and `paper` find their hits in a second pass.
                 let tracer: &dyn Tracer = if ["c", "paper"].contains(&engine.name()) { own.as_ref() } else { &once };
                 let picture = |background: [f32; 3]| {
                     let mut out = vec![[f32::NAN; 3]; 77 * 36];
@@ -371,7 +373,7 @@ mod tests {
                 };
                 let (black, over) = (picture([0.0; 3]), picture(development.background));
                 for (hit, (black, over)) in hits.iter().zip(black.into_iter().zip(over)) {
-                    // An object that no light reaches is black, and no background.
+                    // An object that no light reaches is black, not background.
                     assert_eq!(over, if hit.is_some() { black } else { [1.0, 2.0, 4.0] }, "{engine}, {objects}");
                     seen[usize::from(hit.is_some())] += 1;
                 }

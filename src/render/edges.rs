@@ -2,27 +2,27 @@
 
 use std::ops::Range;
 
-/// A pixel is at an edge where in some direction the levels of two neighbours that are opposite differ, in sum, by more than
-/// this from twice its own. Where light is smooth such a difference is its second derivative, and the mean over the pixel
-/// differs from the middle by a 24th of it in each of two directions: by less than a level.
+/// A pixel is at an edge if in some direction the sum of the levels of two opposite neighbours differs by more than
+/// this from twice its own. Where light is smooth such a difference is its second derivative, and the mean over the
+/// pixel differs from the centre by a 24th of it in each of two directions: by less than a level.
 const MOST_BEND: i16 = 8;
 
 /// The pixels of some rows that are at edges.
 pub(super) struct Edges {
     /// The first of the rows.
     first: u32,
-    /// The columns of the first row's, those of the next, and so on.
+    /// The columns of the first row's edges, those of the next, and so on.
     columns: Vec<u32>,
-    /// Where each row's begin, and the last one's end.
+    /// Where each row's columns begin, and the last row's end.
     starts: Vec<usize>,
 }
 
 impl Edges {
-    /// Those of `rows`, in a picture of which `levels` are the `known` rows: these, and the ones above and below that there
-    /// are. Past the picture's border it goes on as it ends there.
+    /// The edges of `rows`, in a picture of which `levels` are the `known` rows: these, and the ones above and below if
+    /// they exist. Beyond the picture's border its last pixels are repeated.
     pub(super) fn of(levels: &[[u8; 4]], known: Range<u32>, rows: Range<u32>, width: usize) -> Self {
         let (mut columns, mut starts) = (Vec::new(), vec![0]);
-        // Rows of bytes, with a pixel more on either side.
+        // Rows of bytes, with one more pixel on either side.
         let mut three = [const { Vec::new() }; 3];
         let mut bends = vec![0; 4 * width];
         for row in rows.clone() {
@@ -42,13 +42,13 @@ impl Edges {
         Edges { first: rows.start, columns, starts }
     }
 
-    /// The columns of a row's pixels at edges.
+    /// The columns of a row's edges.
     pub(super) fn row(&self, row: u32) -> &[u32] {
         let row = (row - self.first) as usize;
         &self.columns[self.starts[row]..self.starts[row + 1]]
     }
 
-    /// Those of the rows, from the first one to the last, that have one in these columns.
+    /// The range of rows from the first to the last with an edge in these columns.
     pub(super) fn within(&self, rows: Range<u32>, columns: Range<u32>) -> Range<u32> {
         let has = |row: &u32| {
             let of_row = self.row(*row);
@@ -59,14 +59,14 @@ impl Edges {
         first..end
     }
 
-    /// How many there are.
+    /// The number of edges.
     pub(super) fn count(&self) -> u64 {
         self.columns.len() as u64
     }
 }
 
-/// 1 where a level of the row in the middle bends too much in one of four directions, and 0 elsewhere. Rows have a pixel more
-/// on either side.
+/// 1 where the second difference of a level in the middle row is too large in one of four directions, else 0. Rows have
+/// one more pixel on either side.
 fn find_bends(rows: [&[u8]; 3], bends: &mut [u8]) {
     let count = bends.len();
     let [above, here, below] = rows.map(|row| [0, 4, 8].map(|start| &row[start..][..count]));

@@ -1,4 +1,4 @@
-//! Pixels in memory: floats or bytes, four or three of them, and the step from one to the other.
+//! Pixels in memory: floats or bytes, four or three of them, and the conversion between them.
 
 use std::collections::TryReserveError;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::kernels::memory::try_reserve;
 use crate::kernels::{self, Vec4};
 
-/// What a pixel is made of.
+/// The format of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelFormat {
     /// Four floats: linear red, green, blue, and 0.
@@ -35,7 +35,7 @@ impl PixelFormat {
         }
     }
 
-    /// Whether these are levels from 0 to 255, and not floats.
+    /// Whether pixels are levels from 0 to 255, and not floats.
     pub fn is_8bit(self) -> bool {
         match self {
             PixelFormat::F32x4 | PixelFormat::F32x3 => false,
@@ -54,7 +54,7 @@ impl PixelFormat {
     }
 }
 
-/// What a pixel shows, whatever it is made of.
+/// The colour of a pixel in any format.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Colour {
     /// Linear red, green, blue.
@@ -73,21 +73,21 @@ impl Colour {
     }
 }
 
-/// A pixel as Rust has it.
+/// A pixel as a Rust type.
 pub trait Pixel: Copy + Send + 'static {
-    /// The pixel of a linear colour; of floats it is no brighter than these can be.
+    /// The pixel of a linear colour; in floats it is clamped to the largest f32.
     fn of_colour(colour: DVec3) -> Self;
-    /// The pixel that one of four floats becomes.
+    /// The pixel of one in four floats.
     fn of_linear(linear: &Vec4) -> Self;
-    /// What it shows.
+    /// Its colour.
     fn colour(self) -> Colour;
-    /// Many of them, to write to.
+    /// A slice of them, to write to.
     fn film(pixels: &mut [Self]) -> FilmMut<'_>;
 }
 
 impl Pixel for Vec4 {
     fn of_colour(colour: DVec3) -> Self {
-        // The brightest lights together are beyond f32.
+        // The brightest lights together exceed f32.
         colour.min(DVec3::splat(f32::MAX.into())).as_vec3().into()
     }
     fn of_linear(linear: &Vec4) -> Self {
@@ -168,19 +168,19 @@ pub enum Film {
 pub struct NoMemory {
     /// Its size.
     pub pixels: usize,
-    /// What the allocator says.
+    /// The allocator's error.
     pub source: TryReserveError,
 }
 
-/// A buffer that has not the size that is needed.
+/// A buffer of the wrong size.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}: found {found}, expected {expected}")]
 pub struct WrongSize {
     /// What was counted, and in which units.
     pub what: &'static str,
-    /// How many there are.
+    /// The number there is.
     pub found: usize,
-    /// How many are needed, or are needed at least.
+    /// The number required, or required at least.
     pub expected: usize,
 }
 
@@ -197,7 +197,7 @@ pub enum FilmMut<'a> {
     Rgb8(&'a mut [[u8; 3]]),
 }
 
-/// Does the same with the pixels of a film, which is a `$kind`, whatever they are.
+/// Does the same with the pixels of a film, which is a `$kind`, whatever their format.
 macro_rules! with_pixels {
     ($kind:ident($pixels:ident) = $film:expr => $use:expr) => {
         match $film {
@@ -211,7 +211,7 @@ macro_rules! with_pixels {
 pub(super) use with_pixels;
 
 impl Film {
-    /// A film of `pixels` pixels, none of them black: each is touched, and shows where nobody has written.
+    /// A film of `pixels` pixels, none of them black: each is touched, and any that is never written shows.
     pub fn new(format: PixelFormat, pixels: usize) -> Result<Self, NoMemory> {
         Self::filled(format, pixels).map_err(|source| NoMemory { pixels, source })
     }
@@ -231,15 +231,15 @@ impl Film {
         })
     }
 
-    /// All of it, to write to.
+    /// The whole film, to write to.
     pub fn as_mut(&mut self) -> FilmMut<'_> {
         with_pixels!(Film(pixels) = self => Pixel::film(pixels))
     }
 
-    /// What one of its pixels shows.
+    /// The colour of one of its pixels.
     ///
     /// # Panics
-    /// Where there are not so many.
+    /// If there is no such pixel.
     pub fn colour(&self, pixel: usize) -> Colour {
         with_pixels!(Film(pixels) = self => pixels[pixel].colour())
     }
@@ -249,11 +249,11 @@ impl Film {
         with_pixels!(Film(pixels) = self => kernels::bytes(pixels))
     }
 
-    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes after one another, as those of windows and
-    /// textures do. What is between them stays as it is.
+    /// Copies its rows of `width` pixels to a buffer whose rows begin `stride` bytes apart, as those of windows and
+    /// textures do. The bytes between them stay unchanged.
     ///
     /// # Errors
-    /// Where rows of that width are not the whole of it, or have no room in the stride, or in the buffer.
+    /// If the film is not made of whole rows of that width, or if they do not fit into the stride or the buffer.
     ///
     /// ```
     /// # use rayo::{Film, PixelFormat};
@@ -311,10 +311,10 @@ impl<'a> FilmMut<'a> {
         with_pixels!(FilmMut(film) = self => Pixel::film(&mut film[pixels]))
     }
 
-    /// Makes its pixels those of `linear`.
+    /// Converts `linear` to its pixels.
     ///
     /// # Panics
-    /// Where there are not as many.
+    /// If the lengths differ.
     pub fn set(self, linear: &[Vec4]) {
         assert_eq!(self.len(), linear.len(), "as many pixels");
         with_pixels!(FilmMut(film) = self => {
@@ -322,7 +322,7 @@ impl<'a> FilmMut<'a> {
         });
     }
 
-    /// What its pixels are made of.
+    /// The format of its pixels.
     pub fn format(&self) -> PixelFormat {
         match self {
             FilmMut::F32x4(_) => PixelFormat::F32x4,
@@ -345,7 +345,7 @@ impl<'a> FilmMut<'a> {
 
 /// The 8-bit level of a linear value: floor(255 v) with v clamped to [0, 1], and 0 for a NaN.
 ///
-/// A value in f32 is to be passed exactly: 255 v has 32 bits at most and is exact in f64.
+/// A value in f32 must be passed exactly: 255 v has at most 32 bits and is exact in f64.
 pub fn level(v: f64) -> u8 {
     (255.0 * v.clamp(0.0, 1.0)) as u8
 }

@@ -13,7 +13,7 @@ use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED,
 use crate::plan::Team;
 use crate::scene::Camera;
 
-/// A thread takes as many whole rows at a time as have this many pixels, and at least one.
+/// A thread takes at a time as many whole rows as have this many pixels, and at least one.
 const TASK_PIXELS: usize = 1 << 14;
 
 /// How to render.
@@ -29,9 +29,9 @@ pub enum RenderError {
     /// Not even one band fits into memory.
     #[error("there is no memory for {bytes} bytes of pixels: {source}")]
     Memory {
-        /// How much was asked for.
+        /// The memory requested.
         bytes: usize,
-        /// What the allocator says.
+        /// The allocator's error.
         source: TryReserveError,
     },
     /// A film of another size.
@@ -40,33 +40,33 @@ pub enum RenderError {
     /// The threads could not be started.
     #[error("cannot start {threads} threads: {source}")]
     Threads {
-        /// How many were asked for.
+        /// The number requested.
         threads: usize,
-        /// What the operating system says.
+        /// The system's error.
         source: rayon::ThreadPoolBuildError,
     },
-    /// The image file.
+    /// An error of the image file.
     #[cfg(feature = "files")]
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// Another rank, which says where and what.
+    /// An error of another rank, with its rank and its message.
     #[cfg(feature = "mpi")]
     #[error("{0}")]
     Rank(String),
 }
 
-/// An engine, the camera it is ready for, and the threads that run it.
+/// An engine, the camera that it is prepared for, and the threads that run it.
 pub struct Frame<'a> {
     pub(super) tracer: &'a dyn Tracer,
     pub(super) camera: Camera,
     team: Arc<Team>,
-    /// Whether [`Stats`](super::Stats) are to count rays and their hits.
+    /// Whether [`Stats`](super::Stats) count rays and their hits.
     #[cfg(feature = "files")]
     pub(super) counts_hits: bool,
 }
 
 impl<'a> Frame<'a> {
-    /// Has the threads ready.
+    /// Prepares the threads.
     pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
         let threads = settings.threads.max(1);
         let team = Team::of(threads).map_err(|source| RenderError::Threads { threads, source })?;
@@ -80,7 +80,7 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Has [`Stats`](super::Stats) count rays and their hits.
+    /// Makes [`Stats`](super::Stats) count rays and their hits.
     #[cfg(feature = "files")]
     pub fn counting_hits(mut self) -> Self {
         self.counts_hits = true;
@@ -100,14 +100,14 @@ impl<'a> Frame<'a> {
         Film::new(format, pixels).map_err(|error| RenderError::Memory { bytes, source: error.source })
     }
 
-    /// Traces `rows` into `film`; `done` hears of every few rows that are finished. The threads then stay awake for a while, as
-    /// more is likely to follow.
+    /// Traces `rows` into `film`; `done` is told of every few rows that are finished. The threads then stay awake for a
+    /// while, as more is likely to follow.
     ///
     /// # Errors
-    /// [`RenderError::Size`], and nothing is traced, where the picture has no such rows, or the film not as many pixels.
+    /// [`RenderError::Size`], and nothing is traced, if the picture has no such rows, or the film not as many pixels.
     ///
     /// # Panics
-    /// As [`Tracer::rows`], of a format that the engine does not write.
+    /// As [`Tracer::rows`], if the engine does not write this format.
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
         let pixels = self.camera.width() as usize * rows.len();
         for (what, found, expected, is_wrong) in [
@@ -123,7 +123,7 @@ impl<'a> Frame<'a> {
         Ok(())
     }
 
-    /// What the ray through the middle of a pixel hits first; None where it hits nothing, and where there is no such pixel.
+    /// The first hit of the ray through the centre of a pixel; None if it hits nothing, or if there is no such pixel.
     ///
     /// ```
     /// # use rayo::glam::Vec3;
@@ -149,13 +149,13 @@ impl<'a> Frame<'a> {
         Some(Hit { object: found.object, place, normal: found.normal })
     }
 
-    /// The same for a band, after which cores have other things to do.
+    /// The same for a band, after which the cores have other work to do.
     pub(super) fn trace_band(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) {
         let trace = |rows, film: FilmMut<'_>| self.tracer.rows(rows, film);
         with_pixels!(FilmMut(film) = film => self.trace_tasks(rows, film, trace, done));
     }
 
-    /// The same; and the rays and their hits, where the engine [knows](Tracer::counted_rows).
+    /// The same; and the rays and their hits, if the engine [knows](Tracer::counted_rows) them.
     pub fn trace_counted(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Option<Counted> {
         let sum = Mutex::new(Some(Counted::default()));
         let trace = |rows, film: FilmMut<'_>| add(&sum, self.tracer.counted_rows(rows, film));
@@ -179,7 +179,7 @@ impl<'a> Frame<'a> {
         self.team.share(tasks, work);
     }
 
-    /// The rows that a thread takes at a time.
+    /// The number of rows that a thread takes at a time.
     pub(super) fn task_rows(&self) -> usize {
         let rows = (TASK_PIXELS / self.camera.width() as usize).max(1);
         rows.next_multiple_of(self.tracer.rows_together() as usize)
@@ -195,7 +195,7 @@ impl<'a> Frame<'a> {
         let width = self.camera.width() as usize;
         assert_eq!(film.len(), width * rows.len(), "the film must have the size of the rows");
         let task_rows = self.task_rows();
-        // Rows that cost least together are cut once: both halves set up what is in all of them.
+        // Rows that cost least together are cut only once: both halves set up the objects of all of them.
         let fewest = (self.tracer.rows_together() / 2).max(1);
         let halve = |(start, part): (u32, &'f mut [P])| {
             let count = (part.len() / width) as u32 / 2;
@@ -214,7 +214,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-/// Adds what is known of some rows; where that is nothing, nothing is known of all.
+/// Adds the counts of some rows; if they are unknown, those of all are.
 fn add(sum: &Mutex<Option<Counted>>, some: Option<Counted>) {
     let mut sum = sum.lock().expect(UNPOISONED);
     *sum = sum.zip(some).map(|(sum, some)| sum + some);

@@ -1,4 +1,4 @@
-//! What an engine finds at a pixel before it becomes a colour, for measuring errors.
+//! What an engine finds at a pixel before shading, to measure errors.
 
 use std::ops::Add;
 
@@ -6,25 +6,25 @@ use glam::DVec3;
 
 use crate::scene::Object;
 
-/// What is seen at a pixel.
+/// The visible point at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// What the ray hits first.
+    /// The first object that the ray hits.
     pub object: Object,
-    /// Where, in the camera's frame: z is the depth, and its length the distance from the pinhole.
+    /// The point in the camera's frame: z is the depth, and its length the distance from the pinhole.
     pub place: DVec3,
-    /// The unit normal, of a triangle on either side. None where the engine cannot tell.
+    /// The unit normal, of a triangle on either side. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 
-/// What an engine finds at a pixel, in its own numbers.
+/// An engine's hit at a pixel, in its own numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// What the ray hits first.
+    /// The first object that the ray hits.
     pub object: Object,
-    /// Where: the point t r_d.
+    /// The point t r_d.
     pub distance: Distance,
-    /// The unit normal, of a triangle on either side. None where the engine cannot tell.
+    /// The unit normal, of a triangle on either side. None if the engine cannot give it.
     pub normal: Option<DVec3>,
 }
 

@@ -1,4 +1,4 @@
-//! Image files: written band by band, so that no image needs to be in memory whole, and read back.
+//! Image files: written band by band, so that no image has to be in memory whole, and read back.
 
 mod deflate;
 mod encode;
@@ -24,8 +24,8 @@ use thiserror::Error;
 
 /// A format that images are written in.
 ///
-/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and what joins its parts in `encode.rs`,
-/// and its decoder in `read.rs`.
+/// A new one needs a variant here, a row in [`Format::EXTENSIONS`], its encoder and the writer that joins its parts in
+/// `encode.rs`, and its decoder in `read.rs`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// PNG: 8 bits per channel, compressed without loss.
@@ -38,20 +38,20 @@ pub enum Format {
     Pfm,
     /// OpenEXR: linear floats as they are, compressed without loss.
     Exr,
-    /// Radiance HDR: linear values from 0 in 8 bits each with a common exponent.
+    /// Radiance HDR: linear values from 0, in 8 bits each with a common exponent.
     Hdr,
     /// TIFF: 8 bits per channel, compressed without loss. BigTIFF where the image could need more than 4 GiB.
     Tiff,
-    /// QOI: 8 bits per channel, compressed without loss; held in memory until it is whole.
+    /// QOI: 8 bits per channel, compressed without loss; held in memory until it is complete.
     Qoi,
 }
 
 impl Format {
-    /// What a file name ends in, in lower case, and the format that is written under that name.
+    /// The extension of file names, in lower case, and the format that is written under it.
     pub const EXTENSIONS: &[(&str, Format)] = &[
         ("png", Format::Png),
         ("ppm", Format::Ppm),
-        // By its name a grey image; but scenes from the paper's time name their P3 colour images so.
+        // By its name a grey image; but scenes from the paper's time give their P3 colour images this name.
         ("pgm", Format::PpmText),
         ("pfm", Format::Pfm),
         ("exr", Format::Exr),
@@ -61,11 +61,11 @@ impl Format {
         ("qoi", Format::Qoi),
     ];
 
-    /// The format that the file name asks for by its extension, in upper or lower case; PNG where it has none. Before `:-`,
-    /// which is standard output, the extension stands alone.
+    /// The format of a file name by its extension, in upper or lower case; PNG if it has none. Before `:-`, which is
+    /// standard output, the extension stands alone.
     ///
     /// # Errors
-    /// If the name has an unknown extension; the message lists those that there are.
+    /// If the extension is unknown; the message lists the known ones.
     pub fn from_path(path: &Path) -> Result<Format, ImageError> {
         let extension = output::format_of_standard_output(path).or(path.extension());
         let Some(extension) = extension else { return Ok(Format::Png) };
@@ -73,8 +73,8 @@ impl Format {
         known.map(|&(_, format)| format).ok_or_else(|| ImageError::UnknownFormat { path: path.into() })
     }
 
-    /// What it is written from: three levels ([`ImageWriter::write_rgb8`]) or three floats
-    /// ([`ImageWriter::write_f32x3`]) a pixel, since no format here has a fourth channel.
+    /// The pixels it is written from: three levels ([`ImageWriter::write_rgb8`]) or three floats
+    /// ([`ImageWriter::write_f32x3`]), since no format here has a fourth channel.
     pub fn pixels(self) -> PixelFormat {
         match self {
             Format::Png | Format::Ppm | Format::PpmText | Format::Tiff | Format::Qoi => PixelFormat::Rgb8,
@@ -82,7 +82,7 @@ impl Format {
         }
     }
 
-    /// Whether its pixels are levels, and not floats.
+    /// Whether its pixels are levels and not floats.
     pub fn is_8bit(self) -> bool {
         self.pixels().is_8bit()
     }
@@ -92,7 +92,7 @@ impl Format {
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "path, width and height are what they are called in every variant")]
 pub enum ImageError {
-    /// The name ends in an extension that stands for no format.
+    /// The name has an unknown extension.
     #[error("{path}: the name of an image must end in {}", extensions(), path = shown(path))]
     UnknownFormat { path: PathBuf },
     /// One side is zero.
@@ -104,49 +104,49 @@ pub enum ImageError {
         whole, and {limit} MiB are allowed: name it .png, .tiff, .ppm, .exr or .pfm, which are written row by row",
         path = shown(path), need = encode::whole_bytes(*width, *height) >> 20, limit = encode::MAX_WHOLE >> 20)]
     Whole { path: PathBuf, width: u32, height: u32 },
-    /// The file could not be begun, written or given its name.
+    /// The file could not be created, written or named.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// [`ImageWriter::finish`] was called before all rows had come.
+    /// [`ImageWriter::finish`] was called before all rows had been written.
     #[error("{path} was not written: only {rows} of its {height} rows were rendered", path = shown(path))]
     RowsMissing {
         path: PathBuf,
-        /// Rows that came.
+        /// Rows that were written.
         rows: u32,
-        /// Rows that the image has.
+        /// Rows of the image.
         height: u32,
     },
     /// Opening or reading failed.
     #[error("cannot read {path}: {error}", path = shown(path))]
     Read {
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
-    /// The content begins like no format that can be read.
+    /// The content begins like no known format.
     #[error("{path} is no image that can be read here: PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF and QOI \
         are", path = shown(path))]
     NotAnImage { path: PathBuf },
-    /// It begins like an image, but is cut off, damaged or absurd.
+    /// It begins like an image, but is truncated, damaged or absurd.
     #[error("{path} is damaged or incomplete: {what}", path = shown(path))]
     Malformed {
         path: PathBuf,
-        /// What is wrong with it.
+        /// The damage.
         what: String,
     },
-    /// An image of a kind that the decoders do not know, or not safely.
+    /// An image of a kind that the decoders do not support, or not safely.
     #[error("{path} is of a kind that is not read here: {what}; convert it to PNG or PFM first", path = shown(path))]
     OtherKind {
         path: PathBuf,
-        /// What it is.
+        /// The kind.
         what: String,
     },
-    /// A sound image of a kind that could not be held without loss.
+    /// A valid image of a kind that would lose something.
     #[error("{path} has {what}, which would be lost here: convert it to 8-bit RGB or to PFM first",
         path = shown(path))]
     Unsupported {
         path: PathBuf,
-        /// What it has.
+        /// What would be lost.
         what: &'static str,
     },
     /// There is no memory for its pixels.
@@ -155,10 +155,10 @@ pub enum ImageError {
         path: PathBuf,
         width: u32,
         height: u32,
-        /// How much was asked for.
+        /// The memory requested.
         bytes: usize,
     },
-    /// More pixels than are read into memory.
+    /// More pixels than may be read into memory.
     #[error("{path} has {width}x{height} pixels, more than the {limit} MiB of memory allowed for one picture: \
         compare a part of it", path = shown(path), limit = read::MAX_BYTES >> 20)]
     TooLarge { path: PathBuf, width: u32, height: u32 },
@@ -173,7 +173,7 @@ fn extensions() -> String {
     }
 }
 
-/// What of a picture a file holds: some of its rows, or all.
+/// The rows of a picture that a file holds: some or all.
 #[derive(Clone, Debug)]
 pub(super) struct Extent {
     width: u32,
@@ -194,29 +194,29 @@ impl Extent {
     }
 }
 
-/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] makes a file of them.
+/// Encodes parts of a picture, in any order and from any thread: [`ImageWriter::append`] joins them to a file.
 pub(super) struct PartEncoder {
     format: Format,
     encode: Box<dyn Encode>,
 }
 
 impl PartEncoder {
-    /// The encoder of what a file of this format holds.
+    /// The encoder for a file of this format.
     pub(super) fn new(format: Format, extent: &Extent) -> Self {
         PartEncoder { format, encode: encode::encoder(format, extent) }
     }
 
-    /// What its parts are made of.
+    /// The pixels that its parts are made of.
     pub(super) fn pixels(&self) -> PixelFormat {
         self.format.pixels()
     }
 
-    /// How many rows a part has.
+    /// The number of rows in a part.
     pub(super) fn split(&self) -> Split {
         self.encode.split()
     }
 
-    /// Encodes rows of a film, whose format is that of this one's [`pixels`](Self::pixels).
+    /// Encodes rows of a film, whose format is that of this encoder's [`pixels`](Self::pixels).
     pub(super) fn encode<'a>(&self, film: &'a Film, pixels: Range<usize>) -> io::Result<Cow<'a, [u8]>> {
         match film {
             Film::Rgb8(film) => self.encode.rgb8(&film[pixels]),
@@ -226,18 +226,18 @@ impl PartEncoder {
     }
 }
 
-/// An image file in the making: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
+/// An image file being written: takes rows from the top, and appears under its name when [`finish`](Self::finish)ed.
 ///
-/// What that means for links, devices and pipes is told at [`OutputFile`](super::OutputFile).
+/// [`OutputFile`](super::OutputFile) says what that means for links, devices and pipes.
 pub struct ImageWriter {
     path: PathBuf,
     extent: Extent,
-    /// Rows that are written.
+    /// The number of rows written.
     rows: u32,
     encoder: Arc<PartEncoder>,
     /// Rows that do not fill a part yet.
     pending: Film,
-    /// Declared before `destination`, so that its last words still find the file open.
+    /// Declared before `destination`, so that its last writes still find the file open.
     joiner: Box<dyn Join>,
     destination: Destination,
 }
@@ -246,15 +246,16 @@ impl ImageWriter {
     /// Begins an image of `width` x `height` pixels that will replace what is at `path`.
     ///
     /// # Errors
-    /// If a side is zero, if nothing can be written there, or if the format is held in memory and there would be too much
-    /// of it ([`ImageError::Whole`]).
+    /// If a side is zero, if nothing can be written there, or if the format is held in memory and the image is too
+    /// large ([`ImageError::Whole`]).
     pub fn create(path: &Path, format: Format, width: u32, height: u32) -> Result<Self, ImageError> {
         Self::of_rows(path, format, (width, height), 0..height, Existing::Replace, &mut |_| ())
     }
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
     ///
-    /// What appears there while the image is being rendered is not replaced either: then [`finish`](Self::finish) fails.
+    /// What appears there while the image is being rendered is not replaced either: [`finish`](Self::finish) then
+    /// fails.
     ///
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].
@@ -263,14 +264,14 @@ impl ImageWriter {
     }
 
     /// Begins an image of some of the rows of a picture: in [`Format::Exr`] at their place in the whole picture, in the
-    /// other formats a picture of these rows. `announce` hears the absolute path of the hidden file before that is there, and
-    /// again of another one if that name is taken.
+    /// other formats a picture of these rows. `announce` gets the absolute path of the hidden file before it is
+    /// created, and another path if that name is taken.
     ///
     /// # Errors
-    /// As [`create`](Self::create), and as [`create_new`](Self::create_new) where what is there has to stay.
+    /// As [`create`](Self::create), and as [`create_new`](Self::create_new) if an existing file must stay.
     ///
     /// # Panics
-    /// If the picture has not these rows.
+    /// If the picture does not have these rows.
     pub fn of_rows(
         path: &Path,
         format: Format,
@@ -294,22 +295,22 @@ impl ImageWriter {
         Ok(ImageWriter { path: path.into(), extent, rows: 0, encoder, pending, joiner, destination })
     }
 
-    /// The format it is written in.
+    /// The format in which it is written.
     pub fn format(&self) -> Format {
         self.encoder.format
     }
 
-    /// The rows of the picture that it has.
+    /// The rows of the picture that it holds.
     pub fn rows(&self) -> Range<u32> {
         self.extent.rows.clone()
     }
 
-    /// What encodes its parts.
+    /// The encoder of its parts.
     pub(super) fn encoder(&self) -> Arc<PartEncoder> {
         Arc::clone(&self.encoder)
     }
 
-    /// How long the system has taken so far to take what was written: what is not encoding.
+    /// The time that the system has taken so far to accept what was written, without encoding.
     pub fn writing(&self) -> Duration {
         self.destination.writing()
     }
@@ -362,7 +363,7 @@ impl ImageWriter {
         assert!(pixels / width <= left as usize, "{} rows, where {left} are left", pixels / width);
     }
 
-    /// Writes those of the rows that came, and are not written, that fill a part.
+    /// Writes the pending rows that fill a part.
     fn append_pending(&mut self) -> Result<(), ImageError> {
         let width = self.extent.width as usize;
         let pending = (self.pending.len() / width) as u32;
@@ -384,7 +385,7 @@ impl ImageWriter {
         Ok(())
     }
 
-    /// Writes the next part, which has so many rows, or the error of who encoded it.
+    /// Writes the next part of so many rows, or returns the encoder's error.
     pub(super) fn append(&mut self, rows: u32, part: io::Result<Cow<'_, [u8]>>) -> Result<(), ImageError> {
         let appended = part.and_then(|part| self.joiner.append(part));
         appended.map_err(|error| self.destination.explain(&self.path, error))?;
@@ -395,8 +396,8 @@ impl ImageWriter {
     /// Completes the image and gives it its name.
     ///
     /// # Errors
-    /// If rows are missing, or if writing or renaming fails; then the target is as it was before (but what is written
-    /// to directly has received what was written).
+    /// If rows are missing, or if writing or renaming fails; then the target is as it was before (except that a target
+    /// that is written to directly has received what was written).
     pub fn finish(self) -> Result<(), ImageError> {
         let ImageWriter { path, extent, rows, pending, joiner, destination, .. } = self;
         let (height, rows) = (extent.height(), rows + (pending.len() / extent.width as usize) as u32);

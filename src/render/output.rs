@@ -1,4 +1,4 @@
-//! A file that appears whole or not at all: a hidden one beside the target, or the target where it cannot be renamed over.
+//! A file that appears whole or not at all: hidden beside the target, or the target itself if it cannot be renamed over.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
@@ -11,12 +11,12 @@ use thiserror::Error;
 
 use crate::scene::shown;
 
-/// What becomes of a file that is there already.
+/// What happens to an existing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
-    /// The new file takes its place.
+    /// The new file replaces it.
     Replace,
-    /// It stays, and that there is one is an error.
+    /// It stays, and its existence is an error.
     Keep,
 }
 
@@ -24,7 +24,7 @@ pub enum Existing {
 #[derive(Debug, Error)]
 #[expect(missing_docs, reason = "path is what it is called in every variant")]
 pub enum OutputError {
-    /// There is something of that name, and it must not be replaced.
+    /// A file of that name exists and must not be replaced.
     #[error("{path} already exists: add --force to replace it, or name another file", path = shown(path))]
     Exists { path: PathBuf },
     /// The file to replace is write-protected.
@@ -35,29 +35,29 @@ pub enum OutputError {
         path = shown(path), directory = shown(directory))]
     NoDirectory {
         path: PathBuf,
-        /// The one that is missing.
+        /// The missing directory.
         directory: PathBuf,
     },
-    /// The directory of the file takes no new files.
+    /// No files can be created in the directory of the file.
     #[error("cannot write {path}: no file can be created in the directory {directory} ({error}); \
         name one that you may write to", path = shown(path), directory = shown(directory))]
     Directory {
         path: PathBuf,
-        /// The one that refuses.
+        /// The directory that refuses.
         directory: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::ErrorKind,
     },
     /// Creating, writing, renaming or closing failed.
     #[error("cannot write {path}: {error}{}", advice(.error), path = shown(path))]
     Write {
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
 }
 
-/// What to do about a failed write, where there is something to say.
+/// Advice about a failed write, if there is any.
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "; free some space, or write to another disk",
@@ -69,14 +69,14 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// A file in the making, written in order: it appears under its name when [`finish`](Self::finish)ed. Until then it has no name
-/// at all, so that nothing is left of it however the process ends; where the system has no such files, it is a hidden file
-/// beside the target, which dropping removes. It has the mode and, where that is permitted, the owner of the file that it
-/// replaces; other names (hard links) of that one keep the old content.
+/// A file being written, in order: it appears under its name when [`finish`](Self::finish)ed. Until then it has no name
+/// at all, so that nothing is left of it however the process ends; on systems without such files, it is a hidden file
+/// beside the target, which dropping removes. It has the mode and, if permitted, the owner of the file that it
+/// replaces; other hard links to that file keep the old content.
 ///
-/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; what is no regular
-/// file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the name
-/// `-` or `/dev/stdout`.
+/// Three kinds of target differ: a symbolic link stays and the file that it points to is replaced; a target that is not
+/// a regular file (`/dev/null`, a FIFO) is written to directly; and so is the program's own standard output under the
+/// name `-` or `/dev/stdout`.
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
@@ -120,15 +120,15 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the hidden files of everything that is being written. For a process that is about to end: what is begun or
-/// finished after this waits for that end.
+/// Removes the hidden files of everything that is being written. For a process that is about to end: threads that
+/// create or finish files after this block until that end.
 pub fn remove_unfinished() {
     let mut paths = unfinished();
     for path in paths.drain(..) {
-        // If it is gone already, all the better.
+        // If it is already gone, all the better.
         let _ = fs::remove_file(path);
     }
-    // Held for ever, so that no file is made between this and the end.
+    // Held for ever, so that no file is created between this and the end.
     std::mem::forget(paths);
 }
 
@@ -136,7 +136,7 @@ pub fn remove_unfinished() {
 pub struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// What `make` puts there.
+    /// The file that `make` creates.
     fn create<T>(path: &Path, make: impl FnOnce(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
         let mut paths = unfinished();
         let made = make(path)?;
@@ -158,16 +158,16 @@ impl Drop for Unfinished {
     }
 }
 
-/// The file that is being written, and what makes it the target in the end.
+/// The file that is being written, and how it becomes the target in the end.
 pub(super) struct Destination {
     sink: Sink,
     end: End,
 }
 
 enum End {
-    /// A file in the target's directory, hidden or still without a name, which takes that of the target.
+    /// A file in the target's directory, hidden or still without a name, which will get the target's name.
     Rename { hidden: Option<Hidden>, target: PathBuf, existing: Existing },
-    /// The target itself, which is no file to rename over.
+    /// The target itself, which cannot be renamed over.
     Nothing,
     /// An anonymous file, which is copied to a target that cannot be written out of order.
     CopyTo(File),
@@ -180,9 +180,9 @@ struct Hidden {
 }
 
 impl Hidden {
-    /// What `make` puts under a new name in the directory.
+    /// The file that `make` creates under a new name in the directory.
     fn make<T>(directory: &Path, mut make: impl FnMut(&Path) -> io::Result<T>) -> io::Result<(T, Self)> {
-        // tempfile's own files are for secrets, which nobody else may read.
+        // tempfile's own files are for secrets, which no other user may read.
         let made = tempfile::Builder::new()
             .prefix(".rayo-")
             .suffix(".part")
@@ -192,13 +192,13 @@ impl Hidden {
     }
 }
 
-/// A file in a directory that has no name there, and is gone when it is closed without one.
+/// A file in a directory that has no name there, and is gone if it is closed without one.
 #[cfg(target_os = "linux")]
 fn nameless(directory: &Path) -> io::Result<File> {
     use std::os::unix::fs::OpenOptionsExt;
     let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
     let file = OpenOptions::new().write(true).custom_flags(flags).open(directory)?;
-    // By this it gets one in the end.
+    // This path can give it a name in the end.
     fs::symlink_metadata(by_descriptor(&file)).map(|_| file)
 }
 
@@ -208,7 +208,7 @@ fn by_descriptor(file: &File) -> String {
     format!("/proc/self/fd/{}", file.as_raw_fd())
 }
 
-/// Gives such a file a name that is free.
+/// Gives such a file a free name.
 #[cfg(target_os = "linux")]
 fn give_name(file: &File, path: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
@@ -225,23 +225,23 @@ fn give_name(_: &File, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Gives a file the mode of the one that it will replace, and its owner and group as far as this process may: all of it is
-/// a wish, since some file systems have neither.
+/// Gives a file the mode of the one that it will replace, and its owner and group as far as this process may. Failures
+/// are ignored, since some file systems have neither.
 #[cfg(unix)]
 fn take_after(file: &File, old: &fs::Metadata) {
     use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
     if file.metadata().is_ok_and(|new| (new.uid(), new.gid()) != (old.uid(), old.gid())) {
         let _ = fchown(file, Some(old.uid()), Some(old.gid())).or_else(|_| fchown(file, None, Some(old.gid())));
     }
-    // What a program may do as its owner is not for a picture.
+    // A picture must not inherit the right to run as its owner.
     let _ = file.set_permissions(fs::Permissions::from_mode(old.mode() & 0o777));
 }
 
 #[cfg(not(unix))]
 fn take_after(_: &File, _: &fs::Metadata) {}
 
-/// Opens what to write to for an image at `path`. `seeking`: whether it will be written out of order. `announce` hears the
-/// absolute path of a hidden file before that is made.
+/// Opens the output for an image at `path`. `seeking`: whether it will be written out of order. `announce` gets the
+/// absolute path of a hidden file before that is created.
 pub(super) fn open(
     path: &Path,
     existing: Existing,
@@ -261,18 +261,19 @@ pub(super) fn open(
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
-/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a path of the system's.
+/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or one of the system's
+/// paths.
 pub fn is_standard_output(path: &Path) -> bool {
     let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
     cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())
 }
 
-/// The extension that stands before `:-`, which gives standard output a format.
+/// The extension before `:-`, which gives standard output a format.
 pub(super) fn format_of_standard_output(path: &Path) -> Option<&OsStr> {
     path.to_str()?.strip_suffix(":-").filter(|format| !format.contains('/')).map(OsStr::new)
 }
 
-/// The open target, if it is something to write to directly: no regular file, or one reached through a descriptor.
+/// The open target, if it is to be written to directly: not a regular file, or one reached through a descriptor.
 fn direct(path: &Path) -> io::Result<Option<File>> {
     #[cfg(unix)]
     if is_standard_output(path) {
@@ -285,7 +286,7 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
     }
     let descriptor = ["/dev/fd", "/dev/stderr", "/proc"].iter().any(|place| path.starts_with(place));
     match fs::metadata(path) {
-        // For a directory, opening it says best what is wrong.
+        // For a directory, opening it gives the clearest error.
         Ok(metadata) if descriptor || !metadata.is_file() => {
             OpenOptions::new().write(true).truncate(true).open(path).map(Some)
         }
@@ -299,7 +300,7 @@ fn direct(path: &Path) -> io::Result<Option<File>> {
 fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> Result<(File, End), OutputError> {
     let target = behind_links(path).map_err(|error| OutputError::Write { path: path.into(), error })?;
     let old = fs::metadata(&target).ok();
-    // A rename would not ask whether the old file may be written to.
+    // A rename would not check whether the old file may be written to.
     if old.as_ref().is_some_and(|metadata| metadata.permissions().readonly()) {
         return Err(OutputError::ReadOnly { path: path.into() });
     }
@@ -322,15 +323,15 @@ fn beside(path: &Path, existing: Existing, announce: &mut dyn FnMut(&Path)) -> R
     Ok((file, End::Rename { hidden, target, existing }))
 }
 
-/// The directory that a file is in.
+/// The directory of a file.
 fn directory(target: &Path) -> &Path {
     target.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
-/// Follows symbolic links from `path` to what they end at, which need not exist.
+/// Follows symbolic links from `path` to their final target, which need not exist.
 fn behind_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
-    // As many as Linux follows; a loop of links has been an error before, when the metadata was asked for.
+    // As many as Linux follows; a loop of links has already failed when the metadata was read.
     for _ in 0..40 {
         match fs::symlink_metadata(&path) {
             Ok(metadata) if metadata.is_symlink() => {
@@ -344,13 +345,12 @@ fn behind_links(path: &Path) -> io::Result<PathBuf> {
 }
 
 impl Destination {
-    /// The error of a write to `path`: what failed first, for an encoder's own error may have lost the kind of that one
-    /// on its way.
+    /// The error of a write to `path`: the first failure, since an encoder's own error may have lost its kind.
     pub(super) fn explain(&self, path: &Path, error: io::Error) -> OutputError {
         OutputError::Write { path: path.into(), error: self.sink.attempt(|_| Ok(())).err().unwrap_or(error) }
     }
 
-    /// How long the system has taken so far to take what was written.
+    /// The time that the system has taken so far to accept what was written.
     pub(super) fn writing(&self) -> Duration {
         self.sink.lock().out.get_ref().writing
     }
@@ -387,8 +387,7 @@ impl Destination {
 
 /// A buffered file that remembers its first failure, shared between an encoder and the [`Destination`].
 ///
-/// The PNG encoder writes its last bytes from destructors, which cannot report an error: asking here is the only way to
-/// know of it.
+/// The PNG encoder writes its last bytes from destructors, which cannot report an error: it must be queried here.
 #[derive(Clone)]
 pub(super) struct Sink(Arc<Mutex<Inner>>);
 
@@ -397,7 +396,7 @@ struct Inner {
     failure: Option<io::Error>,
 }
 
-/// A file that knows how long the system took to take what was written.
+/// A file that measures the time that the system takes to accept writes.
 struct Timed {
     file: File,
     writing: Duration,
@@ -432,7 +431,7 @@ impl Sink {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does something with the file, unless something has failed before: then that is the error.
+    /// Does something with the file, unless it has failed before: then returns that error.
     fn attempt<T>(&self, action: impl FnOnce(&mut BufWriter<Timed>) -> io::Result<T>) -> io::Result<T> {
         let mut inner = self.lock();
         if let Some(failure) = &inner.failure {
@@ -464,7 +463,7 @@ impl Write for Sink {
     }
 }
 
-/// The same error again; `io::Error` cannot be cloned.
+/// A copy of an error, since `io::Error` cannot be cloned.
 fn copy(error: &io::Error) -> io::Error {
     match error.raw_os_error() {
         Some(code) => io::Error::from_raw_os_error(code),

@@ -10,33 +10,33 @@ use super::image_file::{PartEncoder, Split};
 use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError};
 use crate::measure::Cycles;
 
-/// A band is as many whole rows as fit in this for each thread, and at least one. Its film is what a first picture waits for:
-/// each of its pages costs as much when it is first touched as ten thousand pixels of a sphere.
+/// A band is as many whole rows as fit into this for each thread, and at least one. The first picture waits for the
+/// memory of its film: touching a page for the first time costs as much as ten thousand pixels of a sphere.
 const BAND_BYTES: usize = 128 << 10;
 
-/// A band has as many pieces of work for each of several threads, so that all are done with it at about the same time.
+/// A band has that many tasks for each of several threads, so that all finish it at about the same time.
 const TASKS: usize = 3;
 
-/// As many bands each of several ranks has at least, if those are not shorter then than what threads take.
+/// Each of several ranks gets at least that many bands, if they are then no shorter than the tasks of threads.
 const BANDS_OF_RANK: usize = 32;
 
-/// Where the time of a picture went.
+/// How the time of a picture was spent.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
     /// Tracing alone, into memory that was touched before.
     pub trace: Duration,
     /// Tracing alone, in cycles of the time-stamp counter, where there is one.
     pub trace_cycles: Option<u64>,
-    /// Making of four floats what the file has, where the engine does not, and encoding the file.
+    /// Converting four floats to the file's pixels, if the engine does not, and encoding the file.
     pub encode: Duration,
     /// Handing bytes to the operating system.
     pub write: Duration,
-    /// Rays and their hits, where the frame [counts](Frame::counting_hits) them.
+    /// Rays and their hits, if the frame [counts](Frame::counting_hits) them.
     pub counted: Option<Counted>,
 }
 
 impl Stats {
-    /// Of nothing so far.
+    /// No time so far.
     pub(super) fn of(frame: &Frame<'_>) -> Self {
         Stats {
             trace_cycles: Cycles::available().then_some(0),
@@ -45,7 +45,7 @@ impl Stats {
         }
     }
 
-    /// Adds a band that `bands` traces; `done` hears of every few rows that are.
+    /// Adds a band that `bands` traces; `done` is told of every few rows.
     pub(super) fn trace(
         &mut self,
         bands: &mut Bands<'_>,
@@ -61,7 +61,7 @@ impl Stats {
     }
 }
 
-/// Renders the rows of an image file into it, band by band; `done` hears of every few rows that are traced.
+/// Renders the rows of an image file into it, band by band; `done` is told of every few rows that are traced.
 pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + Sync)) -> Result<Stats, RenderError> {
     let mut bands = Bands::new(frame, image.encoder())?;
     let (all, height) = (image.rows(), bands.height(image.rows().len() as u32, 1));
@@ -78,15 +78,15 @@ pub fn render(frame: &Frame<'_>, image: &mut ImageWriter, done: &(dyn Fn(u32) + 
     Ok(stats)
 }
 
-/// An engine, the films that it writes to, and the encoder of what it has written.
+/// An engine, the films that it writes to, and the encoder of their content.
 pub(super) struct Bands<'a> {
     frame: &'a Frame<'a>,
     encoder: Arc<PartEncoder>,
     format: PixelFormat,
     film: Film,
-    /// What the file has, where the engine writes something else.
+    /// The file's pixels, if the engine writes others.
     converted: Option<Film>,
-    /// Rows of the band that was traced last.
+    /// The rows of the band that was traced last.
     rows: u32,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Bands<'a> {
         Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
     }
 
-    /// The rows of a band of a picture of so many, which so many ranks share.
+    /// The number of rows in a band of a picture with so many rows, which so many ranks share.
     pub(super) fn height(&self, rows: u32, ranks: usize) -> u32 {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;
@@ -108,7 +108,7 @@ impl<'a> Bands<'a> {
             Split::Bytes | Split::Any => height,
             Split::Strips(strip) => height.max(strip as usize * threads),
         };
-        // Fewer where ranks would have too few bands to end together.
+        // Fewer if ranks would have too few bands to finish together.
         let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
         let height = if ranks > 1 { height.min(fair) } else { height };
         let rows_together = self.frame.tracer.rows_together();
@@ -119,7 +119,7 @@ impl<'a> Bands<'a> {
         height.next_multiple_of(together as usize).min(rows as usize) as u32
     }
 
-    /// Traces rows; `done` hears of every few that are. Their rays and hits, if that is asked and known.
+    /// Traces rows; `done` is told of every few. Returns their rays and hits, if requested and known.
     fn trace(&mut self, rows: Range<u32>, done: &(dyn Fn(u32) + Sync)) -> Result<Option<Counted>, RenderError> {
         let pixels = self.frame.camera.width() as usize * rows.len();
         if self.film.len() < pixels {
@@ -137,7 +137,8 @@ impl<'a> Bands<'a> {
         Ok(None)
     }
 
-    /// Encodes what was traced, each part by one of the threads, and hands over the parts and their rows from the top.
+    /// Encodes what was traced, each part with one of the threads, and hands over the parts and their rows from the
+    /// top.
     pub(super) fn encode<E>(
         &mut self,
         mut take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E>,

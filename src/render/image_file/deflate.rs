@@ -1,32 +1,32 @@
-//! Rows of R, G, B filtered for PNG and deflated: runs of one pixel and single bytes, in a code that is made for each part.
+//! Rows of R, G, B filtered for PNG and deflated: runs of a pixel and single bytes, with a Huffman code for each part.
 //!
-//! A row less the one above it is small numbers, and zeros where nothing changes. Looking for matches farther away would make
-//! files a sixth to two fifths smaller, in 1.5 to 2 times the time (zlib's first level).
+//! A row minus the one above consists of small numbers, and of zeros where nothing changes. Searching for matches
+//! farther away would make files a sixth to two fifths smaller, in 1.5 to 2 times the time (zlib's first level).
 
-/// Bytes of a pixel: a run repeats what is so far back.
+/// Bytes of a pixel, which is the distance of a run.
 const PIXEL: usize = 3;
-/// Behind a filtered row, so that sixteen bytes can be read from any place in it and from its end.
+/// Padding after a filtered row, so that sixteen bytes can be read from any place in it and from its end.
 const BEHIND: usize = 16;
 /// One row in so many is counted to make the code.
 const SAMPLED: usize = 16;
-/// Bytes, the end of a block, and lengths of runs.
+/// Bytes, the end of a block, and the lengths of runs.
 const SYMBOLS: usize = 286;
 const END: usize = 256;
 /// The longest run that has a symbol: whole pixels.
 const LONGEST_RUN: usize = 258;
-/// The longest codeword in bits. Deflate has 15, but gains nothing by them where all symbols need a word.
+/// The longest codeword in bits. Deflate allows 15, but gains nothing by them if all symbols need a word.
 const LONGEST_WORD: usize = 14;
-/// That of the one distance that there is.
+/// The word of the only distance.
 const DISTANCE: Word = Word { bits: 0, length: 1 };
-/// The order in which deflate tells the lengths of the code for lengths, and the symbol that repeats one.
+/// The order in which deflate stores the lengths of the code for lengths, and the symbol that repeats one.
 const ORDER: [usize; 19] = [16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15];
 const REPEAT: usize = 16;
 
-/// The rows, of so many bytes each, as blocks that end where a byte does, and the Adler-32 of what they hold.
+/// The rows, of so many bytes each, as blocks that end on a byte boundary, and the Adler-32 of their content.
 pub(super) fn blocks(rows: &[u8], row: usize) -> (Vec<u8>, u32) {
     let mut filtered = vec![0; 1 + row + BEHIND];
     let number = rows.len() / row;
-    // Of one each, so that what is in other rows only has a word too.
+    // One of each symbol, so that symbols of uncounted rows have a word too.
     let mut counts = [1; SYMBOLS];
     for at in (number.min(SAMPLED) / 2..number).step_by(SAMPLED) {
         filter(&mut filtered, rows, row, at);
@@ -59,7 +59,7 @@ pub(super) fn blocks(rows: &[u8], row: usize) -> (Vec<u8>, u32) {
     (end_block(out, end, words[END]), sum.finish())
 }
 
-/// Puts a row behind the number of its filter: less what is above it, or, in the first, to the left.
+/// Stores a row after the number of its filter: minus the row above, or, in the first row, minus the pixel to the left.
 fn filter(filtered: &mut [u8], rows: &[u8], row: usize, at: usize) {
     let from = &rows[at * row..][..row];
     let to = &mut filtered[..1 + row];
@@ -76,9 +76,9 @@ fn filter(filtered: &mut [u8], rows: &[u8], row: usize, at: usize) {
 }
 
 enum Token {
-    /// Its bytes, the first one lowest.
+    /// Bytes, the first one lowest.
     Pixel(u32),
-    /// So many bytes, of whole pixels, that are those a pixel before.
+    /// So many bytes, of whole pixels, that equal those one pixel before.
     Run(usize),
 }
 
@@ -86,7 +86,7 @@ fn split(pixel: u32) -> [usize; PIXEL] {
     [0, 8, 16].map(|shift| (pixel >> shift & 0xff) as usize)
 }
 
-/// Hands over what a filtered row is made of, behind its first byte.
+/// Hands over the items of a filtered row, after its first byte.
 #[inline(always)]
 fn tokens(filtered: &[u8], mut each: impl FnMut(Token)) {
     let sixteen =
@@ -112,7 +112,7 @@ fn tokens(filtered: &[u8], mut each: impl FnMut(Token)) {
     }
 }
 
-/// The symbol for the length of a run, and what of the length is told after it.
+/// The symbol for the length of a run, and the extra bits of the length after it.
 fn run(length: usize) -> (usize, Word) {
     let beyond = length as u64 - 3;
     match (length, beyond.checked_ilog2().unwrap_or(0)) {
@@ -126,7 +126,7 @@ fn run(length: usize) -> (usize, Word) {
     }
 }
 
-/// Bits of a code, the first one lowest.
+/// Bits of a codeword, the first one lowest.
 #[derive(Clone, Copy, Default)]
 struct Word {
     bits: u64,
@@ -140,12 +140,12 @@ impl Word {
     }
 }
 
-/// The lengths of the words of Huffman's code for what is there so often, none of them longer than `longest`; 0 for what is
-/// not there.
+/// The lengths of the Huffman code's words for symbols of these frequencies, none longer than `longest`; 0 for a symbol
+/// that does not occur.
 fn lengths(counts: &[u64], longest: usize) -> Vec<u8> {
     let mut symbols: Vec<_> = (0..counts.len()).filter(|symbol| counts[*symbol] > 0).collect();
     symbols.sort_by_key(|symbol| counts[*symbol]);
-    // Nodes of the tree: the symbols, the rarest first, and then pairs, which become more frequent too.
+    // Nodes of the tree: the symbols, the rarest first, and then pairs, in order of frequency too.
     let mut weights: Vec<_> = symbols.iter().map(|symbol| counts[*symbol]).collect();
     let mut parents = vec![0; 2 * symbols.len()];
     let (mut leaf, mut pair) = (0, symbols.len());
@@ -166,7 +166,7 @@ fn lengths(counts: &[u64], longest: usize) -> Vec<u8> {
     }
     let mut numbers = vec![0_usize; longest + 1];
     symbols.iter().zip(&depths).for_each(|(_, depth)| numbers[longest.min(*depth)] += 1);
-    // Words that were shortened take more room than there is: of each two too many, one goes below a shorter word.
+    // Words that were shortened take too much room: of each two too many, one goes below a shorter word.
     let room: usize = (1..=longest).map(|length| numbers[length] << (longest - length)).sum();
     for _ in 1 << longest..room {
         let shorter = (1..longest).rev().find(|length| numbers[*length] > 0).unwrap_or(1);
@@ -180,7 +180,7 @@ fn lengths(counts: &[u64], longest: usize) -> Vec<u8> {
     lengths
 }
 
-/// The words of the code that these lengths are enough to tell.
+/// The words of the canonical code with these lengths.
 fn words(lengths: &[u8]) -> Vec<Word> {
     let mut words = vec![Word::default(); lengths.len()];
     let mut next = 0_u16;
@@ -194,12 +194,12 @@ fn words(lengths: &[u8]) -> Vec<Word> {
     words
 }
 
-/// Where bits end that are written one after the other, the lowest of a byte first.
+/// Bits written one after another, from the lowest of a byte up.
 #[derive(Clone, Copy, Default)]
 struct End {
-    /// Bytes that are full.
+    /// The complete bytes.
     full: usize,
-    /// Those that do not fill a byte.
+    /// Bits that do not fill a byte yet.
     partial: Word,
 }
 
@@ -213,7 +213,7 @@ impl End {
         bytes
     }
 
-    /// Appends at most 56.
+    /// Appends at most 56 bits.
     #[inline(always)]
     fn put(&mut self, bytes: &mut [u8], word: Word) {
         let Word { bits, length } = self.partial.then(word);
@@ -223,11 +223,11 @@ impl End {
     }
 }
 
-/// Begins a block with a code of these lengths, in which runs have one distance.
+/// Begins a block with a code of these lengths, in which all runs have the same distance.
 fn begin_block(code: &[u8]) -> (Vec<u8>, End) {
-    // Distances of one and of two have no word.
+    // The distances 1 and 2 have no word.
     let all = [code, &[0; PIXEL - 1], &[DISTANCE.length as u8]].concat();
-    // Each with what is told after it: how often the one before it is repeated.
+    // Each with its extra bits: how often the previous length is repeated.
     let mut told = Vec::new();
     for same in all.chunk_by(|a, b| a == b) {
         let symbol = (usize::from(same[0]), Word::default());
@@ -245,7 +245,7 @@ fn begin_block(code: &[u8]) -> (Vec<u8>, End) {
     let words = words(&lengths);
     let (mut bytes, mut end) = (Vec::new(), End::default());
     end.reserve(&mut bytes, all.len());
-    // Not the last block, a code of its own; and how many lengths of each kind there are.
+    // Not the last block, a dynamic code; and the number of lengths of each kind.
     let numbers = [(0b100, 3), (code.len() - 257, 5), (PIXEL - 1, 5), (ORDER.len() - 4, 4)];
     let lengths = ORDER.map(|symbol| (lengths[symbol].into(), 3));
     for (bits, length) in numbers.into_iter().chain(lengths) {
@@ -255,7 +255,7 @@ fn begin_block(code: &[u8]) -> (Vec<u8>, End) {
     (bytes, end)
 }
 
-/// Ends it, and the last byte: by a block of no bytes, which are stored as they are from a whole byte on.
+/// Ends a block, and the last byte: with a stored block of no bytes, which begins on a byte boundary.
 fn end_block(mut bytes: Vec<u8>, mut end: End, word: Word) -> Vec<u8> {
     end.reserve(&mut bytes, 0);
     end.put(&mut bytes, word.then(Word { bits: 0, length: 3 }));

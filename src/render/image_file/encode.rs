@@ -1,4 +1,4 @@
-//! One encoder per format: rows of a picture in, bytes out, part by part; and what joins the parts to a file.
+//! One encoder per format: rows of a picture in, bytes out, part by part; and a writer that joins the parts to a file.
 
 use super::png::{PngJoin, PngParts};
 use super::threaded::{ExrParts, Threaded, TiffParts};
@@ -10,9 +10,9 @@ use image::codecs::hdr::HdrEncoder;
 use std::borrow::Cow;
 use std::io::{self, Seek, SeekFrom, Write};
 
-/// Encodes parts of a picture, which are whole rows, each by itself: in any order, and from any thread or process.
+/// Encodes parts of a picture, which are whole rows, independently: in any order, and from any thread or process.
 pub(super) trait Encode: Send + Sync {
-    /// How many rows a part has.
+    /// The number of rows in a part.
     fn split(&self) -> Split {
         Split::Any
     }
@@ -31,26 +31,26 @@ pub(super) trait Encode: Send + Sync {
 /// How many rows an encoder takes for a part. The file does not depend on where `Bytes` and `Any` are cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Split {
-    /// Any number, and nothing is gained by several parts: pixels are written as they are.
+    /// Any number, without a gain from several parts: pixels are written as they are.
     Bytes,
     /// Any number.
     Any,
-    /// So many, and the rest in the last.
+    /// So many, and the rest in the last part.
     Strips(u32),
 }
 
-/// Makes the file of the parts, from the top and never too many.
+/// Makes a file of the parts, from the top and never too many.
 pub(super) trait Join: Send {
     /// Writes the next part.
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()>;
 
-    /// Writes what comes after the last one.
+    /// Writes the end of the file after the last part.
     fn finish(self: Box<Self>) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// What encodes the parts of a picture in `format`.
+/// The encoder of the parts of a picture in `format`.
 pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
     let width = extent.width as usize;
     match format {
@@ -64,7 +64,7 @@ pub(super) fn encoder(format: Format, extent: &Extent) -> Box<dyn Encode> {
     }
 }
 
-/// Begins a file of `format`: its header is written here.
+/// Begins a file of `format`, and writes its header.
 pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Result<Box<dyn Join>> {
     let (width, height) = (extent.width, extent.height());
     Ok(match format {
@@ -88,7 +88,7 @@ pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Res
     })
 }
 
-/// The most bytes of an image that is held in memory until it is whole.
+/// The most bytes of an image that is held in memory until it is complete.
 pub(super) const MAX_WHOLE: u64 = 1 << 30;
 
 /// Whether an image of `format` is held in memory.
@@ -96,7 +96,7 @@ pub(super) fn is_whole(format: Format) -> bool {
     format == Format::Qoi
 }
 
-/// How much of it is held.
+/// How many bytes of it are held.
 pub(super) fn whole_bytes(width: u32, height: u32) -> u64 {
     3 * u64::from(width) * u64::from(height)
 }
@@ -183,7 +183,7 @@ impl Encode for Pfm {
 /// Each part is written before the one above it in the picture.
 struct BottomUp {
     sink: Sink,
-    /// Where the next part from the top ends in the file.
+    /// The place in the file where the next part from the top ends.
     end: u64,
 }
 
@@ -211,15 +211,15 @@ struct Hdr {
 }
 
 impl Hdr {
-    /// Behind the header of each row, that of a picture of one row.
+    /// Ends the header before each row, that of a picture of one row.
     const HEADER_END: &[u8] = b"\n\n-Y 1 +X ";
     /// Below this a pixel is black: the exponent has 8 bits.
     const SMALLEST: f32 = f32::MIN_POSITIVE;
-    /// The largest number that it holds: 255/256 of 2^127.
+    /// The largest number of the format: 255/256 of 2^127.
     const LARGEST: f32 = 255.0 * (1_u128 << 119) as f32;
 
-    /// The numbers of 8 bits times a power of two that are nearest to a pixel's. The encoder cuts off what else there is, and
-    /// its logarithm takes what is next to a power of two for that.
+    /// The numbers of 8 bits times a power of two that are nearest to a pixel's. The encoder truncates the rest, and
+    /// its logarithm rounds a number next to a power of two to that.
     fn rounded(pixel: [f32; 3]) -> [f32; 3] {
         let channels = pixel.map(|value| value.clamp(0.0, Self::LARGEST));
         let most = |of: [f32; 3]| of.into_iter().fold(0.0, f32::max);

@@ -1,4 +1,4 @@
-//! OpenEXR block by block: what a header says is proved from the length of the file before memory is asked for.
+//! OpenEXR block by block: a header's claims are checked against the length of the file before memory is allocated.
 
 use exr::math::RoundingMode;
 use exr::meta::BlockDescription;
@@ -12,7 +12,7 @@ use std::io::{BufRead, Read, Seek, SeekFrom};
 /// More channels than any camera has.
 const MAX_CHANNELS: usize = 1024;
 
-/// What is left of a part's attributes: where its pixels are, and how they are packed.
+/// The used attributes of a part: the place of its pixels, and their packing.
 struct Part {
     channels: Vec<Channel>,
     packing: Packing,
@@ -20,7 +20,7 @@ struct Part {
     display: Window,
     /// Width and height of a tile, if it has tiles.
     tile: Option<(u32, u32)>,
-    /// Blocks of all its levels, which a file of several parts has to say.
+    /// The number of blocks of all its levels, which a file of several parts must give.
     blocks: Option<u32>,
     /// Whether each of its pixels is a list.
     deep: bool,
@@ -47,22 +47,22 @@ struct Window {
     height: u32,
 }
 
-/// Decodes the first part that has R, G and B, and A if it is there, in its largest level, as its display window shows it.
+/// Decodes the largest level of the first part that has R, G and B, and A if present, as its display window shows it.
 pub(super) struct ExrDecoder<R> {
     reader: R,
     length: u64,
     part: Part,
-    /// Its place among the parts, in a file that has several.
+    /// Its index among the parts, in a file of several.
     number: Option<u32>,
-    /// Where the table of its blocks begins.
+    /// The start of its table of blocks.
     table: u64,
 }
 
 impl<R: BufRead + Seek> ExrDecoder<R> {
-    /// Reads the headers of a file of `length` bytes, of which every block will be asked to be within.
+    /// Reads the headers of a file of `length` bytes, within which every block must lie.
     pub(super) fn new(mut reader: R, length: u64) -> ImageResult<Self> {
         let [_, _, _, _, version, flags, zeros @ ..] = bytes::<8>(&mut reader)?;
-        // Beside tiles, long names, deep data and several parts nothing is known.
+        // Bits other than those of tiles, long names, deep data and several parts are unknown.
         let [tiled, several] = [0x02, 0x10].map(|flag| flags & flag != 0);
         if version != 2 || flags & !0x1e != 0 || zeros != [0, 0] {
             return Err(unsupported("a later version"));
@@ -89,7 +89,7 @@ impl<R: BufRead + Seek> ExrDecoder<R> {
         self.length.saturating_mul(self.part.packing.expansion) / self.part.bytes_per_pixel()
     }
 
-    /// The block at a place of the table: what stands before its size, as so many numbers, and its bytes.
+    /// The block at an index of the table: the numbers before its size, and its bytes.
     fn block<const N: usize>(&mut self, index: u64) -> ImageResult<([i64; N], Vec<u8>)> {
         self.reader.seek(SeekFrom::Start(self.table + 8 * index))?;
         let start = u64::from_le_bytes(bytes(&mut self.reader)?);
@@ -127,7 +127,7 @@ impl<R: BufRead + Seek> ImageDecoder for ExrDecoder<R> {
         let Window { width, height, .. } = self.part.data;
         let across = u64::from(width.div_ceil(size.0));
         for index in 0..across * u64::from(height.div_ceil(size.1)) {
-            // Below 2^32 both, since the sides are.
+            // Both are below 2^32, since the sides are.
             let (column, row) = ((index % across) as u32, (index / across) as u32);
             let (x, y) = (column * size.0, row * size.1);
             let (expected, packed) = if self.part.tile.is_some() {
@@ -208,7 +208,7 @@ impl Part {
         }))
     }
 
-    /// Where in a pixel's bytes red, green, blue and, if it is there, alpha stand, and as what.
+    /// The places of red, green, blue and, if present, alpha in a pixel's bytes, and their types.
     fn shown(&self) -> Option<[Option<(usize, SampleType)>; 4]> {
         let places = [&b"R"[..], b"G", b"B", b"A"].map(|wanted| {
             let index = self.channels.iter().position(|channel| channel.name == wanted)?;
@@ -218,18 +218,18 @@ impl Part {
         places[..3].iter().all(Option::is_some).then_some(places)
     }
 
-    /// Above 0: there are channels.
+    /// Above 0, since there are channels.
     fn bytes_per_pixel(&self) -> u64 {
         self.channels.iter().map(|channel| channel.samples.bytes_per_sample() as u64).sum()
     }
 
-    /// Width and height of a block, but at the right and lower edges.
+    /// Width and height of a block, except at the right and lower edges.
     fn block_size(&self) -> (u32, u32) {
         let lines = self.packing.compression.scan_lines_per_block() as u32;
         self.tile.unwrap_or((self.data.width, lines))
     }
 
-    /// What the library asks of a part to unpack a block of it.
+    /// What the library needs to unpack a block of a part.
     fn header(&self, (width, height): (u32, u32)) -> Header {
         let channel = |channel: &Channel| {
             let name = Text::from_slice_unchecked(&channel.name);
@@ -237,7 +237,7 @@ impl Part {
         };
         let tile_size = Vec2(width as usize, height as usize);
         let tiles = TileDescription { tile_size, level_mode: LevelMode::Singular, rounding_mode: RoundingMode::Down };
-        // The size of one block, so that nothing is counted: whole pictures are not the library's here.
+        // The size of one block, so that it counts nothing else: the library never decodes whole pictures here.
         Header::new(Text::default(), tile_size, self.channels.iter().map(channel).collect()).with_encoding(
             self.packing.compression,
             BlockDescription::Tiles(tiles),
@@ -245,7 +245,7 @@ impl Part {
         )
     }
 
-    /// Puts a block of pixels that begins at a place of the data window into those of the display window.
+    /// Copies a block of pixels from its place in the data window to the display window.
     fn show(&self, pixels: &[u8], (x, y): (u32, u32), width: usize, out: &mut [u8]) {
         let Some(channels) = self.shown() else { return };
         let shown = channels.iter().flatten().count();
@@ -270,7 +270,7 @@ impl Part {
     }
 }
 
-/// A sample in the order of this machine's bytes.
+/// A sample in the byte order of this machine.
 fn value(samples: SampleType, bytes: &[u8]) -> f32 {
     match (samples, bytes) {
         (SampleType::F16, &[a, b]) => f16::from_ne_bytes([a, b]).to_f32(),
@@ -314,9 +314,9 @@ impl Packing {
             [1] => (Compression::RLE, 64),
             [2] => (Compression::ZIP1, super::read::DEFLATE_EXPANSION),
             [3] => (Compression::ZIP16, super::read::DEFLATE_EXPANSION),
-            // Nine bits repeat two bytes up to 255 times; that many zeros are left of a smooth picture by its wavelets.
+            // Nine bits repeat two bytes up to 255 times; the wavelets leave that many zeros of a smooth picture.
             [4] => (Compression::PIZ, 512),
-            // Of four bytes deflate gets three.
+            // Deflate gets three of four bytes.
             [5] => (Compression::PXR24, super::read::DEFLATE_EXPANSION * 4 / 3),
             [6 | 7] => return Err(unsupported("compression by B44")),
             [8 | 9] => return Err(unsupported("compression by DWA")),
@@ -337,14 +337,14 @@ impl Window {
     }
 }
 
-/// What stands next.
+/// The next number.
 fn bytes<const N: usize>(reader: &mut impl Read) -> ImageResult<[u8; N]> {
     let mut bytes = [0; N];
     reader.read_exact(&mut bytes)?;
     Ok(bytes)
 }
 
-/// A text up to its zero, which is not among it.
+/// A text up to its terminating zero.
 fn text(reader: &mut impl BufRead) -> ImageResult<Vec<u8>> {
     const LONGEST: u64 = 256;
     let mut text = Vec::new();
@@ -352,7 +352,7 @@ fn text(reader: &mut impl BufRead) -> ImageResult<Vec<u8>> {
     if text.pop() == Some(0) { Ok(text) } else { Err(damaged("a name in its header has no end")) }
 }
 
-/// The next bytes, if the file can have so many.
+/// The next bytes, if the file can hold so many.
 fn taken(reader: &mut impl Read, length: u64, size: u64) -> ImageResult<Vec<u8>> {
     if size > length {
         return Err(damaged("a part of it is longer than the file"));

@@ -4,7 +4,7 @@ use image::error::{DecodingError, ImageFormatHint};
 use image::{ColorType, ImageDecoder, ImageError, ImageResult};
 use std::io::{self, BufRead, Read};
 
-/// Decodes `PF` (colour) or `Pf` (grey), width, height, a scale whose sign tells the byte order (negative is little
+/// Decodes `PF` (colour) or `Pf` (grey), width, height, a scale whose sign gives the byte order (negative is little
 /// endian), one white space, and then the rows from the bottom.
 pub(super) struct PfmDecoder<R> {
     reader: R,
@@ -67,9 +67,9 @@ fn damaged(what: String) -> ImageError {
     ImageError::Decoding(DecodingError::new(ImageFormatHint::Name("PFM".into()), what))
 }
 
-/// The next word of the header, with the one white space that ends it taken off the reader.
+/// The next word of the header, after which its one white space is consumed.
 fn token(reader: &mut impl Read) -> io::Result<String> {
-    // Longer than any number that makes sense, and short enough for a message.
+    // Longer than any sensible number, and short enough for a message.
     const LONGEST: usize = 32;
     let mut token = String::new();
     while token.len() < LONGEST {

@@ -1,4 +1,4 @@
-//! PNG: strips of rows compressed by themselves, one after the other in one stream; and the pixels read back.
+//! PNG: strips of rows compressed independently, one after another in one stream; and the pixels read back.
 
 use super::Extent;
 use super::deflate;
@@ -9,12 +9,12 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::borrow::Cow;
 use std::io::{self, BufRead, Seek};
 
-/// A strip of this many bytes at least, where there are so many rows. What begins it, a row without the one above and its code,
-/// is some hundred bytes.
+/// The least bytes of a strip, if there are so many rows. Its overhead, a row without one above and a code, is some
+/// hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
-/// More than a chunk holds, and less than it may.
+/// More than a chunk holds, and less than it may hold.
 const CHUNK: usize = 1 << 30;
-/// Begins the stream, and ends it but for its sum: a last block of no bytes.
+/// Begins the stream, and ends it except for its checksum: a last block of no bytes.
 const HEADER: [u8; 2] = [0x78, 0x01];
 const LAST_BLOCK: [u8; 5] = [1, 0, 0, 0xff, 0xff];
 
@@ -31,11 +31,11 @@ impl PngParts {
 
 impl Encode for PngParts {
     fn split(&self) -> Split {
-        // A power of two fits rows of tiles, which would be traced twice where they are cut.
+        // A power of two fits rows of tiles, which would be traced twice if cut.
         Split::Strips(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
     }
 
-    /// Blocks, and before them the sum of what they hold and the length of that.
+    /// Blocks, preceded by the checksum of their content and its length.
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         let rows = rows.as_flattened();
         let (blocks, sum) = deflate::blocks(rows, self.row);
@@ -44,10 +44,10 @@ impl Encode for PngParts {
     }
 }
 
-/// The file: its stream in chunks.
+/// Writes the file: its stream in chunks.
 pub(super) struct PngJoin {
     file: png::Writer<Sink>,
-    /// Adler-32 of the rows so far, whose halves are all bytes and 1, and every value that this had after a byte.
+    /// Adler-32 of the rows so far; its halves are sums of all bytes plus 1, and of all values of the first half.
     sum: [u64; 2],
 }
 
@@ -69,7 +69,7 @@ impl Join for PngJoin {
         let (Some((sum, rest)), [a, b]) = (part.split_first_chunk(), self.sum) else { return Ok(()) };
         let Some((length, blocks)) = rest.split_first_chunk() else { return Ok(()) };
         let (sum, length) = (u64::from(u32::from_le_bytes(*sum)), u64::from_le_bytes(*length));
-        // The part's own sum begins with a one in place of what is there.
+        // The part's own sum begins with 1 in place of the sum so far.
         let before = a + MODULUS - 1;
         self.sum = [(before + sum % (1 << 16)) % MODULUS, (b + (sum >> 16) + before * (length % MODULUS)) % MODULUS];
         blocks.chunks(CHUNK).try_for_each(|chunk| self.file.write_chunk(png::chunk::IDAT, chunk).map_err(Into::into))
@@ -82,13 +82,13 @@ impl Join for PngJoin {
     }
 }
 
-/// The pixels alone: texts and colour profiles, which may unpack to a thousand times the file, are passed over.
+/// Decodes only the pixels: texts and colour profiles, which may unpack to a thousand times the file, are skipped.
 pub(super) struct PngDecoder<R: BufRead + Seek> {
     reader: png::Reader<R>,
 }
 
 impl<R: BufRead + Seek> PngDecoder<R> {
-    /// Reads what stands before the pixels, and takes at most so many bytes for rows.
+    /// Reads the header before the pixels, and allocates at most so many bytes for rows.
     pub(super) fn new(reader: R, bytes: usize) -> ImageResult<Self> {
         let mut decoder = png::Decoder::new_with_limits(reader, png::Limits { bytes });
         decoder.set_ignore_text_chunk(true);
@@ -106,7 +106,7 @@ impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
     fn color_type(&self) -> ColorType {
         use png::ColorType as Of;
         match self.reader.output_color_type() {
-            // Read by nobody.
+            // Not used.
             (_, png::BitDepth::Sixteen) => ColorType::Rgb16,
             (Of::Grayscale, _) => ColorType::L8,
             (Of::GrayscaleAlpha, _) => ColorType::La8,

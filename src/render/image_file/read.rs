@@ -1,4 +1,4 @@
-//! Image files read into memory, whoever wrote them: nothing in a file is believed before it is checked.
+//! Image files read into memory, whoever wrote them: nothing in a file is trusted before it is checked.
 
 use super::ImageError;
 use super::exr::ExrDecoder;
@@ -23,15 +23,16 @@ pub(super) const MAX_BYTES: u64 = 2 << 30;
 
 /// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
 pub(super) const DEFLATE_EXPANSION: u64 = 1032;
-/// The same of LZW in TIFF: twelve bits can repeat as many bytes as its table has words.
+/// The same for LZW in TIFF: twelve bits can repeat as many bytes as its table has words.
 const LZW_EXPANSION: u64 = 4096 * 8 / 12;
-/// The same of TIFF's runs: two bytes can repeat one up to 128 times.
+/// The same for TIFF's runs: two bytes can repeat one up to 128 times.
 const RUN_EXPANSION: u64 = 64;
-/// As many pixels as a byte of a fax may stand for: a white row of any length takes one bit, but no page is that white.
+/// The most pixels that a byte of a fax may stand for: a white row of any length takes one bit, but no page is that
+/// white.
 const FAX_PIXELS: u64 = 4096;
-/// As many pixels as a byte of HDR stands for: 127 equal pixels take two bytes for each of four channels.
+/// The most pixels that a byte of HDR stands for: 127 equal pixels take two bytes for each of four channels.
 const HDR_PIXELS: u64 = 16;
-/// The same of QOI: 62 equal pixels take one.
+/// The same for QOI: 62 equal pixels take one byte.
 const QOI_PIXELS: u64 = 62;
 
 /// Reads an image file, as [`ImageFile::open`] and [`ImageFile::read`] do.
@@ -42,8 +43,8 @@ pub fn read(path: &Path) -> Result<Picture, ImageError> {
     ImageFile::open(path)?.read()
 }
 
-/// A PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF or QOI file of which the header has been read: its size is known,
-/// and it is one that a file of this length can have. Its content tells the format, not its name.
+/// A PNG, PPM (P3, P6), PGM (P2, P5), PFM, EXR, HDR, TIFF or QOI file after its header has been read: its size is
+/// known, and a file of this length can have it. The content decides the format, not the name.
 pub struct ImageFile {
     path: PathBuf,
     decoder: Box<dyn ImageDecoder>,
@@ -56,8 +57,8 @@ impl ImageFile {
     ///
     /// # Errors
     /// If the file cannot be read, is no such image, is damaged or cannot hold what it claims, would lose something as
-    /// [`Pixels`] (more than 8 bits that are no floats), is of a kind that is not read here, or has more pixels than fit
-    /// into 2 GiB.
+    /// [`Pixels`] (more than 8 bits that are not floats), is of an unsupported kind, or has more pixels than fit into 2
+    /// GiB.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         let failed = |error| ImageError::Read { path: path.into(), error };
         let file = File::open(path).map_err(failed)?;
@@ -66,7 +67,8 @@ impl ImageFile {
         if metadata.is_file() {
             return Self::of_reader(path, reader, metadata.len());
         }
-        // A pipe: its length must be known and it must be rewound, so it is read whole, but only if it begins like an image.
+        // A pipe: its length must be known and it must be rewound, so it is read whole, but only if it begins like an
+        // image.
         let start = reader.fill_buf().map_err(failed)?;
         Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
         let mut bytes = Vec::new();
@@ -74,7 +76,7 @@ impl ImageFile {
         Self::of_bytes(path, bytes)
     }
 
-    /// The same of a file's bytes; `path` is for messages alone.
+    /// The same for a file's bytes; `path` is only for messages.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -104,15 +106,15 @@ impl ImageFile {
         })
     }
 
-    /// Pixels in a row, and rows.
+    /// Pixels in a row, and the number of rows.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
     /// Decodes the pixels.
     ///
-    /// Grey becomes R = G = B. Alpha is dropped where it is opaque everywhere. A PPM whose largest level is below 255 is
-    /// stretched to it; the scale of a PFM, beyond its sign, is ignored.
+    /// Grey becomes R = G = B. Alpha is dropped if it is opaque everywhere. The levels of a PPM whose largest is below
+    /// 255 are scaled to 255; the scale of a PFM, beyond its sign, is ignored.
     ///
     /// # Errors
     /// If the file cannot be read, is damaged, or has transparency, which would be lost.
@@ -130,11 +132,12 @@ fn is_float(color: ColorType) -> bool {
 }
 
 thread_local! {
-    /// Whether a decoder is at work in this thread, whose panics are told as errors.
+    /// Whether a decoder is at work in this thread, whose panics are reported as errors.
     static CONTAINED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The last line of defence: where a decoder panics in spite of all, the file is damaged, and nobody reads of a bug.
+/// The last line of defence: if a decoder panics nevertheless, the file counts as damaged, and no panic message
+/// appears.
 fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
     static QUIET: Once = Once::new();
     QUIET.call_once(|| {
@@ -146,7 +149,7 @@ fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> 
         }));
     });
     CONTAINED.set(true);
-    // What a panic leaves half done is dropped unseen.
+    // What a panic leaves half done is dropped unused.
     let result = panic::catch_unwind(AssertUnwindSafe(decode));
     CONTAINED.set(false);
     result.unwrap_or_else(|_| {
@@ -155,7 +158,7 @@ fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> 
     })
 }
 
-/// What a file's first bytes say that it is.
+/// The format by a file's first bytes.
 enum Magic {
     Png,
     /// PPM and PGM as text, at least two bytes to a sample.
@@ -185,7 +188,7 @@ impl Magic {
     }
 }
 
-/// The decoder of an image of `length` bytes, and as many pixels as it can hold at most.
+/// The decoder for an image of `length` bytes, and the most pixels that it can hold.
 fn decoder(
     path: &Path,
     mut reader: impl BufRead + Seek + 'static,
@@ -206,7 +209,7 @@ fn by_magic(
     let by_deflate = length.saturating_mul(DEFLATE_EXPANSION);
     Ok(match magic {
         Magic::Png => {
-            // Rows and what stands beside the pixels.
+            // The rows, and the file's content beside the pixels.
             let most = by_deflate.saturating_add(1 << 20).min(MAX_BYTES);
             (Box::new(PngDecoder::new(reader, most as usize)?), by_deflate.saturating_mul(8) / png_bits)
         }
@@ -237,7 +240,7 @@ fn by_magic(
     })
 }
 
-/// Bits of a pixel of the PNG that begins so; 1 where it has no such header, which its decoder will say.
+/// Bits per pixel of a PNG that begins with these bytes; 1 if it has no such header, which its decoder will report.
 fn png_bits(start: &[u8]) -> u64 {
     let channels = |color| match color {
         2 => 3,
@@ -249,8 +252,8 @@ fn png_bits(start: &[u8]) -> u64 {
     header.filter(|bits| *bits > 0).unwrap_or(1)
 }
 
-/// As many pixels as a TIFF of `length` bytes can hold at most, once it is clear that no value and no tile of it is larger
-/// than the file can make them: the decoder takes memory for these before it reads them.
+/// The most pixels that a TIFF of `length` bytes can hold, after checking that no value and no tile of it is larger
+/// than the file can make it: the decoder allocates these before it reads them.
 fn tiff_pixels(reader: &mut (impl BufRead + Seek), length: u64) -> image::ImageResult<u64> {
     let hint = || ImageFormatHint::Exact(ImageFormat::Tiff);
     let damaged = |what: &str| image::ImageError::Decoding(DecodingError::new(hint(), what));
@@ -272,7 +275,7 @@ fn tiff_pixels(reader: &mut (impl BufRead + Seek), length: u64) -> image::ImageR
         8 | 32946 => DEFLATE_EXPANSION,
         32773 => RUN_EXPANSION,
         4 => FAX_PIXELS / 8,
-        // Of these JPEG is the one that there is: its decoder takes memory on the word of a second header.
+        // JPEG is the one of these that occurs: its decoder allocates on the word of a second header.
         _ => {
             let kind = UnsupportedErrorKind::GenericFeature("this compression".into());
             return Err(image::ImageError::Unsupported(UnsupportedError::from_format_and_kind(hint(), kind)));
@@ -323,7 +326,7 @@ fn tiff_values_fit(reader: &mut (impl Read + Seek), length: u64) -> io::Result<b
     Ok(true)
 }
 
-/// So many values of 0, made of the pixels of a decoder's picture.
+/// `count` zeros, for the pixels of a decoder's picture.
 fn zeros<T: Plain>(path: &Path, (width, height): (u32, u32), count: usize) -> Result<Vec<T>, ImageError> {
     let (mut values, bytes) = (Vec::new(), count * size_of::<T>());
     try_reserve(&mut values, count).map_err(|_| ImageError::Memory { path: path.into(), width, height, bytes })?;
@@ -373,7 +376,7 @@ fn levels(path: &Path, decoder: Box<dyn ImageDecoder>) -> Result<Pixels, ImageEr
     Ok(Pixels::Rgb8(pixels))
 }
 
-/// A decoder's error in our words where it is about reading.
+/// A decoder's error in our words if it is about reading.
 fn malformed(path: &Path, error: image::ImageError) -> ImageError {
     let what = match error {
         image::ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => "it ends too early".into(),
@@ -390,7 +393,7 @@ fn malformed(path: &Path, error: image::ImageError) -> ImageError {
     ImageError::Malformed { path: path.into(), what }
 }
 
-/// A decoder's words, which may repeat what a file says, so that they neither steer a terminal nor fill it.
+/// A decoder's words, which may repeat the file's, made safe so that they neither control a terminal nor fill it.
 fn printable(text: &str) -> String {
     const LONGEST: usize = 300;
     let cut = if text.chars().nth(LONGEST).is_some() { "..." } else { "" };
@@ -407,7 +410,7 @@ mod tests {
         let result: Result<(), _> = contained(Path::new("a.png"), || panic!("index out of bounds"));
         let error = result.unwrap_err().to_string();
         assert_eq!(error, "a.png is damaged or incomplete: its decoder gave up on it");
-        // And what panics elsewhere is told as ever.
+        // Panics elsewhere are reported as usual.
         assert!(!CONTAINED.get());
     }
 }

@@ -1,4 +1,4 @@
-//! TIFF and EXR: parts compressed by themselves, and the libraries' writers, which ask for them in threads of their own.
+//! TIFF and EXR: parts compressed independently, and the libraries' writers, which take them in threads of their own.
 
 use super::Extent;
 use super::encode::{Encode, Join, Split};
@@ -20,7 +20,7 @@ use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, Tag};
 use tiff::{TiffError, TiffResult};
 
-/// A strip of this many bytes at least, where there are so many rows.
+/// The least bytes of a strip, if there are so many rows.
 const STRIP_BYTES: usize = 1 << 20;
 
 /// A writer in a thread, which takes the parts of a picture.
@@ -38,7 +38,7 @@ impl Threaded {
         Ok(Threaded { parts: Some(parts), thread: Some(thread) })
     }
 
-    /// Lets the thread come to its end, and says how it ended.
+    /// Lets the thread finish, and returns its result.
     fn end(&mut self) -> io::Result<()> {
         self.parts = None;
         match self.thread.take().map(JoinHandle::join) {
@@ -53,7 +53,7 @@ impl Join for Threaded {
     fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()> {
         match &self.parts {
             Some(parts) if parts.send(part.into_owned()).is_ok() => Ok(()),
-            // It has stopped listening, and knows why.
+            // It has stopped listening, and knows the reason.
             _ => self.end().and(Err(io::ErrorKind::BrokenPipe.into())),
         }
     }
@@ -66,12 +66,12 @@ impl Join for Threaded {
 impl Drop for Threaded {
     fn drop(&mut self) {
         self.parts = None;
-        // The file must not be written to once its writer is gone.
+        // The file must not be written to after its writer is gone.
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
-/// TIFF in strips of about a megabyte, each compressed by itself.
+/// TIFF in strips of about a megabyte, each compressed independently.
 pub(super) struct TiffParts {
     width: usize,
     rows: u32,
@@ -80,7 +80,7 @@ pub(super) struct TiffParts {
 impl TiffParts {
     pub(super) fn new(extent: &Extent) -> Self {
         let width = extent.width as usize;
-        // A power of two fits rows of tiles, which would be traced twice where they are cut.
+        // A power of two fits rows of tiles, which would be traced twice if cut.
         let rows = STRIP_BYTES.div_ceil(3 * width).next_power_of_two();
         TiffParts { width, rows: rows.min(extent.height() as usize) as u32 }
     }
@@ -93,7 +93,7 @@ impl Encode for TiffParts {
 
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         let mut block = rows.as_flattened().to_vec();
-        // The predictor: each sample less that of the pixel to its left.
+        // The predictor: each sample minus that of the pixel to its left.
         for row in block.chunks_exact_mut(3 * self.width) {
             for at in (3..row.len()).rev() {
                 row[at] = row[at].wrapping_sub(row[at - 3]);
@@ -107,7 +107,8 @@ impl Threaded {
     /// Begins a TIFF.
     pub(super) fn tiff(sink: Sink, extent: &Extent) -> io::Result<Self> {
         let (size, rows) = ((extent.width, extent.height()), TiffParts::new(extent).rows);
-        // Compression could make it smaller, but not for sure; the index and what incompressible strips grow by is added.
+        // Compression could make it smaller, but not certainly; the index and the growth of incompressible strips are
+        // added.
         let big = u64::from(size.1) * (3 * u64::from(size.0) + 64) > u64::from(u32::MAX) - (1 << 20);
         Threaded::new(move |strips| {
             let result = if big {
@@ -123,7 +124,7 @@ impl Threaded {
     }
 }
 
-/// By tags and data: the library compresses what it is given whole, and not what it is given strip by strip.
+/// By tags and data: the library compresses whole images, but not images given strip by strip.
 fn write_tiff<K: TiffKind>(
     mut encoder: TiffEncoder<Sink, K>,
     (width, height): (u32, u32),
@@ -150,7 +151,7 @@ fn write_tiff<K: TiffKind>(
     directory.finish()
 }
 
-/// Places in the file, in as many bytes as this kind of file has for one.
+/// Offsets in the file, in as many bytes as this kind of file uses for one.
 fn write_offsets<K: TiffKind>(
     directory: &mut DirectoryEncoder<'_, Sink, K>,
     tag: Tag,
@@ -160,7 +161,7 @@ fn write_offsets<K: TiffKind>(
     directory.write_tag(tag, K::convert_slice(&values))
 }
 
-/// EXR in scan lines, compressed 16 by 16 as is its custom, or one by one where they are long.
+/// EXR in scan lines, compressed 16 at a time as usual, or one by one if they are long.
 pub(super) struct ExrParts {
     header: Header,
 }
@@ -169,7 +170,7 @@ impl ExrParts {
     pub(super) fn new(extent: &Extent) -> Self {
         let (width, height) = (extent.width as usize, extent.height() as usize);
         let method = if width <= 1 << 16 { Method::ZIP16 } else { Method::ZIP1 };
-        // Channels stand in the order of the alphabet.
+        // Channels are in alphabetical order.
         let channels = ["B", "G", "R"].map(|name| ChannelDescription::named(name, SampleType::F32));
         let header = Header::new(Text::default(), (width, height), SmallVec::from_iter(channels));
         let whole = IntegerBounds::from_dimensions(Vec2(width, extent.whole as usize));
@@ -194,14 +195,15 @@ impl Encode for ExrParts {
                 samples.extend(row.iter().map(|pixel| pixel[channel].to_le_bytes()));
             }
         }
-        // What is alike stands together: the first and third bytes of all samples, then the others. Each less the one before it.
+        // Similar bytes come together: the first and third bytes of all samples, then the others. Each minus the
+        // previous one.
         let halves = samples.iter().map(|[a, _, c, _]| [*a, *c]).chain(samples.iter().map(|[_, b, _, d]| [*b, *d]));
         let mut bytes = halves.collect::<Vec<_>>().into_flattened();
         let mut before = 128_u8;
         for byte in &mut bytes {
             (*byte, before) = (byte.wrapping_sub(before).wrapping_add(128), *byte);
         }
-        // Twice to three times as fast as the library's own, whose files are 0.4 to 2.4 % smaller.
+        // Two to three times as fast as the library's own, whose files are 0.4 to 2.4 % smaller.
         let packed = deflated(&bytes, 2)?;
         Ok(if packed.len() < bytes.len() { packed } else { samples.into_flattened() }.into())
     }

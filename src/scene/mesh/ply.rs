@@ -1,5 +1,4 @@
-//! PLY, text and binary: ply-rs-bw reads header and elements, once the header's counts have been checked against the file.
-//! the file.
+//! PLY, text and binary: ply-rs-bw reads header and elements, after the header's counts were checked against the file.
 
 use std::io::{BufRead, Read};
 
