@@ -1,22 +1,22 @@
-//! Two pictures compared: how many pixels differ, by how much, and where.
+//! The comparison of two pictures: how many pixels differ, by how much, and where.
 
 use super::picture::{Picture, Pixels};
 use serde::Serialize;
 use thiserror::Error;
 
-/// How bright [`difference_image`] shows the least difference, of 255.
+/// The brightness, of 255, with which [`difference_image`] shows the least difference.
 pub const LEAST_SHADE: f64 = 64.0;
 
 /// Why two pictures cannot be compared.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 pub enum CompareError {
-    /// There is no pixel-by-pixel correspondence.
+    /// The pixels do not correspond.
     #[error(
         "the first picture has {}x{} pixels and the second {}x{}: \
          only pictures of one size can be compared", .0.0, .0.1, .1.0, .1.1
     )]
     Sizes((u32, u32), (u32, u32)),
-    /// Levels and linear values have no common unit without somebody's quantisation.
+    /// Levels and linear values have no common unit without a choice of quantisation.
     #[error(
         "the first picture has {} and the second {}: \
          write both in the same kind of format (say, both .png or both .pfm)", .0.describe(), .1.describe()
@@ -49,7 +49,7 @@ impl Unit {
         }
     }
 
-    /// The value of full brightness, which PSNR refers to.
+    /// The value of full brightness, PSNR's peak.
     fn peak(self) -> f64 {
         match self {
             Unit::Levels => 255.0,
@@ -58,7 +58,7 @@ impl Unit {
     }
 }
 
-/// What [`compare`] found. The difference of two pixels is that of the channel where it is largest.
+/// The result of [`compare`]. The difference of two pixels is that of the channel where it is largest.
 ///
 /// Between floats, NaN equals NaN and infinity equals an infinity of its sign; NaN against a number is an infinite
 /// difference. JSON has no infinity: `largest`, `mean`, `rms` and `psnr` are `null` there when they are infinite.
@@ -68,7 +68,7 @@ pub struct Comparison {
     pub width: u32,
     /// Rows of either picture.
     pub height: u32,
-    /// What `largest`, `mean` and `rms` are counted in.
+    /// The unit of `largest`, `mean` and `rms`.
     pub unit: Unit,
     /// Pixels that differ at all.
     pub differing: u64,
@@ -105,8 +105,9 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
     }
 }
 
-/// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from [`LEAST_SHADE`] for what
-/// differs at all to 255 for the largest finite difference of any channel, and for an infinite one. What is equal is black.
+/// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from [`LEAST_SHADE`] for
+/// the least difference to 255 for the largest finite one of any channel, and for an infinite one. Equal values are
+/// black.
 ///
 /// # Errors
 /// If the sizes differ, or if one has levels and the other floats.
@@ -121,7 +122,7 @@ pub fn difference_image(a: &Picture, b: &Picture) -> Result<Picture, CompareErro
     Ok(Picture::new(a.width, a.height, Pixels::Rgb8(pixels)))
 }
 
-/// The differences, gone through twice, relative to the largest.
+/// The differences relative to the largest, in two passes.
 fn shades<I: Iterator<Item = [f64; 3]>>(differences: impl Fn() -> I) -> Vec<[u8; 3]> {
     let largest = differences().flatten().filter(|d| d.is_finite()).fold(0.0, f64::max);
     let shade = |d: f64| match d {

@@ -1,4 +1,4 @@
-//! Times in cycles of the core's own clock, which a chain of operations of known latency tells.
+//! Times in cycles of the core's own clock, which is measured with a chain of operations of known latency.
 
 use super::{Cycles, Watch};
 use crate::kernels::sys;
@@ -7,7 +7,7 @@ use crate::kernels::sys;
 const CHAIN_ROUNDS: u32 = 1000;
 /// How much the clock may drift during a measurement that counts as steady.
 const DRIFT: f64 = 0.01;
-/// Where fewer measurements than this can be right, there are more, up to so many times what was asked for.
+/// If fewer measurements than this are plausible, more are made, up to so many times the number requested.
 const ENOUGH: u32 = 3;
 const MORE: u32 = 3;
 
@@ -27,12 +27,12 @@ pub fn core_cycles_per_tick() -> f64 {
     chain_cycles() / (0..7).map(|_| chain_ticks()).fold(f64::INFINITY, f64::min)
 }
 
-/// The core cycles of one of the operations that `action` does and counts: the fewest of `repeats`, each measured between two
-/// chains of known length, since a core changes its clock with load and temperature. Repeats during which it changed are left
-/// out, if not all of them.
+/// The core cycles of one of the operations that `action` does and counts: the fewest of `repeats`, each measured
+/// between two chains of known length, since a core changes its clock with load and temperature. Repeats during which
+/// it changed are dropped, unless all are.
 ///
-/// A repeat in which others had the core, or which says that an operation takes fewer than the `least` cycles that it can,
-/// does not count, and there are more where too few are left. None where none is.
+/// A repeat in which others had the core, or in which an operation seems to take fewer than the `least` cycles
+/// possible, does not count, and more are made if too few are left. None if none is.
 pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) -> Option<f64> {
     let measured = std::iter::repeat_with(|| {
         let watch = Watch::start();
@@ -47,7 +47,7 @@ pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) ->
     fewest(measured, repeats, least)
 }
 
-/// The fewest cycles of so many measurements, or more, that can be; of those that are steady if any is.
+/// The fewest plausible cycles, if there are at least so many such measurements; of steady ones if there are any.
 fn fewest(measured: impl Iterator<Item = Option<(f64, bool)>>, repeats: u32, least: f64) -> Option<f64> {
     let (mut steady, mut any) = (None, None);
     let mut right = 0;
@@ -74,7 +74,7 @@ mod tests {
     fn cycles_that_cannot_be_are_measured_again_and_there_are_none_if_no_others_come() {
         let of = |measured: &[Option<(f64, bool)>]| fewest(measured.iter().copied(), 2, 1.0);
         for (measured, expected) in [
-            // The fourth is not asked for, or the others would not be enough.
+            // The fourth is not needed, or the others would not be enough.
             (&[Some((3.0, true)), Some((4.0, true)), Some((5.0, true)), Some((2.0, true))][..], Some(3.0)),
             (&[Some((3.0, true)), None, None, Some((2.0, true))], Some(2.0)),
             (&[Some((0.2, true)), None, Some((4.0, true)), Some((5.0, true))], Some(4.0)),

@@ -14,13 +14,13 @@ impl Cycles {
         true
     }
 
-    /// Now, before what is to be timed.
+    /// Now, before the timed work.
     #[inline]
     pub fn start() -> Self {
         Cycles(sys::tsc_start())
     }
 
-    /// Cycles since [`Cycles::start`], after what is to be timed.
+    /// Cycles since [`Cycles::start`], after the timed work.
     #[inline]
     pub fn stop(self) -> u64 {
         sys::tsc_stop().saturating_sub(self.0)
@@ -45,7 +45,7 @@ impl Cycles {
     }
 }
 
-/// The ticks of the counter in a second, measured against the operating system's clock for a twentieth of a second.
+/// The ticks of the counter per second, measured against the operating system's clock for a twentieth of a second.
 pub fn tsc_hz() -> Option<f64> {
     use std::time::{Duration, Instant};
     if !Cycles::available() {

@@ -12,27 +12,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::kernels;
 
-/// What an instruction is there for. Arithmetic may read an operand from memory: [`Instruction::reads`] tells.
+/// The purpose of an instruction. Arithmetic may read an operand from memory, as [`Instruction::reads`] says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Class {
     /// Computes, compares or converts.
     Arithmetic,
-    /// Moves elements about within registers.
+    /// Moves elements within registers.
     Shuffle,
     /// Copies from memory to a register.
     Load,
     /// Copies from a register to memory.
     Store,
-    /// Goes elsewhere: jumps, calls, returns.
+    /// Jumps, calls and returns.
     Branch,
     /// Copies from register to register.
     Move,
-    /// Does nothing to data: `endbr64`, `nop`, `vzeroupper`.
+    /// Does not touch data: `endbr64`, `nop`, `vzeroupper`.
     Other,
 }
 
-/// What an instruction works on.
+/// The operands of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Width {
@@ -53,22 +53,22 @@ pub struct Instruction {
     pub bytes: usize,
     /// As text, in Intel's syntax.
     pub text: String,
-    /// What it is there for.
+    /// Its purpose.
     pub class: Class,
-    /// What it works on.
+    /// Its operands.
     pub width: Width,
     /// Whether it reads memory.
     pub reads: bool,
-    /// Where it may jump to, in bytes from the beginning of its function; a call stays what its text says.
+    /// Its jump target, in bytes from the beginning of its function; None for a call, which keeps its text.
     pub target: Option<usize>,
-    /// The CPUID features it needs, as Intel's manual names them.
+    /// The CPUID features that it needs, as Intel's manual names them.
     pub features: Vec<String>,
 }
 
 /// A function of an object, without its code.
 #[derive(Clone, Debug, Serialize)]
 pub struct Function {
-    /// The object, which is named after its source.
+    /// The object, named after its source.
     pub object: &'static str,
     /// Its symbol.
     pub symbol: String,
@@ -86,7 +86,7 @@ pub fn functions() -> Vec<Function> {
     kernels::OBJECTS.iter().flat_map(of_object).collect()
 }
 
-/// Where a function of an object is.
+/// The place of a function in an object.
 struct Place<'a> {
     symbol: &'a str,
     section: SectionIndex,
@@ -94,8 +94,8 @@ struct Place<'a> {
     bytes: Range<usize>,
 }
 
-/// All of an object, by their addresses. ELF says how long a function is. Elsewhere it ends at its label `.end`, as those in
-/// assembly do, or else before the next one, with what fills the room between them.
+/// All functions of an object, by their addresses. ELF gives the length of a function. Elsewhere it ends at its label
+/// `.end`, as those in assembly do, or else before the next one, padding included.
 fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
     let is_elf = file.format() == object::BinaryFormat::Elf;
     let mut ends = HashMap::new();
@@ -129,7 +129,8 @@ fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
     places
 }
 
-/// A symbol as it is in the source: Mach-O's names begin with an underscore, and ELF's local ones as `asm/include/isa.inc` says.
+/// A symbol as in the source: Mach-O's names begin with an underscore, and ELF's local ones as `asm/include/isa.inc`
+/// says.
 fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
     let prefix = if file.format() == object::BinaryFormat::MachO { "_" } else { ".L" };
     symbol.strip_prefix(prefix).unwrap_or(symbol)
@@ -142,7 +143,7 @@ pub struct Code {
     pub symbol: String,
     /// In the order of their addresses.
     pub instructions: Vec<Instruction>,
-    /// The bytes between its labels `.body` and `.body_end`, where it has them.
+    /// The bytes between its labels `.body` and `.body_end`, if it has them.
     pub body: Option<Range<usize>>,
 }
 
@@ -178,7 +179,7 @@ pub struct Mix {
 }
 
 impl Code {
-    /// The function `symbol` of an object of build.rs; None where no object has it.
+    /// The function `symbol` of an object of build.rs; None if no object has it.
     pub fn of_symbol(symbol: &str) -> Option<Code> {
         kernels::OBJECTS.iter().find_map(|(_, data)| Code::in_object(data, symbol))
     }
@@ -200,7 +201,7 @@ impl Code {
             instructions: decode(bytes, 0).collect(),
             body: label("body").zip(label("body_end")).map(|(start, end)| start..end),
         };
-        // What is in another section has no address in an object yet: the relocation has its name, or its place there.
+        // A target in another section has no address in an object yet: the relocation has its name, or its place there.
         for (at, relocation) in section.relocations() {
             let object::RelocationTarget::Symbol(target) = relocation.target() else { continue };
             let Ok(target) = file.symbol_by_index(target) else { continue };
@@ -209,7 +210,7 @@ impl Code {
             let Some(instruction) = hit else { continue };
             let name = match target.kind() {
                 SymbolKind::Section => {
-                    // The addend counts from where the relocation is, the instruction from its end.
+                    // The addend counts from the relocation, the instruction from its end.
                     let place = relocation.addend() + (instruction.offset + instruction.bytes - at) as i64;
                     let is_there = |s: &object::Symbol<'_, '_>| {
                         s.section_index() == target.section_index()
@@ -232,9 +233,9 @@ impl Code {
         Some(code)
     }
 
-    /// The function of this process that begins at `address`; None where its code cannot be read.
+    /// The function of this process that begins at `address`; None if its code cannot be read.
     ///
-    /// It ends where nothing before goes on or jumps beyond.
+    /// It ends where no earlier instruction falls through or jumps beyond.
     pub fn of_function(symbol: &str, address: usize) -> Option<Code> {
         let bytes = kernels::code_at(address)?;
         let mut instructions = Vec::new();
@@ -245,7 +246,7 @@ impl Code {
                 FlowControl::Return | FlowControl::Exception | FlowControl::IndirectBranch => true,
                 FlowControl::UnconditionalBranch | FlowControl::ConditionalBranch => {
                     let target = raw.near_branch_target() as usize;
-                    // Far away is another function: a tail call.
+                    // A far target is another function: a tail call.
                     if target > instruction.offset && target < end + 4096 {
                         furthest = furthest.max(target);
                     }
@@ -271,12 +272,12 @@ impl Code {
         Mix::of(&self.instructions)
     }
 
-    /// What is between the labels, where it has them.
+    /// The code between the labels, if it has them.
     pub fn body(&self) -> Option<Mix> {
         self.body_instructions().map(Mix::of)
     }
 
-    /// The instructions between the labels, where it has them.
+    /// The instructions between the labels, if it has them.
     pub fn body_instructions(&self) -> Option<&[Instruction]> {
         let body = self.body.as_ref()?;
         let first = self.instructions.partition_point(|i| i.offset < body.start);
@@ -312,7 +313,7 @@ impl Mix {
     }
 }
 
-/// Decodes `bytes` as if they lay at `address`.
+/// Decodes `bytes` as if they were at `address`.
 pub fn decode(bytes: &[u8], address: u64) -> impl Iterator<Item = Instruction> {
     decode_raw(bytes, address).map(|(instruction, _)| instruction)
 }
@@ -354,7 +355,7 @@ fn decode_raw(bytes: &[u8], address: u64) -> impl Iterator<Item = (Instruction, 
 
 fn mnemonic(raw: &iced_x86::Instruction) -> String {
     let name = format!("{:?}", raw.mnemonic()).to_lowercase();
-    // The VEX form of an instruction is that of the same name with a v before it.
+    // The VEX form of an instruction has the same name with a v in front.
     match raw.mnemonic() {
         Mnemonic::Verr | Mnemonic::Verw => name,
         _ => name.strip_prefix('v').map_or(name.clone(), str::to_owned),

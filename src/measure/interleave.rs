@@ -8,24 +8,24 @@ use super::statistics;
 use super::watch::Watch;
 use crate::kernels::sys;
 
-/// How far from the median, in MAD, a run has to be to be reported as off.
+/// The distance from the median, in MAD, from which a run is reported as off.
 pub const OFF_BY_MAD: f64 = 3.0;
 
-/// A run in which others had the core is made again, at most so often: a busy core makes a measurement at most so many times
-/// longer.
+/// A run in which others had the core is repeated, at most so often: a busy core makes a measurement at most so many
+/// times longer.
 const AGAIN: usize = 3;
 
-/// What times are taken with. One that is made up makes every statistic checkable.
+/// The clock of a measurement. With an artificial one every statistic can be checked.
 pub trait Clock {
     /// The ticks that `work` takes.
     fn time(&mut self, work: &mut dyn FnMut()) -> u64;
 
-    /// The core that runs this thread, where that can be known.
+    /// The core that runs this thread, if known.
     fn core(&mut self) -> Option<usize> {
         sys::current_core()
     }
 
-    /// Whether others had the core in the last of these times.
+    /// Whether others had the core during the last of these times.
     fn taken(&mut self) -> bool {
         false
     }
@@ -38,7 +38,7 @@ pub struct TscClock {
 }
 
 impl TscClock {
-    /// None where there is no counter to read.
+    /// None if there is no counter to read.
     pub fn new() -> Option<Self> {
         Cycles::available().then_some(TscClock { taken: false })
     }
@@ -69,7 +69,7 @@ impl WallClock {
     /// Ticks in a second.
     pub const HZ: f64 = 1e9;
 
-    /// Any machine has one.
+    /// Every machine has one.
     pub fn new() -> Self {
         WallClock::default()
     }
@@ -90,7 +90,7 @@ impl Clock for WallClock {
     }
 }
 
-/// A clock that adds up all that it takes.
+/// A clock that adds up all times that it takes.
 pub struct Totalled<'a> {
     clock: &'a mut dyn Clock,
     /// Ticks of all work so far.
@@ -98,7 +98,7 @@ pub struct Totalled<'a> {
 }
 
 impl<'a> Totalled<'a> {
-    /// Nothing so far.
+    /// No time so far.
     pub fn new(clock: &'a mut dyn Clock) -> Self {
         Totalled { clock, total: 0 }
     }
@@ -126,11 +126,11 @@ pub struct Runs {
     pub ticks: Vec<f64>,
     /// Runs that ended on another core than the one they began on.
     pub migrations: usize,
-    /// Runs in which others had the core, however often they were made again.
+    /// Runs in which others had the core, however often they were repeated.
     pub taken: Vec<bool>,
 }
 
-/// Whether so many clean runs of so many are enough to judge by: half of them.
+/// Whether so many clean runs of so many are enough for a verdict: at least half.
 pub fn enough(clean: usize, all: usize) -> bool {
     2 * clean >= all
 }
@@ -142,10 +142,10 @@ impl Runs {
     }
 }
 
-/// Times each of `contestants` once in each of `rounds`; none is dropped. Rounds of odd numbers go backwards, so that each
-/// follows its neighbour as often as it precedes it. A run in which others had the core is made again, up to `AGAIN` times.
+/// Times each of `contestants` once in each of `rounds`; none is dropped. Odd rounds go backwards, so that each follows
+/// its neighbour as often as it precedes it. A run in which others had the core is repeated, up to `AGAIN` times.
 ///
-/// `proceed` is asked after each round; where it says no, the result is None.
+/// `proceed` is called after each round; if it returns false, the result is None.
 pub fn interleave(
     clock: &mut dyn Clock,
     contestants: &mut [Work<'_>],
@@ -162,7 +162,7 @@ pub fn interleave(
                 if taken {
                     let again = clock.time(&mut contestants[index]);
                     taken = clock.taken();
-                    // Of those that were all disturbed, the least.
+                    // If all were disturbed, the fewest ticks.
                     ticks = if taken { ticks.min(again) } else { again };
                 }
             }
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// A clock that the work itself moves on.
+    /// A clock that the work itself advances.
     struct Fake<'a> {
         now: &'a Cell<u64>,
         core: &'a Cell<usize>,
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn a_run_in_which_others_had_the_core_is_made_again_and_if_it_is_no_better_kept_and_marked() {
-        /// Ticks by a script, taken where they are above 10.
+        /// Ticks from a script, taken if they are above 10.
         struct Disturbed(Vec<u64>, u64);
         impl Clock for Disturbed {
             fn time(&mut self, work: &mut dyn FnMut()) -> u64 {

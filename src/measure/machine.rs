@@ -8,49 +8,51 @@ use serde::{Deserialize, Serialize};
 use super::Name;
 use super::tsc_hz;
 
-/// The commit of the program, which the program alone knows.
+/// The commit of the program, which only the program knows.
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
-/// A figure without this is not a result. The field names are those of the JSON documents.
+/// The identity of a machine and a build: a figure without it is not a result. The field names are those of the JSON
+/// documents.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Machine {
     /// The CPU's own name, which makers give to several generations.
     pub cpu: Option<String>,
-    /// Family, as the maker counts.
+    /// Family, in the maker's numbering.
     pub family: Option<u32>,
     /// Model of the family.
     pub model: Option<u32>,
     /// Stepping of the model.
     pub stepping: Option<u32>,
-    /// What makers call it that have this family and model, where it is a known one.
+    /// The maker's name for this family and model, if it is a known one.
     #[serde(default)]
     pub microarchitecture: Option<Name>,
-    /// The core's own cycles in a second as they were measured once, at the beginning: it may change with load and temperature.
+    /// The core's own cycles per second, measured once at the beginning: the clock may change with load and
+    /// temperature.
     pub core_hz: Option<f64>,
     /// Cores that this process may use.
     pub cores: usize,
-    /// Caches that hold data, nearest first; empty where the operating system does not tell.
+    /// Data caches, nearest first; empty if the operating system does not report them.
     pub caches: Vec<Cache>,
     /// Operating system.
     pub os: Name,
-    /// Its kernel's release, where it tells.
+    /// Its kernel's release, if known.
     pub kernel: Option<String>,
-    /// Whose virtual machine it is; None also where there is none.
+    /// The hypervisor; None also if there is none.
     pub hypervisor: Option<String>,
-    /// When that was, in UTC: 2026-01-31T12:00:00Z.
+    /// The date of the measurement, in UTC: 2026-01-31T12:00:00Z.
     pub date: Option<String>,
-    /// Ticks of the time-stamp counter in a second.
+    /// Ticks of the time-stamp counter per second.
     pub tsc_hz: Option<f64>,
     /// Whether the CPU promises that the counter ticks at a constant rate.
     pub tsc_invariant: bool,
     /// Version of this program.
     pub version: Name,
-    /// The commit that was checked out when it was built; changes to it do not show. None of a build from a package.
+    /// The commit that was checked out when it was built; changes to it do not show. None for a build from a package.
     #[serde(default)]
     pub commit: Option<Name>,
-    /// The assembler that made the kernels.
+    /// The assembler of the kernels.
     pub nasm: Option<Name>,
-    /// The C compiler that made the baseline.
+    /// The C compiler of the baseline.
     pub cc: Option<Name>,
     /// Its flags.
     pub cflags: Option<Name>,
@@ -91,7 +93,7 @@ impl Machine {
         }
     }
 
-    /// The CPU by its name, and which of those that share it.
+    /// The CPU by its name, and its generation.
     pub fn cpu(&self) -> String {
         let name = self.cpu.as_deref().unwrap_or("an unknown CPU");
         let (Some(family), Some(model)) = (self.family, self.model) else { return name.to_owned() };
@@ -99,7 +101,7 @@ impl Machine {
         format!("{name} ({of}family {family} model {model})")
     }
 
-    /// All of it in words: what it is, and what it says.
+    /// All of it in words: labels and values.
     pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
         let gigahertz = |hz: f64| format!("{:.3} GHz", hz / 1e9);
         let promise = if self.tsc_invariant { "invariant" } else { "not known to be invariant" };
@@ -129,7 +131,7 @@ impl Machine {
     }
 }
 
-/// Has [`Machine::this`] name the commit that the program was built from.
+/// Makes [`Machine::this`] name the commit that the program was built from.
 pub fn set_commit(commit: &'static str) {
     COMMIT.get_or_init(|| commit);
 }
@@ -147,7 +149,7 @@ fn date(second: u64) -> String {
     format!("{year}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
-/// The caches of the first core that hold data, as Linux tells.
+/// The data caches of the first core, as Linux reports them.
 pub fn caches() -> Vec<Cache> {
     let read = |index: u32, name: &str| {
         let path = format!("/sys/devices/system/cpu/cpu0/cache/index{index}/{name}");
@@ -178,7 +180,7 @@ fn cache_bytes(text: &str) -> Option<usize> {
     digits.parse::<usize>().ok()?.checked_mul(unit)
 }
 
-/// What the CPU tells of itself.
+/// The CPU's report of itself.
 #[cfg(target_arch = "x86_64")]
 fn of_cpu() -> Machine {
     let cpuid = raw_cpuid::CpuId::new();
@@ -199,13 +201,13 @@ fn of_cpu() -> Machine {
     }
 }
 
-/// What the CPU tells of itself: nothing on this architecture.
+/// The CPU's report of itself: empty on this architecture.
 #[cfg(not(target_arch = "x86_64"))]
 fn of_cpu() -> Machine {
     Machine::default()
 }
 
-/// Which microarchitecture AMD, or Intel, has given a family and model, as Linux has it in `arch/x86`.
+/// The microarchitecture of a family and model by AMD or Intel, as Linux has it in `arch/x86`.
 #[cfg(target_arch = "x86_64")]
 fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<&'static str> {
     Some(match (is_amd, family, model) {
@@ -230,7 +232,7 @@ fn microarchitecture(is_amd: bool, family: u32, model: u32) -> Option<&'static s
     })
 }
 
-/// This machine's CPU by its name, and which of those that share it.
+/// This machine's CPU by its name, and its generation.
 pub fn cpu_name() -> String {
     of_cpu().cpu()
 }

@@ -1,4 +1,4 @@
-//! Measuring: cycles and statistics, and pictures compared.
+//! Measuring: cycles and statistics, and the comparison of pictures.
 
 use std::borrow::Cow;
 

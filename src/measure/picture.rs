@@ -1,4 +1,4 @@
-//! A picture held in memory: what an image file contains once it has been read.
+//! A picture held in memory: the content of an image file that has been read.
 
 /// A rectangle of pixels, rows from the top, each from the left.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,7 +16,7 @@ pub struct Picture {
 pub enum Pixels {
     /// Levels from 0 to 255.
     Rgb8(Vec<[u8; 3]>),
-    /// Linear values, not clamped; NaN and infinities can occur in a file that somebody else wrote.
+    /// Linear values, not clamped; NaN and infinities can occur in files of other programs.
     Rgb32F(Vec<[f32; 3]>),
 }
 
@@ -31,7 +31,7 @@ impl Picture {
         picture
     }
 
-    /// The fields are public, so whoever relies on the number of pixels checks it.
+    /// The fields are public, so code that relies on the number of pixels checks it.
     pub(super) fn check(&self) {
         let expected = u64::from(self.width) * u64::from(self.height);
         assert_eq!(self.pixels.len() as u64, expected, "a picture of {}x{}", self.width, self.height);
@@ -39,7 +39,7 @@ impl Picture {
 }
 
 impl Pixels {
-    /// How many pixels there are.
+    /// The number of pixels.
     pub fn len(&self) -> usize {
         match self {
             Pixels::Rgb8(pixels) => pixels.len(),

@@ -1,4 +1,4 @@
-//! Where an instruction of our kernels comes from: its line, and the macros that it stands in, by the tables of build.rs.
+//! The origin of an instruction of our kernels: its line and the macros around it, from the tables of build.rs.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -14,9 +14,9 @@ pub struct Macro {
     pub name: &'static str,
     /// The file that defines it.
     pub file: &'static str,
-    /// The first line of its comment: what it does, or its formula.
+    /// The first line of its comment: its purpose, or its formula.
     pub says: &'static str,
-    /// Its parameters, as far as it gives them names.
+    /// Its named parameters.
     pub parameters: Vec<Parameter>,
 }
 
@@ -25,26 +25,26 @@ pub struct Macro {
 pub struct Parameter {
     /// Its name.
     pub name: &'static str,
-    /// What it is for: `in`, `out`, `in/out`, `clobbered`.
+    /// Its direction: `in`, `out`, `in/out`, `clobbered`.
     pub kind: &'static str,
-    /// What it is.
+    /// Its description.
     pub says: &'static str,
 }
 
 /// A call of a macro in a kernel.
 #[derive(Clone, Debug)]
 pub struct Call {
-    /// The call that it stands in, by its place.
+    /// The index of the enclosing call.
     pub within: Option<usize>,
-    /// The macro, by its place.
+    /// The index of the macro.
     pub of: usize,
-    /// The number of the line that calls it, in the file of the macro around it.
+    /// The number of the calling line, in the file of the enclosing macro.
     pub line: usize,
     /// That line.
     pub text: &'static str,
-    /// The comment behind it.
+    /// The comment after it.
     pub comment: &'static str,
-    /// What it is called with: registers, addresses, labels.
+    /// Its arguments: registers, addresses, labels.
     pub arguments: Vec<&'static str>,
 }
 
@@ -53,55 +53,55 @@ pub struct Call {
 pub struct Line {
     /// Bytes from the beginning of the unit's code.
     pub offset: usize,
-    /// The innermost macro call that it stands in, by its place.
+    /// The index of the innermost enclosing macro call.
     pub call: Option<usize>,
     /// The number of its line, in the file of that macro.
     pub number: usize,
     /// The line.
     pub text: &'static str,
-    /// The comment behind it.
+    /// The comment after it.
     pub comment: &'static str,
 }
 
-/// Where an instruction comes from, in the macro that a reader looks at: what stands for one operation on every lane, in
-/// isa.inc and packet.inc, is taken as the instruction itself.
+/// The origin of an instruction, in the macro that a reader looks at: macros that stand for one operation on every
+/// lane, in isa.inc and packet.inc, count as the instruction itself.
 #[derive(Clone, Debug)]
 pub struct Origin {
-    /// The macro calls around it, by their places, the outermost first.
+    /// The indices of the enclosing macro calls, the outermost first.
     pub calls: Vec<usize>,
     /// The number of its line, in the file of the innermost macro.
     pub number: usize,
     /// The line.
     pub text: &'static str,
-    /// The comment behind it.
+    /// The comment after it.
     pub comment: &'static str,
 }
 
-/// Whether a macro is no more than a word for an instruction, or a brace around some.
+/// Whether a macro only stands for an instruction, or brackets some.
 fn is_plain(of: &Macro) -> bool {
     let words = ["asm/include/isa.inc", "asm/include/packet.inc"];
     words.contains(&of.file) || ["OPERATION", "END_OPERATION", "DISTINCT"].contains(&of.name)
 }
 
-/// The kernels of an instruction set in this process, with the lines that they came from.
+/// The kernels of an instruction set in this process, with their source lines.
 #[derive(Debug)]
 pub struct Unit {
     /// The instruction set.
     pub isa: Isa,
-    /// Where their code lies.
+    /// The addresses of their code.
     pub code: Range<usize>,
     /// The macros.
     pub macros: Vec<Macro>,
-    /// Their calls, each after the one that it stands in.
+    /// Their calls, each after the enclosing one.
     pub calls: Vec<Call>,
-    /// By their offsets.
+    /// Their instructions, by offset.
     lines: Vec<Line>,
-    /// The functions: where each begins and ends, and its name.
+    /// The functions: the beginning, the end and the name of each.
     functions: Vec<(Range<usize>, String)>,
 }
 
 impl Unit {
-    /// That of an instruction set; None where this CPU does not run it, or this build has no table.
+    /// The unit of an instruction set; None if this CPU does not run it, or if this build has no table.
     pub fn of(isa: Isa) -> Option<&'static Unit> {
         static UNITS: [OnceLock<Option<Unit>>; 3] = [const { OnceLock::new() }; 3];
         UNITS[isa as usize].get_or_init(|| Unit::read(isa)).as_ref()
@@ -164,14 +164,14 @@ impl Unit {
         self.lines.binary_search_by_key(&offset, |line| line.offset).ok().map(|place| &self.lines[place])
     }
 
-    /// The macro calls that a line stands in, the outermost first.
+    /// The macro calls that enclose a line, the outermost first.
     pub fn calls_of(&self, line: &Line) -> Vec<usize> {
         let mut calls: Vec<_> = std::iter::successors(line.call, |&call| self.calls[call].within).collect();
         calls.reverse();
         calls
     }
 
-    /// Where the instruction at `address` comes from.
+    /// The origin of the instruction at `address`.
     pub fn origin(&self, address: usize) -> Option<Origin> {
         let line = self.line(address)?;
         let mut calls = self.calls_of(line);
@@ -185,7 +185,7 @@ impl Unit {
         Some(Origin { calls, number, text, comment })
     }
 
-    /// The unit that has a function, and where in this process the function begins.
+    /// The unit of a function, and the function's address in this process.
     pub fn with_function(symbol: &str) -> Option<(&'static Unit, usize)> {
         Isa::ALL.into_iter().filter_map(Unit::of).find_map(|unit| {
             let (range, _) = unit.functions.iter().find(|(_, name)| name == symbol)?;
@@ -198,7 +198,7 @@ impl Unit {
         call.map_or("", |call| self.macros[self.calls[call].of].file)
     }
 
-    /// The symbol of the function that has the instruction at `address`, and where it begins.
+    /// The symbol and the address of the function that has the instruction at `address`.
     pub fn function(&self, address: usize) -> Option<(&str, usize)> {
         let offset = address.checked_sub(self.code.start)?;
         let after = self.functions.partition_point(|(range, _)| range.start <= offset);
@@ -207,7 +207,7 @@ impl Unit {
     }
 }
 
-/// A table as `build/listing.rs` writes it, from where it is read.
+/// A table in the format of `build/listing.rs`, with a read position.
 struct Table {
     bytes: &'static [u8],
 }

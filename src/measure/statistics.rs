@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A value with the interval that a repetition is expected to fall into.
+/// A value with the interval into which a repetition is expected to fall.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Estimate {
     /// The estimate itself.
@@ -14,7 +14,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Whether `value` lies in the interval; its ends belong to it.
+    /// Whether `value` lies in the interval, ends included.
     pub fn contains(&self, value: f64) -> bool {
         self.low <= value && value <= self.high
     }
@@ -25,42 +25,42 @@ impl Estimate {
     }
 }
 
-/// The share of repetitions that an interval is meant to hold.
+/// The confidence of an interval.
 pub const CONFIDENCE: f64 = 0.95;
-/// Resamples of a bootstrap: enough for the ends of a 95 % interval to stand still in their second digit.
+/// Resamples of a bootstrap: enough to fix the second digit of the ends of a 95 % interval.
 const RESAMPLES: usize = 1000;
 
-/// The arithmetic mean; NaN of nothing.
+/// The arithmetic mean; NaN for an empty slice.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The middle value, or the mean of the middle two; NaN of nothing.
+/// The middle value, or the mean of the middle two; NaN for an empty slice.
 pub fn median(values: &[f64]) -> f64 {
     median_of(&mut values.to_vec())
 }
 
-/// The smallest value; infinity of nothing.
+/// The smallest value; infinity for an empty slice.
 pub fn minimum(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// The median absolute deviation from the median, as it is: not scaled to a normal distribution's sigma.
+/// The median absolute deviation from the median, not scaled to a normal distribution's sigma.
 pub fn mad(values: &[f64]) -> f64 {
     let middle = median(values);
     median_of(&mut values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
-/// How many values are further than `times` MAD from the median.
+/// The number of values further than `times` MAD from the median.
 pub fn outliers(values: &[f64], times: f64) -> usize {
     let (middle, reach) = (median(values), times * mad(values));
     values.iter().filter(|value| (*value - middle).abs() > reach).count()
 }
 
-/// Each of `numerators` by the one of `denominators` that was measured beside it.
+/// Each of `numerators` divided by the one of `denominators` that was measured beside it.
 ///
 /// # Panics
-/// Where there are not as many of one as of the other.
+/// If their numbers differ.
 pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
     assert_eq!(numerators.len(), denominators.len(), "ratios are taken pair by pair");
     numerators.iter().zip(denominators).map(|(a, b)| a / b).collect()
@@ -68,9 +68,9 @@ pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
 
 /// The median of all values in `groups`, with its percentile bootstrap interval at [`CONFIDENCE`].
 ///
-/// A resample draws as many groups as there are, each with all its values: those that were measured together may be off
-/// together, and tell less than as many that are independent. `random` gives 64 random bits a call; the same bits give the
-/// same interval.
+/// A resample draws as many groups as there are, each with all its values: values measured together may be off
+/// together, and tell less than independent ones. `random` returns 64 random bits a call; the same bits give the same
+/// interval.
 pub fn median_with_interval<'a>(
     groups: impl IntoIterator<Item = &'a [f64]>,
     random: &mut dyn FnMut() -> u64,
@@ -94,9 +94,9 @@ pub fn median_with_interval<'a>(
 /// A line through points, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Line {
-    /// Rise per unit.
+    /// The slope.
     pub slope: f64,
-    /// Value at 0.
+    /// The value at 0.
     pub intercept: f64,
     /// The root mean square distance of the points from the line, relative to their mean.
     pub residual: f64,
@@ -133,7 +133,7 @@ fn median_of(values: &mut [f64]) -> f64 {
     (lower + upper) / 2.0
 }
 
-/// The value below which the share `q` of sorted values lies, between neighbours by a straight line.
+/// The value below which the share `q` of sorted values lies, interpolated linearly between neighbours.
 fn quantile(sorted: &[f64], q: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let place = q * last as f64;
@@ -141,7 +141,7 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * place.fract()
 }
 
-/// A number in 0..n, each as likely to within n / 2⁶⁴.
+/// A number in 0..n, each with the same probability to within n / 2⁶⁴.
 fn below(n: usize, random: &mut dyn FnMut() -> u64) -> usize {
     ((u128::from(random()) * n as u128) >> 64) as usize
 }
@@ -150,7 +150,7 @@ fn below(n: usize, random: &mut dyn FnMut() -> u64) -> usize {
 mod tests {
     use super::*;
 
-    /// A counter in steps of the golden ratio: even enough to draw with, and the same everywhere.
+    /// A counter in steps of the golden ratio: even enough for draws, and the same everywhere.
     fn even() -> impl FnMut() -> u64 {
         let mut state = 7_u64;
         move || {
@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(outliers(&[5.0; 4], 3.0), 0);
     }
 
-    /// Of values that are independent.
+    /// Independent values.
     fn of_each(values: &[f64]) -> Estimate {
         median_with_interval(values.chunks(1), &mut even())
     }
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn values_of_one_group_are_drawn_together_so_that_many_of_them_make_no_narrower_interval() {
-        // Five runs that are off from each other, each measured a hundred times.
+        // Five runs with different offsets, each measured a hundred times.
         let runs: Vec<_> = (0..5).map(|run| [f64::from(run); 100]).collect();
         let together = median_with_interval(runs.iter().map(<[f64; 100]>::as_slice), &mut even());
         assert_eq!(together, of_each(&[0.0, 1.0, 2.0, 3.0, 4.0]));

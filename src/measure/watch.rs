@@ -1,17 +1,18 @@
-//! Whether others had the core while something was timed.
+//! Whether other threads had the core while something was timed.
 
 use std::time::{Duration, Instant};
 
 use crate::kernels::sys;
 
-/// Others had the core if they had it for more than this share of the time, and for longer than the looks at the clocks take.
+/// Others had the core if they had it for more than this share of the time, and for longer than reading the clocks
+/// takes.
 const SHARE: f64 = 0.01;
 const LOOKS: Duration = Duration::from_micros(20);
 
-/// A look at the calling thread's clocks, before what is timed.
+/// A reading of the calling thread's clocks, before the timed work.
 ///
-/// What the hypervisor takes is seen where the system accounts for it, and what other threads do to the caches that they share
-/// is not seen at all.
+/// Time that the hypervisor takes shows only if the system accounts for it, and the use of shared caches by other
+/// threads does not show at all.
 #[derive(Clone, Copy, Debug)]
 pub struct Watch {
     switches: sys::Switches,
@@ -25,7 +26,7 @@ impl Watch {
         Watch { switches: sys::switches(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
-    /// Whether others have had the core since. A thread that has only waited, for others that it works with, has not lost it.
+    /// Whether others have had the core since. A thread that has only waited, for others of its team, has not lost it.
     pub fn taken(self) -> bool {
         let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
         let now = sys::switches();
@@ -34,7 +35,8 @@ impl Watch {
     }
 }
 
-/// Whether who had `own` of `all` of the time lost more of it than it may. Where a thread's own time is not known, it is 0.
+/// Whether a thread that had `own` of `all` of the time lost more of it than allowed. Where a thread's own time is
+/// unknown, it is 0.
 fn is_taken(all: Duration, own: Duration) -> bool {
     !own.is_zero() && all.saturating_sub(own) > all.mul_f64(SHARE) + LOOKS
 }
