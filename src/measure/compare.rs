@@ -106,7 +106,7 @@ pub fn compare(a: &Picture, b: &Picture) -> Result<Comparison, CompareError> {
 }
 
 /// Shows where two pictures differ, however little: an 8-bit picture of |a - b| per channel, from [`LEAST_SHADE`] for
-/// the least difference to 255 for the largest finite one of any channel, and for an infinite one. Equal values are
+/// the least difference to 255 for the largest finite one of any channel, and for an infinite one. Equal ones are
 /// black.
 ///
 /// # Errors

@@ -129,8 +129,7 @@ fn places<'a>(file: &object::File<'a>) -> Vec<Place<'a>> {
     places
 }
 
-/// A symbol as in the source: Mach-O's names begin with an underscore, and ELF's local ones as `asm/include/isa.inc`
-/// says.
+/// A symbol as in the source: names in Mach-O begin with _, and ELF's local ones as `asm/include/isa.inc` says.
 fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
     let prefix = if file.format() == object::BinaryFormat::MachO { "_" } else { ".L" };
     symbol.strip_prefix(prefix).unwrap_or(symbol)

@@ -11,8 +11,7 @@ use crate::kernels::sys;
 /// The distance from the median, in MAD, from which a run is reported as off.
 pub const OFF_BY_MAD: f64 = 3.0;
 
-/// A run in which others had the core is repeated, at most so often: a busy core makes a measurement at most so many
-/// times longer.
+/// A run in which others had the core is repeated, at most so often: it bounds the time on a busy core.
 const AGAIN: usize = 3;
 
 /// The clock of a measurement. With an artificial one every statistic can be checked.

@@ -11,8 +11,7 @@ use super::tsc_hz;
 /// The commit of the program, which only the program knows.
 static COMMIT: OnceLock<&'static str> = OnceLock::new();
 
-/// The identity of a machine and a build: a figure without it is not a result. The field names are those of the JSON
-/// documents.
+/// A machine and a build: a figure without it is not a result. The fields are named as in JSON.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Machine {
     /// The CPU's own name, which makers give to several generations.
@@ -26,8 +25,7 @@ pub struct Machine {
     /// The maker's name for this family and model, if it is a known one.
     #[serde(default)]
     pub microarchitecture: Option<Name>,
-    /// The core's own cycles per second, measured once at the beginning: the clock may change with load and
-    /// temperature.
+    /// The core's own cycles per second, measured once at the beginning: it may change with load and temperature.
     pub core_hz: Option<f64>,
     /// Cores that this process may use.
     pub cores: usize,

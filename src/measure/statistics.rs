@@ -69,8 +69,8 @@ pub fn pairwise_ratios(numerators: &[f64], denominators: &[f64]) -> Vec<f64> {
 /// The median of all values in `groups`, with its percentile bootstrap interval at [`CONFIDENCE`].
 ///
 /// A resample draws as many groups as there are, each with all its values: values measured together may be off
-/// together, and tell less than independent ones. `random` returns 64 random bits a call; the same bits give the same
-/// interval.
+/// together, and tell less than independent ones. `random` returns 64 random bits a call; equal bits give equal
+/// intervals.
 pub fn median_with_interval<'a>(
     groups: impl IntoIterator<Item = &'a [f64]>,
     random: &mut dyn FnMut() -> u64,

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use crate::kernels::sys;
 
-/// Others had the core if they had it for more than this share of the time, and for longer than reading the clocks
-/// takes.
+/// Others had the core if they had it for more than this share of the time, and longer than it takes to read the
+/// clocks.
 const SHARE: f64 = 0.01;
 const LOOKS: Duration = Duration::from_micros(20);
 
@@ -35,8 +35,7 @@ impl Watch {
     }
 }
 
-/// Whether a thread that had `own` of `all` of the time lost more of it than allowed. Where a thread's own time is
-/// unknown, it is 0.
+/// Whether a thread that had `own` of `all` of the time lost more of it than allowed. An unknown own time is 0.
 fn is_taken(all: Duration, own: Duration) -> bool {
     !own.is_zero() && all.saturating_sub(own) > all.mul_f64(SHARE) + LOOKS
 }

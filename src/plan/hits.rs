@@ -1,22 +1,22 @@
-//! Spheres and triangles as the packet operations take them, for rays of any direction from the origin.
+//! The records of spheres and triangles for the packet operations, whose rays leave the origin in any direction.
 //!
-//! Everything is computed in f64 and rounded once: what the kernels multiply has no cancellation behind it.
+//! Everything is computed in f64 and rounded once, so that no operand of the kernels has lost digits by cancellation.
 
 use glam::DVec3;
 
 use crate::kernels::{Element, SphereHit, TriangleHit};
 use crate::reference::geometry;
 
-/// A record in a unit of length of its object's own, so that no product leaves the range of an f32 or an f64.
+/// A record in a unit of length of the object's own, so that no product leaves the range of an f32 or an f64.
 #[derive(Clone, Copy, Debug)]
 pub struct InUnits<R> {
-    /// What the operation takes.
+    /// The operand of the operation.
     pub record: R,
-    /// The unit, a power of two: t is so many times what the operation gives.
+    /// The unit, a power of two: t is that many times the operation's result.
     pub unit: f64,
 }
 
-/// The power of two next to the largest of some lengths; 1 where there is no such length.
+/// The power of two next to the largest of some lengths; 1 if there is none.
 fn unit(largest: f64) -> f64 {
     if largest.is_normal() { f64::from_bits(largest.to_bits() & f64::INFINITY.to_bits()) } else { 1.0 }
 }
@@ -31,8 +31,8 @@ pub fn sphere_hit<E: Element>(centre: [f64; 3], radius: f64) -> InUnits<SphereHi
 
 /// The record of a triangle, for rays whose components are at most `reach`.
 ///
-/// What depends on its size is scaled to the order of 1. A triangle of no area and one whose plane passes through the origin
-/// are never hit.
+/// Terms that depend on its size are scaled to the order of 1. A triangle of no area and one whose plane passes through
+/// the origin are never hit.
 pub fn triangle_hit<E: Element>(vertices: [[f64; 3]; 3], reach: [f64; 3]) -> InUnits<TriangleHit<E>> {
     let vertices = vertices.map(DVec3::from);
     let unit = unit(vertices.map(|v| v.abs().max_element()).into_iter().fold(0.0, f64::max));
@@ -45,12 +45,12 @@ fn in_its_unit<E: Element>([v1, v2, v3]: [DVec3; 3], reach: DVec3) -> TriangleHi
     let facing = volume.signum();
     let n = facing * geometry::triangle_plane([v1, v2, v3]);
     let (k, scale) = (facing * volume, n.abs().max_element());
-    // The plane through an edge, away from the triangle; and what three rounded products and their sum may be off.
+    // The plane through an edge, away from the triangle; and an error bound of three rounded products and their sum.
     let edge = |from: DVec3, to: DVec3| {
         let normal = facing * to.cross(from);
         let normal = normal / normal.abs().max_element();
         let bound = ROUNDINGS * E::EPSILON / 2.0 * reach.dot(normal.abs());
-        // What is compared has to be below it.
+        // A value has to be below it.
         (normal, bound.max(f32::MIN_POSITIVE.into()))
     };
     let ((a, ea), (b, eb), (c, ec)) = (edge(v1, v2), edge(v2, v3), edge(v3, v1));
@@ -65,5 +65,5 @@ fn in_its_unit<E: Element>([v1, v2, v3]: [DVec3; 3], reach: DVec3) -> TriangleHi
     record.round()
 }
 
-/// A normal's rounding, three products and two sums: 4 and some units in the last place of the largest term.
+/// The error of a normal with three products and two sums: 4 and some units in the last place of the largest term.
 const ROUNDINGS: f64 = 4.5;

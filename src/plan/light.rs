@@ -1,11 +1,11 @@
-//! Which lights give an object anything, where it is seen.
+//! Which lights contribute to the visible part of an object.
 
 use glam::DVec3;
 
 use crate::scene::{Light, Scene};
 
-/// A light is said not to reach a sphere if the numerator of eq. 11's cosine is below 0 by this share of its terms
-/// wherever the sphere is seen; all that rounding and estimates do to it, in f32 too, is a hundredth of that.
+/// A light does not reach a sphere if the numerator of eq. 11's cosine is below 0 by this share of its terms wherever
+/// the sphere is visible; rounding and estimates, in f32 too, change it by a hundredth of that.
 const MARGIN: f64 = 1e-3;
 
 /// The lights that are not dark.
@@ -13,16 +13,16 @@ pub fn lights(scene: &Scene) -> Vec<&Light> {
     scene.lights.iter().filter(|light| !is_dark(light)).collect()
 }
 
-/// Whether it has no intensity or no colour.
+/// Whether a light has no intensity or no colour.
 pub fn is_dark(light: &Light) -> bool {
     light.radiance().max_element() == 0.0
 }
 
-/// Whether a light lights any point that the camera sees of a sphere about `centre`, in units of its radius; the light is at
-/// `to_light` from there.
+/// Whether a light reaches any visible point of a sphere about `centre`, in units of its radius; `to_light` is the
+/// vector from there to the light.
 ///
-/// Only points n with n . l > 1 are lit. Those that the camera sees, which is outside, are about -c, at angles of which the
-/// cosine is 1 / |c| or more.
+/// Only points n with n . l > 1 are lit. The points visible from the camera, which is outside, are about -c, at angles
+/// whose cosine is at least 1 / |c|.
 pub fn reaches(centre: DVec3, to_light: DVec3) -> bool {
     let (distance, camera) = (to_light.length(), centre.length());
     let angle = (-to_light.dot(centre) / (distance * camera)).clamp(-1.0, 1.0).acos();
@@ -30,7 +30,7 @@ pub fn reaches(centre: DVec3, to_light: DVec3) -> bool {
     brightest - 1.0 >= -MARGIN * (1.0 + distance)
 }
 
-/// Whether f32 holds the light of so many on one object, in levels too, with room for what its sum is rounded to.
+/// Whether f32 holds the light of so many lights on one object, in levels too, with room for the rounding of its sum.
 pub fn is_in_f32(light: DVec3) -> bool {
     light.max_element() <= f64::from(f32::MAX) / 512.0
 }
@@ -49,7 +49,7 @@ mod tests {
             (dvec3(0.0, 0.0, -0.9), false),
             (dvec3(9.0, 0.0, 0.0), true),
             (dvec3(0.0, 0.0, 1e30), false),
-            // A light that is far away reaches them from up to 150 degrees.
+            // A distant light reaches them from up to 150 degrees.
             (1e6 * dvec3(0.49, 0.0, 0.872), false),
             (1e6 * dvec3(0.51, 0.0, 0.860), true),
             (1e6 * dvec3(0.48, 0.0, 0.877), false),

@@ -1,4 +1,4 @@
-//! One sphere under one light, the paper's own scene: its light in closed form, and what its rows are made of.
+//! One sphere under one light, the paper's own scene: its light in closed form, and the constants of its rows.
 
 use glam::DVec3;
 
@@ -10,23 +10,23 @@ use crate::kernels::{Element, LitSetup, LitSphere};
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Light, Scene, Sphere};
 
-/// The form's error may be so many times that of its operations, see SPHERE_LIT. Estimates, which are right to 1.5 2^-12, then
-/// still keep to three quarters of a level.
+/// The most by which the form may amplify the errors of its operations, see SPHERE_LIT. Estimates, which are right to
+/// 1.5 2^-12, then still cost at most three quarters of a level.
 const LOSS: f64 = 32.0;
 
-/// Elements count columns exactly up to here.
+/// Elements count columns exactly up to this number.
 const WIDTH: u32 = 1 << 24;
 
-/// Half of a silhouette may have so many columns; one column inside of it, p is then far above its rounding.
+/// The most columns of half a silhouette; one column inside of it, p is then far above its rounding.
 const COLUMNS: f64 = 1048576.0;
 
-/// A sphere with less than this for |c|^2 - 1 in radii is less than sqrt 2 radii away.
+/// A sphere whose |c|^2 - 1, in radii, is below this is less than sqrt 2 radii away.
 const NEAR: f64 = 1.0;
 
-/// The form multiplies three lengths, and the weight squared: they keep below this for f32 to hold that.
+/// The form multiplies three lengths, and the weight squared: below this, f32 holds the product.
 const CUBED: f64 = (1u64 << 36) as f64;
 
-/// What full light is in the output.
+/// The value of full light in the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// 1, for floats.
@@ -47,22 +47,22 @@ impl Scale {
     }
 }
 
-/// A sphere from outside under one light, for SPHERE_LIT.
+/// A sphere seen from outside under one light, for SPHERE_LIT.
 #[derive(Clone, Copy, Debug)]
 pub struct LitForm {
-    /// What its rows are made of, in each scale.
+    /// The set-up of its rows, in each scale.
     setups: [LitSetup<f64>; Scale::ALL.len()],
-    /// What its rows share, in each scale.
+    /// The constants that its rows share, in each scale.
     spheres: [LitSphere<f64>; Scale::ALL.len()],
     /// Whether red, green and blue are equal.
     is_grey: bool,
-    /// Whether one channel is to be made in place of three then, for which f32 has kernels.
+    /// Whether in that case one channel is computed in place of three, for which f32 has kernels.
     makes_grey: bool,
 }
 
 impl LitForm {
-    /// Of a scene of one sphere in the picture under one light, whose numbers are valid. None of any other, and where the form
-    /// is not to be taken, its terms would cancel too much, or it would have to clamp.
+    /// The form of a scene of one sphere in the picture under one light, whose numbers are valid. None for any other
+    /// scene, and if `keep` rules the form out, its terms would cancel too much, or it would have to clamp.
     pub fn of<E: Element>(scene: &Scene, keep: Keep) -> Option<Self> {
         let ([sphere], [light], 0) = (&scene.spheres[..], &lights(scene)[..], scene.triangle_count()) else {
             return None;
@@ -84,7 +84,7 @@ impl LitForm {
         let weight = weights(Scale::Linear).max_element();
         let (far, distance) = (c.length(), towards.length());
         let (kn, ke) = (-1.0 - c.dot(towards), distance * distance - 1.0);
-        // k w + kn c, which is the length of c times smaller than its terms.
+        // k w + kn c, which is smaller than its terms by a factor of the length of c.
         let v = c.cross(towards.cross(c)) - towards - c;
         let (gap, terms) = (distance - 1.0, 3.0 * distance + 1.0);
         let loss = f64::max(terms / gap, (ke + 2.0 * terms) / (gap * gap));
@@ -94,9 +94,9 @@ impl LitForm {
         let [_, y, z] = grid.ray(0, 0);
         let half_width = (k * (y * y + z * z)).sqrt() / m * columns;
         let gain = Scale::ALL.map(|scale| 0.25 * weights(scale).max_element().powi(2));
-        // sqrt D is so many sqrt p.
+        // The ratio of sqrt D to sqrt p.
         let pixel = m.sqrt() * grid.step;
-        // Of the square of a half of the silhouette so little is less than p's rounding; of a row's, less than a column.
+        // This share of the squared half-width is below p's rounding for the silhouette, below a column for a row.
         let least = (E::EPSILON / 32.0 * (grid.focal / pixel).powi(2)).min(0.5);
         let reach = grid.half_width.hypot(grid.half_height).hypot(grid.focal);
         // A bound of (ke den - n) den / p.
@@ -145,23 +145,23 @@ impl LitForm {
         Some(LitForm { setups, spheres, is_grey: red == green && green == blue, makes_grey: false })
     }
 
-    /// What its rows are made of.
+    /// The set-up of its rows.
     pub fn setup(&self, scale: Scale) -> &LitSetup<f64> {
         &self.setups[scale as usize]
     }
 
-    /// What its rows share.
+    /// The constants that its rows share.
     pub fn sphere(&self, scale: Scale) -> &LitSphere<f64> {
         &self.spheres[scale as usize]
     }
 
-    /// Whether red, green and blue are equal, and one of them is to be made.
+    /// Whether red, green and blue are equal, and only one of them is computed.
     pub fn makes_grey(&self) -> bool {
         self.makes_grey
     }
 
-    /// How much of what is left out of `scene`, of whose picture so many pixels see the sphere; `bytes` says whether 8 bits are
-    /// written.
+    /// How much of an `omission` there is in `scene`, if so many pixels of its picture see the sphere; `bytes` says
+    /// whether 8 bits are written.
     pub(super) fn left_out(&self, omission: Omission, scene: &Scene, hits: u64, bytes: bool) -> u64 {
         let pixels = scene.camera.pixels();
         match omission {

@@ -1,4 +1,4 @@
-//! What a scene becomes before the first ray: the packed arrays that kernels read, and what is left out of them.
+//! From a scene to what is traced: the packed arrays that kernels read, and which work is omitted.
 
 mod hits;
 mod light;
@@ -21,8 +21,8 @@ pub use tiles::{ExactPlane, LargeObjects, Raster, TilePlace, Tiles, Weighted};
 
 use crate::scene::Grid;
 
-/// A grid of rays, and by what power of two they are longer: those of about length 1 keep their squares within the range of
-/// f32, and the factor is exact.
+/// A grid of rays scaled by a power of two, and that power: rays of about length 1 keep their squares within the range
+/// of f32, and the factor is exact.
 fn unit_rays(grid: Grid<f64>) -> (Grid<f64>, f64) {
     let unit = 1.0 / power_of_two(grid.focal.max(grid.half_width).max(grid.half_height));
     (grid.scaled(unit), unit)

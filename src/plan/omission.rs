@@ -1,13 +1,13 @@
-//! What is left out: the decisions by name, what each rests on, and the set of those that are to be kept after all.
+//! Omissions: which work is left out, by name, the reason of each, and the set of those that are not to be made.
 
 /// Work that a picture does not need, decided once, before the first ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Omission {
     /// Objects with no point in front of the camera.
     Behind,
-    /// Objects beside, above or below all rays.
+    /// Objects beside, above or below all rays: frustum culling.
     Outside,
-    /// Objects that no pixel's centre lies in, by their bounds in the picture.
+    /// Objects whose bounds contain no pixel's centre.
     Between,
     /// Triangles of no area.
     NoArea,
@@ -15,47 +15,47 @@ pub enum Omission {
     EdgeOn,
     /// Lights of no intensity or no colour.
     DarkLights,
-    /// Tiles that no object may be in.
+    /// Tiles that no object's bounds meet.
     EmptyTiles,
-    /// Objects in tiles that they cannot be in.
+    /// Objects in tiles that their bounds do not meet.
     OtherTiles,
-    /// The set-up of objects behind all that nearer ones leave of their tile.
+    /// The set-up of objects behind the hierarchical depth of nearer ones in their tile: occlusion culling.
     Occluded,
-    /// Rays that an object cannot be hit by.
+    /// Tests of rays that cannot hit an object.
     Misses,
-    /// The search for the nearest where one object is alone.
+    /// The search for the nearest hit if there is only one object.
     Search,
     /// The shading of hits that are not the nearest.
     Hidden,
-    /// The shading of those objects of a tile that are nearest at none of its pixels.
+    /// The shading of a tile's objects that are nearest at none of its pixels.
     Unseen,
-    /// The second and third channel where all three are equal.
+    /// The second and third channel if all three are equal.
     Channels,
-    /// The loop over lights, and the point and the normal, where one light reaches a sphere.
+    /// The loop over lights, and the point and the normal, if one light reaches a sphere.
     Loop,
     /// A picture in floats on the way to 8 bits.
     FloatImage,
-    /// The code for spheres, in a scene that has none to see.
+    /// The code for spheres, in a scene with none visible.
     SphereCode,
-    /// The code for triangles, in a scene that has none to see.
+    /// The code for triangles, in a scene with none visible.
     TriangleCode,
     /// Terms that are the same for every ray.
     Constants,
 }
 
-/// What becomes of an omission where it is not made.
+/// How a picture can be made without an omission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// The same picture with more work: `--keep-all` makes it.
     Work,
     /// Other arithmetic, and so a picture that may differ in its last bit; done only to see what the omission is worth.
     Arithmetic,
-    /// There is no code without it.
+    /// Not at all: there is no code for it.
     None,
 }
 
 impl Omission {
-    /// All of them, in the order in which they are told.
+    /// All of them, in the order of reports.
     pub const ALL: [Omission; 19] = [
         Omission::Behind,
         Omission::Outside,
@@ -78,7 +78,7 @@ impl Omission {
         Omission::FloatImage,
     ];
 
-    /// What is left out, as a count of it reads.
+    /// The omitted work, as a count of it reads.
     pub fn what(self) -> &'static str {
         match self {
             Omission::Behind => "objects behind the camera",
@@ -136,7 +136,7 @@ impl Omission {
         }
     }
 
-    /// What counts it.
+    /// The unit of its count.
     pub fn unit(self) -> &'static str {
         match self {
             Omission::Behind | Omission::Outside | Omission::Between | Omission::Constants => "objects",
@@ -153,7 +153,7 @@ impl Omission {
         }
     }
 
-    /// What becomes of it where it is not made.
+    /// How a picture can be made without it.
     pub fn switch(self) -> Switch {
         match self {
             Omission::Loop | Omission::FloatImage => Switch::Arithmetic,
@@ -174,21 +174,21 @@ impl Omission {
 pub struct Keep(u32);
 
 impl Keep {
-    /// None: what can be left out is.
+    /// All omissions are made.
     pub const NOTHING: Keep = Keep(0);
 
-    /// All that keep the arithmetic: brute force, with the same bytes.
+    /// No omission is made that keeps the arithmetic: brute force, with the same bytes.
     pub fn all() -> Keep {
         let work = Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
         work.fold(Keep::NOTHING, Keep::and)
     }
 
-    /// One alone.
+    /// One alone is not made.
     pub const fn only(omission: Omission) -> Keep {
         Keep(1 << omission as u32)
     }
 
-    /// One more.
+    /// One more is not made.
     pub fn and(self, omission: Omission) -> Keep {
         Keep(self.0 | Keep::only(omission).0)
     }

@@ -1,20 +1,20 @@
-//! A scene as the kernels of one vector per register read it.
+//! A scene as it is read by the kernels of one vector per register.
 
 use crate::kernels::{Frame, Light, Objects, PaperSphere, PaperTriangle, Vec4};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene, Triangle};
 
-/// Numbers of objects have two digits, each exact in f32.
+/// Indices of objects are written with two digits, each exact in f32.
 const DIGIT: usize = 1 << 20;
 
-/// The lights and objects of a scene in arrays of their own, and its rays in f32.
+/// The lights and objects of a scene in arrays, and its rays in f32.
 #[derive(Clone, Debug)]
 pub struct Packed {
     frame: Frame,
     lights: Vec<Light>,
     spheres: Vec<PaperSphere>,
     triangles: Vec<PaperTriangle>,
-    /// Which of the scene's triangles these are.
+    /// The indices of these triangles in the scene.
     sources: Vec<usize>,
 }
 
@@ -32,7 +32,7 @@ impl Packed {
             radius: sphere.radius,
             padding: [0.0; 3],
         });
-        // Of a triangle that is never hit, eq. 9 in f32 could see the rounding.
+        // For a triangle that is never hit, eq. 9 in f32 could return rounding errors as a hit.
         let hit = |i: &usize| geometry::triangle_volume(scene.triangle(*i).vertices.map(|v| v.as_dvec3())).is_some();
         let sources: Vec<usize> = (0..scene.triangle_count()).filter(hit).collect();
         let triangles = sources.iter().map(|i| {
@@ -61,7 +61,7 @@ impl Packed {
         &self.frame
     }
 
-    /// The same with a number in place of each colour, which [`Packed::object`] can read.
+    /// The same with an index in place of each colour, which [`Packed::object`] can read.
     pub fn numbered(&self) -> Self {
         let mut numbered = self.clone();
         let number = |kind: f32, i: usize| Vec4::new((i % DIGIT) as f32, (i / DIGIT) as f32, kind);

@@ -1,4 +1,4 @@
-//! What a plan keeps and what it leaves out, counted: the lines of `rayo plan`.
+//! What a plan keeps and what it omits, counted: the lines of `rayo plan`.
 
 use std::ops::Range;
 
@@ -12,19 +12,19 @@ use super::tile_report::never_hit;
 use crate::reference::geometry;
 use crate::scene::{Grid, Scene};
 
-/// What is kept of a scene, and each line of what is left out.
+/// The kept part of a scene, and each line of omitted work.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// What is traced.
     pub kept: Kept,
-    /// What is not, in the order of [`Omission::ALL`]; only what there is any of.
+    /// The omitted work, in the order of [`Omission::ALL`]; only lines with a count.
     pub left_out: Vec<LeftOut>,
-    /// If the scene goes tile by tile, how and why.
+    /// If the scene is traced tile by tile, how and why.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tiles: Option<ByTiles>,
 }
 
-/// How a scene goes tile by tile, and why.
+/// How a scene is traced tile by tile, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ByTiles {
     /// Objects of the scene.
@@ -37,7 +37,7 @@ pub struct ByTiles {
     pub across: u32,
     /// Tiles of the picture, from top to bottom.
     pub down: u32,
-    /// Objects of tiles, each in as many as its bounds meet.
+    /// Objects of tiles, each counted in every tile that its bounds meet.
     pub placed: u64,
 }
 
@@ -50,15 +50,15 @@ pub struct Kept {
     pub lights: usize,
 }
 
-/// One line of what is left out.
+/// One line of omitted work.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeftOut {
-    /// Which.
+    /// The omission.
     #[serde(skip)]
     pub omission: Omission,
     /// [`Omission::what`].
     pub what: &'static str,
-    /// How much of it.
+    /// Its count.
     pub count: u64,
     /// [`Omission::unit`].
     pub unit: &'static str,
@@ -70,7 +70,7 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// None of it.
+    /// A line with a count of 0.
     pub(super) fn none(omission: Omission) -> Self {
         LeftOut {
             omission,
@@ -82,7 +82,7 @@ impl LeftOut {
         }
     }
 
-    /// As tiles have it.
+    /// The line's wording for tiles.
     pub(super) fn by_tiles(self) -> Self {
         match self.omission {
             Omission::NoArea => LeftOut {
@@ -111,7 +111,7 @@ impl LeftOut {
 }
 
 impl Report {
-    /// Of `scene`, by an engine that asks every ray about every object but for the omissions `made`.
+    /// The report on `scene` for an engine that tests every ray against every object except for the omissions `made`.
     pub fn of_rays(scene: &Scene, made: &[Omission]) -> Self {
         let unhit = |why| scene.all_triangles().filter(|triangle| never_hit(triangle) == Some(why)).count();
         let is_made = |omission| made.contains(&omission);
@@ -130,7 +130,7 @@ impl Report {
         Report::with(kept, None, made.map(|omission| LeftOut { count: count(omission), ..LeftOut::none(omission) }))
     }
 
-    /// Of a scene that is made by `form`; `hits` pixels of its picture see the sphere, and `bytes` says whether 8 bits are
+    /// The report on a scene that `form` traces; `hits` pixels see the sphere, and `bytes` says whether 8 bits are
     /// written.
     pub fn of_lit(scene: &Scene, form: &LitForm, hits: u64, bytes: bool) -> Self {
         let line = |omission| {
@@ -145,7 +145,7 @@ impl Report {
         Report::with(Kept { spheres: 1, triangles: 0, lights }, None, Omission::ALL.into_iter().map(line))
     }
 
-    /// The lines of which there is anything to tell.
+    /// Only the lines with a count.
     pub(super) fn with(kept: Kept, tiles: Option<ByTiles>, lines: impl Iterator<Item = LeftOut>) -> Self {
         Report { kept, left_out: lines.filter(|line| line.count > 0).collect(), tiles }
     }
@@ -185,7 +185,7 @@ fn counted(count: usize, one: &str) -> String {
     format!("{} {one}{}", grouped(count as u64, ','), if count == 1 { "" } else { "s" })
 }
 
-/// A number with a separator before each three digits.
+/// A number with a separator before every three digits.
 pub fn grouped(number: u64, separator: char) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -198,7 +198,7 @@ pub fn grouped(number: u64, separator: char) -> String {
     text
 }
 
-/// How many hits are behind others, over all pixels.
+/// The number of hits behind others, over all pixels.
 fn hidden_hits(scene: &Scene) -> u64 {
     /// An object, and the pixels where it may be hit.
     struct Object<'a> {
@@ -215,7 +215,7 @@ fn hidden_hits(scene: &Scene) -> u64 {
     let spheres = scene.spheres.iter().map(|sphere| {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let c = centre / radius;
-        // |c x f - c z x| = sqrt(x^2 + f^2) at the outline, if that is all in front of the camera.
+        // |c x f - c z x| = sqrt(x^2 + f^2) at the outline, if all of it is in front of the camera.
         let m = c.z * c.z - 1.0;
         let outline = |c_x: f64| {
             let root = (c_x * c_x + m).sqrt();
@@ -244,8 +244,8 @@ fn hidden_hits(scene: &Scene) -> u64 {
     on_all_cores(camera.height() as usize, in_row).into_iter().sum()
 }
 
-/// Of pixels along a side of the picture, those from the first of these places to the second and some more; all where it is not
-/// known, or a NaN.
+/// The pixels along a side of the picture from the first of these places to the second, and a few more; all if the
+/// places are unknown or a NaN.
 fn pixels(ends: Option<[f64; 2]>, grid: &Grid<f64>, side: u32) -> Range<u32> {
     let [first, last] = ends.unwrap_or([f64::NAN; 2]).map(|place| place / grid.step - 0.5);
     if first.is_nan() || last.is_nan() { 0..side } else { (first - 2.0) as u32..side.min((last + 3.0) as u32) }

@@ -1,4 +1,4 @@
-//! The threads that plan and trace pictures: who is free takes what is next.
+//! The threads that plan and trace pictures: each takes the next task when it is free.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -10,15 +10,14 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder, Yield};
 
-/// So long a thread that has nothing to do waits for more before it sleeps: to be woken takes up to 0.7 ms, in which a
-/// packet engine is done with a picture.
+/// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
 
 /// A thread, and others that help it.
 pub struct Team {
-    /// Where the others are, if there are any, and the one that asked for the team, unless it is of another one's already.
+    /// The other threads, if there are any, and the thread that created the team, unless it belongs to another pool.
     pool: Option<ThreadPool>,
-    /// How many others.
+    /// The number of others.
     others: usize,
 }
 
@@ -28,8 +27,8 @@ impl Team {
         Team { pool: None, others: 0 }
     }
 
-    /// A team of so many threads, at least 1: the one that was asked for last, if it has as many, so that what plans and what
-    /// traces need not start threads of their own.
+    /// A team of so many threads, at least 1: the one requested last, if it has as many, so that planning and tracing
+    /// need not start threads of their own.
     ///
     /// # Errors
     /// If they cannot be started.
@@ -50,21 +49,21 @@ impl Team {
         Ok(team)
     }
 
-    /// How many threads it has.
+    /// The number of its threads.
     pub fn threads(&self) -> usize {
         1 + self.others
     }
 
-    /// Has all threads take tasks until none is left. This one takes part, from the front on: it need not wait until another
-    /// is awake, nor at the end for one that has not begun, as where other programs have its core. The others come from the
-    /// back, and so two threads find in their caches what they wrote last time.
+    /// Has all threads take tasks until none is left. This one takes part, from the front: it need not wait until
+    /// another is awake, nor at the end for one that has not begun because other programs use its core. The others take
+    /// tasks from the back, so that two threads find in their caches what they wrote last time.
     pub fn share<T: Send>(&self, tasks: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
         self.share_with(tasks, |task| (task, None), || (), |(), task| work(task));
     }
 
-    /// The same; who takes the last task `halve`s it, if that can be done, and leaves the rest, so that all threads are done
-    /// at about the same time. What each thread that takes a task begins with, it keeps until its last one; what these are
-    /// at last.
+    /// The same; the thread that takes the last task `halve`s it if possible, and leaves the rest, so that all threads
+    /// finish at about the same time. Each thread that takes a task keeps a state from `begin` until its last one;
+    /// returns them.
     pub fn share_with<T: Send, S: Send>(
         &self,
         tasks: impl Iterator<Item = T>,
@@ -95,20 +94,20 @@ impl Team {
             while let Some(task) = queue.take(VecDeque::pop_front) {
                 work_here(task);
             }
-            // Nothing is left for those who have not begun: in their place this thread finds that, if it is of the pool.
+            // Threads that have not begun find nothing left: if it is of the pool, this one runs their jobs.
             while rayon::yield_local() == Some(Yield::Executed) {}
             wait_a_while(|| done.load(Ordering::Acquire) == self.others);
         });
         own.into_iter().chain(of_others.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
     }
 
-    /// Has the other threads linger, from when they have nothing to do.
+    /// Has the other threads linger when they become idle.
     pub fn keep_awake(&self) {
         let Some(pool) = &self.pool else { return };
         let here = thread::current().id();
         for _ in 0..self.others {
             pool.spawn(move || {
-                // This one has other things to do, and may find it while it waits.
+                // This thread has other work, and may run this job while it waits.
                 if thread::current().id() != here {
                     linger();
                 }
@@ -117,8 +116,8 @@ impl Team {
     }
 }
 
-/// What `work` makes of each number below `count`, in their order, by a thread for each core; by the calling one alone where
-/// others cannot be started. They are started the first time, and stay.
+/// The results of `work` for each number below `count`, in order, on a thread for each core; on the calling one alone
+/// if others cannot be started. They are started the first time, and stay.
 pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
     static ALL: OnceLock<Option<ThreadPool>> = OnceLock::new();
     match ALL.get_or_init(|| ThreadPoolBuilder::new().build().ok()) {
@@ -127,14 +126,14 @@ pub fn on_all_cores<R: Send>(count: usize, work: impl Fn(usize) -> R + Send + Sy
     }
 }
 
-/// Tasks that nobody has taken.
+/// Tasks that have not been taken.
 struct Queue<T, H> {
     tasks: Mutex<VecDeque<T>>,
     halve: H,
 }
 
 impl<T, H: Fn(T) -> (T, Option<T>)> Queue<T, H> {
-    /// The task at one end; half of the last one.
+    /// The task at one end; half of it if it is the last one.
     fn take(&self, pop: fn(&mut VecDeque<T>) -> Option<T>) -> Option<T> {
         let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
         let task = pop(&mut tasks)?;
@@ -147,10 +146,10 @@ impl<T, H: Fn(T) -> (T, Option<T>)> Queue<T, H> {
     }
 }
 
-/// Has a thread of a pool look for work for [`LINGER`] after it last had some.
+/// Has a thread of a pool look for work until [`LINGER`] after it last had some.
 fn linger() {
     thread_local!(static LINGERS: Cell<bool> = const { Cell::new(false) });
-    // What a lingering thread finds may be this.
+    // A lingering thread may find another one of these jobs.
     if LINGERS.replace(true) {
         return;
     }
@@ -158,7 +157,7 @@ fn linger() {
     LINGERS.set(false);
 }
 
-/// Awake until something is so, and not much longer than [`LINGER`]; whether it is.
+/// Waits, awake, until `is_so` holds, but not much longer than [`LINGER`]; returns whether it does.
 fn wait_a_while(is_so: impl Fn() -> bool) -> bool {
     let start = Instant::now();
     loop {
@@ -201,7 +200,7 @@ mod tests {
 
     #[test]
     fn who_asks_for_as_many_threads_again_gets_the_same() {
-        // Tests beside this one may ask for others in between.
+        // Other tests may request teams at the same time.
         let same = || Arc::ptr_eq(&Team::of(3).unwrap(), &Team::of(3).unwrap());
         assert!((0..100).any(|_| same()));
     }

@@ -1,4 +1,4 @@
-//! What tiles keep and leave out, counted.
+//! What tiles keep and cull, counted.
 
 use glam::DVec3;
 
@@ -11,23 +11,23 @@ use crate::kernels::{Element, PixelBounds, TILE_HEIGHT, TILE_WIDTH};
 use crate::reference::geometry;
 use crate::scene::{Grid, Sphere, Triangle};
 
-/// What is known of a picture once the nearest of each tile has been found.
+/// The counts of a picture after the nearest objects of each tile have been found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TileSurvey {
-    /// Tiles that no object may be in.
+    /// Tiles that no object's bounds meet.
     pub empty: u64,
-    /// Objects of tiles, each in as many as its bounds meet.
+    /// Objects of tiles, each counted in every tile that its bounds meet.
     pub placed: u64,
-    /// Objects of tiles that need no set-up, since what is nearer hides all of them.
+    /// Objects of tiles that need no set-up, since nearer ones hide them.
     pub occluded: u64,
-    /// Objects of tiles that are tested and nearest nowhere.
+    /// Objects of tiles that are tested and nearest at no pixel.
     pub unseen: u64,
     /// Spheres in the picture that have the short form in bytes.
     pub short: u64,
 }
 
 impl TileSurvey {
-    /// Of two parts of the picture together.
+    /// The sum for two parts of the picture.
     pub fn and(self, other: Self) -> Self {
         TileSurvey {
             empty: self.empty + other.empty,
@@ -39,7 +39,7 @@ impl TileSurvey {
     }
 }
 
-/// A pyramid of rays, to say why an object has no pixel among them.
+/// A pyramid of rays, which tells why an object has no pixel among them.
 #[derive(Clone, Copy, Debug)]
 pub struct Frustum {
     /// Unit normals, outwards, of the planes through the camera and the picture's four sides.
@@ -47,12 +47,12 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// That of a picture.
+    /// The frustum of a picture.
     pub fn new(&Grid { half_width, half_height, focal, .. }: &Grid<f64>) -> Self {
         Frustum::between([-half_width, half_width], [-half_height, half_height], focal)
     }
 
-    /// That of the rays from one x to another and from one y to another, at the focal distance.
+    /// The frustum of the rays from one x to another and from one y to another, at the focal distance.
     pub fn between([left, right]: [f64; 2], [low, high]: [f64; 2], focal: f64) -> Self {
         let sides = [
             DVec3::new(focal, 0.0, -right),
@@ -90,7 +90,7 @@ impl Frustum {
     }
 }
 
-/// Why a triangle that has pixels in its bounds is never hit, if it is not.
+/// Why a triangle that has pixels in its bounds is never hit, if that is so.
 pub(super) fn never_hit(triangle: &Triangle) -> Option<Omission> {
     let corners = triangle.vertices.map(|v| v.as_dvec3());
     match geometry::triangle_volume(corners) {
@@ -100,7 +100,7 @@ pub(super) fn never_hit(triangle: &Triangle) -> Option<Omission> {
     }
 }
 
-/// The objects of a kind, by why they are left out; and of those that are kept, their number and the pixels within their
+/// The numbers of objects of a kind that each omission drops; the number of those kept, and the pixels within their
 /// bounds.
 #[derive(Clone, Copy, Default)]
 struct Counts {
@@ -126,7 +126,7 @@ impl Counts {
         Counts { kept: self.kept + other.kept, covered: self.covered + other.covered, ..self }
     }
 
-    /// Of all `objects`: `unseen` says why one without pixels is left out, `why` whether one with some is.
+    /// Counts all objects: `unseen` says why one without pixels is dropped, `why` whether one with some is.
     fn of<T>(
         count: usize,
         object: impl Fn(usize) -> T + Sync,
@@ -134,7 +134,7 @@ impl Counts {
         unseen: impl Fn(&T) -> Omission + Sync,
         why: impl Fn(&T) -> Option<Omission> + Sync,
     ) -> Self {
-        /// As many as a thread takes at a time.
+        /// The number that a thread takes at a time.
         const TOGETHER: usize = 1 << 12;
         let pixels = |i: usize| bounds.iter().map(|bounds| covered(bounds.columns[i], bounds.rows[i])).sum();
         let add = |sum: Counts, i: usize| match pixels(i) {
@@ -147,8 +147,8 @@ impl Counts {
 }
 
 impl Report {
-    /// Of a scene that goes by the tiles of `rasters`; `survey` is of the whole picture, and `bytes` says whether the engine
-    /// writes 8 bits.
+    /// The report on a scene that is traced in the tiles of `rasters`; `survey` is that of the whole picture, and
+    /// `bytes` says whether the engine writes 8 bits.
     pub fn of_tiles<E: Element>(rasters: &[&Tiles<'_, E>], survey: TileSurvey, bytes: bool) -> Self {
         let (scene, keep) = (rasters[0].scene(), rasters[0].keep());
         let frustum = Frustum::new(&scene.camera.grid());

@@ -1,8 +1,8 @@
-//! Tiles: what a scene becomes for the tile kernels, each object's bounds, and which tiles it may be in.
+//! Tiles: a scene prepared for the tile kernels, with the bounds of each object and the tiles that it may be in.
 //!
-//! All rays leave one point, so that the pixels which see an object are known before the first ray: of each triangle the
-//! bounds of its projected corners, of each sphere those of its silhouette. Objects stay where the scene has them;
-//! each tile sets up its own. What is kept of one is its bounds and its number in the lists of a few tiles.
+//! All rays leave one point, so that the pixels that may see an object are known before the first ray: those in the
+//! bounds of a triangle's projected corners, or of a sphere's silhouette. Objects stay where the scene has them, and
+//! each tile sets up its own. Only their bounds and their indices are kept, in the lists of a few tiles.
 
 mod bins;
 mod bounds;
@@ -28,46 +28,46 @@ use crate::kernels::{
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 
-/// An object in more tiles than this is in the list that all tiles look through: 16 bytes in each, and 16 while planning.
+/// An object in more tiles than this is in a list that all tiles go through: 16 bytes in each, and 16 while planning.
 const MOST_TILES: usize = 11;
 
-/// In a scene of so few triangles they may be in more, as spheres may: the memory for it is little.
+/// In a scene of at most so many triangles they may be in more tiles, like spheres: that takes little memory.
 const FEW_TRIANGLES: usize = 1 << 12;
 const MOST_TILES_OF_FEW: usize = 64;
 
-/// As many triangles of a tile are traced before those are forgotten that have no pixel of it: what a tile needs beside its
-/// lists does not grow with them.
+/// So many triangles of a tile are traced at once, and those without a pixel are then dropped: the memory of a tile,
+/// beside its lists, does not grow with their number.
 const MOST_AT_ONCE: usize = 1 << 14;
 
 /// Spheres are fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
 
-/// As many spheres are sorted by their nearness: what is nearer in a tile then comes first, and most blocks of pixels leave
-/// the others before their roots. Sorting more of them costs more than it brings.
+/// Up to so many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
+/// reject the others before their roots. Sorting more costs more than it gains.
 const MOST_SORTED: usize = 1 << 11;
 
 /// Bounds have 16 bits.
 const LONGEST_SIDE: u32 = u16::MAX as u32;
 
-/// The rays of a picture, or of every so-many-th pixel across and down of one.
+/// The rays of a picture, or of every n-th pixel of it across and down.
 #[derive(Clone, Copy, Debug)]
 pub struct Raster {
     grid: Grid<f64>,
     picture: Picture,
     /// The first column and row.
     pub first: [u32; 2],
-    /// From one to the next.
+    /// The step from one to the next.
     pub every: u32,
 }
 
 impl Raster {
-    /// Those of a camera: one, unless a side of the picture is too long for tiles.
+    /// The rasters of a camera: one, unless a side of the picture is too long for tiles.
     pub fn of(camera: &Camera) -> Vec<Raster> {
         let (grid, [width, height]) = (camera.grid::<f64>(), [camera.width(), camera.height()]);
         let every = width.max(height).div_ceil(LONGEST_SIDE);
         let first = (0..every.min(height)).flat_map(|down| (0..every.min(width)).map(move |across| [across, down]));
         let of = |[across, down]: [u32; 2]| {
-            // The middle of every so many pixels is so much further left and up.
+            // The offset of these pixels' centres, to the left and up.
             let off = [across, down].map(|first| (f64::from(first) + 0.5 - 0.5 * f64::from(every)) * grid.step);
             let grid = Grid {
                 step: f64::from(every) * grid.step,
@@ -88,18 +88,18 @@ pub struct Tiles<'a, E> {
     raster: Raster,
     frame: Frame,
     keep: Keep,
-    /// Where the lights stand, those that are too far for f32 brought nearer.
+    /// The positions of the lights; those too far for f32 are moved nearer.
     points: Vec<TilePoint<E>>,
-    /// The same lights as spheres see them.
+    /// The same lights for spheres.
     sphere_lights: Vec<TileLight<f64>>,
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned<'a>>,
-    /// Of both kinds of triangles in f64, if they are few: the kernels' own lose what cancels in a sliver's.
+    /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose digits in slivers.
     planes: Option<[Vec<ExactPlane>; 2]>,
 }
 
-/// The rays, brought to size, as what is traced is.
+/// The rays, scaled, and the unit of 1/t.
 #[derive(Clone, Copy)]
 struct Frame {
     /// The raster's, times `unit`.
@@ -107,38 +107,38 @@ struct Frame {
     picture: Picture,
     /// A power of two that makes the longest sides of the grid about 1.
     unit: f64,
-    /// How far the scene reaches.
+    /// The extent of the scene.
     extent: f64,
     /// A power of two that brings 1/t to size.
     scale: f64,
 }
 
-/// Where all objects are, which f32 and f64 share.
+/// The bins of all objects, which f32 and f64 share.
 struct Binned<'a> {
-    /// The scene's triangles, those rotated so that a near corner comes first.
+    /// The scene's triangles, rotated so that a near corner comes first.
     triangles: Cow<'a, [Triangle]>,
-    /// The same of those that share their corners.
+    /// The same for those that share their corners.
     faces: Cow<'a, Faces>,
     of_spheres: Bins,
-    /// Of both kinds of triangles, each counted from 0.
+    /// Those of both kinds of triangles, each counted from 0.
     of_triangles: [Bins; 2],
-    /// The tiles, row by row, that have an object whose numbers are beyond f32, if there are any.
+    /// For each tile, row by row, whether it has an object whose numbers are beyond f32; empty if none has.
     wide: Vec<bool>,
-    /// Of all objects; None where there are none.
+    /// The extremes of all objects; None if there are none.
     extremes: Option<Extremes>,
 }
 
-/// What depends on what white is in the output, for set-up.
+/// The parts of set-up that depend on the value of white in the output.
 pub struct Weighted {
     /// For triangles.
     pub lights: Vec<TileLight<f64>>,
     /// For spheres.
     pub spheres: SphereView<f64>,
-    /// Whether it is bytes: spheres may have the short form.
+    /// Whether white is that of bytes: spheres may have the short form.
     pub bytes: bool,
 }
 
-/// Objects that are in many tiles, on the way from the nearest to the farthest.
+/// An iterator over the objects that are in many tiles, from near to far.
 #[derive(Clone, Copy)]
 pub struct LargeObjects<'a> {
     bins: &'a Bins,
@@ -146,22 +146,23 @@ pub struct LargeObjects<'a> {
 }
 
 impl LargeObjects<'_> {
-    /// Whether all have been looked at.
+    /// Whether all have been visited.
     pub fn are_through(&self) -> bool {
         self.next == self.bins.count_large()
     }
 
-    /// Adds the next ones, up to `count` of them, that may be in a tile, and `least` or nearer there.
+    /// Adds up to `count` of the next ones, those that may be in a tile, and at `least` or nearer there.
     pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
         self.bins.add_large(tile, &mut self.next, count.min(MOST_AT_ONCE), least, room);
     }
 }
 
-/// The plane of a triangle to the last bits of f64: two triangles in one plane have the same, if their numbers are few.
+/// The plane of a triangle to the last bits of f64: triangles in one plane have the same, if their coordinates have few
+/// bits.
 pub struct ExactPlane {
     /// 1/t is its product with the ray.
     inverse: DVec3,
-    /// Its unit normal over the scale.
+    /// Its unit normal divided by the scale.
     normal: DVec3,
     corner: DVec3,
 }
@@ -174,13 +175,13 @@ impl ExactPlane {
         ExactPlane { inverse, normal: n.normalize_or_zero() / scale, corner: corners[0] }
     }
 
-    /// 1/t in the middle of a tile, and what a column and a row more add.
+    /// 1/t in the middle of a tile, and its increments for a column and a row.
     pub fn inverse(&self, view: &TileView<f64>) -> [f64; 3] {
         let DVec3 { x, y, .. } = self.inverse;
         [self.inverse.dot(DVec3::new(view.dx, view.dy, view.dz)), x * view.step, y * view.down]
     }
 
-    /// How far a light is from it, over the scale.
+    /// The distance of a light from it, divided by the scale.
     pub fn height(&self, light: &TileLight<f64>) -> f64 {
         self.normal.dot(DVec3::new(light.x, light.y, light.z) - self.corner).abs()
     }
@@ -189,9 +190,9 @@ impl ExactPlane {
 /// One tile of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
-    /// From the left.
+    /// Index from the left.
     pub across: u32,
-    /// From the top.
+    /// Index from the top.
     pub down: u32,
 }
 
@@ -214,18 +215,18 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
-/// So many threads; or this one alone if they cannot be started, of which whoever traces with them has more to say.
+/// A team of so many threads; or this one alone if they cannot be started, an error that tracing reports.
 fn team(threads: usize) -> Arc<Team> {
     Team::of(threads).unwrap_or_else(|_| Arc::new(Team::alone()))
 }
 
-/// Lights that are further away are brought nearer.
+/// Lights further away are moved to this distance.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
 }
 
 impl<'a> Binned<'a> {
-    /// For kernels in f32, or for those in f64.
+    /// Plans for kernels in f32, or for those in f64.
     fn new(
         scene: &'a Scene,
         &Frame { grid, picture, extent, scale, .. }: &Frame,
@@ -235,7 +236,7 @@ impl<'a> Binned<'a> {
     ) -> Self {
         let forms = Forms::new(grid, scale, &light::lights(scene), far::<f32>(extent));
         let widening = Widening { keep, frustum: Frustum::new(&grid), whole: picture.whole() };
-        // No object is in so few tiles where each is to be in all.
+        // If every object is to be in all tiles, none has few.
         let most_tiles = |most: usize| (!keep.has(Omission::OtherTiles)).then_some(most);
         let spheres = Planning {
             kernel: &kernels.sphere_bounds,
@@ -271,7 +272,7 @@ impl<'a> Binned<'a> {
         let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), team);
         let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), team);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
-        // Of few it costs less to look at each.
+        // For few triangles it is cheaper to look at each.
         let few = scene.triangle_count() <= FEW_TRIANGLES;
         let [near_triangles, near_faces] = [&of_triangles, &of_faces].map(|of| few || near_corners(of));
         let triangles =
@@ -296,7 +297,8 @@ impl<'a> Binned<'a> {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene`, seen by these rays, on so many threads, by kernels that find bounds, without the omissions in `keep`.
+    /// Plans `scene`, seen by these rays, on so many threads, with the kernels of bounds, without the omissions in
+    /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);
         let binned = Binned::new(scene, &frame, kernels, (keep, &team(threads)), is_f32::<E>());
@@ -317,7 +319,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     fn of((scene, raster): (&'a Scene, Raster), frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
         let Frame { grid, picture, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
-        // What a dark one would add is 0; the form of a sphere depends on how well each light's is known.
+        // A dark light would add 0, and the form of a sphere depends on how accurately each light is known.
         let lights = light::lights(scene);
         let far = far::<E>(extent);
         let positions: Vec<_> = lights.iter().map(|light| nearer(light.position.as_dvec3(), far)).collect();
@@ -356,11 +358,11 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// Whether planning has seen that the scene is valid as far as its objects go. Where it has not, it may be yet.
+    /// Whether planning has shown that the scene's objects are valid. If not, they may still be.
     pub fn is_valid(&self) -> bool {
         let valid = |extremes: Extremes| {
             let Extremes { most, least, brightest, .. } = extremes;
-            // As bits, -0 is more than all that is not negative: nothing is known of the others then.
+            // As bits, -0 is above all non-negative numbers: then nothing is known of the others.
             most.is_finite() && least > 0.0 && brightest.is_sign_positive() && brightest.is_finite()
         };
         self.binned.extremes.is_none_or(valid)
@@ -371,13 +373,13 @@ impl<'a, E: Element> Tiles<'a, E> {
         !self.binned.wide.is_empty()
     }
 
-    /// Whether this one has: all of it is to be traced in f64.
+    /// Whether this one has: it is then traced wholly in f64.
     pub fn is_wide(&self, tile: TilePlace) -> bool {
         let [across, _] = self.tiles();
         self.any_wide() && self.binned.wide[(tile.down * across + tile.across) as usize]
     }
 
-    /// What is planned.
+    /// The planned scene.
     pub fn scene(&self) -> &Scene {
         self.scene
     }
@@ -387,17 +389,17 @@ impl<'a, E: Element> Tiles<'a, E> {
         [self.raster.picture.width, self.raster.picture.height]
     }
 
-    /// By which rays.
+    /// The rays.
     pub fn raster(&self) -> Raster {
         self.raster
     }
 
-    /// All triangles: those that have corners of their own, and those that share them.
+    /// All triangles: those that have their own corners, and those that share them.
     pub fn triangle_lists(&self) -> [TriangleList<'_>; 2] {
         triangle_lists(&self.binned.triangles, &self.binned.faces)
     }
 
-    /// Their planes, of one of these kinds, if those of set-up are not to do.
+    /// The planes of one of these kinds, if those of set-up are not accurate enough.
     pub fn planes(&self, kind: usize) -> Option<&[ExactPlane]> {
         self.planes.as_ref().map(|planes| &planes[kind][..])
     }
@@ -407,7 +409,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         &self.scene.spheres
     }
 
-    /// Those of them that are in the list of some tile, each once.
+    /// Those in the list of some tile, each once.
     pub fn seen_spheres(&self) -> impl Iterator<Item = Candidate> {
         let mut candidates: Vec<_> = self.binned.of_spheres.listed().collect();
         candidates.sort_unstable_by_key(|candidate| candidate.id);
@@ -415,12 +417,12 @@ impl<'a, E: Element> Tiles<'a, E> {
         candidates.into_iter().copied()
     }
 
-    /// The bounds of all spheres, empty of those that no ray can hit.
+    /// The bounds of all spheres, empty for those that no ray can hit.
     pub fn sphere_bounds(&self) -> PixelBounds {
         bounds_in(&self.binned.of_spheres, self.scene.spheres.len())
     }
 
-    /// The bounds of all triangles, empty of those that no ray can hit.
+    /// The bounds of all triangles, empty for those that no ray can hit.
     pub fn triangle_bounds(&self) -> PixelBounds {
         let [mut bounds, of_faces] =
             [0, 1].map(|kind| bounds_in(&self.binned.of_triangles[kind], self.triangle_lists()[kind].len()));
@@ -429,32 +431,32 @@ impl<'a, E: Element> Tiles<'a, E> {
         bounds
     }
 
-    /// The lights as spheres see them, for set-up.
+    /// The lights for the set-up of spheres.
     pub fn sphere_lights(&self) -> &[TileLight<f64>] {
         &self.sphere_lights
     }
 
-    /// Where the lights stand, for shading.
+    /// The positions of the lights, for shading.
     pub fn points(&self) -> &[TilePoint<E>] {
         &self.points
     }
 
-    /// What is weighted for floats.
+    /// The weighted set-up for floats.
     pub fn linear(&self) -> &Weighted {
         &self.linear
     }
 
-    /// What is weighted for bytes.
+    /// The weighted set-up for bytes.
     pub fn levels(&self) -> &Weighted {
         &self.levels
     }
 
-    /// What is not left out.
+    /// The omissions that are not made.
     pub fn keep(&self) -> Keep {
         self.keep
     }
 
-    /// How many objects a tile may see.
+    /// The number of objects that may be visible in a tile.
     pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
         let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
         let [triangles, faces] = &self.binned.of_triangles;
@@ -469,7 +471,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         large.len() + in_few.iter().sum::<usize>()
     }
 
-    /// A sphere around the camera or beside it, for the kernel that finds its nearest wall; None of one in front.
+    /// The record of a sphere around the camera or beside it, for its kernel; None for one in front.
     pub fn around(&self, sphere: &Sphere) -> Option<AroundSphere<f64>> {
         if forms::is_in_front(sphere) {
             return None;
@@ -504,13 +506,13 @@ impl<'a, E: Element> Tiles<'a, E> {
         frustum.unseen_sphere(sphere) != Omission::Between
     }
 
-    /// How many tiles there are, across and down.
+    /// The number of tiles, across and down.
     pub(super) fn tiles(&self) -> [u32; 2] {
         let [width, height] = self.size();
         [width.div_ceil(TILE_WIDTH as u32), height.div_ceil(TILE_HEIGHT as u32)]
     }
 
-    /// A power of two: the tile's 1/t is this over t, along the rays of [`Tiles::ray`].
+    /// A power of two: a tile stores this / t, along the rays of [`Tiles::ray`].
     pub fn scale(&self) -> f64 {
         self.frame.scale
     }
@@ -531,16 +533,16 @@ impl<'a, E: Element> Tiles<'a, E> {
         TileGrid { step, half_width, half_height, focal }
     }
 
-    /// Adds the spheres that a tile may see, but for those that are in many tiles.
+    /// Adds the spheres that may be visible in a tile, except those in many tiles.
     pub fn spheres_in(&self, tile: TilePlace, spheres: &mut Vec<Candidate>) {
         let bins = &self.binned.of_spheres;
         bins.ask_for(tile);
         bins.of_tile(tile).for_each(|candidates| spheres.extend_from_slice(candidates));
     }
 
-    /// Hands out the triangles of one of the [kinds](Tiles::triangle_lists) that a tile may see, `MOST_AT_ONCE` at a time or fewer,
-    /// by way of `room` if they are not in one list. What is there of them already comes first; what else is in many tiles is
-    /// not among them.
+    /// Passes on the triangles of one of the [kinds](Tiles::triangle_lists) that may be visible in a tile, at most
+    /// `MOST_AT_ONCE` at a time, by way of `room` if they are not in one list. Triangles already in `room` come first;
+    /// others in many tiles are not included.
     pub fn triangles_in(
         &self,
         kind: usize,
@@ -570,7 +572,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         }
     }
 
-    /// What is in many tiles, in turn: spheres, then triangles of both [kinds](Tiles::triangle_lists).
+    /// The objects in many tiles: spheres, then triangles of both [kinds](Tiles::triangle_lists).
     pub fn large(&self) -> [LargeObjects<'_>; 3] {
         let [triangles, faces] = &self.binned.of_triangles;
         [&self.binned.of_spheres, triangles, faces].map(|bins| LargeObjects { bins, next: 0 })
@@ -581,8 +583,8 @@ impl<'a, E: Element> Tiles<'a, E> {
         let (column, row) = tile.first();
         let DVec3 { x: dx, y: dy, z: dz } = self.ray(row + TILE_HEIGHT as u32 / 2, column + TILE_WIDTH as u32 / 2);
         let Grid { step, half_width, half_height, focal } = self.frame.grid;
-        // Of edges in the tile's elements, from the origin: three roundings of each constant and product, and some more
-        // for safety. Of what set-up and the reference round in f64: a few units of the largest d there is.
+        // Rounding of edges in the tile's elements, from the origin: three roundings of each coefficient and product,
+        // with a margin. Rounding in f64, in set-up and the reference: a few units of the largest d.
         let unit = if size_of::<E>() == 4 { f64::from(f32::EPSILON) } else { f64::EPSILON };
         let (relative, exact) = (3.0 * unit, 16.0 * f64::EPSILON);
         let half = (TILE_WIDTH / 2) as f64;
@@ -606,26 +608,26 @@ fn triangle_lists<'a>(triangles: &'a [Triangle], faces: &'a Faces) -> [TriangleL
     [TriangleList::Apart(triangles), TriangleList::Joined(faces.into())]
 }
 
-/// The size of a scene: how far the coordinates of a sample reach in the middle of them, so that a sun or a grain of dust
-/// makes no other object's numbers large or small.
+/// The size of a scene: the median of the coordinates of a sample, so that a sun or a grain of dust does not make the
+/// numbers of all other objects large or small.
 fn extent(scene: &Scene) -> f64 {
     let (count, spheres) = (scene.triangle_count(), scene.spheres.len());
-    // As bits, which are ordered as numbers from 0 on are.
+    // As bits, which order non-negative numbers.
     let mut sizes = Vec::new();
     let mut add = |v: Vec3| {
         let size = v.to_array().map(|x| x.abs().to_bits()).into_iter().fold(0, u32::max);
         sizes.extend((size > 0 && size < f32::INFINITY.to_bits()).then_some(size));
     };
     (0..count).step_by(count / 1024 + 1).for_each(|i| scene.triangle(i).vertices.into_iter().for_each(&mut add));
-    // One that is about the camera reaches as far as its radius.
+    // One around the camera reaches as far as its radius.
     let reach = |sphere: &Sphere| if sphere.centre == Vec3::ZERO { Vec3::splat(sphere.radius) } else { sphere.centre };
     scene.spheres.iter().step_by(spheres / 1024 + 1).for_each(|sphere| add(reach(sphere)));
     let middle = sizes.len() / 2;
     if sizes.is_empty() { 1.0 } else { f32::from_bits(*sizes.select_nth_unstable(middle).1).into() }
 }
 
-/// Triangles with the near corner first of those that have one (see [`geometry::near_corner_first`]), and without area those that
-/// are never hit although rounded sides may hide it from the kernels.
+/// Triangles rotated so that a near corner comes first (see [`geometry::near_corner_first`]); those that are never hit,
+/// which rounded sides may hide from the kernels, get no area.
 fn near_corner_first(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     if triangles.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(triangle)) {
         let rotated = |triangle: &Triangle| {
@@ -642,7 +644,7 @@ fn near_corner_first(triangles: &[Triangle]) -> Cow<'_, [Triangle]> {
     }
 }
 
-/// The same of those that share their corners.
+/// The same for those that share their corners.
 fn faces_near_corner_first(faces: &Faces) -> Cow<'_, Faces> {
     let mut rotated = Cow::Borrowed(faces);
     if faces.iter().any(|triangle| near_corner(triangle.vertices) > 0 || is_edge_on(&triangle)) {
@@ -657,18 +659,18 @@ fn is_edge_on(triangle: &Triangle) -> bool {
     geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
 }
 
-/// Which corner is to come first.
+/// The corner that is to come first.
 fn near_corner(vertices: [Vec3; 3]) -> usize {
     geometry::near_corner(vertices.map(|v| v.as_dvec3()))
 }
 
-/// A point, brought along its direction to a distance of at most `far`.
+/// A point, moved along its direction to a distance of at most `far`.
 fn nearer(point: DVec3, far: f64) -> DVec3 {
     let distance = point.length();
     if distance > far { point * (far / distance) } else { point }
 }
 
-/// The bounds of so many objects, empty of those that are in no list.
+/// The bounds of so many objects, empty for those in no list.
 fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };
@@ -679,12 +681,12 @@ fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     bounds
 }
 
-/// Pixels within bounds.
+/// The number of pixels within bounds.
 pub(super) fn covered(columns: u32, rows: u32) -> u64 {
     range(columns).len() as u64 * range(rows).len() as u64
 }
 
-/// The first of a pair in 32 bits, and the one past the last.
+/// The pair in 32 bits as a range.
 fn range(bounds: u32) -> Range<u32> {
     (bounds & 0xffff)..(bounds >> 16)
 }

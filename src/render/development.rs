@@ -18,8 +18,7 @@ const TILES_TOGETHER: u32 = 2;
 /// What is done to linear light after tracing. By default nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Development {
-    /// A pixel is the mean of so many times so many samples, whose rays pass through the centres of equal squares of
-    /// it.
+    /// A pixel is the mean of so many times so many samples, rays through the centres of its equal squares.
     pub samples: u32,
     /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed like any other light.
     pub background: [f32; 3],
@@ -59,8 +58,7 @@ pub struct Developed<'a> {
 }
 
 impl<'a> Developed<'a> {
-    /// The picture of `camera`, developed from what `tracer` traces with [`Development::camera`] in
-    /// [`PixelFormat::F32x4`].
+    /// The picture of `camera`; `tracer` traces [`Development::camera`] in [`PixelFormat::F32x4`].
     pub fn new(tracer: &'a dyn Tracer, camera: &Camera, development: Development) -> Self {
         let (width, height) = (camera.width() as usize, camera.height());
         Developed { tracer, plain: None, width, height, development, spare: Mutex::default() }

@@ -254,8 +254,7 @@ impl ImageWriter {
 
     /// Begins an image at a path where nothing may exist, be it a file, a link or a device.
     ///
-    /// What appears there while the image is being rendered is not replaced either: [`finish`](Self::finish) then
-    /// fails.
+    /// What appears there while the image is rendered is not replaced either: [`finish`](Self::finish) then fails.
     ///
     /// # Errors
     /// As [`create`](Self::create), and [`OutputError::Exists`].

@@ -261,8 +261,7 @@ pub(super) fn open(
     Ok((Destination { sink: sink.clone(), end }, sink))
 }
 
-/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or one of the system's
-/// paths.
+/// Whether a name is that of the program's own standard output: `-`, `ppm:-` and the like, or a system path.
 pub fn is_standard_output(path: &Path) -> bool {
     let names = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
     cfg!(unix) && (names.iter().any(|name| path == Path::new(name)) || format_of_standard_output(path).is_some())

@@ -137,8 +137,7 @@ impl<'a> Bands<'a> {
         Ok(None)
     }
 
-    /// Encodes what was traced, each part with one of the threads, and hands over the parts and their rows from the
-    /// top.
+    /// Encodes what was traced, each part on one thread, and hands over the parts and their rows from the top.
     pub(super) fn encode<E>(
         &mut self,
         mut take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E>,

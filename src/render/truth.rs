@@ -13,8 +13,8 @@ use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Split, Vector};
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
-/// An object further than this from being hit, in units of the margin, is not examined closely. All margins that are
-/// asked for are smaller.
+/// An object further than this from being hit, in units of the margin, is not examined closely. Requested margins are
+/// smaller.
 const FAR: f64 = 1e-4;
 /// Bound of all rounding errors of a test in f64, including the ray's, as a share of the sum of its terms' magnitudes.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -48,8 +48,7 @@ pub struct TrueHit {
     pub normal: [Split; 3],
     /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the surface.
     pub cosines: Vec<f64>,
-    /// Whether it is at the terminator of a light so bright that a rounding error in f32 is the step from black to
-    /// white.
+    /// Whether it is at the terminator of a light so bright that rounding in f32 is the step from black to white.
     pub dazzled: bool,
     /// The linear colour, not clamped. None if a light is so near that its direction is rounding noise in f32, or if a
     /// triangle's plane is so near to the camera that its distance is rounding noise in f64.
@@ -225,8 +224,7 @@ impl Truth {
         for (i, meeting) in meetings {
             let change = match first {
                 Some((winner, ..)) if same(*i, winner) => continue,
-                // Behind the first hit, an object's distance protects the answer; a near miss is protected by its
-                // margin too.
+                // Behind the first hit, an object's distance protects the answer; a near miss by its margin too.
                 Some((.., t)) => match (&meeting.hit, &meeting.miss) {
                     (Some(other), _) => other.gap(t),
                     (None, Some(other)) => other.gap(t).max(meeting.margin),
@@ -390,8 +388,7 @@ impl Body {
 }
 
 impl Quick {
-    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Numbers that are not finite exclude
-    /// nothing.
+    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Non-finite numbers exclude nothing.
     fn certainly_missed(&self, d: DVec3, reach: DVec3) -> bool {
         match self {
             Quick::Sphere { centre, radius, k } => {

@@ -1,7 +1,6 @@
 //! Scenes in the paper's format with the usual layout, read in bulk and piece by piece.
 //!
-//! Anything unusual or wrong yields None: then [`super::parse`] reads the file from its start, with care and with words
-//! for its errors.
+//! Anything unusual or wrong yields None: then [`super::parse`] reads the file again, with care and with words.
 
 use std::collections::BTreeMap;
 use std::io::Read;

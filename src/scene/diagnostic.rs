@@ -10,8 +10,8 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use super::MeshError;
 use super::log::is_line_end;
 
-/// How many bytes of a line are shown before a token, of the token itself, and after it: a diagnostic stays small even
-/// for a very long line.
+/// How many bytes of a line are shown before a token, of the token itself, and after it: diagnostics of long lines stay
+/// short.
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_TOKEN: usize = 40;
 const SHOWN_AFTER: usize = 30;

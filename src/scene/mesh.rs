@@ -166,8 +166,7 @@ impl Mesh {
         triangle.map(|index| self.vertices[index as usize])
     }
 
-    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`; None if a corner
-    /// leaves the range of f32.
+    /// Its triangles, transformed by `map` in f64 and rounded once, their colours times `colour`; None beyond f32.
     pub fn placed(self, map: ToCamera, colour: Vec3) -> Option<Faces> {
         let Mesh { vertices, triangles, mut colours, .. } = self;
         if colours.is_empty() {

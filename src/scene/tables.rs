@@ -54,8 +54,8 @@ pub fn parse_toml(source: &[u8], name: &str, folder: &Path) -> Result<Opened, Sc
     Ok(opened)
 }
 
-/// A place with something to be shown: if the error is between two words, the next one of the line, or else the last
-/// one before it.
+/// A place with something to be shown: if the error is between two words, the next one of the line, else the one
+/// before.
 fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     let after = text.get(span.start..).unwrap_or_default();
     if !span.is_empty() || after.trim_ascii().is_empty() {
@@ -223,8 +223,7 @@ impl Reader<'_> {
         (file, width, height)
     }
 
-    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and the world's up in
-    /// that frame.
+    /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and its up there.
     fn camera(&mut self, root: &Fields<'_>) -> (f32, f32, ToCamera, DVec3) {
         let keys = ["focal", "film", "position", "look_at", "up"];
         let Some(fields) = self.table(root, "camera", "the camera", &keys) else {

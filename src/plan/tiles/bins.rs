@@ -1,4 +1,4 @@
-//! Which tiles each object may be in.
+//! Bins: the lists of the objects that each tile may see.
 
 use std::cmp::Reverse;
 use std::ops::Range;
@@ -7,33 +7,33 @@ use super::bounds::Picture;
 use super::{MOST_SORTED, TilePlace, range};
 use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
 
-/// A block that is made for what is yet to come has room for so many objects at most, 16 MiB.
+/// A block that is made ahead has room for at most so many objects, 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
 
-/// The objects that each tile may see, of one piece of the scene after another.
+/// The objects that may be visible in each tile, for one piece of the scene after another.
 #[derive(Default)]
 pub(super) struct Bins {
     picture: Picture,
-    /// An object in more tiles is large; if None, all of them are, and in all tiles.
+    /// An object in more tiles is large; if None, all objects are, and in all tiles.
     most_tiles: Option<usize>,
     pieces: Vec<Piece>,
-    /// What is in their lists. Each block may have room for more.
+    /// The content of their lists. Each block may have room for more.
     blocks: Vec<Vec<Candidate>>,
-    /// Those that are in many tiles.
+    /// The objects in many tiles.
     large: Vec<Large>,
-    /// Room for the runs of a piece.
+    /// Memory for the runs of a piece.
     runs: Vec<Run>,
 }
 
-/// An object that is in many tiles.
+/// An object in many tiles.
 #[derive(Clone, Copy)]
 struct Large {
     candidate: Candidate,
-    /// What its 1/t cannot exceed at a pixel: a number, and what a column and a row more add to it.
+    /// The upper bound of its 1/t at a pixel: a constant, and the coefficients of the column and the row.
     most: [f32; 3],
 }
 
-/// Objects of a piece that follow one another and are in the same tiles, as neighbours in a mesh mostly are, and the first of
+/// Consecutive objects of a piece that are in the same tiles, as neighbours in a mesh mostly are, and the first of
 /// these tiles.
 #[derive(Clone, Copy, Default)]
 struct Run {
@@ -52,38 +52,38 @@ impl Run {
     }
 }
 
-/// Where the objects of a piece of the scene are.
+/// The place of the objects of a piece of the scene.
 struct Piece {
-    /// Its number in the scene.
+    /// Its index in the scene.
     number: usize,
     block: usize,
-    /// In the block: where each tile's begin, and where the last one's end.
+    /// In the block: the beginning of each tile's objects, and the end of the last one's.
     starts: Vec<u32>,
 }
 
 impl Bins {
-    /// Without objects.
+    /// Empty bins.
     pub(super) fn new(picture: Picture, most_tiles: Option<usize>) -> Self {
         Bins { picture, most_tiles, ..Bins::default() }
     }
 
-    /// How many pieces have been added.
+    /// The number of pieces added.
     pub(super) fn pieces(&self) -> usize {
         self.pieces.len()
     }
 
-    /// How many tiles there are.
+    /// The number of tiles.
     pub(super) fn tiles(&self) -> usize {
         let Picture { width, height } = self.picture;
         (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize
     }
 
-    /// Adds what is seen of the piece of the scene that has this number, after which so many `pieces_left` like it may come.
-    /// Few stay in their order, as spheres that were sorted must; of many the lists begin with those that are in no other tile.
+    /// Adds the candidates of piece `number` of the scene, after which about `pieces_left` like it will come. A few
+    /// stay in their order, as sorted spheres must; of many the lists begin with those that are in no other tile.
     pub(super) fn add(&mut self, number: usize, candidates: &[Candidate], pieces_left: f64) {
         let most_tiles = self.most_tiles.unwrap_or(0);
         let across = self.picture.width.div_ceil(TILE_WIDTH as u32);
-        // How many objects each tile has, and then where they begin.
+        // The number of objects in each tile, later their beginnings.
         let mut starts = vec![0_u32; self.tiles() + 1];
         let in_order = candidates.len() <= MOST_SORTED || self.most_tiles.is_none();
         let (in_one, in_more) = runs_of(candidates, across, in_order, &mut self.runs);
@@ -106,7 +106,7 @@ impl Bins {
         corners.add_sums_to(&mut starts);
         let count: usize = starts.iter().map(|count| *count as usize).sum();
         if self.blocks.last().is_none_or(|last| last.capacity() - last.len() < count) {
-            // The next ones may have a few more.
+            // The next pieces may have slightly more.
             let likely = count + count / 64;
             let more = (MOST_IN_BLOCK / likely.max(1)).saturating_sub(1);
             let room_for_more = likely as f64 * pieces_left.min(more as f64);
@@ -117,7 +117,7 @@ impl Bins {
         for start in &mut starts {
             sum += std::mem::replace(start, sum);
         }
-        // Brings the memory into a core's own caches, where the lists can then be written to in any order.
+        // Brings the memory into the core's own caches, where the lists can then be written in any order.
         lists.resize(lists.len() + count, Candidate::default());
         let mut next = starts.clone();
         for run in in_one {
@@ -132,7 +132,7 @@ impl Bins {
         self.pieces.push(Piece { number, block, starts });
     }
 
-    /// With the pieces of another, all in the scene's order.
+    /// These bins with the pieces of others, all in the scene's order.
     pub(super) fn and(mut self, other: Self) -> Self {
         let blocks = self.blocks.len();
         self.pieces.extend(other.pieces.into_iter().map(|piece| Piece { block: blocks + piece.block, ..piece }));
@@ -142,35 +142,35 @@ impl Bins {
         self
     }
 
-    /// Puts those that are in many tiles in the order of their nearness; `most` says of each, by its number, what its 1/t
-    /// cannot exceed, as [`Large`] has it.
+    /// Sorts the objects in many tiles by distance; `most` gives each one's upper bound of 1/t by its index, as in
+    /// [`Large`].
     pub(super) fn sort(&mut self, most: impl Fn(u32) -> Option<[f32; 3]>) {
         for large in &mut self.large {
             large.most = most(large.candidate.id).unwrap_or(large.most);
         }
-        // Not negative, so that they are in the order of their bits.
+        // Not negative, and so ordered by their bits.
         self.large.sort_unstable_by_key(|large| (Reverse(large.candidate.most.to_bits()), large.candidate.id));
     }
 
-    /// All that is in a list, once for each.
+    /// All list entries, once for each list.
     pub(super) fn listed(&self) -> impl Iterator<Item = &Candidate> {
         let lists = self.pieces.iter().flat_map(|piece| piece.of(0..piece.starts.len() - 1, &self.blocks));
         lists.chain(self.large.iter().map(|large| &large.candidate))
     }
 
-    /// What a tile may see of what is in few tiles.
+    /// The objects in few tiles that may be visible in this one.
     pub(super) fn of_tile(&self, tile: TilePlace) -> impl Iterator<Item = &[Candidate]> {
         let index = (tile.down * self.picture.width.div_ceil(TILE_WIDTH as u32) + tile.across) as usize;
         self.pieces.iter().map(move |piece| piece.of(index..index + 1, &self.blocks))
     }
 
-    /// Asks for all of this at once: one after another, each list would be waited for.
+    /// Prefetches all of these at once: one after another, each list would cost a cache miss.
     pub(super) fn ask_for(&self, tile: TilePlace) {
         self.of_tile(tile).for_each(sys::ask_for);
     }
 
-    /// Adds some of those that are in many tiles and may be in this one, the nearest first: up to `count` of them, from number
-    /// `next` on, which then is that of the first of the others. None of these can be nearer than `least` in the tile.
+    /// Adds objects in many tiles that may be visible in this one, the nearest first: up to `count` of them, from index
+    /// `next` on, which is advanced. It stops at objects that cannot be at `least` or nearer.
     pub(super) fn add_large(
         &self,
         tile: TilePlace,
@@ -210,20 +210,20 @@ impl Bins {
         }
     }
 
-    /// How many are in many tiles.
+    /// The number of objects in many tiles.
     pub(super) fn count_large(&self) -> usize {
         self.large.len()
     }
 }
 
 impl Piece {
-    /// What is in the lists of some tiles.
+    /// The lists of some tiles.
     fn of<'a>(&self, tiles: Range<usize>, blocks: &'a [Vec<Candidate>]) -> &'a [Candidate] {
         &blocks[self.block][self.starts[tiles.start] as usize..self.starts[tiles.end] as usize]
     }
 }
 
-/// The tiles, row by row, that some of these may be in.
+/// For each tile, row by row, whether any of these may be in it.
 pub(super) fn tiles_of(candidates: &[Candidate], picture: Picture) -> Vec<bool> {
     let across = picture.width.div_ceil(TILE_WIDTH as u32);
     let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
@@ -231,7 +231,7 @@ pub(super) fn tiles_of(candidates: &[Candidate], picture: Picture) -> Vec<bool> 
     tiles
 }
 
-/// From pixels to tiles; not empty.
+/// From pixels to tiles; `pixels` is not empty.
 pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
     pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
 }
@@ -243,7 +243,7 @@ struct TileRanges {
 }
 
 impl TileRanges {
-    /// Of an object whose bounds are not empty.
+    /// The tiles of an object whose bounds are not empty.
     fn of(candidate: &Candidate) -> Self {
         let columns = tile_range(range(candidate.columns), TILE_WIDTH);
         TileRanges { columns, rows: tile_range(range(candidate.rows), TILE_HEIGHT) }
@@ -253,10 +253,10 @@ impl TileRanges {
         self.columns.len() * self.rows.len()
     }
 
-    /// Says the place of each, where a row has as many tiles as are `across`.
+    /// Calls `say` with the index of each, where a row has `across` tiles.
     fn each(&self, across: u32, mut say: impl FnMut(usize)) {
         let place = |row: u32, column: u32| (row * across + column) as usize;
-        // Most of those that are in more than one, and known without a loop.
+        // Most objects in more than one tile are in two, which need no loop.
         if self.count() == 2 {
             say(place(self.rows.start, self.columns.start));
             return say(place(self.rows.end - 1, self.columns.end - 1));
@@ -267,10 +267,10 @@ impl TileRanges {
     }
 }
 
-/// How many objects each tile has, by the changes from tile to tile, of which an object has four, in however many tiles it is.
+/// The number of objects in each tile, from its changes between tiles: four for an object in any number of tiles.
 struct Corners {
     across: usize,
-    /// With a column and a row beyond the last.
+    /// With one column and one row beyond the last.
     changes: Vec<u32>,
 }
 
@@ -306,7 +306,7 @@ impl Corners {
     }
 }
 
-/// One by one, since a copy of any length is a call.
+/// One by one, since a copy of variable length is a call.
 fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     for candidate in run {
         lists[*next as usize] = *candidate;
@@ -314,15 +314,15 @@ fn append(lists: &mut [Candidate], next: &mut u32, run: &[Candidate]) {
     }
 }
 
-/// All objects, none of which has empty bounds: the runs of those that are in one tile, and the others, by way of `room`. If
-/// they are to stay `in_order`, all are among the others. Which of the two it is would be a toss for a branch.
+/// All objects, none of which has empty bounds: the runs of those in one tile, and the others, by way of `room`. If
+/// they are to stay `in_order`, all are among the others. A branch between the two would be mispredicted.
 fn runs_of<'a>(
     candidates: &[Candidate],
     across: u32,
     in_order: bool,
     room: &'a mut Vec<Run>,
 ) -> (&'a [Run], impl Iterator<Item = &'a Run> + Clone) {
-    // The first pixels and the last ones, of which the upper bits say where a tile is.
+    // The first and the last pixels, whose upper bits give the tile.
     const PAST_TO_LAST: u64 = 0x0001_0000_0001_0000;
     const TILES: u64 = tile_bits(TILE_HEIGHT) << 32 | tile_bits(TILE_WIDTH);
     const FIRST: u64 = 0x0000_ffff_0000_ffff;
@@ -348,7 +348,7 @@ fn runs_of<'a>(
     (&runs[..in_one], runs[in_more..].iter().rev())
 }
 
-/// Of the first and the last pixel's numbers the bits that differ from tile to tile.
+/// The bits of the first and the last pixel's numbers that differ between tiles.
 const fn tile_bits(side: usize) -> u64 {
     let of_one = 0x1_0000 - side as u64;
     of_one << 16 | of_one

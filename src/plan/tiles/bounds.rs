@@ -1,4 +1,4 @@
-//! The bounds of all objects in the picture, found on several threads.
+//! The bounds of all objects in the picture, computed on several threads.
 
 use std::cmp::Reverse;
 
@@ -11,25 +11,26 @@ use crate::plan::omission::{Keep, Omission};
 use crate::plan::tile_report::Frustum;
 use crate::scene::Grid;
 
-/// A thread that plans fewer objects costs more than it brings.
+/// A thread that plans fewer objects costs more than it gains.
 const FEWEST_PER_THREAD: usize = 1 << 14;
 
-/// Objects that are looked at together: few enough that what is found of them stays in a core's cache, and so many that a tile
-/// finds some side by side. They are more where there are more tiles, of each of which every piece has a list.
+/// The number of objects processed together: few enough to keep their bounds in a core's cache, and enough for a tile
+/// to find some side by side. It grows with the number of tiles, each of which has a list in every piece.
 const PIECE: usize = 1 << 15;
 
-/// A tile has to look into each piece. There are no more of them than this, unless these would have more objects than that.
+/// A tile has to look into each piece. So there are at most so many, unless they would exceed `LARGE_PIECE`.
 const MOST_PIECES: usize = 32;
 const LARGE_PIECE: usize = 1 << 17;
 
-/// With several threads there are so many pieces for each, unless they had too few objects.
+/// With several threads there are so many pieces for each, unless they would be too small.
 const PIECES_PER_THREAD: usize = 4;
 const FEWEST_IN_PIECE: usize = 1 << 13;
 
-/// Of so many objects at most, the short ones too are asked whether they are [steep](super::forms::Forms::steep_tiles).
+/// Of at most so many objects, those with short bounds too are tested for being
+/// [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
 
-/// Kernels count objects in f32, which has every integer up to here.
+/// Kernels count objects in f32, which has every integer up to this.
 const MOST_COUNTED: usize = 1 << 24;
 
 /// The size of the picture.
@@ -46,11 +47,11 @@ impl Picture {
     }
 }
 
-/// How the kernel finds bounds of triangles in a picture.
+/// The view of the kernel that computes bounds of triangles in a picture.
 pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> BoundsView<f32> {
     let [all_columns, all_rows] = picture.whole();
     let (width, height) = (f64::from(picture.width), f64::from(picture.height));
-    // Several roundings of numbers up to the picture's size, each of 2^-24 of it.
+    // Several roundings of numbers up to the picture's size, each of a relative 2^-24.
     let margin = (width + height) / f64::from(1 << 20);
     let view = BoundsView {
         to_pixels: grid.focal / grid.step,
@@ -60,19 +61,20 @@ pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> Bou
         high: 1.0 + margin,
         width,
         height,
-        // Some roundings more than the kernels' own.
+        // A few more roundings than the kernels' own.
         most: scale * grid.focal * (1.0 + 1.0 / f64::from(1 << 20)),
         all_columns: 0.0,
         all_rows: 0.0,
-        // Within these bounds are two columns and two rows at most. An edge there is a sum of two products whose factors
-        // are below 3, each off by the margin.
+        // Bounds below this contain at most two columns and two rows. An edge there is a sum of two products whose
+        // factors are below 3, each off by the margin.
         reach: 2.0 - 4.0 * margin,
         outside: -13.0 * margin,
     };
     BoundsView { all_columns: f32::from_bits(all_columns), all_rows: f32::from_bits(all_rows), ..view.round::<f32>() }
 }
 
-/// What sets spheres up, for a white of so much, and finds their bounds in a picture. Lights may be so `far`, in radii.
+/// The view that sets spheres up, with this value of white, and computes their bounds in a picture. Lights are within
+/// `far` radii.
 pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f64, white: f64) -> SphereView<f64> {
     let Grid { step, half_width, half_height, focal } = *grid;
     SphereView {
@@ -89,31 +91,31 @@ pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f
     }
 }
 
-/// What a sphere's 1/t cannot exceed times the distance of its nearest point from the camera's plane, in a scene of that
-/// extent. D cancels where it matters least, at the outline; near that point it loses some roundings.
+/// The upper bound of a sphere's 1/t times the distance of its nearest point from the camera's plane, in a scene of
+/// that extent. D cancels at the outline, where that matters least; near that point it loses a few roundings.
 pub(super) fn near_of_sphere(extent: f64) -> f64 {
     extent * (1.0 + 1.0 / 1024.0)
 }
 
-/// What finds the objects of a kind, and puts them into tiles.
+/// Finds the objects of a kind, and bins them into tiles.
 pub(super) struct Planning<'a, T: Bounded> {
     pub(super) kernel: &'a Bounds<T>,
     pub(super) view: T::View,
     pub(super) picture: Picture,
     pub(super) widening: &'a Widening,
-    /// Why no ray passes within the bounds of one.
+    /// Why no ray passes within the bounds of an object.
     pub(super) unseen: fn(&Frustum, &T) -> Omission,
-    /// Of objects with these extremes, those whose 1/t cannot exceed it are [narrow](Form::Narrow) for sure.
+    /// Among objects with these extremes, an upper bound of 1/t up to this proves one [narrow](Form::Narrow).
     pub(super) surely_narrow: &'a (dyn Fn(&Extremes) -> f32 + Sync),
     /// The form of an object.
     pub(super) form: &'a (dyn Fn(&T, &mut Candidate) -> Form + Sync),
     /// Adds the tiles where an object with these bounds is [steep](super::forms::Forms::steep_tiles).
     pub(super) steep: &'a (dyn Fn(&T, &Candidate, &mut Vec<Candidate>) + Sync),
-    /// One in more tiles than this is large; None: all are, and in all tiles.
+    /// An object in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
-    /// As many are put in the order of their nearness, more stay in the scene's.
+    /// Up to so many are sorted by distance; more stay in the scene's order.
     pub(super) most_sorted: usize,
-    /// Whether it is for kernels in f32: what is beyond them is in no tile of theirs, even if it is kept.
+    /// Whether it is for kernels in f32: objects beyond f32 are in none of their tiles, even if they are kept.
     pub(super) in_f32: bool,
 }
 
@@ -121,9 +123,9 @@ impl<T: Bounded + Sync> Planning<'_, T>
 where
     T::View: Sync,
 {
-    /// Which tiles all `objects` may be in. They are looked at piece by piece, so that what is found of one is in the caches
-    /// until it is in the lists. Threads take pieces as they become free, and keep their lists and the room to find them in
-    /// from one to the next; nobody sees at last who took which.
+    /// The tiles that all `objects` may be in. Objects are processed piece by piece, so that their bounds are still
+    /// cached when they are binned. Threads take pieces as they become free, and reuse their lists and memory from one
+    /// to the next; the result does not depend on which thread took which.
     pub(super) fn plan(&self, objects: T::Many<'_>, team: &Team) -> Planned {
         let bins = || Bins::new(self.picture, self.most_tiles);
         let threads = team.threads().min(objects.len().div_ceil(FEWEST_PER_THREAD)).max(1);
@@ -152,7 +154,7 @@ where
         planned.reduce(Planned::and).unwrap_or_else(|| Planned { bins: bins(), wide: Vec::new(), extremes: None })
     }
 
-    /// Finds the objects of a piece that may be seen, by way of `room`, and which tiles are `wide`.
+    /// Finds the objects of a piece that may be visible, in `room`, and adds to `wide` where f64 is needed.
     fn find<'a>(
         &self,
         first_id: u32,
@@ -169,7 +171,7 @@ where
             room[..count].iter_mut().for_each(|candidate| candidate.id += first_id);
         }
         let narrow = extremes.map_or(-1.0, |extremes| (self.surely_narrow)(&extremes));
-        // A NaN is not known to be less than anything.
+        // A NaN compares false.
         let is_sure = |near: f32| near <= narrow;
         if extremes.is_some_and(|extremes| !is_sure(extremes.nearest)) {
             let mut left = 0;
@@ -179,14 +181,14 @@ where
                 if !is_sure(candidate.most) {
                     let object = objects.get((candidate.id - first_id) as usize);
                     let is_wide = (self.form)(&object, candidate) == Form::Wide && self.in_f32;
-                    // One across the camera's plane has the whole picture for its bounds, wherever it is.
+                    // An object across the camera's plane has the whole picture for its bounds, wherever it is.
                     let unseen = || (self.unseen)(&self.widening.frustum, &object);
                     if candidate.most == Candidate::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
                         (candidate.columns, candidate.rows) = (0, 0);
                     }
                     let has_pixels = covered(candidate.columns, candidate.rows) > 0;
                     wide.extend((is_wide && has_pixels).then_some(*candidate));
-                    // Where nothing is kept, no tile of theirs is traced in f32, and both plans can have one list.
+                    // Without `keep`, no tile of theirs is traced in f32, and both plans can share one list.
                     is_kept = if all { !is_wide } else { has_pixels };
                 }
                 room[left] = room[i];
@@ -196,7 +198,7 @@ where
         }
         let candidates = &mut room[..count];
         if self.in_f32 && extremes.is_some_and(|extremes| extremes.longest >= long as f32) {
-            // What is kept although it has no pixel has no tile either.
+            // An object that is kept without a pixel has no tile either.
             let is_long = |candidate: &&Candidate| {
                 let sides = [range(candidate.columns).len(), range(candidate.rows).len()];
                 !sides.contains(&0) && sides.iter().any(|side| *side >= long)
@@ -206,7 +208,7 @@ where
             }
         }
         if candidates.len() <= self.most_sorted {
-            // Not negative, so that they are in the order of their bits.
+            // Not negative, and so ordered by their bits.
             candidates.sort_unstable_by_key(|candidate| Reverse((candidate.most.to_bits(), candidate.id)));
         }
         let mut count = candidates.len();
@@ -226,17 +228,17 @@ where
     }
 }
 
-/// What is planned of some objects.
+/// The plan of some objects.
 pub(super) struct Planned {
     pub(super) bins: Bins,
-    /// Those that are traced in f64, within their true bounds, and those tiles of others where they are.
+    /// The objects traced in f64, within their true bounds, and the tiles where others are.
     pub(super) wide: Vec<Candidate>,
-    /// None where there are no objects.
+    /// None if there are no objects.
     pub(super) extremes: Option<Extremes>,
 }
 
 impl Planned {
-    /// With other objects of the same kind.
+    /// This plan with that of other objects of the same kind.
     fn and(mut self, next: Self) -> Self {
         self.bins = self.bins.and(next.bins);
         self.wide.extend(next.wide);
@@ -245,7 +247,7 @@ impl Planned {
     }
 }
 
-/// Gives those objects the whole picture that are not to be left out.
+/// Gives the whole picture to objects that are not to be culled.
 pub(super) struct Widening {
     pub(super) keep: Keep,
     pub(super) frustum: Frustum,
@@ -253,7 +255,7 @@ pub(super) struct Widening {
 }
 
 impl Widening {
-    /// Of an object with these bounds; it may be `unseen` for a reason that is to be kept.
+    /// Widens the bounds of an object; it may be `unseen` for a reason that is to be kept.
     fn widen(&self, columns: &mut u32, rows: &mut u32, unseen: impl Fn() -> Omission) {
         let keep = self.keep;
         if keep.has(Omission::Misses) || keep != Keep::NOTHING && covered(*columns, *rows) == 0 && keep.has(unseen()) {

@@ -1,20 +1,20 @@
-//! In what numbers the tile kernels can trace an object: f32, or f64.
+//! The number format in which the tile kernels can trace an object: f32, or f64.
 //!
-//! Kernels compare w = 1/t in units of the scene's `scale`. What they make of an object in f32 is as exact as documented if:
+//! Kernels compare w = 1/t in units of the scene's `scale`. Results in f32 are as accurate as documented if:
 //!
-//! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its outline, the largest of
-//!   which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Beside d . d that is k / m times the squared
-//!   cosine of the angle between the axis and that ray of the sphere's which is nearest to it: at most [`OUTLINE`].
+//! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its outline, the largest
+//! of which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Divided by d . d that is k / m times the
+//! squared cosine of the angle between the axis and the sphere's ray nearest to it: at most [`OUTLINE`].
 //! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest light: w l stays below
 //!   [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay below [`MOST_OVER_A_TILE`].
 //! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a pixel's step times scale over
 //!   k radii: that product is at least [`LEAST`].
-//! - **lights keep their directions.** Those that are brought nearer, to [`FAR`], still are 2^26 times as far as the object:
-//!   w is at least [`LEAST_INVERSE`].
-//! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y, with
-//!   an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. Where it is not, the
-//!   tile is traced in f64, and others may be in f32. Of many triangles this is asked of those whose bounds have a side of
-//!   [`LONG`] pixels; of shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
+//! - **lights keep their directions.** Those moved nearer, to [`FAR`], are still 2^26 times as far away as the object:
+//! w is at least [`LEAST_INVERSE`].
+//! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y,
+//! with an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. A tile
+//! where that fails is traced in f64, others may be in f32. If triangles are many, only those whose bounds have a side
+//! of [`LONG`] pixels are tested; for shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
 //! - **the light of all lights together is a number**, in levels too.
 
 use std::ops::Range;
@@ -37,18 +37,18 @@ const MOST_OVER_A_TILE: f64 = (1u128 << 100) as f64;
 const LEAST: f64 = 1.0 / (1u64 << 48) as f64;
 const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
 
-/// In the unit of a scene, spheres are no smaller than this where they are narrow for sure: scale / (k radius) is at most
-/// [`MOST`] then, for any focal distance that is usual.
+/// In the unit of a scene, the least radius of spheres that are certainly narrow: scale / (k radius) is then at most
+/// [`MOST`], for any usual focal distance.
 const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
 
-/// A sphere with its centre nearer to the camera's plane than so many radii is seen from inside or reaches behind it, or
-/// nearly so: PACKET(front).
+/// A sphere whose centre is nearer to the camera's plane than so many radii is seen from inside or reaches behind the
+/// plane, or nearly so: PACKET(front).
 const FRONT: f64 = 1.001;
 
-/// f32 holds the normal of a sphere beside the camera from its point as the camera sees it, if it is no more radii away.
+/// Up to so many radii away, f32 holds the normal of a sphere beside the camera, from its point relative to the camera.
 const FARTHEST_AROUND: f64 = 64.0;
 
-/// In the unit of a scene, or in radii of a sphere, lights are this far away at most where f32 is to hold their squares.
+/// In the unit of a scene, or in radii of a sphere, the greatest distance of lights for which f32 holds its square.
 pub(super) const FAR: f64 = (1u64 << 40) as f64;
 pub(super) const FAR_IN_RADII: f64 = (1u64 << 36) as f64;
 
@@ -58,7 +58,7 @@ pub(super) fn is_in_front(sphere: &Sphere) -> bool {
     c.z >= FRONT && c.dot(c) < f64::INFINITY
 }
 
-/// By what an object is traced.
+/// The number format of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     /// Kernels in f32, or f64 if those are asked for.
@@ -67,20 +67,20 @@ pub(super) enum Form {
     Wide,
 }
 
-/// What the form of an object depends on beside the object.
+/// What the form of an object depends on beside the object itself.
 pub(super) struct Forms {
     grid: Grid<f64>,
     scale: f64,
-    /// Those that are not dark.
+    /// The lights that are not dark.
     lights: Vec<DVec3>,
     /// The distance of the farthest of them as the kernels take it, in the unit of the scale.
     farthest: f64,
-    /// What all of them radiate together.
+    /// The radiance of all of them together.
     radiance: DVec3,
 }
 
 impl Forms {
-    /// Under lights that are not dark; triangles see none further than `far`.
+    /// For lights that are not dark; for triangles they are no further away than `far`.
     pub(super) fn new(grid: Grid<f64>, scale: f64, lights: &[&Light], far: f64) -> Self {
         let radiance = lights.iter().map(|light| light.radiance()).sum();
         let lights: Vec<_> = lights.iter().map(|light| light.position.as_dvec3()).collect();
@@ -93,7 +93,7 @@ impl Forms {
         self.scale * self.grid.focal
     }
 
-    /// What holds for objects of both kinds, if these are the extremes of some.
+    /// The conditions shared by objects of both kinds, for some with these extremes.
     fn are_usual(&self, extremes: &Extremes) -> bool {
         let Extremes { most, brightest, .. } = *extremes;
         f64::from(most) * LEAST_INVERSE <= self.extent()
@@ -103,8 +103,8 @@ impl Forms {
             && (1.0 / 1024.0..=(1 << 20) as f64).contains(&self.grid.focal)
     }
 
-    /// For spheres of which these are the extremes: those whose 1/t cannot exceed this are narrow for sure. Below 0
-    /// where one has to look at each.
+    /// For spheres with these extremes: an upper bound of 1/t up to this proves one narrow. Below 0 if each has to be
+    /// tested.
     pub(super) fn surely_narrow_spheres(&self, extremes: &Extremes) -> f32 {
         let (most, least) = (f64::from(extremes.most) / self.extent(), f64::from(extremes.least) / self.extent());
         // k is at least 2^-9, so that k radii are no less than this over 2^9, and at most 3 most^2 / least.
@@ -125,13 +125,13 @@ impl Forms {
         !have_none
     }
 
-    /// That of a sphere. What its 1/t cannot exceed is set right, since f32 may not have held that.
+    /// The form of a sphere. Its upper bound of 1/t is corrected, since f32 may not have held it.
     pub(super) fn of_sphere(&self, sphere: &Sphere, candidate: &mut Candidate) -> Form {
         let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (c, Grid { step, focal, .. }) = (centre / radius, self.grid);
         let power = c.dot(c);
         if !is_in_front(sphere) {
-            // Its walls, the nearer one no nearer than rounding tells.
+            // Its walls, the nearer one no nearer than rounding can tell.
             let [near, far] = [(power.sqrt() - 1.0).abs().max(f64::EPSILON), power.sqrt() + 1.0];
             let most = self.extent() / (radius * near);
             let narrow = most.max(1.0) * self.farthest.max(1.0) <= MOST
@@ -158,7 +158,7 @@ impl Forms {
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// That of a triangle, and the same.
+    /// The form of a triangle, with the same correction.
     pub(super) fn of_triangle(&self, triangle: &Triangle, candidate: &mut Candidate) -> Form {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
@@ -178,8 +178,8 @@ impl Forms {
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// Adds the tiles where f32 does not hold the w of a triangle with these bounds, each with the pixels there that it may
-    /// have.
+    /// Adds the tiles where f32 does not hold the w of a triangle with these bounds, each with its possible pixels
+    /// there.
     pub(super) fn steep_tiles(&self, triangle: &Triangle, candidate: &Candidate, tiles: &mut Vec<Candidate>) {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         // At its farthest corner, in the unit in which w is n . d / (v . n).
@@ -190,7 +190,7 @@ impl Forms {
         let Some(volume) = geometry::triangle_volume(corners) else { return };
         let n = geometry::triangle_plane(corners) / volume;
         let [tx, ty] = [n.x * self.grid.step, -n.y * self.grid.step];
-        // The pixels in a tile, and how far the first and the last are from its middle.
+        // The pixels in a tile, and the distances of the first and the last from its middle.
         let part = |pixels: &Range<u32>, first: u32, side: usize| {
             let (start, end) = (pixels.start.max(first), pixels.end.min(first + side as u32));
             let middle = f64::from(first) + side as f64 / 2.0;
@@ -206,7 +206,7 @@ impl Forms {
                 let least = n.dot(middle) + (tx * left).min(tx * right) + (ty * top).min(ty * bottom);
                 let [x, y] = [left.abs().max(right.abs()), top.abs().max(bottom.abs())];
                 let is_exact = steepness(tx, ty, x, y) <= (STEEPEST - 3.0) * least.max(farthest);
-                // A NaN is not exact.
+                // A NaN is not accurate.
                 if !is_exact {
                     tiles.push(Candidate { columns, rows, ..*candidate });
                 }
@@ -226,8 +226,8 @@ impl Forms {
     }
 }
 
-/// What the 1/t of a triangle cannot exceed at a pixel, from its plane as set-up makes it: at the first one, and what a column
-/// and a row more add. None where that is beyond f32.
+/// The upper bound of a triangle's 1/t at a pixel, from its plane as set-up computes it: at the first pixel, and its
+/// increments for a column and a row. None if that is beyond f32.
 pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture) -> Option<[f32; 3]> {
     let [v, v2, v3] = triangle.vertices.map(|v| v.as_dvec3());
     let normal = (v - v2).cross(v - v3);
@@ -237,28 +237,28 @@ pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture:
     let terms = n.abs().dot(DVec3::from(grid.ray(0, 0)).abs())
         + across.abs() * f64::from(picture.width)
         + down.abs() * f64::from(picture.height);
-    // All roundings, here and there, are of some parts in 2^24 of these terms.
+    // All roundings, here and there, are some parts in 2^24 of these terms.
     let most = [first + terms / f64::from(1 << 18), across, down].map(|x| x as f32);
     (terms < f32::MAX.into()).then_some(most)
 }
 
-/// The greatest of a vector's numbers without their signs.
+/// The greatest magnitude of a vector's components.
 fn size(v: DVec3) -> f64 {
     greatest(v.abs().to_array())
 }
 
-/// Of numbers none of which is NaN: a `max` that knows it is one instruction.
+/// The maximum of numbers that are not NaN, which is one instruction.
 fn greatest([a, b, c]: [f64; 3]) -> f64 {
     let of_two = if a > b { a } else { b };
     if of_two > c { of_two } else { c }
 }
 
-/// What the error of w = t0 + tx x + ty y has beside 3 w, in units of u.
+/// The error of w = t0 + tx x + ty y beyond 3 w, in units of u.
 fn steepness(tx: f64, ty: f64, x: f64, y: f64) -> f64 {
     4.0 * tx.abs() * x + 5.0 * ty.abs() * y
 }
 
-/// What 1/t cannot exceed, as a number of f32 above 0 that is not [`Candidate::ANY`]: infinity where that is beyond f32.
+/// The upper bound of 1/t, as an f32 above 0 other than [`Candidate::ANY`]: infinity if it is beyond f32.
 fn bounded(near: f64) -> f32 {
     if near < Candidate::ANY.into() {
         (near as f32).clamp(f32::MIN_POSITIVE, Candidate::ANY.next_down())
@@ -306,7 +306,7 @@ mod tests {
             };
             let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
             let c = centre / radius;
-            // What the kernel of bounds has the plan look at.
+            // The spheres that the kernel of bounds leaves to the plan.
             if c.z < FRONT || c.dot(c) > 2.0 * c.z * c.z - 1.0 {
                 continue;
             }

@@ -9,8 +9,7 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::borrow::Cow;
 use std::io::{self, BufRead, Seek};
 
-/// The least bytes of a strip, if there are so many rows. Its overhead, a row without one above and a code, is some
-/// hundred bytes.
+/// The least bytes of a strip, if there are so many rows. Its first row and its code cost some hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
 /// More than a chunk holds, and less than it may hold.
 const CHUNK: usize = 1 << 30;

@@ -27,8 +27,7 @@ pub(super) const DEFLATE_EXPANSION: u64 = 1032;
 const LZW_EXPANSION: u64 = 4096 * 8 / 12;
 /// The same for TIFF's runs: two bytes can repeat one up to 128 times.
 const RUN_EXPANSION: u64 = 64;
-/// The most pixels that a byte of a fax may stand for: a white row of any length takes one bit, but no page is that
-/// white.
+/// The most pixels that a byte of a fax may stand for: a white row takes one bit, but no page is that white.
 const FAX_PIXELS: u64 = 4096;
 /// The most pixels that a byte of HDR stands for: 127 equal pixels take two bytes for each of four channels.
 const HDR_PIXELS: u64 = 16;
@@ -57,8 +56,7 @@ impl ImageFile {
     ///
     /// # Errors
     /// If the file cannot be read, is no such image, is damaged or cannot hold what it claims, would lose something as
-    /// [`Pixels`] (more than 8 bits that are not floats), is of an unsupported kind, or has more pixels than fit into 2
-    /// GiB.
+    /// [`Pixels`] (more than 8 bits that are not floats), is of an unsupported kind, or exceeds 2 GiB of pixels.
     pub fn open(path: &Path) -> Result<Self, ImageError> {
         let failed = |error| ImageError::Read { path: path.into(), error };
         let file = File::open(path).map_err(failed)?;
@@ -67,8 +65,7 @@ impl ImageFile {
         if metadata.is_file() {
             return Self::of_reader(path, reader, metadata.len());
         }
-        // A pipe: its length must be known and it must be rewound, so it is read whole, but only if it begins like an
-        // image.
+        // A pipe: its length must be known and it must be rewound, so it is read whole, if it begins like an image.
         let start = reader.fill_buf().map_err(failed)?;
         Magic::of(start).ok_or_else(|| ImageError::NotAnImage { path: path.into() })?;
         let mut bytes = Vec::new();
@@ -136,8 +133,7 @@ thread_local! {
     static CONTAINED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The last line of defence: if a decoder panics nevertheless, the file counts as damaged, and no panic message
-/// appears.
+/// The last line of defence: a file on which a decoder panics counts as damaged, without a panic's message.
 fn contained<T>(path: &Path, decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, ImageError> {
     static QUIET: Once = Once::new();
     QUIET.call_once(|| {

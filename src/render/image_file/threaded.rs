@@ -107,8 +107,7 @@ impl Threaded {
     /// Begins a TIFF.
     pub(super) fn tiff(sink: Sink, extent: &Extent) -> io::Result<Self> {
         let (size, rows) = ((extent.width, extent.height()), TiffParts::new(extent).rows);
-        // Compression could make it smaller, but not certainly; the index and the growth of incompressible strips are
-        // added.
+        // Compression could make it smaller, but not certainly; index and growth of incompressible strips are added.
         let big = u64::from(size.1) * (3 * u64::from(size.0) + 64) > u64::from(u32::MAX) - (1 << 20);
         Threaded::new(move |strips| {
             let result = if big {
@@ -195,8 +194,7 @@ impl Encode for ExrParts {
                 samples.extend(row.iter().map(|pixel| pixel[channel].to_le_bytes()));
             }
         }
-        // Similar bytes come together: the first and third bytes of all samples, then the others. Each minus the
-        // previous one.
+        // Similar bytes come together: first and third bytes of all samples, then the others. Each minus the previous.
         let halves = samples.iter().map(|[a, _, c, _]| [*a, *c]).chain(samples.iter().map(|[_, b, _, d]| [*b, *d]));
         let mut bytes = halves.collect::<Vec<_>>().into_flattened();
         let mut before = 128_u8;

@@ -13,8 +13,7 @@ const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
 /// A scene without objects that sees `half` to each side at distance 1, and the number of objects it is to have.
 fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> (Scene, usize) {
     let count = COUNTS[maker.variant];
-    // Scenes of many objects have smaller pictures, the others larger ones, so that there are as many rays as
-    // elsewhere.
+    // Scenes of many objects have smaller pictures, the others larger ones, for as many rays as elsewhere.
     maker.side = if count > 1000 { maker.side.div_ceil(2) } else { maker.side + maker.side / 8 };
     let camera = maker.square(half);
     (maker.scene(camera, lights, scale), count)

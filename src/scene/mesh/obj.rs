@@ -169,8 +169,7 @@ impl Obj {
                 let mut coordinate = || number().and_then(Result::ok).ok_or_else(no_point);
                 let mut point = Vec3::new(coordinate()?, coordinate()?, coordinate()?);
                 let weight = number();
-                // Unicode separates words where ASCII does not: with two more words it is a colour, which is not read
-                // here.
+                // Unicode separates words where ASCII does not: with two more words it is a colour, not read here.
                 let weight = match words.count() {
                     0 => weight.transpose().map_err(|_| no_point())?,
                     2 => None,
@@ -283,8 +282,8 @@ impl Obj {
     }
 }
 
-/// Takes a line, joined with the next one after a backslash, without its end, and the number of lines; None if it is
-/// not all at hand.
+/// Takes a line, joined with the next one after a backslash, without its end, and the number of lines; None if not all
+/// at hand.
 fn joined(rest: &mut &[u8], ended: bool) -> Option<(Vec<u8>, usize)> {
     let mut joined = Vec::new();
     for count in 1.. {
@@ -333,8 +332,7 @@ fn line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     (!line.ends_with(b"\\")).then_some(line)
 }
 
-/// A corner of a face, as the index of its vertex from 0, and what follows it; None if it is not among these
-/// `vertices`.
+/// A corner of a face, as the index of its vertex from 0, and what follows it; None if it is not one of `vertices`.
 fn corner(text: &[u8], vertices: u32) -> Option<(u32, &[u8])> {
     let (back, text) = text.strip_prefix(b"-").map_or((false, text), |text| (true, text));
     let (number, mut rest) = whole(text)?;

@@ -92,8 +92,7 @@ fn ears(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
             ears.push(ear);
             rest.remove(at % count);
             refused = 0;
-            // The next corner has come into this place; going on after it keeps the triangles from being a fan of
-            // slivers.
+            // The next corner has come into this place; going on after it avoids a fan of slivers.
             at = (at + 1) % (count - 1);
         } else {
             refused += 1;

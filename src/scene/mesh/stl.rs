@@ -20,8 +20,7 @@ fn is_binary(source: &[u8], length: usize) -> bool {
 }
 
 /// The vertices of facets, which share none in a file: a corner equal bit by bit to a recent one becomes the same
-/// vertex. Facets are nearly always written beside their neighbours, so that few are missed, and a miss costs only
-/// memory.
+/// vertex. Facets are nearly always written beside their neighbours: few are missed, at the cost of memory.
 struct Corners {
     vertices: Vec<Vec3>,
     /// The last vertex of each hash.

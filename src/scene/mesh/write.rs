@@ -10,8 +10,8 @@ use super::{Mesh, MeshFormat};
 use crate::kernels::ColourRun;
 
 impl Mesh {
-    /// Writes the mesh in a format, exact to the last bit: in PLY with a colour for each face, in OBJ for each vertex,
-    /// in STL without.
+    /// Writes the mesh in a format, exact to the last bit: PLY with a colour for each face, OBJ for each vertex, STL
+    /// without.
     ///
     /// # Errors
     /// If writing to `out` fails.
