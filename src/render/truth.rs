@@ -1,7 +1,7 @@
 //! The truth of a picture: what each ray hits, where, and in which colour, beyond any doubt of f64.
 //!
-//! Objects that a ray certainly does not meet are excluded in f64, with a bound on its rounding. The rest is computed
-//! in numbers that carry a bound on their own error, and in 256 bits where those do not decide.
+//! Which objects a ray certainly does not meet is decided in f64, with a bound on its rounding. What remains is computed in
+//! numbers that know how far they may be off, and where they are not sure of an answer, in 256 bits.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -13,50 +13,50 @@ use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Split, Vector};
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
-/// An object further than this from being hit, in units of the margin, is not examined closely. Requested margins are
-/// smaller.
+/// Further than this from being hit, in units of the margin, an object is not looked at closely. Any margin that is asked
+/// about is smaller.
 const FAR: f64 = 1e-4;
-/// Bound of all rounding errors of a test in f64, including the ray's, as a share of the sum of its terms' magnitudes.
+/// A share of what is added up that all roundings of a test in f64 stay below, those of the ray included.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// The direction of a light nearer to the surface than this share of the surface's distance is rounding noise in f32.
+/// A light nearer to the surface than this share of the surface's distance lies in a direction that f32 cannot tell.
 const AT_THE_SURFACE: f64 = 1e-4;
-/// For a plane nearer than this share of its nearest corner's distance, v . n cancels to 1e-7 and less in f64.
+/// A plane at less than this share of its nearest corner's distance is where v . n cancels to 1e-7 and less in f64.
 const AT_THE_CAMERA: f64 = 1e-8;
-/// A cosine below this is at the terminator: f32 may round it to 0.
+/// A cosine of less than this is the terminator's: for f32 it may be 0.
 const AT_THE_TERMINATOR: f64 = 1e-4;
-/// Values of a hit have relative errors below this: less than f64 could tell.
+/// What is told of a hit has errors below this, as shares: less than f64 could tell.
 const SURE: f64 = f64::EPSILON / 64.0;
 
-/// The truth of a pixel.
+/// What is true of a pixel.
 #[derive(Clone, Debug)]
 pub struct TruePixel {
-    /// The first object that the ray hits.
+    /// What the ray hits first.
     pub hit: Option<TrueHit>,
-    /// The distance from another answer: the smallest margin of an object that would change this one, or the gap to the
-    /// second hit as a share of t. Exact ties are not in doubt: the first in order wins.
+    /// How far from another answer that is: the smallest margin of an object that would change it, or the gap to the
+    /// second hit as a share of t. Exact ties are no doubt: the first in order wins them.
     pub margin: f64,
 }
 
-/// The truth of a hit.
+/// What is true of a hit.
 #[derive(Clone, Debug)]
 pub struct TrueHit {
     /// The object.
     pub object: Object,
-    /// The point t r_d.
+    /// Where: the point t r_d.
     pub t: Split,
     /// The unit normal; of a triangle either of the two.
     pub normal: [Split; 3],
-    /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the surface.
+    /// L . N of each light, on a sphere below 0 where it is behind the surface; 0 for a light on the surface.
     pub cosines: Vec<f64>,
-    /// Whether it is at the terminator of a light so bright that rounding in f32 is the step from black to white.
+    /// Whether it is at the terminator of a light so bright that what f32 rounds there is the step from black to white.
     pub dazzled: bool,
-    /// The linear colour, not clamped. None if a light is so near that its direction is rounding noise in f32, or if a
-    /// triangle's plane is so near to the camera that its distance is rounding noise in f64.
+    /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32, and where
+    /// a triangle's plane is so near to the camera that its distance is in f64.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
-    /// The factor by which the rounding of the camera's numbers, as a share of its longest ray, changes t: 1 / the
-    /// cosine between the ray and the normal, times the longest ray over this one.
+    /// By how many times what rounds the camera's numbers, as a share of its longest ray, changes t: 1 / the cosine
+    /// between the ray and the normal, times the longest ray over this one.
     pub lever: f64,
 }
 
@@ -65,7 +65,7 @@ struct Light {
     radiance: DVec3,
 }
 
-/// An object in f64, with what is needed to exclude it.
+/// An object in f64, with what is needed to rule it out.
 enum Quick {
     Sphere { centre: DVec3, radius: f64, k: f64 },
     Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
@@ -79,14 +79,14 @@ enum Shape {
 struct Body {
     object: Object,
     quick: Quick,
-    /// None if its numbers cannot be decided.
+    /// None where the numbers cannot tell what it is.
     bounded: Option<BoundedShape>,
     /// Made when it is needed.
     exact: OnceLock<Shape>,
     colour: DVec3,
     /// The first object that is the same in all but colour: the two tie wherever they are hit.
     same_as: usize,
-    /// Whether f64 cannot determine the distance of its plane, from which all its corners are far away.
+    /// Whether f64 cannot tell how far its plane is from the camera, which all of its corners are so far from.
     grazes_camera: bool,
 }
 
@@ -99,7 +99,7 @@ enum BoundedShape {
 trait Depth {
     /// Whether it is nearer than `other`; None where that is not known.
     fn is_before(&self, other: &Self) -> Option<bool>;
-    /// The gap to the nearer `first`, as a share of that.
+    /// What is between it and the nearer `first`, as a share of that.
     fn gap(&self, first: &Self) -> f64;
 }
 
@@ -121,7 +121,7 @@ impl Depth for Bounded {
     }
 }
 
-/// The first body hit, its hit, and the point.
+/// Which body is hit first, how, and where.
 type First<'a, T> = (usize, &'a Meeting<T>, &'a T);
 
 /// The truth of one scene and camera.
@@ -137,7 +137,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes `scene`, whose f32 numbers are exact.
+    /// Takes over `scene`; its f32 numbers are exact.
     pub fn new(scene: &Scene) -> Self {
         let camera = &scene.camera;
         let lights = scene.lights.iter().map(|light| Light {
@@ -164,19 +164,19 @@ impl Truth {
         Truth { grid: camera.grid(), rays, across, up, focal, lights: lights.collect(), bodies }
     }
 
-    /// The truth of a pixel.
+    /// What is true of a pixel.
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
         self.quick_pixel(row, col).unwrap_or_else(|| self.exact_pixel(row, col))
     }
 
-    /// The objects that f64 does not exclude.
+    /// The objects that f64 does not rule out.
     fn near(&self, row: u32, col: u32) -> Vec<usize> {
         let d = DVec3::from(self.grid.ray(row, col));
         let reach = DVec3::new(self.grid.half_width, self.grid.half_height, self.grid.focal);
         (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
     }
 
-    /// The same in 256 bits, to check the quick one.
+    /// The same in 256 bits, for those who doubt the quick one.
     pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
         let near = self.near(row, col).into_iter();
@@ -186,7 +186,7 @@ impl Truth {
         TruePixel { hit, margin }
     }
 
-    /// The same in fewer bits; None if these do not decide.
+    /// The same in fewer bits; None where these are not sure.
     pub fn quick_pixel(&self, row: u32, col: u32) -> Option<TruePixel> {
         let near = self.near(row, col);
         if near.is_empty() {
@@ -204,14 +204,14 @@ impl Truth {
         Some(TruePixel { hit, margin })
     }
 
-    /// The first object hit, and its distance from another answer.
+    /// Who is hit first, and how far that is from another answer.
     fn first<'a, T: Depth>(&self, meetings: &'a [(usize, Meeting<T>)]) -> Option<(Option<First<'a, T>>, f64)> {
         let same = |a: usize, b: usize| self.bodies[a].same_as == self.bodies[b].same_as;
         let mut first: Option<First<'a, T>> = None;
         for (i, meeting) in meetings {
             let Some(t) = &meeting.hit else { continue };
             let nearer = match first {
-                // Of ties the first in order.
+                // Of those that tie the first in order.
                 Some((winner, ..)) if same(*i, winner) => false,
                 Some((.., nearest)) => t.is_before(nearest)?,
                 None => true,
@@ -224,7 +224,7 @@ impl Truth {
         for (i, meeting) in meetings {
             let change = match first {
                 Some((winner, ..)) if same(*i, winner) => continue,
-                // Behind the first hit, an object's distance protects the answer; a near miss by its margin too.
+                // Behind the first hit, its distance protects the answer; a near miss is protected by its margin too.
                 Some((.., t)) => match (&meeting.hit, &meeting.miss) {
                     (Some(other), _) => other.gap(t),
                     (None, Some(other)) => other.gap(t).max(meeting.margin),
@@ -253,7 +253,7 @@ impl Truth {
         self.hit(body, (t, normal), lit.collect(), meeting, ray.longest_over_this())
     }
 
-    /// None if a number is not known accurately enough.
+    /// None where a number is not known well enough to be told.
     fn bounded_hit(&self, body: &Body, ray: &bounded::Ray, t: Bounded, meeting: &Meeting<Bounded>) -> Option<TrueHit> {
         let point = ray.d.scale(t);
         let normal = match body.bounded.as_ref()? {
@@ -278,7 +278,7 @@ impl Truth {
         Some(self.hit(body, (t.value(), normal), lit, meeting, ray.longest_over_this()))
     }
 
-    /// `lit` has for each light its cosine, and whether it is on the surface.
+    /// `lit` is of each light its cosine, and whether it is at the surface.
     fn hit<T>(
         &self,
         body: &Body,
@@ -338,7 +338,7 @@ impl Body {
         })
     }
 
-    /// The same for a triangle.
+    /// The same of a triangle.
     fn triangle(i: usize, triangle: &Triangle) -> Option<Self> {
         let vertices = triangle.vertices.map(|v| v.as_dvec3());
         let bounded = vertices.iter().all(|v| v.is_finite()).then(|| bounded::Triangle::new(vertices.map(Into::into)));
@@ -347,7 +347,7 @@ impl Body {
             exact::Triangle::new(vertices.map(Into::into))?;
         }
         let [v1, v2, v3] = vertices;
-        // If f64 cannot decide the sign of the volume, nothing is excluded.
+        // Where f64 cannot tell the sign of the volume, nothing is ruled out.
         let volume = geometry::triangle_volume(vertices).unwrap_or(0.0);
         let sign = if volume == 0.0 { 0.0 } else { volume.signum() };
         let nearest = vertices.map(DVec3::length).into_iter().fold(f64::INFINITY, f64::min);
@@ -388,11 +388,12 @@ impl Body {
 }
 
 impl Quick {
-    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Non-finite numbers exclude nothing.
+    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Numbers that are not finite rule
+    /// nothing out.
     fn certainly_missed(&self, d: DVec3, reach: DVec3) -> bool {
         match self {
             Quick::Sphere { centre, radius, k } => {
-                // The ray's distance from the centre, |c x d| / |d|, compared with the radius.
+                // The ray's distance from the centre, |c x d| / |d|, against the radius.
                 let squared = d.dot(d) * radius * radius;
                 let across = centre.cross(d).length();
                 let distance = across - ROUNDING * centre.length() * reach.length();
