@@ -14,7 +14,7 @@ const VARIABLE: &str = "RAYO_ENGINE";
 /// Who traces, in what numbers.
 #[derive(Debug, Args)]
 pub struct EngineArgs {
-    /// Who computes it: reference, rust, c, paper, sse41, avx2, avx512, or auto for the fastest that this CPU runs
+    /// Who computes it: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
     #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
     engine: String,
     /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own

@@ -130,7 +130,7 @@ fn roofs(caches: &[Cache], clock: &mut dyn Clock) -> Result<Vec<Bandwidth>, LabE
 
 /// The engines of assembly on a scene.
 fn points(name: &'static str, scene: &Scene, clock: &mut dyn Clock) -> Result<Vec<Point>, NoPoints> {
-    let of_assembly = |engine: &&Engine| engine.usable() && (engine.is_packet() || **engine == Engine::Paper);
+    let of_assembly = |engine: &&Engine| engine.usable() && matches!(engine, Engine::Packet(_) | Engine::Paper);
     let engines: Vec<Engine> = Engine::ALL.iter().filter(of_assembly).copied().collect();
     let (small, large) = (in_size(scene, COUNTED.0, COUNTED.1), in_size(scene, SIZE.0, SIZE.1));
     let mut flops = Vec::new();

@@ -14,25 +14,29 @@ use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
 /// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
-/// those add that have estimates, how those of equal channels are called, and the lanes of a packet. After a name may stand `fast`,
+/// those add that have estimates, how those of equal channels are called, and the lanes of a packet, and whether a product and a sum
+/// are rounded once there. After a name may stand `fast`,
 /// which adds the former, `grey`, which is the latter, or another table.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
-        struct $table:ident $(<$($parameter:ident),+>)? $([$lanes:ident])? {
+        struct $table:ident $(<$parameter:ident: $bound:ident>)? $([$lanes:ident])? {
             $($(#[$field_doc:meta])* $field:ident: $type:ty = $name:literal $($how:ident)?;)*
         }
     )*) => {$(
         $(#[$doc])*
-        pub struct $table $(<$($parameter),+>)? {
+        #[derive(Clone, Copy)]
+        pub struct $table $(<$parameter: $bound>)? {
             $(
                 /// Rays in lockstep.
                 pub $lanes: usize,
+                /// Whether a product that is added to something is rounded with the sum alone.
+                pub fused: bool,
             )?
             $($(#[$field_doc])* pub $field: $type,)*
         }
 
-        impl $(<$($parameter),+>)? $table $(<$($parameter),+>)? {
+        impl $(<$parameter: $bound>)? $table $(<$parameter>)? {
             fn symbols(&self) -> Vec<&'static str> {
                 [$(self.$field.symbols()),*].concat()
             }
@@ -41,7 +45,7 @@ macro_rules! tables {
         macro_rules! $table {
             ($d prefix:expr, $d fast:literal, $d grey:literal, $d lanes_of:expr) => {
                 $table {
-                    $($lanes: $d lanes_of,)?
+                    $($lanes: $d lanes_of.0, fused: $d lanes_of.1,)?
                     $($field: tables!(@make $d prefix, $d fast, $d grey, $d lanes_of; $name $($how)?),)*
                 }
             };
@@ -60,7 +64,7 @@ macro_rules! tables {
         ElementKernels!(concat!($prefix, $name), "_fast", "grey", $lanes)
     };
     (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal double) => {
-        ElementKernels!(concat!($prefix, $name), "", "lit", $lanes / 2)
+        ElementKernels!(concat!($prefix, $name), "", "lit", ($lanes.0 / 2, $lanes.1))
     };
     (@make $prefix:expr, $fast:literal, $grey:literal, $lanes:expr; $name:literal $table:ident) => {
         $table!(concat!($prefix, $name), $fast, $grey, $lanes)
@@ -69,7 +73,7 @@ macro_rules! tables {
 
 tables! { $
     /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
-    struct LitBodies<E> {
+    struct LitBodies<E: Element> {
         /// To linear floats, four a pixel.
         f32x4: ShadeRows<E, Vec4> = "_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
@@ -85,7 +89,7 @@ tables! { $
     }
 
     /// The kernels that trace tile by tile.
-    struct TileKernels<E> {
+    struct TileKernels<E: Element> {
         /// Triangles to planes.
         set_up: SetUp<E> = "set_up";
         /// The nearest of triangles.
@@ -109,7 +113,7 @@ tables! { $
     }
 
     /// All packet kernels of an ISA for one element type.
-    struct ElementKernels<E> [lanes] {
+    struct ElementKernels<E: Element> [lanes] {
         /// The rows of a sphere from outside under one light, short form.
         lit_rows: RowSetup<E> = "lit_rows";
         /// Shades such rows.
@@ -145,9 +149,9 @@ tables! { $
 
 /// By [`Isa`], with the lanes of f32.
 static PACKETS: [PacketKernels; 3] = [
-    PacketKernels!("rayo_sse41_", "", "", 4),
-    PacketKernels!("rayo_avx2_", "", "", 8),
-    PacketKernels!("rayo_avx512_", "", "", 16),
+    PacketKernels!("rayo_sse41_", "", "", (4, false)),
+    PacketKernels!("rayo_avx2_", "", "", (8, true)),
+    PacketKernels!("rayo_avx512_", "", "", (16, true)),
 ];
 
 /// The packet kernels of an ISA. None where the CPU or the operating system does not run it.

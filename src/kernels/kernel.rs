@@ -1,35 +1,63 @@
 //! A kernel and its calls, checked and not: an entry of `kinds!` says what a kind takes, and how that gets into registers.
 
 use std::cell::Cell;
+use std::convert::Infallible;
 use std::marker::PhantomData;
 
 use super::checked::{self, Code, Fault, Registers};
 
-/// A kernel of the kind `K`.
-pub struct Kernel<K> {
-    code: Code,
-    symbol: &'static str,
-    kind: PhantomData<fn(K)>,
+/// A kind of kernels, as `kinds!` defines it.
+pub trait Kind {
+    /// What a kernel of the kind is in Rust, where there may be such.
+    type Function: Copy;
 }
 
-impl<K> Clone for Kernel<K> {
+/// What takes nothing.
+impl Kind for () {
+    type Function = Infallible;
+}
+
+/// What takes elements, as others say.
+impl<E> Kind for PhantomData<E> {
+    type Function = Infallible;
+}
+
+/// A kernel of the kind `K`: foreign code, or a function in Rust.
+pub struct Kernel<K: Kind> {
+    way: Way<Code, K::Function>,
+    symbol: &'static str,
+}
+
+impl<K: Kind> Clone for Kernel<K> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<K> Copy for Kernel<K> {}
+impl<K: Kind> Copy for Kernel<K> {}
+
+/// What does a kernel's work: code that reads registers, or a function.
+#[derive(Clone, Copy)]
+pub(super) enum Way<C, B> {
+    Code(C),
+    Rust(B),
+}
 
 thread_local! {
     /// Whether this thread's calls are checked, with denormal numbers switched off in them: see [`without_denormals`].
     static WITHOUT_DENORMALS: Cell<bool> = const { Cell::new(false) };
 }
 
-impl<K> Kernel<K> {
+impl<K: Kind> Kernel<K> {
     /// # Safety
     /// `code` takes what `kinds!` says of `K`, and is handed out only where the CPU runs it.
     pub(super) const unsafe fn new(code: Code, symbol: &'static str) -> Self {
-        Kernel { code, symbol, kind: PhantomData }
+        Kernel { way: Way::Code(code), symbol }
+    }
+
+    /// One that a function is.
+    pub(super) const fn in_rust(function: K::Function, symbol: &'static str) -> Self {
+        Kernel { way: Way::Rust(function), symbol }
     }
 
     /// The symbol of its code.
@@ -37,14 +65,60 @@ impl<K> Kernel<K> {
         self.symbol
     }
 
-    /// Where its code is.
-    pub fn address(&self) -> usize {
-        self.code as usize
-    }
-
     /// Its symbol, as the only one of a table.
     pub(super) fn symbols(&self) -> Vec<&'static str> {
         vec![self.symbol]
+    }
+
+    /// How it is called.
+    ///
+    /// # Safety
+    /// Code is called with registers that hold what its kind takes.
+    #[inline]
+    pub(super) unsafe fn way(&self) -> Way<impl FnOnce(Registers) -> u64, K::Function> {
+        match self.way {
+            // SAFETY: as here.
+            Way::Code(code) => Way::Code(move |registers| unsafe { enter(code, self.symbol, registers) }),
+            Way::Rust(function) => Way::Rust(function),
+        }
+    }
+
+    /// The same, with a look at whether it keeps the calling convention. For functions in Rust the compiler does.
+    ///
+    /// # Safety
+    /// As that of [`Kernel::way`].
+    pub(super) unsafe fn way_checked<'a>(
+        &self,
+        kept: &'a mut Kept,
+    ) -> Way<impl FnOnce(Registers) -> u64 + use<'a, K>, K::Function> {
+        match self.way {
+            Way::Code(code) => Way::Code(move |registers| {
+                // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
+                let (result, found) = unsafe { checked::call(code, registers, WITHOUT_DENORMALS.get()) };
+                *kept = Some(found);
+                result
+            }),
+            Way::Rust(function) => {
+                *kept = Some(Ok(()));
+                Way::Rust(function)
+            }
+        }
+    }
+}
+
+/// What is found of a call, when it is made.
+pub(super) type Kept = Option<Result<(), Vec<Fault>>>;
+
+impl<K: Kind<Function = Infallible>> Kernel<K> {
+    fn code(&self) -> Code {
+        let way = self.way;
+        let Way::Code(code) = way;
+        code
+    }
+
+    /// Where its code is.
+    pub fn address(&self) -> usize {
+        self.code() as usize
     }
 
     /// Calls it, and gives the result.
@@ -53,13 +127,8 @@ impl<K> Kernel<K> {
     /// The registers hold what its kind takes.
     #[inline]
     pub(super) unsafe fn enter(&self, registers: Registers) -> u64 {
-        if WITHOUT_DENORMALS.get() {
-            // SAFETY: as here.
-            return unsafe { enter_without_denormals(self.code, self.symbol, registers) };
-        }
-        let [a, b, c, d, e, f] = registers;
-        // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-        unsafe { (self.code)(a, b, c, d, e, f) }
+        // SAFETY: as here.
+        unsafe { enter(self.code(), self.symbol, registers) }
     }
 
     /// As [`Kernel::enter`], with a look at whether it keeps the calling convention.
@@ -67,15 +136,30 @@ impl<K> Kernel<K> {
     /// # Safety
     /// As that of [`Kernel::enter`].
     pub(super) unsafe fn enter_checked(&self, registers: Registers) -> (u64, Result<(), Vec<Fault>>) {
-        // SAFETY: as in enter.
-        unsafe { checked::call(self.code, registers, WITHOUT_DENORMALS.get()) }
+        // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
+        unsafe { checked::call(self.code(), registers, WITHOUT_DENORMALS.get()) }
     }
 }
 
-/// As [`Kernel::enter`], of any kind: one copy of what is hardly ever done.
+/// Calls a kernel, and gives the result.
 ///
 /// # Safety
-/// As that of [`Kernel::enter`].
+/// The registers hold what its kind takes.
+#[inline]
+unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
+    if WITHOUT_DENORMALS.get() {
+        // SAFETY: as here.
+        return unsafe { enter_without_denormals(code, symbol, registers) };
+    }
+    let [a, b, c, d, e, f] = registers;
+    // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
+    unsafe { code(a, b, c, d, e, f) }
+}
+
+/// As [`enter`]: one copy of what is hardly ever done.
+///
+/// # Safety
+/// As that of [`enter`].
 #[cold]
 #[inline(never)]
 unsafe fn enter_without_denormals(code: Code, symbol: &'static str, registers: Registers) -> u64 {
@@ -85,7 +169,7 @@ unsafe fn enter_without_denormals(code: Code, symbol: &'static str, registers: R
     result
 }
 
-/// Does `work` with all kernels that this thread calls in it checked, and with denormal numbers switched off in them, in and out
+/// Does `work` with all foreign code that this thread calls in it checked, and with denormal numbers switched off in them, in and out
 /// (DAZ and FTZ of MXCSR): to show that nothing depends on these.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     /// Puts back what was, after a panic too.
@@ -128,21 +212,27 @@ pub(super) fn writes<T: ?Sized>(to: *mut T) -> u64 {
     to.cast::<()>() as u64
 }
 
-/// Defines kinds of kernels: what each takes in Rust, and `|enter|`, how it is called with that. A block must prove that what
-/// it enters with is what kernels of the kind ask for: addresses, alignment and lengths. It may do without the call where there
-/// is nothing to do.
+/// Defines kinds of kernels: what each takes in Rust; what a function in Rust that is one takes, where there may be such; and
+/// `|way|`, how it is called with that, as code or as a function. A block must prove that what it calls code with is what
+/// kernels of the kind ask for: addresses, alignment and lengths. It may do without the call where there is nothing to do.
 macro_rules! kinds {
     ($(
         $(#[$doc:meta])*
-        $kind:ident $(<$($parameter:ident $(: $bound:ident)?),+>)?
+        $kind:ident $(<$($parameter:ident $(: $bound:ident)?),+>)? $(as $function:ty;)?
 
         $(#[$call_doc:meta])*
-        fn $call:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?; |$enter:ident| $block:block
+        fn $call:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?; |$way:ident| $block:block
     )*) => {
         /// What tells kinds of kernels apart.
         mod kind {
             $(pub struct $kind $(<$($parameter),+>(std::marker::PhantomData<fn($($parameter),+)>))?;)*
         }
+
+        $(
+            impl $(<$($parameter $(: $bound)?),+>)? $crate::kernels::kernel::Kind for kind::$kind $(<$($parameter),+>)? {
+                type Function = function!($($function)?);
+            }
+        )*
 
         $(
             $(#[$doc])*
@@ -151,14 +241,17 @@ macro_rules! kinds {
             impl $(<$($parameter $(: $bound)?),+>)? $kind $(<$($parameter),+>)? {
                 fn with(
                     $($argument: $type,)*
-                    $enter: impl FnOnce($crate::kernels::checked::Registers) -> u64,
+                    $way: $crate::kernels::kernel::Way<
+                        impl FnOnce($crate::kernels::checked::Registers) -> u64,
+                        function!($($function)?),
+                    >,
                 ) $(-> $result)? $block
 
                 $(#[$call_doc])*
                 #[inline]
                 pub fn $call(&self, $($argument: $type),*) $(-> $result)? {
-                    // SAFETY: the block above proves what the kernel asks of its arguments.
-                    Self::with($($argument,)* |registers| unsafe { self.enter(registers) })
+                    // SAFETY: the block above proves what code asks of its arguments.
+                    Self::with($($argument,)* unsafe { self.way() })
                 }
 
                 /// The same call, with a look at whether the kernel keeps the calling convention.
@@ -170,12 +263,8 @@ macro_rules! kinds {
                     $($argument: $type),*
                 ) -> Result<(), Vec<$crate::kernels::checked::Fault>> {
                     let mut kept = None;
-                    Self::with($($argument,)* |registers| {
-                        // SAFETY: as in the call that is not checked.
-                        let (result, found) = unsafe { self.enter_checked(registers) };
-                        kept = Some(found);
-                        result
-                    });
+                    // SAFETY: as in the call that is not checked.
+                    Self::with($($argument,)* unsafe { self.way_checked(&mut kept) });
                     kept.expect("a call that has something to do")
                 }
             }
@@ -183,4 +272,14 @@ macro_rules! kinds {
     };
 }
 
-pub(super) use {kernel, kinds};
+/// The function of a kind in Rust, which may have none.
+macro_rules! function {
+    () => {
+        std::convert::Infallible
+    };
+    ($function:ty) => {
+        $function
+    };
+}
+
+pub(super) use {function, kernel, kinds};

@@ -22,6 +22,7 @@ pub mod memory;
 mod objects;
 mod packet;
 mod paper;
+mod portable;
 mod records;
 #[cfg(feature = "lab")]
 pub mod step;
@@ -46,6 +47,7 @@ pub use kernel::Kernel;
 pub use objects::{FacePart, ObjectList, TriangleList};
 pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
+pub use portable::{normal_over_t, portable};
 pub use records::{
     AroundSphere, BoundsView, CHUNK, Candidate, Element, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE,
     ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,

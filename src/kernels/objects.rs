@@ -111,6 +111,17 @@ unsafe impl ObjectList for &[Sphere] {
     }
 }
 
+impl TriangleList<'_> {
+    /// The corners of one.
+    #[inline]
+    pub(super) fn vertices(&self, at: usize) -> [Vec3; 3] {
+        match self {
+            TriangleList::Apart(triangles) => triangles[at].vertices,
+            TriangleList::Joined(part) => part.corners[at].map(|corner| part.vertices[corner as usize]),
+        }
+    }
+}
+
 // SAFETY: a slice of triangles; or one of faces, whose numbers are those of vertices, behind which there is one more.
 unsafe impl ObjectList for TriangleList<'_> {
     type Object = Triangle;
@@ -131,10 +142,9 @@ unsafe impl ObjectList for TriangleList<'_> {
     fn get(self, at: usize) -> Triangle {
         match self {
             TriangleList::Apart(triangles) => triangles[at],
-            TriangleList::Joined(part) => Triangle {
-                colour: run_of_colour(part.colours, part.first + at).1,
-                vertices: part.corners[at].map(|corner| part.vertices[corner as usize]),
-            },
+            TriangleList::Joined(part) => {
+                Triangle { colour: run_of_colour(part.colours, part.first + at).1, vertices: self.vertices(at) }
+            }
         }
     }
     fn addresses(self) -> [u64; 2] {

@@ -1,6 +1,6 @@
 //! What the packet kernels take that make rows of pixels.
 
-use super::kernel::{kinds, reads, writes};
+use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
 use super::types::{Plain, Vec4};
 
@@ -15,22 +15,25 @@ pub type F32x3 = [f32; 3];
 // alone, of which any bits are values.
 kinds! {
     /// Finds the rows of a sphere under one light.
-    RowSetup<E: Element>
+    RowSetup<E: Element> as fn(&LitSetup<f64>, u32, usize, &mut LitRows<E>);
 
     /// Sets the first `count` of `rows`, which are the picture's rows from `first` on.
     ///
     /// # Panics
     /// Where there is no room for as many.
-    fn call(setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>); |enter| {
+    fn call(setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>); |way| {
         assert!(count <= LIT_ROWS, "{count} rows do not fit");
         if count > 0 {
             // LIT_ROWS is a multiple of every packet's lanes, so that there is room for the last packet of rows.
-            enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]);
+            match way {
+                Way::Code(enter) => _ = enter([reads(setup), first.into(), count as u64, writes(rows), 0, 0]),
+                Way::Rust(find) => find(setup, first, count, rows),
+            }
         }
     }
 
     /// Makes whole rows of a picture in which there is one sphere under one light.
-    ShadeRows<E: Element, P>
+    ShadeRows<E: Element, P> as fn(&LitSphere<E>, &LitRows<E>, &mut [P], usize);
 
     /// Makes the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past the cache, where the
     /// output can.
@@ -38,7 +41,7 @@ kinds! {
     /// # Panics
     /// Where `out` is of numbers of 32 bits and not aligned to these, has no whole number of rows or more than there are,
     /// or where one of the spans does not lie in its row.
-    fn call(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool); |enter| {
+    fn call(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool); |way| {
         if !out.is_empty() {
             assert!(is_aligned(out), "pixels must be aligned to 4 bytes");
             let count = out.len() / width;
@@ -48,31 +51,44 @@ kinds! {
                 let columns = 0.0..=width as f64;
                 assert!(start >= 0.0 && columns.contains(&end), "columns {start} to {end} of {width}");
             }
-            enter([reads(sphere), reads(rows), count as u64, writes(out), width as u64, streaming.into()]);
+            match way {
+                Way::Code(enter) => {
+                    let (count, width) = (count as u64, width as u64);
+                    enter([reads(sphere), reads(rows), count, writes(out), width, streaming.into()]);
+                }
+                Way::Rust(shade) => shade(sphere, rows, out, width),
+            }
         }
     }
 
     /// Leaves out the fourth channel.
-    Narrow<Four, Three>
+    Narrow<Four, Three> as fn(&[Four], &mut [Three]);
 
     /// Makes the pixels of `three` from those of `four`.
     ///
     /// # Panics
     /// Where these are not as many.
-    fn call(four: &[Four], three: &mut [Three]); |enter| {
+    fn call(four: &[Four], three: &mut [Three]); |way| {
         assert_eq!(four.len(), three.len(), "each pixel is made from one");
         if !three.is_empty() {
-            enter([reads(four), writes(three), three.len() as u64, 0, 0, 0]);
+            match way {
+                Way::Code(enter) => _ = enter([reads(four), writes(three), three.len() as u64, 0, 0, 0]),
+                Way::Rust(narrow) => narrow(four, three),
+            }
         }
     }
 
     /// Writes one pattern over many pixels.
-    Fill
+    Fill as fn(&mut [u32], u32);
 
     /// Writes `pattern` to all of `out`. `streaming`: past the cache.
-    fn call(out: &mut [u32], pattern: u32, streaming: bool); |enter| {
+    fn call(out: &mut [u32], pattern: u32, streaming: bool); |way| {
         if !out.is_empty() {
-            enter([writes(out), out.len() as u64, pattern.into(), streaming.into(), 0, 0]);
+            let count = out.len() as u64;
+            match way {
+                Way::Code(enter) => _ = enter([writes(out), count, pattern.into(), streaming.into(), 0, 0]),
+                Way::Rust(fill) => fill(out, pattern),
+            }
         }
     }
 }

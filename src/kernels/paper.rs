@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kernel::{kinds, reads, writes};
+use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::Lists;
 use super::types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4};
 
@@ -11,7 +11,8 @@ kinds! {
     Op<A: Plain, B: Plain, O: Plain>
 
     /// Writes the result for `a` and `b` to `out`.
-    fn call_into(out: &mut O, a: &A, b: &B); |enter| {
+    fn call_into(out: &mut O, a: &A, b: &B); |way| {
+        let Way::Code(enter) = way;
         // One value of each type, any bits of which are one.
         enter([writes(out), reads(a), reads(b), 0, 0, 0]);
     }
@@ -23,7 +24,8 @@ kinds! {
     ///
     /// # Panics
     /// Where `out` is not `frame.width` x the number of rows long.
-    fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |enter| {
+    fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |way| {
+        let Way::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
         assert_eq!(out.len() as u128, pixels, "the buffer must have the size of the rows");
         if pixels > 0 {

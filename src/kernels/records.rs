@@ -61,7 +61,12 @@ macro_rules! elements {
             }
         }
 
-        impl<E: Copy> $name<E> {
+        impl<E: Element> $name<E> {
+            /// Every field exactly.
+            pub fn widen(self) -> $name<f64> {
+                $name { $($field: self.$field.to_f64()),* }
+            }
+
             /// Its fields, in their order.
             pub fn numbers(&self) -> Vec<E> {
                 vec![$(self.$field),*]

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kernel::{kinds, reads, writes};
+use super::kernel::{Way, function, kinds, reads, writes};
 use super::objects::{ObjectList, TriangleList};
 use super::records::{
     AroundSphere, BoundsFound, BoundsTask, BoundsView, CHUNK, Candidate, Element, HalfTask, MOST_LANES, NearestTask,
@@ -13,7 +13,7 @@ use super::records::{
 use super::types::Plain;
 
 /// Pixels of a tile.
-const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
+pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
 /// Its squares whose farthest pixel is known.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
@@ -44,74 +44,102 @@ impl Parts {
 // of what they write any bits are values.
 kinds! {
     /// Finds the bounds of triangles, or of spheres.
-    Bounds<T: Bounded>
+    Bounds<T: Bounded> as fn(
+        &T::View, T::Many<'_>, u32, bool, &mut [Candidate],
+    ) -> (usize, Extremes);
 
     /// Writes those of the objects that may be seen to the front of `seen`, in order, the first object being number
     /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
     /// be. There must be room for all objects, up to a multiple of [`CHUNK`]. None where there is no object.
     fn call(
         view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, candidates: &mut [Candidate],
-    ) -> Option<(usize, Extremes)>; |enter| {
+    ) -> Option<(usize, Extremes)>; |way| {
         assert!(candidates.len() >= objects.len().next_multiple_of(CHUNK), "whole chunks are written");
         assert!(first_id as usize + objects.len() <= MOST_ID, "f32 has every number up to here");
         if objects.is_empty() {
             return None;
         }
-        let (mut arrays, mut found) = (T::Arrays::ZERO, BoundsFound::NONE);
-        let [objects_at, vertices] = objects.addresses();
-        let task = BoundsTask {
-            objects: objects_at,
-            vertices,
-            count: objects.len() as u64,
-            first_id: first_id.into(),
-            keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
-            arrays: writes(&mut arrays),
-            candidates: writes(candidates),
-            found: writes(&mut found),
+        let (count, mut extremes) = match way {
+            Way::Code(enter) => {
+                let (mut arrays, mut found) = (T::Arrays::ZERO, BoundsFound::NONE);
+                let [objects_at, vertices] = objects.addresses();
+                let task = BoundsTask {
+                    objects: objects_at,
+                    vertices,
+                    count: objects.len() as u64,
+                    first_id: first_id.into(),
+                    keep_all: if keep_all { (1 << MOST_LANES) - 1 } else { 0 },
+                    arrays: writes(&mut arrays),
+                    candidates: writes(candidates),
+                    found: writes(&mut found),
+                };
+                enter([reads(view), reads(&task), 0, 0, 0, 0]);
+                // What fills the last chunk comes last.
+                let past = first_id + objects.len() as u32;
+                let found_here = &candidates[..found.count as usize];
+                let last = found_here.iter().rposition(|candidate| candidate.id < past);
+                (last.map_or(0, |last| last + 1), found.extremes())
+            }
+            Way::Rust(find) => find(view, objects, first_id, keep_all, candidates),
         };
-        enter([reads(view), reads(&task), 0, 0, 0, 0]);
-        // What fills the last chunk comes last.
-        let past = first_id + objects.len() as u32;
-        let count = candidates[..found.count as usize].iter().rposition(|candidate| candidate.id < past).map_or(0, |last| last + 1);
-        let colours = objects.colours().flat_map(|colour| colour.to_array().map(f32::to_bits));
-        let brightest = &mut found.brightest[0];
-        *brightest = colours.fold(*brightest, u32::max);
-        Some((count, found.extremes()))
+        let colours = objects.colours().flat_map(|colour| colour.to_array());
+        extremes.brightest = colours.fold(extremes.brightest, above);
+        Some((count, extremes))
     }
 
     /// Cuts the objects of a tile in two halves.
-    NearerHalf
+    NearerHalf as fn(&[Candidate], &mut [Candidate], &mut [Candidate]) -> usize;
 
     /// Copies those of `seen` that are nearer than half way from the nearest to the farthest to the front of
     /// `nearer`, and the others to that of `farther`, in order; and gives how many are nearer. What is behind them there
     /// is spoiled. There must be room for all in both.
-    fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |enter| {
+    fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |way| {
         assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
         if candidates.is_empty() {
             return 0;
         }
-        let (count, candidates, nearer, farther) = (candidates.len() as u64, reads(candidates), writes(nearer), writes(farther));
-        enter([reads(&HalfTask { candidates, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
+        match way {
+            Way::Code(enter) => {
+                let count = candidates.len() as u64;
+                let (candidates, nearer, farther) = (reads(candidates), writes(nearer), writes(farther));
+                enter([reads(&HalfTask { candidates, count, nearer, farther }), 0, 0, 0, 0, 0]) as usize
+            }
+            Way::Rust(halve) => halve(candidates, nearer, farther),
+        }
     }
 
     /// Finds what is farthest in each part of a tile.
-    Farthest<E: Element>
+    Farthest<E: Element> as fn(&Tile<E>) -> [E; TILE_PARTS];
 
     /// The least 1/t of each square of [`PART_SIDE`] pixels, row by row; 0 where a pixel is nobody's.
-    fn call(buffers: &TileBuffers<E>) -> [E; TILE_PARTS]; |enter| {
-        let mut parts = [E::ZERO; TILE_PARTS];
-        enter([reads(&*buffers.tile), writes(&mut parts), 0, 0, 0, 0]);
-        parts
+    fn call(buffers: &TileBuffers<E>) -> [E; TILE_PARTS]; |way| {
+        match way {
+            Way::Code(enter) => {
+                let mut parts = [E::ZERO; TILE_PARTS];
+                enter([reads(&*buffers.tile), writes(&mut parts), 0, 0, 0, 0]);
+                parts
+            }
+            Way::Rust(find) => find(&buffers.tile),
+        }
     }
 
     /// Looks which objects of a tile are hidden.
-    Visible
+    Visible as fn(&mut [Candidate], usize, &[f32; TILE_PARTS], &TileWindow) -> usize;
 
     /// Brings those of the first `count` objects to the front, in order, that the window may show; and gives how many they
     /// are. The others are all behind what is farthest in those parts of the tile, within the window, where they may be. What
     /// is behind them is spoiled. There must be room for as many as fill the last register.
-    fn call(candidates: &mut [Candidate], count: usize, parts: &Parts, window: &TileWindow) -> usize; |enter| {
+    fn call(candidates: &mut [Candidate], count: usize, parts: &Parts, window: &TileWindow) -> usize; |way| {
         window.check();
+        if count == 0 {
+            return 0;
+        }
+        // Behind everything, even behind nobody.
+        candidates[count..count.next_multiple_of(MOST_LANES)].fill(Candidate { most: -1.0, ..Candidate::ZERO });
+        let enter = match way {
+            Way::Code(enter) => enter,
+            Way::Rust(keep) => return keep(candidates, count, &parts.0[0], window),
+        };
         let TileWindow { column, row, columns, rows } = window;
         let view = VisibleView {
             column: *column,
@@ -123,35 +151,36 @@ kinds! {
             first_row: rows.start,
             last_row: rows.end - 1,
         };
-        if count == 0 {
-            return 0;
-        }
-        // Behind everything, even behind nobody.
-        candidates[count..count.next_multiple_of(MOST_LANES)].fill(Candidate { most: -1.0, ..Candidate::ZERO });
         let task = VisibleTask { candidates: writes(candidates), count: count as u64, parts: reads(&parts.0) };
         enter([reads(&view), reads(&task), 0, 0, 0, 0]) as usize
     }
 
     /// Finds the nearest wall of a sphere around the camera or beside it.
-    Around<E: Element>
+    Around<E: Element> as fn(&AroundSphere<f64>, &mut [E; TILE_PIXELS], [u32; 2]);
 
     /// Makes those pixels of the tile that of the last object in it where nothing is nearer than this sphere, and nothing as
     /// near that comes first: `order` has everyone's place in the scene, 0 for nobody.
-    fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |enter| {
+    fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |way| {
         window.check();
         let mut near = [E::ZERO; TILE_PIXELS];
-        enter([reads(sphere), writes(&mut near), window.column.into(), window.row.into(), 0, 0]);
+        let [column, row] = [window.column, window.row];
+        match way {
+            Way::Code(enter) => _ = enter([reads(sphere), writes(&mut near), column.into(), row.into(), 0, 0]),
+            Way::Rust(find) => find(sphere, &mut near, [column, row]),
+        }
         buffers.keep_nearer(&near, order);
     }
 
     /// Turns triangles into planes over a tile's pixels.
-    SetUp<E: Element>
+    SetUp<E: Element> as fn(
+        &TileView<f64>, TriangleChunk<'_>, &mut TriangleArrays, &mut TrianglePlanes<E>, &mut [TileShade<E>],
+    );
 
     /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
     /// of the tile as there are lights, get those of the chunk, and grow where they must.
     fn call(
         view: &TileView<f64>, triangles: TriangleChunk<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
-    ); |enter| {
+    ); |way| {
         let TriangleChunk { triangles, lights, candidates, first_id } = triangles;
         let (candidates, [ahead, later]) = chunk_of(candidates, triangles.len());
         let arrays = &mut *buffers.triangles.arrays;
@@ -167,6 +196,14 @@ kinds! {
         }
         buffers.triangles.count = candidates.len();
         buffers.most = buffers.most.max(last_id);
+        let (planes, shades) = (&mut *buffers.triangles.planes, &mut shades[before..past]);
+        let enter = match way {
+            Way::Code(enter) => enter,
+            Way::Rust(set_up) => {
+                let chunk = TriangleChunk { triangles, lights, candidates, first_id };
+                return set_up(view, chunk, arrays, planes, shades);
+            }
+        };
         let [objects, vertices] = triangles.addresses();
         let task = SetupTask {
             objects,
@@ -176,8 +213,8 @@ kinds! {
             ahead,
             later,
             arrays: writes(arrays),
-            planes: writes(&mut *buffers.triangles.planes),
-            shades: writes(&mut shades[before..]),
+            planes: writes(planes),
+            shades: writes(shades),
             shorts: 0,
             lights: reads(lights),
             light_count: lights.len() as u64,
@@ -187,46 +224,60 @@ kinds! {
     }
 
     /// Turns spheres into planes over their own pixels.
-    SphereSetUp<E: Element>
+    SphereSetUp<E: Element> as fn(&SphereView<f64>, SphereChunk<'_>, usize, &mut SphereArrays, &mut SpherePlanes<E>);
 
     /// Sets up a chunk of spheres in `buffers`, of which the first is number `first_id` in the tile.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
-    ); |enter| {
+    ); |way| {
         // There is room for a chunk, and so for the last packet of one.
         let Chunk { arrays, planes, count } = &mut buffers.spheres;
-        let task = SetupTask { planes: writes(&mut **planes), first_id: first_id as u64, ..spheres.task(arrays) };
-        buffers.most = buffers.most.max(last_id(first_id, task.count as usize));
-        *count = task.count as usize;
-        enter([reads(view), reads(&task), 0, 0, 0, 0]);
+        let (chunk, ahead) = spheres.chunk();
+        buffers.most = buffers.most.max(last_id(first_id, chunk.candidates.len()));
+        *count = chunk.candidates.len();
+        match way {
+            Way::Code(enter) => {
+                let (planes, first_id) = (writes(&mut **planes), first_id as u64);
+                let task = SetupTask { planes, first_id, ..chunk.task(ahead, arrays) };
+                enter([reads(view), reads(&task), 0, 0, 0, 0]);
+            }
+            Way::Rust(set_up) => set_up(view, chunk, first_id, arrays, planes),
+        }
     }
 
     /// Turns spheres into what shades them.
-    SphereShading<E: Element>
+    SphereShading<E: Element> as fn(
+        &SphereView<f64>, SphereChunk<'_>, &[TileLight<f64>], bool, usize, &mut SphereRecords<E>,
+    );
 
     /// Makes the records of a chunk of spheres, from number `first` on, under these lights; if `short`, in the short form
     /// where it is accurate enough, and otherwise in the long one.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
         records: &mut SphereRecords<E>,
-    ); |enter| {
-        let mut arrays = SphereArrays::ZERO;
-        let task = spheres.task(&mut arrays);
-        records.hold(first.saturating_add(task.count as usize), lights.len());
-        let before = first * lights.len();
+    ); |way| {
+        let (chunk, ahead) = spheres.chunk();
+        records.hold(first.saturating_add(chunk.candidates.len()), lights.len());
+        let enter = match way {
+            Way::Code(enter) => enter,
+            Way::Rust(shade) => return shade(view, chunk, lights, short, first, records),
+        };
+        let (mut arrays, before) = (SphereArrays::ZERO, first * lights.len());
         let task = SetupTask {
             planes: writes(&mut records.spheres[first..]),
             shades: writes(&mut records.lits[before..]),
             shorts: if short { writes(&mut records.shorts[before..]) } else { 0 },
             lights: reads(lights),
             light_count: lights.len() as u64,
-            ..task
+            ..chunk.task(ahead, &mut arrays)
         };
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
     /// Finds the nearest of triangles, or of spheres.
-    Nearest<P: InTile>
+    Nearest<P: InTile> as fn(
+        &mut Tile<P::Element>, (&P, &P::Arrays, usize), &[u32], &TileWindow, &TileGrid,
+    );
 
     /// Makes the pixels of the window those of the objects that were set up last, where nothing is nearer, and
     /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, from 1
@@ -234,13 +285,17 @@ kinds! {
     /// out.
     fn call(
         buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid, fewest_across: u32,
-    ); |enter| {
+    ); |way| {
         window.check();
         assert!(buffers.most < order.len(), "everyone has a place in the scene");
         let (tile, Chunk { arrays, planes, count }) = P::in_tile(buffers);
         if *count == 0 {
             return;
         }
+        let enter = match way {
+            Way::Code(enter) => enter,
+            Way::Rust(find) => return find(tile, (planes, arrays, *count), order, window, grid),
+        };
         // Whole packets are read: what is past the chunk is seen nowhere.
         P::columns(arrays)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
         // There is room for a chunk and a tile, and the kernel clips all bounds to the window, which is within the tile.
@@ -264,12 +319,14 @@ kinds! {
     }
 
     /// Shades a tile.
-    ShadeTile<E: Element, P>
+    ShadeTile<E: Element, P> as fn(
+        &TileRays<E>, &Tile<E>, ShadingRecords<'_, E>, &TileWindow, TileOut<'_, P>,
+    );
 
     /// Writes the pixels of the window.
     fn call(
         rays: &TileRays<E>, buffers: &TileBuffers<E>, shading: ShadingRecords<'_, E>, window: &TileWindow, out: TileOut<'_, P>,
-    ); |enter| {
+    ); |way| {
         // Every object of the tile has its shades or is a sphere with its lights, and the window's pixels are in `out`.
         window.check();
         let ShadingRecords { shades, lights, sphere_ids, spheres, lits, shorts } = shading;
@@ -282,6 +339,10 @@ kinds! {
         assert!(shade_count <= u32::MAX as usize / size_of::<TileShade<E>>(), "offsets have 32 bits");
         assert!(sphere_ids.iter().all(|id| (*id as usize) < spheres.len()), "places of records");
         out.check(window);
+        let enter = match way {
+            Way::Code(enter) => enter,
+            Way::Rust(shade) => return shade(rays, &buffers.tile, shading, window, out),
+        };
         let task = ShadeTask {
             tile: reads(&*buffers.tile),
             shades: reads(shades),
@@ -334,17 +395,25 @@ pub struct Extremes {
 }
 
 impl Extremes {
+    /// Of no object.
+    pub(super) const NONE: Extremes =
+        Extremes { most: 0.0, least: f32::from_bits(u32::MAX), brightest: 0.0, nearest: 0.0, longest: 0.0 };
+
     /// Those of both.
     pub fn and(self, other: Self) -> Self {
-        let most = |a: f32, b: f32| f32::from_bits(a.to_bits().max(b.to_bits()));
         Extremes {
-            most: most(self.most, other.most),
+            most: above(self.most, other.most),
             least: f32::from_bits(self.least.to_bits().min(other.least.to_bits())),
-            brightest: most(self.brightest, other.brightest),
-            nearest: most(self.nearest, other.nearest),
-            longest: most(self.longest, other.longest),
+            brightest: above(self.brightest, other.brightest),
+            nearest: above(self.nearest, other.nearest),
+            longest: above(self.longest, other.longest),
         }
     }
+}
+
+/// The greater of two numbers by their bits, by which negative ones are above others.
+pub(super) fn above(a: f32, b: f32) -> f32 {
+    f32::from_bits(a.to_bits().max(b.to_bits()))
 }
 
 impl BoundsFound {
@@ -644,10 +713,15 @@ pub struct SphereChunk<'a> {
 }
 
 impl SphereChunk<'_> {
+    /// Those of the chunk alone, and how many are in the next two.
+    fn chunk(self) -> (Self, [u64; 2]) {
+        let (candidates, ahead) = chunk_of(self.candidates, self.spheres.len());
+        (SphereChunk { candidates, ..self }, ahead)
+    }
+
     /// What both kinds of set-up share: those of the chunk, transposed, and nothing to write.
-    fn task(self, arrays: &mut SphereArrays) -> SetupTask {
+    fn task(self, [ahead, later]: [u64; 2], arrays: &mut SphereArrays) -> SetupTask {
         let SphereChunk { spheres, candidates } = self;
-        let (candidates, [ahead, later]) = chunk_of(candidates, spheres.len());
         SetupTask {
             objects: reads(spheres),
             candidates: reads(candidates),

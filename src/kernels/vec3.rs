@@ -1,7 +1,9 @@
 //! What operations on packets of vectors take, and chains of operations by which to measure how long one takes.
 
+use std::marker::PhantomData;
+
 use super::checked::{Fault, Registers};
-use super::kernel::{Kernel, kinds, reads, writes};
+use super::kernel::{Kernel, Way, function, kinds, reads, writes};
 use super::records::Element;
 
 /// What an operation on packets takes beside its vectors, and what it gives.
@@ -25,7 +27,7 @@ pub struct PacketOp<E> {
     /// Of what `b` and the result are made.
     pub shape: Shape,
     /// Takes (out, a, b, packets), as `lanes` and `shape` say.
-    pub(super) kernel: Kernel<E>,
+    pub(super) kernel: Kernel<PhantomData<E>>,
 }
 
 impl<E: Element> PacketOp<E> {
@@ -74,7 +76,8 @@ kinds! {
     Chain
 
     /// Runs it for so many rounds, at least one, and says how many operations that were.
-    fn run(rounds: u64) -> u64; |enter| {
+    fn run(rounds: u64) -> u64; |way| {
+        let Way::Code(enter) = way;
         // It reads constants of its own alone.
         let rounds = rounds.max(1);
         rounds * enter([rounds, 0, 0, 0, 0, 0])

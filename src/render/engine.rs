@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use super::plan::Plan;
 use super::{PixelFormat, Tracer};
-use crate::kernels::{self, Isa};
+use crate::kernels::{self, Isa, PacketKernels};
 use crate::plan::{Keep, Omission};
 use crate::scene::{InvalidScene, Scene};
 
@@ -20,7 +20,9 @@ pub enum Engine {
     C,
     /// The paper's NASM macros, one vector in one register.
     Paper,
-    /// NASM packets, one ray in each lane.
+    /// Packets in Rust, one ray in each lane.
+    Portable,
+    /// The same in NASM.
     Packet(Isa),
 }
 
@@ -103,6 +105,7 @@ impl Engine {
         Engine::C,
         #[cfg(rayo_asm)]
         Engine::Paper,
+        Engine::Portable,
         #[cfg(rayo_asm)]
         Engine::Packet(Isa::Sse41),
         #[cfg(rayo_asm)]
@@ -118,6 +121,7 @@ impl Engine {
             Engine::Rust => "rust",
             Engine::C => "c",
             Engine::Paper => "paper",
+            Engine::Portable => "portable",
             Engine::Packet(isa) => isa.name(),
         }
     }
@@ -125,7 +129,7 @@ impl Engine {
     /// Whether this CPU runs it.
     pub fn usable(self) -> bool {
         match self {
-            Engine::Reference | Engine::Rust => true,
+            Engine::Reference | Engine::Rust | Engine::Portable => true,
             Engine::C => kernels::c().is_some(),
             Engine::Paper => kernels::paper().is_some(),
             Engine::Packet(isa) => isa.usable(),
@@ -148,6 +152,7 @@ impl Engine {
     pub fn precisions(self) -> &'static [Precision] {
         match self {
             Engine::Reference => &[Precision::Double],
+            Engine::Portable => &[Precision::Single, Precision::Double],
             Engine::Packet(_) => &[Precision::Single, Precision::Fast, Precision::Double],
             _ => &[Precision::Single],
         }
@@ -155,7 +160,16 @@ impl Engine {
 
     /// Whether it traces rays in packets.
     pub fn is_packet(self) -> bool {
-        matches!(self, Engine::Packet(_))
+        matches!(self, Engine::Packet(_) | Engine::Portable)
+    }
+
+    /// Its packet kernels, if it has such and this CPU runs them.
+    pub fn packets(self) -> Option<&'static PacketKernels> {
+        match self {
+            Engine::Portable => Some(kernels::portable()),
+            Engine::Packet(isa) => kernels::packets(isa),
+            _ => None,
+        }
     }
 
     /// Whether it computes its rays in f64, whatever its precision.
@@ -178,7 +192,7 @@ impl Engine {
             // In f32, eq. 9 would see the rounding of what is never hit.
             Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
             Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
-            Engine::Packet(_) => &Omission::ALL,
+            Engine::Portable | Engine::Packet(_) => &Omission::ALL,
         }
     }
 

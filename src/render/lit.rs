@@ -1,4 +1,4 @@
-//! The engines `sse41`, `avx2` and `avx512` on one sphere under one light: whole rows in closed form.
+//! The engines of packets on one sphere under one light: whole rows in closed form.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -95,7 +95,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
 }
 
 /// What differs between the outputs.
-trait Output<E: 'static>: Pixel {
+trait Output<E: Element>: Pixel {
     /// What full light is.
     const SCALE: Scale;
     /// The kernel that makes rows, by estimates where `fast`.

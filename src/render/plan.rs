@@ -42,8 +42,8 @@ impl<'a> Plan<'a> {
         // Asked for in vain it is an error, whatever the engine.
         let precision = engine.precision_for(purpose)?;
         let way = match engine {
-            Engine::Packet(isa) => {
-                let kernels = kernels::packets(isa).ok_or(EngineError::Unusable(engine))?;
+            _ if engine.is_packet() => {
+                let kernels = engine.packets().ok_or(EngineError::Unusable(engine))?;
                 scene.check_lights()?;
                 match precision {
                     Precision::Double => packets(kernels, (&kernels.double, false), scene, purpose),

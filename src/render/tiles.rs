@@ -1,4 +1,4 @@
-//! The engines `sse41`, `avx2` and `avx512`: the nearest of each pixel tile by tile, then shaded once.
+//! The engines of packets: the nearest of each pixel tile by tile, then shaded once.
 
 mod interleaved;
 mod normals;

@@ -72,6 +72,17 @@ pub fn contenders() -> Vec<Contender> {
     contenders
 }
 
+/// Packet engines that round alike, two of each precision that has no estimates, one after the other: they make the same floats.
+pub fn twins() -> Vec<[Contender; 2]> {
+    let arithmetic = |c: &Contender| Some((c.engine.packets()?.single.fused, c.precision.name()));
+    let all: Vec<_> = contenders().into_iter().filter(|c| c.precision != Precision::Fast).collect();
+    let twin = |(i, one): (usize, &Contender)| {
+        let mut later = all[i + 1..].iter().filter(|other| arithmetic(other) == arithmetic(one));
+        arithmetic(one).and_then(|_| later.next()).map(|other| [*one, *other])
+    };
+    all.iter().enumerate().filter_map(twin).collect()
+}
+
 /// The whole picture.
 pub fn film(tracer: &dyn Tracer, camera: Camera, threads: usize, format: PixelFormat) -> Film {
     let frame = Frame::new(tracer, camera, Settings { threads }).unwrap();

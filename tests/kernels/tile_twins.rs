@@ -18,7 +18,7 @@ const HEIGHT: usize = 32;
 const COUNT: usize = 60;
 
 /// What is compared.
-struct Check<'a, E> {
+struct Check<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'a ElementKernels<E>,
     rounding: Rounding,

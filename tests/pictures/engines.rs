@@ -308,16 +308,14 @@ fn lit_scenes() -> Vec<(String, Scene)> {
     scenes
 }
 
-/// Both fuse, and have the same operations in the same order: only the width differs.
+/// They have the same operations in the same order: only the width differs, or who wrote them, a compiler or we.
 #[cfg(rayo_asm)]
 #[test]
-fn the_packets_of_avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
-    for precision in ["single", "double"] {
-        let fused: Vec<_> = packets(precision).into_iter().filter(|c| c.engine.name() != "sse41").collect();
-        let [one, other] = &fused[..] else { return };
+fn packets_that_round_alike_make_the_same_floats_to_the_last_bit() {
+    for [one, other] in crate::contenders::twins() {
         for (name, scene) in extent::sampled(lit_scenes(), 2) {
             let bits = |pixels: Vec<[f32; 4]>| pixels.into_iter().map(|pixel| pixel.map(f32::to_bits));
-            assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{precision}, {name}");
+            assert!(bits(one.floats(&scene)).eq(bits(other.floats(&scene))), "{one} and {other}, {name}");
         }
     }
 }
@@ -332,8 +330,9 @@ fn cosine_error(engine: rayo::render::Engine) -> f32 {
 #[cfg(rayo_asm)]
 #[test]
 fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_level() {
-    let (exact, fast) = (packets("single"), packets("fast"));
-    for (exact, fast) in exact.iter().zip(&fast) {
+    // Those in Rust have no estimates.
+    let (exact, fast) = (packets("single").into_iter().filter(|c| c.engine.name() != "portable"), packets("fast"));
+    for (exact, fast) in exact.zip(&fast) {
         assert_eq!(exact.engine, fast.engine);
         let mut worst = 0.0_f32;
         for (name, scene) in extent::sampled(lit_scenes(), 2) {

@@ -519,20 +519,6 @@ fn fine_meshes_are_seen_as_by_brute_force() {
 }
 
 #[test]
-fn avx2_and_avx512_make_the_same_floats_to_the_last_bit() {
-    for precision in ["single", "double"] {
-        let fused: Vec<_> =
-            packets().into_iter().filter(|c| c.engine.name() != "sse41" && c.precision.name() == precision).collect();
-        let [one, other] = &fused[..] else { return };
-        for seed in 10..16 {
-            let scene = scattered(60, 400, seed, camera(203, 97));
-            let floats = |contender| picture(contender, &scene, false, PixelFormat::F32x4);
-            assert!(floats(one) == floats(other), "{precision}, seed {seed}");
-        }
-    }
-}
-
-#[test]
 fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
     let camera = camera(203, 151);
     // Each object twice: the first one white, and its copy black somewhere behind it in the list.

@@ -79,7 +79,9 @@ pub fn reason(who: &Who) -> &'static str {
             "It does all that the plan leaves out: the same bytes in more time, which is what leaving out is worth."
         }
         ("reference", ..) => "It is what the others are tested against, written to be read, and runs on any machine.",
-        ("rust", ..) => "It is the yardstick of what plain Rust gives, and runs where there is no assembly.",
+        ("rust", ..) => "It is the yardstick of what plain Rust gives, a ray at a time.",
+        ("portable", "double", _) => "It is the answer in f64 where there is no assembly.",
+        ("portable", ..) => "It is the fastest where there is no assembly.",
         ("c", ..) => "It is the paper's C, kept as it is so that its time and its errors can be seen.",
         ("paper", ..) => "It is the paper's SIMD, kept as it is so that its time and its errors can be seen.",
         ("sse41", "double", _) => "It is the answer in f64 for a CPU that has neither AVX2 nor AVX-512.",

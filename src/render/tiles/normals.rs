@@ -3,9 +3,8 @@
 use glam::DVec3;
 
 use super::{Scratch, TileTracer};
-use crate::kernels::{Candidate, Element, SphereRecords, TileWindow};
+use crate::kernels::{Candidate, Element, SphereRecords, TileWindow, normal_over_t};
 use crate::reference::geometry;
-use crate::reference::packet::Rounding;
 
 impl<E: Element> TileTracer<'_, E> {
     /// That of a triangle, as the plan has it: kernels have its product with each light.
@@ -31,18 +30,10 @@ impl<E: Element> TileTracer<'_, E> {
             );
         }
         let SphereRecords { spheres, .. } = self.records_of_all(self.plan.linear()).unwrap_or(&tile_spheres.records);
-        let record = &spheres[tile_spheres.places[who - 1] as usize];
-        let all = record.numbers();
-        let numbers: [f64; 20] = std::array::from_fn(|i| all[i].to_f64());
+        let record = spheres[tile_spheres.places[who - 1] as usize].widen();
         let [x, y] = [(window.column + column, record.column), (window.row + row, record.row)]
-            .map(|(pixel, origin)| f64::from(pixel) - origin.to_f64());
-        let is_sse = self.kernels.lanes * size_of::<E>() == 16;
-        let rounding = if is_sse { Rounding::Unfused } else { Rounding::Fused };
-        let over_t = if size_of::<E>() == 4 {
-            rounding.normal_over_t(&numbers.map(|number| number as f32), x as f32, y as f32).map(f64::from)
-        } else {
-            rounding.normal_over_t(&numbers, x, y)
-        };
+            .map(|(pixel, origin)| f64::from(pixel) - origin);
+        let over_t = normal_over_t([size_of::<E>() == 4, self.kernels.fused], &record, x, y);
         DVec3::from(over_t) / near.to_f64()
     }
 }

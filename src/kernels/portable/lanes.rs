@@ -1,0 +1,299 @@
+//! Packets of numbers as plain arrays: each operation is one on every lane, of which compilers make vector instructions.
+
+use std::ops::{Add, Div, Mul, Sub};
+
+use super::super::records::Element;
+use super::super::types::Plain;
+
+/// A number of a lane. Where it is a mask, all of its bits are set or none.
+pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
+    /// From here on there are integers alone.
+    const INTEGERS: Self;
+    /// The square root, NaN below 0.
+    fn sqrt(self) -> Self;
+    /// `self * b + c`, rounded once.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// Without its sign.
+    fn abs(self) -> Self;
+    /// With the other sign.
+    fn negated(self) -> Self;
+    /// With the sign of another.
+    fn with_sign_of(self, sign: Self) -> Self;
+    /// A mask.
+    fn mask(is_set: bool) -> Self;
+    /// Whether any bit is set.
+    fn is_set(self) -> bool;
+    /// The bits of both.
+    fn and(self, other: Self) -> Self;
+    /// The bits of either.
+    fn or(self, other: Self) -> Self;
+    /// Rounded to f32, and no more than that has, which a NaN becomes too.
+    fn to_float(self) -> f32;
+    /// Rounded down, from 0 to 255, which a NaN becomes too.
+    fn to_level(self) -> u8;
+}
+
+macro_rules! number {
+    ($t:ident, $bits:ident, $integers:literal, |$wide:ident| $float:expr) => {
+        impl Number for $t {
+            const INTEGERS: Self = $integers;
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                self.sqrt()
+            }
+            #[inline(always)]
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                self.mul_add(b, c)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                self.abs()
+            }
+            #[inline(always)]
+            fn negated(self) -> Self {
+                -self
+            }
+            #[inline(always)]
+            fn with_sign_of(self, sign: Self) -> Self {
+                self.copysign(sign)
+            }
+            #[inline(always)]
+            fn mask(is_set: bool) -> Self {
+                $t::from_bits(if is_set { $bits::MAX } else { 0 })
+            }
+            #[inline(always)]
+            fn is_set(self) -> bool {
+                self.to_bits() != 0
+            }
+            #[inline(always)]
+            fn and(self, other: Self) -> Self {
+                $t::from_bits(self.to_bits() & other.to_bits())
+            }
+            #[inline(always)]
+            fn or(self, other: Self) -> Self {
+                $t::from_bits(self.to_bits() | other.to_bits())
+            }
+            #[inline(always)]
+            fn to_float(self) -> f32 {
+                let $wide = self;
+                $float
+            }
+            #[inline(always)]
+            fn to_level(self) -> u8 {
+                let level = if self < 255.0 { self } else { 255.0 };
+                let level = if level > 0.0 { level } else { 0.0 };
+                // SAFETY: it is no NaN, and from 0 to 255: a cast that asked once more would take longer than all the rest.
+                unsafe { level.to_int_unchecked::<i32>() as u8 }
+            }
+        }
+    };
+}
+number!(f32, u32, 8_388_608.0, |x| x);
+number!(f64, u64, 4_503_599_627_370_496.0, |x| if x < f32::MAX.into() { x as f32 } else { f32::MAX });
+
+/// Some numbers in lockstep.
+pub trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + 'static
+{
+    /// One of them.
+    type Number: Number;
+    /// How many they are.
+    const COUNT: usize;
+    /// Whether a product that is added to something is rounded with the sum alone.
+    const FUSED: bool;
+    /// Those that a function gives for their places.
+    fn from_fn(number: impl FnMut(usize) -> Self::Number) -> Self;
+    /// The one at a place.
+    fn lane(&self, at: usize) -> Self::Number;
+
+    /// One in all lanes.
+    #[inline(always)]
+    fn all(x: Self::Number) -> Self {
+        Self::from_fn(|_| x)
+    }
+    /// A constant in all lanes.
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        Self::all(Self::Number::from_f64(x))
+    }
+    /// 0, 1, 2, ...
+    #[inline(always)]
+    fn natural() -> Self {
+        Self::from_fn(|i| Self::Number::from_f64(i as f64))
+    }
+    /// The first of a slice.
+    #[inline(always)]
+    fn load(from: &[Self::Number]) -> Self {
+        let from = &from[..Self::COUNT];
+        Self::from_fn(|i| from[i])
+    }
+    /// The same of f32 as bits.
+    #[inline(always)]
+    fn load_bits(from: &[u32]) -> Self {
+        let from = &from[..Self::COUNT];
+        Self::from_fn(|i| Self::Number::from_f64(f32::from_bits(from[i]).into()))
+    }
+    /// Puts them, each rounded once, at the beginning of a slice.
+    #[inline(always)]
+    fn store<E: Element>(self, to: &mut [E]) {
+        let to = &mut to[..Self::COUNT];
+        (0..Self::COUNT).for_each(|i| to[i] = E::from_f64(self.lane(i).to_f64()));
+    }
+    /// What a function makes of each.
+    #[inline(always)]
+    fn map(self, f: impl Fn(Self::Number) -> Self::Number) -> Self {
+        Self::from_fn(|i| f(self.lane(i)))
+    }
+    /// What a function makes of each and of that of others.
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(Self::Number, Self::Number) -> Self::Number) -> Self {
+        Self::from_fn(|i| f(self.lane(i), other.lane(i)))
+    }
+    /// A mask of the lanes where that is so.
+    #[inline(always)]
+    fn mask(self, other: Self, is: impl Fn(&Self::Number, &Self::Number) -> bool) -> Self {
+        self.zip(other, |a, b| Number::mask(is(&a, &b)))
+    }
+    /// self > other.
+    #[inline(always)]
+    fn greater(self, other: Self) -> Self {
+        self.mask(other, PartialOrd::gt)
+    }
+    /// self >= other.
+    #[inline(always)]
+    fn not_less(self, other: Self) -> Self {
+        self.mask(other, PartialOrd::ge)
+    }
+    /// self = other.
+    #[inline(always)]
+    fn equal(self, other: Self) -> Self {
+        self.mask(other, PartialEq::eq)
+    }
+    /// The bits of both.
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        self.zip(other, Number::and)
+    }
+    /// Whether any bit is set in any lane.
+    #[inline(always)]
+    fn any(self) -> bool {
+        (0..Self::COUNT).fold(Self::Number::ZERO, |all, i| all.or(self.lane(i))).is_set()
+    }
+    /// `a` in the lanes of this mask and `b` in the others.
+    #[inline(always)]
+    fn select(self, a: Self, b: Self) -> Self {
+        Self::from_fn(|i| if self.lane(i).is_set() { a.lane(i) } else { b.lane(i) })
+    }
+    /// The lesser, `other` where either is NaN.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+    /// The greater, `other` where either is NaN.
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+    /// Square roots.
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(Number::sqrt)
+    }
+    /// Without signs.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(Number::abs)
+    }
+    /// With the other signs.
+    #[inline(always)]
+    fn negated(self) -> Self {
+        self.map(Number::negated)
+    }
+    /// With the signs of others.
+    #[inline(always)]
+    fn with_sign_of(self, sign: Self) -> Self {
+        self.zip(sign, Number::with_sign_of)
+    }
+    /// Rounded down to integers. That of the standard library is a call of a function where SSE4.1 may not be there.
+    #[inline(always)]
+    fn floor(self) -> Self {
+        let rounded = ((self.abs() + Self::all(Number::INTEGERS)) - Self::all(Number::INTEGERS)).with_sign_of(self);
+        let down = rounded - rounded.greater(self).and(Self::of(1.0));
+        Self::all(Number::INTEGERS).greater(self.abs()).select(down, self)
+    }
+    /// Rounded up to integers.
+    #[inline(always)]
+    fn ceil(self) -> Self {
+        self.negated().floor().negated()
+    }
+    /// self + a b.
+    #[inline(always)]
+    fn fma(self, a: Self, b: Self) -> Self {
+        if Self::FUSED { Self::from_fn(|i| a.lane(i).mul_add(b.lane(i), self.lane(i))) } else { self + a * b }
+    }
+    /// self - a b.
+    #[inline(always)]
+    fn fnma(self, a: Self, b: Self) -> Self {
+        if Self::FUSED { self.fma(a.negated(), b) } else { self - a * b }
+    }
+    /// self a - b.
+    #[inline(always)]
+    fn fms(self, a: Self, b: Self) -> Self {
+        if Self::FUSED { b.negated().fma(self, a) } else { self * a - b }
+    }
+}
+
+/// N numbers in an array.
+#[derive(Clone, Copy, Debug)]
+pub struct Packet<E, const N: usize, const FUSED: bool>([E; N]);
+
+impl<E: Number, const N: usize, const FUSED: bool> Lanes for Packet<E, N, FUSED> {
+    type Number = E;
+    const COUNT: usize = N;
+    const FUSED: bool = FUSED;
+    #[inline(always)]
+    fn from_fn(number: impl FnMut(usize) -> E) -> Self {
+        Packet(std::array::from_fn(number))
+    }
+    #[inline(always)]
+    fn lane(&self, at: usize) -> E {
+        self.0[at]
+    }
+}
+
+macro_rules! operation {
+    ($($name:ident: $method:ident;)*) => {$(
+        impl<E: Number, const N: usize, const FUSED: bool> $name for Packet<E, N, FUSED> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, E::$method)
+            }
+        }
+    )*};
+}
+operation! { Add: add; Sub: sub; Mul: mul; Div: div; }
+
+/// a . b, as DOT3 has it.
+#[inline(always)]
+pub fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    (a[0] * b[0]).fma(a[1], b[1]).fma(a[2], b[2])
+}
+
+/// a . b, every product rounded by itself: DOT3_UNFUSED.
+#[inline(always)]
+pub fn dot_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// a x b, every product rounded by itself: CROSS3_UNFUSED.
+#[inline(always)]
+pub fn cross_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i])
+}
+
+/// What a function makes of each component of two vectors.
+#[inline(always)]
+pub fn each<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
+    [0, 1, 2].map(|i| f(a[i], b[i]))
+}

@@ -1,0 +1,229 @@
+//! Triangles: their bounds in the picture, and as planes over a tile's pixels: asm/tracers/bounds.asm and set_up.asm.
+
+use super::super::objects::{ObjectList, TriangleList};
+use super::super::records::{
+    BoundsView, CHUNK, Candidate, Element, TileShade, TileView, TriangleArrays, TrianglePlanes,
+};
+use super::super::tiles::{Extremes, TriangleChunk, above};
+use super::super::types::Plain;
+use super::lanes::{Lanes, Number, cross_unfused, dot, each};
+
+/// What is 0 but for the rounding, against the sum of its terms.
+const PLANE: f64 = 4.0 * f64::EPSILON;
+/// Nearer than this a corner's place in the picture could overflow.
+const LEAST: f64 = 1e-30;
+
+/// The numbers of all objects in lanes, of which a pixel's bounds are four: the first column and the one past the last, and
+/// of rows the same.
+pub struct Bounds<L> {
+    pub columns: [L; 2],
+    pub rows: [L; 2],
+    pub most: L,
+}
+
+impl<L: Lanes> Bounds<L> {
+    /// How many pixels they hold, across and down: LENGTH.
+    #[inline(always)]
+    pub fn lengths(&self) -> [L; 2] {
+        [self.columns, self.rows].map(|[first, past]| past - first)
+    }
+
+    /// Adds those of the lanes that may be seen, and at most so many, to the first `count`.
+    #[inline(always)]
+    pub fn push(&self, ids: std::ops::Range<u32>, keep_all: bool, to: &mut [Candidate], count: &mut usize) {
+        let [across, down] = self.lengths();
+        let any = across.min(down).greater(L::of(0.0));
+        for (lane, id) in (0..L::COUNT).zip(ids) {
+            let both = |[first, past]: [L; 2]| first.lane(lane).to_index() | past.lane(lane).to_index() << 16;
+            let most = self.most.lane(lane).to_f64() as f32;
+            to[*count] = Candidate { id, columns: both(self.columns), rows: both(self.rows), most };
+            *count += usize::from(keep_all || any.lane(lane).is_set());
+        }
+    }
+}
+
+/// Transposes triangles.
+fn transpose(triangles: TriangleList<'_>, ids: impl Iterator<Item = usize>, to: &mut TriangleArrays) {
+    for (i, id) in ids.enumerate() {
+        let [a, b, c] = triangles.vertices(id);
+        (to.ax[i], to.ay[i], to.az[i]) = (a.x.to_bits(), a.y.to_bits(), a.z.to_bits());
+        (to.bx[i], to.by[i], to.bz[i]) = (b.x.to_bits(), b.y.to_bits(), b.z.to_bits());
+        (to.cx[i], to.cy[i], to.cz[i]) = (c.x.to_bits(), c.y.to_bits(), c.z.to_bits());
+        if let TriangleList::Apart(list) = triangles {
+            let colour = list[id].colour;
+            (to.red[i], to.green[i], to.blue[i]) = (colour.x.to_bits(), colour.y.to_bits(), colour.z.to_bits());
+        }
+    }
+}
+
+/// Those corners of triangles from number `at` on.
+#[inline(always)]
+fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
+    [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
+        .map(|corner| corner.map(|numbers| L::load_bits(&numbers[at..])))
+}
+
+/// The bounds of triangles.
+pub fn bounds<L: Lanes<Number = f32>>(
+    view: &BoundsView<f32>,
+    triangles: TriangleList<'_>,
+    first_id: u32,
+    keep_all: bool,
+    candidates: &mut [Candidate],
+) -> (usize, Extremes) {
+    let (mut count, mut extremes, mut of) = (0, Extremes::NONE, TriangleArrays::ZERO);
+    let (mut nearest, mut longest) = (L::of(0.0), L::of(0.0));
+    let mut sizes = [L::of(0.0), L::all(f32::MAX)];
+    for start in (0..triangles.len()).step_by(CHUNK) {
+        let end = triangles.len().min(start + CHUNK);
+        // The last packet is filled up with the last one.
+        let past = end.next_multiple_of(L::COUNT);
+        transpose(triangles, (start..past).map(|id| id.min(end - 1)), &mut of);
+        for at in (0..past - start).step_by(L::COUNT) {
+            let corners = corners::<L>(&of, at);
+            let size = corners.as_flattened().iter().fold(L::of(0.0), |size, x| size.zip(x.abs(), above));
+            sizes =
+                [sizes[0].zip(size, above), sizes[1].zip(size, |a, b| if b.to_bits() < a.to_bits() { b } else { a })];
+            for channel in [&of.red, &of.green, &of.blue] {
+                let brightest = channel[at..at + L::COUNT].iter().copied().fold(0, u32::max);
+                extremes.brightest = above(extremes.brightest, f32::from_bits(brightest));
+            }
+            let (bounds, near) = bounds_of(view, corners);
+            let [across, down] = bounds.lengths();
+            let any = across.min(down).greater(L::of(0.0));
+            longest = longest.max(any.and(across.max(down)));
+            nearest = nearest.zip(near, above);
+            let id = first_id + (start + at) as u32;
+            bounds.push(id..first_id + end as u32, keep_all, candidates, &mut count);
+        }
+    }
+    for lane in 0..L::COUNT {
+        extremes.most = above(extremes.most, sizes[0].lane(lane));
+        extremes.least = f32::from_bits(extremes.least.to_bits().min(sizes[1].lane(lane).to_bits()));
+        extremes.nearest = above(extremes.nearest, nearest.lane(lane));
+        extremes.longest = above(extremes.longest, longest.lane(lane));
+    }
+    (count, extremes)
+}
+
+/// The columns and rows that triangles can cover, what their 1/t cannot exceed, which is the largest number of those that reach
+/// behind the camera, and that of those in front. Where they hold four pixels at most, and an edge or another has each of
+/// them outside, there are no columns.
+#[inline(always)]
+pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3]; 3]) -> (Bounds<L>, L) {
+    let (all, zero) = (L::all, L::of(0.0));
+    let least = |[a, b, c]: [L; 3]| a.min(b).min(c);
+    let most = |[a, b, c]: [L; 3]| a.max(b).max(c);
+    let z = corners.map(|corner| corner[2]);
+    let (nearest, farthest) = (least(z), most(z));
+    let over = z.map(|z| all(view.to_pixels) / z);
+    let [(across, [left, right]), (up, [bottom, top])] = [0, 1].map(|axis| {
+        let along = [0, 1, 2].map(|i| over[i] * corners[i][axis]);
+        let [a, b, c] = along;
+        (along, [a.min(b).min(c), b.max(a).max(c)])
+    });
+    let pixels = |[from, to]: [L; 2], side: f32| {
+        let [first, past] = [from + all(view.low), to + all(view.high)];
+        [first, past].map(|x| x.max(zero).min(all(side)).floor())
+    };
+    let columns = pixels([left + all(view.column), right + all(view.column)], view.width);
+    let rows = pixels([all(view.row) - top, all(view.row) - bottom], view.height);
+    let (ahead, in_part) = (nearest.greater(L::of(LEAST)), farthest.greater(zero));
+    let cannot_exceed = ahead.select(all(view.most) / nearest, L::all(f32::MAX));
+
+    // Edges at the first pixel within the bounds, and what a column and a row more add to them.
+    let x = across.map(|x| x - (columns[0] - all(view.column)));
+    let y = up.map(|y| y - (all(view.row) - rows[0]));
+    let next = [(0, 1), (1, 2), (2, 0)];
+    let mut edges = next.map(|(v, w)| x[v] * y[w] - y[v] * x[w]);
+    let (column, row) = (next.map(|(v, w)| y[v] - y[w]), next.map(|(v, w)| x[v] - x[w]));
+    // The greatest of what is least of the edges, and the least of what is greatest: EDGES_HERE.
+    let (mut low, mut high) = (least(edges), most(edges));
+    let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
+    edges = each(edges, column, |edge, more| edge + more);
+    (low, high) = there((low, high), edges);
+    edges = each(edges, row, |edge, more| edge + more);
+    (low, high) = there((low, high), edges);
+    edges = each(edges, column, |edge, more| edge - more);
+    (low, high) = there((low, high), edges);
+    let has_no_pixel = all(view.outside).greater(low.max(high.negated()));
+    let [width, height] = [right - left, top - bottom].map(|length| ahead.select(length, L::all(f32::MAX)));
+    let is_small = all(view.reach).greater(width).and(all(view.reach).greater(height));
+    let nowhere = has_no_pixel.and(is_small);
+
+    let whole = |[first, past]: [L; 2], side: f32| {
+        [ahead.select(first, zero), ahead.select(past, all(side))].map(|x| in_part.and(x))
+    };
+    let columns = whole(columns, view.width).map(|x| nowhere.select(zero, x));
+    let bounds = Bounds { columns, rows: whole(rows, view.height), most: cannot_exceed };
+    (bounds, in_part.and(cannot_exceed))
+}
+
+/// A chunk of triangles as planes over a tile's pixels, and what the lights do to them.
+pub fn set_up<W: Lanes<Number = f64>, E: Element>(
+    view: &TileView<f64>,
+    chunk: TriangleChunk<'_>,
+    of: &mut TriangleArrays,
+    planes: &mut TrianglePlanes<E>,
+    shades: &mut [TileShade<E>],
+) {
+    let TriangleChunk { triangles, lights, candidates, first_id } = chunk;
+    // The last packet is filled up with the first one.
+    let past = candidates.len().next_multiple_of(W::COUNT);
+    transpose(triangles, (0..past).map(|i| candidates.get(i).unwrap_or(&candidates[0]).id as usize), of);
+    for (i, candidate) in candidates.iter().enumerate() {
+        (of.columns[i], of.rows[i], of.most[i]) = (candidate.columns, candidate.rows, candidate.most.to_bits());
+    }
+    let all = W::all;
+    for at in (0..past).step_by(W::COUNT) {
+        let [a, b, c] = corners::<W>(of, at);
+        let normal = cross_unfused(each(a, b, W::sub), each(a, c, W::sub));
+        let [x, y, z] = each(a, normal, W::mul);
+        let volume = x + y + z;
+        let seen_from_a_side = volume.abs().greater((x.abs() + y.abs() + z.abs()) * W::of(PLANE));
+        let side = W::of(0.0).with_sign_of(volume);
+
+        // 1/t is (n . d) / (n . v), linear over the pixels; 0, which is never nearest, for what is never hit.
+        let over = all(view.scale) / volume;
+        let n = normal.map(|n| seen_from_a_side.and(n * over));
+        let ray = [view.dx, view.dy, view.dz].map(all);
+        dot(n, ray).store(&mut planes.t0[at..]);
+        (n[0] * all(view.step)).store(&mut planes.tx[at..]);
+        (n[1] * all(view.down)).store(&mut planes.ty[at..]);
+        (W::of((first_id + at) as f64) + W::natural()).store(&mut planes.id[at..]);
+        side.store(&mut planes.side[at..]);
+        W::load_bits(&of.most[at..]).store(&mut planes.most[at..]);
+
+        // What each light does to it: |n . (l - v)| / |n|, and the weights.
+        let per = W::of(1.0) / (dot(normal, normal).sqrt() * all(view.scale));
+        let colour = [&of.red, &of.green, &of.blue].map(|channel| W::load_bits(&channel[at..]));
+        for (number, light) in lights.iter().enumerate() {
+            let along = dot(each([light.x, light.y, light.z].map(all), a, W::sub), normal).abs() * per;
+            let cosine = along.min(W::of(f64::INFINITY));
+            let weights = each(colour, [light.red, light.green, light.blue].map(all), W::mul);
+            for lane in 0..W::COUNT {
+                let [red, green, blue] = weights.map(|weight| E::from_f64(weight.lane(lane)));
+                shades[(at + lane) * lights.len() + number] =
+                    TileShade { cosine: E::from_f64(cosine.lane(lane)), red, green, blue };
+            }
+        }
+
+        // The edges over their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
+        let bound = [view.bound_x, view.bound_y, view.bound_z].map(all);
+        let edges = [
+            (a, b, &mut planes.e10, &mut planes.e1x, &mut planes.e1y),
+            (b, c, &mut planes.e20, &mut planes.e2x, &mut planes.e2y),
+            (c, a, &mut planes.e30, &mut planes.e3x, &mut planes.e3y),
+        ];
+        for (v, w, origin, across, down) in edges {
+            let e = cross_unfused(v, w);
+            let at_origin = dot(e, ray);
+            let bound = dot(e.map(W::abs), bound).fma(at_origin.abs(), all(view.bound_0));
+            let over = W::of(1.0) / bound;
+            let over = side.zip(over, |side, over| if side.is_set() { over.negated() } else { over });
+            (at_origin * over).store(&mut origin[at..]);
+            (e[0] * all(view.step) * over).store(&mut across[at..]);
+            (e[1] * all(view.down) * over).store(&mut down[at..]);
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! The pixels of a tile, each shaded once: asm/tracers/shade.asm.
+
+use super::super::records::{
+    Element, ObjectLight, ShortLight, TILE_HEIGHT, TILE_WIDTH, Tile, TilePoint, TileRays, TileShade, TileSphere,
+};
+use super::super::tiles::{ShadingRecords, TileOut, TileWindow};
+use super::super::types::Plain;
+use super::lanes::{Lanes, Number, dot, each};
+use super::nearest::Blocks;
+use super::rows::Pixel;
+
+/// n / sqrt q, from 0 to 1; NaN, such as 0 / 0, gives 0: COSINE.
+#[inline(always)]
+fn cosine<L: Lanes>(n: L, q: L) -> L {
+    (n / q.sqrt()).max(L::of(0.0)).min(L::of(1.0))
+}
+
+/// A light, seen from the camera, over t, from where the ray is: l w - d.
+#[inline(always)]
+fn to_light<L: Lanes>([x, y, z, _]: &TilePoint<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
+    each([*x, *y, *z].map(L::all), d, |l, d| l.fms(w, d))
+}
+
+/// Of n . (l - v): TRIANGLE_COSINE.
+#[inline(always)]
+pub fn triangle_cosine<L: Lanes>(n: L, w: L, ray: [L; 3], light: &TilePoint<L::Number>) -> L {
+    let l = to_light(light, w, ray);
+    cosine(n * w, dot(l, l))
+}
+
+/// n / t at a pixel from the sphere's own origin: SPHERE_ROOT and NORMAL_OVER_T.
+#[inline(always)]
+pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L; 3] {
+    let all = L::all;
+    let along = all(sphere.dx).fma(all(sphere.dxy), y).fma(all(sphere.dxx), x);
+    let row = all(sphere.d0).fma(all(sphere.dy).fma(all(sphere.dyy), y), y);
+    let root = row.fma(along, x).max(L::of(0.0)).sqrt();
+    let planes = [
+        [sphere.mx, sphere.mxx, sphere.mxy, sphere.ux],
+        [sphere.my, sphere.myx, sphere.myy, sphere.uy],
+        [sphere.mz, sphere.mzx, sphere.mzy, sphere.uz],
+    ];
+    planes.map(|plane| {
+        let [m, mx, my, u] = plane.map(all);
+        m.fma(mx, x).fma(my, y).fnma(u, root)
+    })
+}
+
+/// SPHERE_COSINE.
+#[inline(always)]
+fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L {
+    let l = [light.x, light.y, light.z].map(L::all);
+    let to_light = each(l, m, |l, m| l.fms(w, m));
+    cosine(dot(l, m) - w, dot(to_light, to_light))
+}
+
+/// Pixels of a tile: 1/t and who is there, their rays, and where they are in the picture.
+struct Block<L> {
+    w: L,
+    who: L,
+    ray: [L; 3],
+    pixel: [L; 2],
+}
+
+impl<L: Lanes> Block<L> {
+    /// What all lights do to triangles of which `shade` gives what one does.
+    #[inline(always)]
+    fn add_triangles(&self, lights: &[TilePoint<L::Number>], colour: &mut [L; 3], shade: impl Fn(usize) -> [L; 4]) {
+        for (number, light) in lights.iter().enumerate() {
+            let [n, weights @ ..] = shade(number);
+            add(colour, triangle_cosine(n, self.w, self.ray, light), weights);
+        }
+    }
+
+    /// What all lights do to the lanes of the mask that a sphere of the tile has.
+    #[inline(always)]
+    fn add_sphere<P: Pixel>(&self, id: usize, mask: L, records: &ShadingRecords<'_, L::Number>, colour: &mut [L; 3]) {
+        let all = L::all;
+        let record = records.sphere_ids[id - 1] as usize;
+        let sphere = &records.spheres[record];
+        let lights = record * records.lights.len()..(record + 1) * records.lights.len();
+        let [x, y] = [self.pixel[0] - all(sphere.column), self.pixel[1] - all(sphere.row)];
+        let mut light = |cosine: L, weights: [L::Number; 3]| add(colour, mask.and(cosine), weights.map(all));
+        if sphere.around != L::Number::ZERO {
+            let t = L::of(1.0) / self.w;
+            let centre = [sphere.ux, sphere.uy, sphere.uz].map(all);
+            let n = each(self.ray, centre, |d, c| (d * t - c) * all(sphere.mx));
+            for (lit, point) in records.lits[lights].iter().zip(records.lights) {
+                let l = to_light(point, self.w, self.ray);
+                light(cosine(dot(n, l), dot(l, l)), [lit.red, lit.green, lit.blue]);
+            }
+        } else if P::LEVELS && sphere.short != L::Number::ZERO {
+            for lit in &records.shorts[lights] {
+                light(short_cosine(lit, self.w, [x, y]), [lit.red, lit.green, lit.blue]);
+            }
+        } else {
+            let m = normal_over_t(sphere, x, y);
+            for lit in &records.lits[lights] {
+                light(sphere_cosine(m, self.w, lit), [lit.red, lit.green, lit.blue]);
+            }
+        }
+    }
+}
+
+/// Adds a cosine times weights.
+#[inline(always)]
+fn add<L: Lanes>(colour: &mut [L; 3], cosine: L, weights: [L; 3]) {
+    *colour = each(*colour, weights, |colour, weight| colour.fma(cosine, weight));
+}
+
+/// SHORT_COSINE.
+#[inline(always)]
+fn short_cosine<L: Lanes>(lit: &ShortLight<L::Number>, w: L, [x, y]: [L; 2]) -> L {
+    let q = L::all(lit.q0).fma(x, L::all(lit.qx)).fma(y, L::all(lit.qy));
+    let e = (w * L::all(lit.ke) - q - q) * w;
+    cosine(q.fma(w, L::all(lit.kn)), e)
+}
+
+/// Writes the pixels of the window of a tile.
+pub fn shade<L: Lanes, P: Pixel>(
+    rays: &TileRays<L::Number>,
+    tile: &Tile<L::Number>,
+    records: ShadingRecords<'_, L::Number>,
+    window: &TileWindow,
+    TileOut { pixels, first, width: pitch }: TileOut<'_, P>,
+) {
+    let all = L::all;
+    let (width, height) = (Blocks::<L>::WIDTH, Blocks::<L>::HEIGHT);
+    let [block_x, block_y] = Blocks::<L>::pixels();
+    let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
+    let (count, spheres) = (records.lights.len(), records.sphere_ids.len());
+    let number = |x: usize| L::of(x as f64);
+    for down in rows.start / height..rows.end.div_ceil(height) {
+        let y = number(down * height) + block_y;
+        let ray_y = all(rays.dy).fma(y - number(TILE_HEIGHT / 2), all(rays.down));
+        for across in 0..columns.div_ceil(width) {
+            let at = (down * Blocks::<L>::ACROSS + across) * L::COUNT;
+            let x = number(across * width) + block_x;
+            let block = Block {
+                w: L::load(&tile.near[at..]),
+                who: L::load(&tile.who[at..]),
+                ray: [all(rays.dx).fma(all(rays.step), x - number(TILE_WIDTH / 2)), ray_y, all(rays.dz)],
+                pixel: [number(window.column as usize) + x, number(window.row as usize) + y],
+            };
+            let mut colour = [L::of(0.0); 3];
+            let shade = |who: L::Number, number: usize| &records.shades[who.to_index() as usize * count + number];
+            let (owner, whole) = (block.who.lane(0), L::all(Number::mask(true)));
+            if !block.who.mask(all(owner), PartialEq::ne).any() {
+                // Most blocks have one object.
+                match owner.to_index() as usize {
+                    0 => {}
+                    id if id <= spheres => block.add_sphere::<P>(id, whole, &records, &mut colour),
+                    _ => block.add_triangles(records.lights, &mut colour, |number| {
+                        let TileShade { cosine, red, green, blue } = *shade(owner, number);
+                        [cosine, red, green, blue].map(all)
+                    }),
+                }
+            } else if count > 0 {
+                if block.who.greater(number(spheres)).any() {
+                    block.add_triangles(records.lights, &mut colour, |number| {
+                        let of = |f: fn(&TileShade<L::Number>) -> L::Number| {
+                            L::from_fn(|lane| f(shade(block.who.lane(lane), number)))
+                        };
+                        [
+                            of(|shade| shade.cosine),
+                            of(|shade| shade.red),
+                            of(|shade| shade.green),
+                            of(|shade| shade.blue),
+                        ]
+                    });
+                }
+                for lane in 0..L::COUNT {
+                    let who = block.who.lane(lane);
+                    let id = who.to_index() as usize;
+                    let is_first = (0..lane).all(|before| block.who.lane(before) != who);
+                    if (1..=spheres).contains(&id) && is_first {
+                        block.add_sphere::<P>(id, block.who.equal(all(who)), &records, &mut colour);
+                    }
+                }
+            }
+            let columns = across * width..columns.min((across + 1) * width);
+            for row in (down * height..(down + 1) * height).filter(|row| rows.contains(row)) {
+                let line = first + (row - rows.start) * pitch;
+                let to = &mut pixels[line + columns.start..line + columns.end];
+                P::put(to, colour, (row - down * height) * width, width);
+            }
+        }
+    }
+}

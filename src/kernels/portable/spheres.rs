@@ -1,0 +1,356 @@
+//! Spheres: their bounds in the picture, as functions of its pixels, and what shades them.
+//!
+//! As asm/tracers/sphere_bounds.asm, sphere_set_up.asm and around.asm have it.
+
+use super::super::records::{
+    AroundSphere, CHUNK, Candidate, Element, ObjectLight, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
+    TileLight, TileSphere,
+};
+use super::super::tiles::{Extremes, SphereChunk, SphereRecords, above};
+use super::super::types::Plain;
+use super::lanes::{Lanes, Number, cross_unfused, dot_unfused, each};
+use super::set_up::Bounds;
+
+/// A sphere is in front if its centre is at least so many radii before the camera's plane.
+const FRONT: f64 = 1.001;
+/// Pixels by which the bounds of a sphere are opened.
+const OUTLINE: f64 = 1e-3;
+/// By how many units of its terms D may be rounded.
+const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
+/// The f64 below 1/2.
+const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
+/// The short form is accurate enough if the light is further than this from the sphere, nearer than that, in radii, and
+/// if the terms cancel to no less than one part in so many.
+const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
+
+/// Transposes spheres.
+fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArrays) {
+    for (i, sphere) in spheres.enumerate() {
+        (to.x[i], to.y[i], to.z[i]) = (sphere.centre.x.to_bits(), sphere.centre.y.to_bits(), sphere.centre.z.to_bits());
+        let colour = sphere.colour;
+        (to.red[i], to.green[i], to.blue[i]) = (colour.x.to_bits(), colour.y.to_bits(), colour.z.to_bits());
+        to.radius[i] = sphere.radius.to_bits();
+    }
+}
+
+/// Centres and radii of spheres from number `at` on.
+#[inline(always)]
+fn numbers<W: Lanes>(of: &SphereArrays, at: usize) -> ([W; 3], W) {
+    ([&of.x, &of.y, &of.z].map(|numbers| W::load_bits(&numbers[at..])), W::load_bits(&of.radius[at..]))
+}
+
+/// Where silhouettes end along one axis at distance 1: SILHOUETTE.
+#[inline(always)]
+fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
+    let one = W::of(1.0);
+    let root = (cx * cx + m).sqrt();
+    let b = cx * cz;
+    let is_right = b.not_less(W::of(0.0));
+    let q = is_right.select(b + root, b - root);
+    // The product of the two is (cx^2 - 1) / m.
+    let (e, of_q) = ((cx - one) * (cx + one) / q, q / m);
+    [is_right.select(e, of_q), is_right.select(of_q, e)]
+}
+
+/// Columns and rows between which silhouettes lie, with fractions: SPHERE_BOX.
+#[inline(always)]
+fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3]) -> [[W; 2]; 2] {
+    let (all, half) = (W::all, W::of(0.5));
+    let m = cz * cz - W::of(1.0);
+    let [bottom, top] = silhouette(cy, cz, m);
+    let column = |x: W| (x * all(view.focal) + all(view.half_width)) / all(view.step) - half;
+    let row = |y: W| (all(view.half_height) - y * all(view.focal)) / all(view.step) - half;
+    [silhouette(cx, cz, m).map(column), [row(top), row(bottom)]]
+}
+
+/// The bounds of spheres.
+pub fn bounds<W: Lanes<Number = f64>>(
+    view: &SphereView<f64>,
+    spheres: &[Sphere],
+    first_id: u32,
+    keep_all: bool,
+    candidates: &mut [Candidate],
+) -> (usize, Extremes) {
+    let (mut count, mut extremes, mut of) = (0, Extremes::NONE, SphereArrays::ZERO);
+    for (chunk, first) in spheres.chunks(CHUNK).zip((first_id..).step_by(CHUNK)) {
+        for Sphere { radius, colour, centre } in chunk {
+            let size = centre.abs().to_array().into_iter().fold(*radius, above);
+            extremes.most = above(extremes.most, size);
+            extremes.least = f32::from_bits(extremes.least.to_bits().min(radius.to_bits()));
+            extremes.brightest = colour.to_array().into_iter().fold(extremes.brightest, above);
+        }
+        // The last packet is filled up with the last one.
+        let past = chunk.len().next_multiple_of(W::COUNT);
+        transpose((0..past).map(|i| chunk.get(i).unwrap_or(&chunk[chunk.len() - 1])), &mut of);
+        for at in (0..past).step_by(W::COUNT) {
+            let (centre, radius) = numbers::<W>(&of, at);
+            let bounds = bounds_of(view, centre, radius);
+            for lane in 0..W::COUNT {
+                extremes.nearest = above(extremes.nearest, bounds.most.lane(lane) as f32);
+            }
+            bounds.push(first + at as u32..first + chunk.len() as u32, keep_all, candidates, &mut count);
+        }
+    }
+    (count, extremes)
+}
+
+/// The columns and rows that spheres can cover, and what their 1/t cannot exceed, which is `most` at distance 1: the largest
+/// number of f32 where planes do not trace them, and where these may lose digits to the side.
+#[inline(always)]
+pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Bounds<W> {
+    let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
+    let most = all(view.most) / (centre[2] - radius);
+    let c = centre.map(|x| x / radius);
+    let (cz, squared) = (c[2], dot_unfused(c, c));
+    let [columns, rows] = outline(view, c);
+    let pixels = |[low, high]: [W; 2], side: f64| {
+        let (first, past) = ((low - W::of(OUTLINE)).ceil(), (high + W::of(OUTLINE)).floor() + one);
+        [first, past].map(|x| x.max(zero).min(all(side)))
+    };
+    let in_front = cz.not_less(W::of(FRONT)).and(W::of(f64::INFINITY).greater(squared));
+    let in_part = cz.greater(W::of(-1.0));
+    let known = |[first, past]: [W; 2], side: f64| [in_front.and(first), in_part.and(in_front.select(past, all(side)))];
+    let keeps_digits = in_front.and((cz * cz + cz * cz - one).not_less(squared));
+    let most = in_part.and(keeps_digits.select(most, W::of(f32::MAX.into())));
+    Bounds {
+        columns: known(pixels(columns, view.width), view.width),
+        rows: known(pixels(rows, view.height), view.height),
+        most,
+    }
+}
+
+/// What is known of spheres in front: SPHERE_D.
+struct InFront<W> {
+    /// The centre in radii.
+    c: [W; 3],
+    /// c . c and c . c - 1.
+    squared: W,
+    k: W,
+    /// The scale over k and the radius.
+    over: W,
+    /// Its origin, a pixel, and how far its outline is from there.
+    origin: [W; 2],
+    reach: [W; 2],
+    /// The ray there, c . d, and what a column and a row more add to this.
+    ray: [W; 3],
+    h: [W; 3],
+    /// D: its value, and that times x, y, x^2, x y and y^2.
+    d: [W; 6],
+}
+
+impl<W: Lanes<Number = f64>> InFront<W> {
+    #[inline(always)]
+    fn new(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Self {
+        let (all, half, one) = (W::all, W::of(0.5), W::of(1.0));
+        let step = all(view.step);
+        let c = centre.map(|x| x / radius);
+        let squared = dot_unfused(c, c);
+        let k = squared - one;
+        let over = all(view.scale) / (k * radius);
+        let outline = outline(view, c);
+        let sides = [view.width, view.height].map(all);
+        // The middle, rounded half away from 0, in the picture: NEAREST_PIXEL; and REACH.
+        let origin = [0, 1].map(|axis| {
+            let [a, b] = outline[axis];
+            let middle = (a + b) * half;
+            (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(sides[axis]).max(W::of(0.0))
+        });
+        let reach = [0, 1].map(|axis| {
+            let ([a, b], origin) = (outline[axis], origin[axis]);
+            (b.min(sides[axis]) - origin).max(origin - a.max(W::of(0.0))) + one
+        });
+        let x = (origin[0] + half) * step - all(view.half_width);
+        let y = all(view.half_height) - (origin[1] + half) * step;
+        let ray = [x, y, all(view.focal)];
+        let across = cross_unfused(c, ray);
+        let [sx, sy, sz] = c.map(|c| c * step);
+        let square = over * over;
+        let twice = |x: W| x + x;
+        let d = [
+            dot_unfused(ray, ray) - dot_unfused(across, across),
+            twice(x * step - (across[1] * sz - across[2] * sy)),
+            twice(y * step + (across[0] * sz - across[2] * sx)).negated(),
+            step * step - (sy * sy + sz * sz),
+            twice(sy * sx).negated(),
+            step * step - (sx * sx + sz * sz),
+        ];
+        let d = d.map(|x| x * square);
+        InFront { c, squared, k, over, origin, reach, ray, h: [dot_unfused(c, ray), sx, sy], d }
+    }
+}
+
+/// The spheres of a chunk and their bounds, transposed, up to a whole packet; how many that are.
+fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mut SphereArrays) -> usize {
+    let past = candidates.len().next_multiple_of(W::COUNT);
+    transpose((0..past).map(|i| &spheres[candidates.get(i).unwrap_or(&candidates[0]).id as usize]), of);
+    for (i, candidate) in candidates.iter().enumerate() {
+        (of.columns[i], of.rows[i], of.most[i]) = (candidate.columns, candidate.rows, candidate.most.to_bits());
+    }
+    past
+}
+
+/// A chunk of spheres as functions of the pixels from their own origins.
+pub fn set_up<W: Lanes<Number = f64>, E: Element>(
+    view: &SphereView<f64>,
+    spheres: SphereChunk<'_>,
+    first_id: usize,
+    of: &mut SphereArrays,
+    planes: &mut SpherePlanes<E>,
+) {
+    for at in (0..chunk::<W>(spheres, of)).step_by(W::COUNT) {
+        let (centre, radius) = numbers::<W>(of, at);
+        let InFront { over, origin, reach: [i, j], h: [h, hx, hy], d, .. } = InFront::new(view, centre, radius);
+        // D is rounded by no more than a few units of its terms at the outline.
+        let terms = [d[1] * i, d[2] * j, d[3] * i * i, d[4] * i * j, d[5] * j * j];
+        let bound = terms.into_iter().fold(d[0].abs(), |sum, term| sum + term.abs()) * W::of(ROUNDINGS);
+        let fields = [
+            (&mut planes.d0, d[0]),
+            (&mut planes.dx, d[1]),
+            (&mut planes.dy, d[2]),
+            (&mut planes.dxx, d[3]),
+            (&mut planes.dxy, d[4]),
+            (&mut planes.dyy, d[5]),
+            (&mut planes.bound, bound),
+            (&mut planes.column, origin[0]),
+            (&mut planes.row, origin[1]),
+            (&mut planes.h, over * h),
+            (&mut planes.hx, over * hx),
+            (&mut planes.hy, (over * hy).negated()),
+            (&mut planes.most, W::load_bits(&of.most[at..])),
+            (&mut planes.id, W::of((first_id + at) as f64) + W::natural()),
+        ];
+        fields.into_iter().for_each(|(field, numbers)| numbers.store(&mut field[at..]));
+    }
+}
+
+/// What shades a chunk of spheres, from number `first` on; `short`: in the short form, too.
+pub fn shading<W: Lanes<Number = f64>, E: Element>(
+    view: &SphereView<f64>,
+    spheres: SphereChunk<'_>,
+    lights: &[TileLight<f64>],
+    short: bool,
+    first: usize,
+    records: &mut SphereRecords<E>,
+) {
+    let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
+    let step = all(view.step);
+    let mut of = SphereArrays::ZERO;
+    // What is beyond f32 is the weight of a sphere that no kernel in f32 shades. Beside its pixels 0 times that is added.
+    let most = if size_of::<E>() == size_of::<f32>() { f32::MAX.into() } else { f64::INFINITY };
+    for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
+        let (centre, radius) = numbers::<W>(&of, at);
+        let InFront { c, squared, k, origin, ray, h, d, .. } = InFront::new(view, centre, radius);
+        let t = h.map(|h| h / k);
+        let per = all(view.scale) / radius;
+        // n / t = (d - h c / k) - sqrt(D) c / k over the radius, its first part; and what a column and a row more add: NORMAL.
+        let normal = |axis: usize, column: W, row: W| {
+            let t = t.map(|t| t * c[axis]);
+            [ray[axis] - t[0], column - t[1], t[2] - row].map(|x| x * per)
+        };
+        let [mx, my, mz] = [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)];
+        let to_light =
+            |light: &TileLight<f64>| each([light.x, light.y, light.z].map(all), centre, |l, c| (l - c) / radius);
+        let colour = [&of.red, &of.green, &of.blue].map(|channel| W::load_bits(&channel[at..]));
+        let weights = |light: &TileLight<f64>, white: f64| {
+            let radiance = [light.red, light.green, light.blue].map(all);
+            each(colour, radiance, |colour, light| {
+                let weight = colour * all(white) * light;
+                if most.is_finite() { weight.min(all(most)) } else { weight }
+            })
+        };
+        let lanes = W::COUNT.min(spheres.candidates.len() - at);
+        let place = |lane: usize, number: usize| (first + at + lane) * lights.len() + number;
+
+        // The short form: what kn and ke leave of their terms decides whether it is accurate enough.
+        let mut accurate = W::all(f64::mask(short));
+        let length = squared.sqrt() + one;
+        for (number, light) in lights.iter().enumerate().filter(|_| short) {
+            let from_centre = to_light(light);
+            let distance = dot_unfused(from_centre, from_centre).sqrt();
+            let (gap, products) = (distance - one, distance * length);
+            let l = [light.x, light.y, light.z].map(|x| all(x) / radius);
+            let (kn, ke) = (k - dot_unfused(l, c), dot_unfused(l, l) - k);
+            let loss = ((kn.abs() + products) / gap).max((ke.abs() + (products + products)) / (gap * gap));
+            let [near, far, most] = SHORT.map(W::of);
+            accurate = accurate.and(gap.greater(near)).and(far.greater(gap)).and(most.greater(loss));
+            let q = from_centre.map(|x| x * per);
+            let [red, green, blue] = weights(light, 255.0);
+            let (q0, qx, qy) = (dot_unfused(q, ray), q[0] * step, (q[1] * step).negated());
+            for lane in 0..lanes {
+                let [q0, qx, qy, kn, ke, red, green, blue] =
+                    [q0, qx, qy, kn, ke, red, green, blue].map(|x| x.lane(lane));
+                records.shorts[place(lane, number)] = ShortLight { q0, qx, qy, kn, ke, red, green, blue }.round();
+            }
+        }
+
+        // The long form, from where the light is seen from the centre.
+        let all_short = (0..W::COUNT).all(|lane| accurate.lane(lane).is_set());
+        for (number, light) in lights.iter().enumerate().filter(|_| !all_short) {
+            let from_centre = to_light(light);
+            let distance = dot_unfused(from_centre, from_centre).sqrt();
+            let is_far = distance.greater(all(view.far));
+            let over = all(view.far) / distance;
+            let [x, y, z] = from_centre.map(|x| is_far.select(x * over, x));
+            let [red, green, blue] = weights(light, view.white);
+            for lane in 0..lanes {
+                let [x, y, z, red, green, blue] = [x, y, z, red, green, blue].map(|x| x.lane(lane));
+                records.lits[place(lane, number)] =
+                    ObjectLight { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.round();
+            }
+        }
+        let shorts = accurate.and(one);
+        for lane in 0..lanes {
+            let number = |x: W| x.lane(lane);
+            let [[mx, mxx, mxy], [my, myx, myy], [mz, mzx, mzy]] = [mx, my, mz].map(|m| m.map(number));
+            let ([d0, dx, dy, dxx, dxy, dyy], [ux, uy, uz]) = (d.map(number), c.map(number));
+            let [column, row, short] = [origin[0], origin[1], shorts].map(number);
+            records.spheres[first + at + lane] = TileSphere {
+                column,
+                row,
+                d0,
+                dx,
+                dy,
+                dxx,
+                dxy,
+                dyy,
+                mx,
+                mxx,
+                mxy,
+                my,
+                myx,
+                myy,
+                mz,
+                mzx,
+                mzy,
+                ux,
+                uy,
+                uz,
+                short,
+                ..TileSphere::ZERO
+            }
+            .round();
+        }
+    }
+}
+
+/// What stands for 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 where the ray misses it.
+#[inline(always)]
+pub fn around<W: Lanes<Number = f64>>(sphere: &AroundSphere<f64>, column: W, row: W) -> W {
+    let AroundSphere { step, half_width, half_height, square, cx, cy, cz, .. } = *sphere;
+    let (all, half, zero) = (W::all, W::of(0.5), W::of(0.0));
+    let x = (column + half) * all(step) - all(half_width);
+    let y = all(half_height) - (row + half) * all(step);
+    let a = x * x + y * y + all(square);
+    let h = x * all(cx) + y * all(cy) + all(sphere.along);
+    let disc = if sphere.far == 0.0 {
+        h * h - a * all(sphere.k)
+    } else {
+        let across =
+            [all(sphere.cy_focal) - y * all(cz), x * all(cz) - all(sphere.cx_focal), y * all(cx) - x * all(cy)];
+        a * all(sphere.r2) - dot_unfused(across, across)
+    };
+    let q = h + disc.sqrt().with_sign_of(h);
+    let one = (q * all(sphere.over_k)).max(zero);
+    let other = (a * all(sphere.scale) / q).max(zero);
+    one.max(W::of(f64::INFINITY).greater(other).and(other))
+}
