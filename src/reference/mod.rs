@@ -1,7 +1,7 @@
 //! The scalar meaning of every operation and intersection, over plain values.
 //!
-//! [`geometry`] is the truth in f64 that every engine is held against, and [`exact`] the one in 256 bits that it is held
-//! against itself, with [`bounded`] for what fewer bits are sure of; [`aos`] is the twin of the paper's macros, the same
+//! [`geometry`] is the truth in f64 that every engine is held against, and `shapes` the one that it is held against itself, in
+//! the 256 bits of `exact`, or in the fewer ones of `bounded` where these are sure; [`aos`] is the twin of the paper's macros, the same
 //! operations in the same order, [`paper_c`] that of the paper's C, [`packet`] that of the packet macros, and [`tile`] that
 //! of the tile macros.
 
@@ -14,6 +14,8 @@ pub mod geometry;
 pub mod packet;
 pub mod paper_c;
 mod real;
+#[cfg(feature = "lab")]
+pub mod shapes;
 pub mod tile;
 
 pub use real::Real;

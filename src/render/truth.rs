@@ -8,9 +8,10 @@ use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
 
-use crate::reference::bounded::{self, Bounded};
-use crate::reference::exact::{self, Exact, Meeting, Ray, Rays, Split, Vector};
+use crate::reference::bounded::Bounded;
+use crate::reference::exact::{Exact, Split};
 use crate::reference::geometry;
+use crate::reference::shapes::{self, Meeting, Number, Operations, Ray, Rays, Vector};
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
 /// Further than this from being hit, in units of the margin, an object is not looked at closely. Any margin that is asked
@@ -71,18 +72,18 @@ enum Quick {
     Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
 }
 
-enum Shape {
-    Sphere(exact::Sphere),
-    Triangle(Box<exact::Triangle>),
+enum Shape<N> {
+    Sphere(shapes::Sphere<N>),
+    Triangle(Box<shapes::Triangle<N>>),
 }
 
 struct Body {
     object: Object,
     quick: Quick,
     /// None where the numbers cannot tell what it is.
-    bounded: Option<BoundedShape>,
+    bounded: Option<Shape<Bounded>>,
     /// Made when it is needed.
-    exact: OnceLock<Shape>,
+    exact: OnceLock<Shape<Exact>>,
     colour: DVec3,
     /// The first object that is the same in all but colour: the two tie wherever they are hit.
     same_as: usize,
@@ -90,39 +91,8 @@ struct Body {
     grazes_camera: bool,
 }
 
-enum BoundedShape {
-    Sphere(bounded::Sphere),
-    Triangle(Box<bounded::Triangle>),
-}
-
-/// A distance that may be compared with another.
-trait Depth {
-    /// Whether it is nearer than `other`; None where that is not known.
-    fn is_before(&self, other: &Self) -> Option<bool>;
-    /// What is between it and the nearer `first`, as a share of that.
-    fn gap(&self, first: &Self) -> f64;
-}
-
-impl Depth for Exact {
-    fn is_before(&self, other: &Self) -> Option<bool> {
-        Some(self < other)
-    }
-    fn gap(&self, first: &Self) -> f64 {
-        (&(self - first) / first).to_f64().max(0.0)
-    }
-}
-
-impl Depth for Bounded {
-    fn is_before(&self, other: &Self) -> Option<bool> {
-        (*other - *self).sign().map(|sign| sign > 0)
-    }
-    fn gap(&self, first: &Self) -> f64 {
-        ((*self - *first) / *first).to_f64().max(0.0)
-    }
-}
-
 /// Which body is hit first, how, and where.
-type First<'a, T> = (usize, &'a Meeting<T>, &'a T);
+type First<'a, N> = (usize, &'a Meeting<N>, &'a N);
 
 /// The truth of one scene and camera.
 pub struct Truth {
@@ -179,11 +149,7 @@ impl Truth {
     /// The same in 256 bits, for those who doubt the quick one.
     pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
-        let near = self.near(row, col).into_iter();
-        let meetings: Vec<_> = near.map(|i| (i, self.bodies[i].exact().meet(&ray))).collect();
-        let (first, margin) = self.first(&meetings).expect("256 bits know which is nearer");
-        let hit = first.map(|(i, meeting, t)| self.exact_hit(&self.bodies[i], &ray, t, meeting));
-        TruePixel { hit, margin }
+        self.known_pixel(&self.near(row, col), &ray, |body| Some(body.exact())).expect("256 bits know everything")
     }
 
     /// The same in fewer bits; None where these are not sure.
@@ -192,28 +158,45 @@ impl Truth {
         if near.is_empty() {
             return Some(TruePixel { hit: None, margin: f64::INFINITY });
         }
-        let d = bounded::Vector([self.across[col as usize], self.up[row as usize], self.focal]);
-        let ray = bounded::Ray::within(d, self.rays.reach);
-        let meet = |i: usize| Some((i, self.bodies[i].bounded_meeting(&ray)?));
-        let meetings = near.into_iter().map(meet).collect::<Option<Vec<_>>>()?;
+        let d = Vector([self.across[col as usize], self.up[row as usize], self.focal]);
+        self.known_pixel(&near, &Ray::within(d, self.rays.reach), |body| body.bounded.as_ref())
+    }
+
+    /// What is true of a ray's pixel, of whose objects all but `near` are ruled out; None where the numbers are not sure.
+    fn known_pixel<N: Number + 'static>(
+        &self,
+        near: &[usize],
+        ray: &Ray<N>,
+        shape: impl Fn(&Body) -> Option<&Shape<N>>,
+    ) -> Option<TruePixel>
+    where
+        for<'n> &'n N: Operations<N>,
+    {
+        let meet = |&i: &usize| Some((i, shape(&self.bodies[i])?.meet(ray)?));
+        let meetings = near.iter().map(meet).collect::<Option<Vec<_>>>()?;
         let (first, margin) = self.first(&meetings)?;
         let hit = match first {
-            Some((i, meeting, t)) => Some(self.bounded_hit(&self.bodies[i], &ray, *t, meeting)?),
+            Some((i, meeting, t)) => Some(self.hit(&self.bodies[i], shape(&self.bodies[i])?, (ray, t), meeting)?),
             None => None,
         };
         Some(TruePixel { hit, margin })
     }
 
     /// Who is hit first, and how far that is from another answer.
-    fn first<'a, T: Depth>(&self, meetings: &'a [(usize, Meeting<T>)]) -> Option<(Option<First<'a, T>>, f64)> {
+    fn first<'a, N: Number>(&self, meetings: &'a [(usize, Meeting<N>)]) -> Option<(Option<First<'a, N>>, f64)>
+    where
+        for<'n> &'n N: Operations<N>,
+    {
+        // What is between it and the nearer `first`, as a share of that.
+        let gap = |t: &N, first: &N| (&(t - first) / first).to_f64().max(0.0);
         let same = |a: usize, b: usize| self.bodies[a].same_as == self.bodies[b].same_as;
-        let mut first: Option<First<'a, T>> = None;
+        let mut first: Option<First<'a, N>> = None;
         for (i, meeting) in meetings {
             let Some(t) = &meeting.hit else { continue };
             let nearer = match first {
                 // Of those that tie the first in order.
                 Some((winner, ..)) if same(*i, winner) => false,
-                Some((.., nearest)) => t.is_before(nearest)?,
+                Some((.., nearest)) => (nearest - t).sign()? > 0,
                 None => true,
             };
             if nearer {
@@ -226,8 +209,8 @@ impl Truth {
                 Some((winner, ..)) if same(*i, winner) => continue,
                 // Behind the first hit, its distance protects the answer; a near miss is protected by its margin too.
                 Some((.., t)) => match (&meeting.hit, &meeting.miss) {
-                    (Some(other), _) => other.gap(t),
-                    (None, Some(other)) => other.gap(t).max(meeting.margin),
+                    (Some(other), _) => gap(other, t),
+                    (None, Some(other)) => gap(other, t).max(meeting.margin),
                     (None, None) => meeting.margin,
                 },
                 None => meeting.margin,
@@ -237,56 +220,40 @@ impl Truth {
         Some((first, margin))
     }
 
-    fn exact_hit(&self, body: &Body, ray: &Ray, t: &Exact, meeting: &Meeting) -> TrueHit {
-        let point = ray.d.scale(t);
-        let normal = match body.exact() {
-            Shape::Sphere(sphere) => sphere.normal(ray, t).expect("a sphere has a radius"),
-            Shape::Triangle(triangle) => triangle.normal().clone(),
-        };
-        let reach = AT_THE_SURFACE * point.length().to_f64();
-        let lit = self.lights.iter().map(|light| {
-            let to_light = Vector::new(light.position.into()).sub(&point);
-            let cosine = to_light.normalize().map_or(0.0, |direction| direction.dot(&normal).to_f64());
-            (cosine, to_light.length().to_f64() < reach)
-        });
-        let (t, normal) = (Split::from(t), normal.0.each_ref().map(Split::from));
-        self.hit(body, (t, normal), lit.collect(), meeting, ray.longest_over_this())
-    }
-
     /// None where a number is not known well enough to be told.
-    fn bounded_hit(&self, body: &Body, ray: &bounded::Ray, t: Bounded, meeting: &Meeting<Bounded>) -> Option<TrueHit> {
-        let point = ray.d.scale(t);
-        let normal = match body.bounded.as_ref()? {
-            BoundedShape::Sphere(sphere) => sphere.normal(ray, t),
-            BoundedShape::Triangle(triangle) => *triangle.normal(),
-        };
-        let sure = |x: Bounded, size: f64| (x.error() <= SURE * size).then_some(());
-        sure(t, t.to_f64())?;
-        normal.0.into_iter().try_for_each(|x| sure(x, 1.0))?;
-        let reach = AT_THE_SURFACE * point.dot(&point).to_f64().sqrt();
-        let mut lit = Vec::with_capacity(self.lights.len());
-        for light in &self.lights {
-            let to_light = bounded::Vector::new(light.position.into()).sub(&point);
-            let squared = to_light.dot(&to_light);
-            squared.sign()?;
-            let length = squared.sqrt();
-            let cosine = to_light.dot(&normal) / length;
-            sure(cosine, 1.0)?;
-            lit.push((cosine.to_f64(), length.to_f64() < reach));
-        }
-        let normal = normal.0.map(|x| x.value());
-        Some(self.hit(body, (t.value(), normal), lit, meeting, ray.longest_over_this()))
-    }
-
-    /// `lit` is of each light its cosine, and whether it is at the surface.
-    fn hit<T>(
+    fn hit<N: Number>(
         &self,
         body: &Body,
-        (t, normal): (Split, [Split; 3]),
-        lit: Vec<(f64, bool)>,
-        meeting: &Meeting<T>,
-        longest_over_this: f64,
-    ) -> TrueHit {
+        shape: &Shape<N>,
+        (ray, t): (&Ray<N>, &N),
+        meeting: &Meeting<N>,
+    ) -> Option<TrueHit>
+    where
+        for<'n> &'n N: Operations<N>,
+    {
+        let point = ray.d.scale(t);
+        let normal = match shape {
+            Shape::Sphere(sphere) => sphere.normal(ray, t),
+            Shape::Triangle(triangle) => triangle.normal().clone(),
+        };
+        let sure = |x: &N, size: f64| x.is_within(SURE * size).then_some(());
+        sure(t, t.to_f64())?;
+        normal.0.iter().try_for_each(|x| sure(x, 1.0))?;
+        let reach = AT_THE_SURFACE * point.length().to_f64();
+        // Of each light its cosine, and whether it is at the surface.
+        let mut lit = Vec::with_capacity(self.lights.len());
+        for light in &self.lights {
+            let to_light = Vector::new(light.position.into()).sub(&point);
+            let squared = to_light.dot(&to_light);
+            if squared.sign()? == 0 {
+                lit.push((0.0, true));
+                continue;
+            }
+            let length = squared.sqrt();
+            let cosine = &to_light.dot(&normal) / &length;
+            sure(&cosine, 1.0)?;
+            lit.push((cosine.to_f64(), length.to_f64() < reach));
+        }
         let two_sided = matches!(body.object, Object::Triangle(_));
         let sides = |cosine: f64| if two_sided { cosine.abs() } else { cosine };
         let near_light = lit.iter().any(|(_, near)| *near);
@@ -298,21 +265,24 @@ impl Truth {
             cosine.abs() < AT_THE_TERMINATOR && AT_THE_TERMINATOR * brightest > 1.0
         };
         let dazzled = cosines.iter().zip(&self.lights).any(dazzling);
-        TrueHit {
+        Some(TrueHit {
             object: body.object,
-            t,
-            normal,
+            t: t.split(),
+            normal: normal.0.each_ref().map(N::split),
             cosines,
             dazzled,
             colour: (!near_light && !body.grazes_camera).then_some(colour),
             bound: meeting.bound,
-            lever: meeting.slant * longest_over_this,
-        }
+            lever: meeting.slant * ray.longest_over_this(),
+        })
     }
 }
 
-impl Shape {
-    fn meet(&self, ray: &Ray) -> Meeting {
+impl<N: Number> Shape<N>
+where
+    for<'n> &'n N: Operations<N>,
+{
+    fn meet(&self, ray: &Ray<N>) -> Option<Meeting<N>> {
         match self {
             Shape::Sphere(sphere) => sphere.meet(ray),
             Shape::Triangle(triangle) => triangle.meet(ray),
@@ -330,7 +300,7 @@ impl Body {
         Some(Body {
             object: Object::Sphere(i),
             quick: Quick::Sphere { centre, radius, k: centre.dot(centre) - radius * radius },
-            bounded: bounded::Sphere::new(centre.into(), radius).map(BoundedShape::Sphere),
+            bounded: shapes::Sphere::new(centre.into(), radius).map(Shape::Sphere),
             exact: OnceLock::new(),
             colour: sphere.colour.as_dvec3(),
             same_as: 0,
@@ -341,10 +311,9 @@ impl Body {
     /// The same of a triangle.
     fn triangle(i: usize, triangle: &Triangle) -> Option<Self> {
         let vertices = triangle.vertices.map(|v| v.as_dvec3());
-        let bounded = vertices.iter().all(|v| v.is_finite()).then(|| bounded::Triangle::new(vertices.map(Into::into)));
-        let bounded = bounded?.map(Box::new).map(BoundedShape::Triangle);
+        let bounded = shapes::Triangle::new(vertices.map(Into::into)).map(Box::new).map(Shape::Triangle);
         if bounded.is_none() {
-            exact::Triangle::new(vertices.map(Into::into))?;
+            shapes::Triangle::<Exact>::new(vertices.map(Into::into))?;
         }
         let [v1, v2, v3] = vertices;
         // Where f64 cannot tell the sign of the volume, nothing is ruled out.
@@ -367,23 +336,17 @@ impl Body {
             grazes_camera,
         })
     }
-    fn exact(&self) -> &Shape {
+
+    fn exact(&self) -> &Shape<Exact> {
         self.exact.get_or_init(|| match &self.quick {
             Quick::Sphere { centre, radius, .. } => {
-                Shape::Sphere(exact::Sphere::new((*centre).into(), *radius).expect("it has a radius"))
+                Shape::Sphere(shapes::Sphere::new((*centre).into(), *radius).expect("it has a radius"))
             }
             Quick::Triangle { vertices, .. } => {
-                let triangle = exact::Triangle::new(vertices.map(Into::into));
+                let triangle = shapes::Triangle::new(vertices.map(Into::into));
                 Shape::Triangle(Box::new(triangle.expect("it can be hit")))
             }
         })
-    }
-
-    fn bounded_meeting(&self, ray: &bounded::Ray) -> Option<Meeting<Bounded>> {
-        match self.bounded.as_ref()? {
-            BoundedShape::Sphere(sphere) => sphere.meet(ray),
-            BoundedShape::Triangle(triangle) => triangle.meet(ray),
-        }
     }
 }
 

@@ -16,7 +16,8 @@ use rayo::kernels::step::{self, State, Step, Touched};
 use rayo::kernels::{Isa, OBJECTS, PacketElement, Vec4, packet_ops, paper};
 use rayo::measure::instructions;
 use rayo::measure::source::Unit;
-use rayo::reference::exact::{self, Exact, Vector};
+use rayo::reference::exact::Exact;
+use rayo::reference::shapes::{Number as _, Ray, Sphere, Vector};
 use rayo::render::{Engine, Film, PixelFormat};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Rng, Scene, ToCamera, many};
@@ -232,7 +233,7 @@ fn exactly(op: &str, a: [f64; 3], b: &[f64]) -> Vec<Exact> {
         "dot" => vec![vector.dot(&other())],
         "norm" => vec![vector.length()],
         "cross" => vector.cross(&other()).0.to_vec(),
-        "normalise" => vector.normalize().unwrap().0.to_vec(),
+        "normalise" => vector.normalize().0.to_vec(),
         _ => panic!("{op} is not computed here"),
     }
 }
@@ -295,12 +296,12 @@ fn the_shadow_of_a_result_is_what_exact_arithmetic_makes_of_the_operands() {
 fn a_wrong_answer_of_the_paper_is_seen_where_exact_values_would_have_decided_otherwise() {
     const CENTRE: [f64; 3] = [0.0, 0.0, 5000.0];
     let sphere_hit = paper().unwrap().sphere;
-    let exact = exact::Sphere::new(CENTRE, 1.0).unwrap();
+    let exact = Sphere::<Exact>::new(CENTRE, 1.0).unwrap();
     let far = sphere(Vec4::new(0.0, 0.0, 5000.0), 1.0);
     let mut wrong = 0;
     for step_aside in 0..40 {
         let ray = [0.05 * step_aside as f32, 0.0, 5000.0];
-        let meeting = exact.meet(&exact::Ray::new(ray.map(f64::from)));
+        let meeting = exact.meet(&Ray::new(ray.map(f64::from))).unwrap();
         let ray = Vec4::new(ray[0], ray[1], ray[2]);
         let mut t = 0.0;
         let recording = step::record(&watched(), ALL, MOST, || t = sphere_hit.call(&ray, &far)).unwrap();

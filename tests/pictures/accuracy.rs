@@ -11,7 +11,8 @@ use rayo::experiments::accuracy::errors::{Errors, Tally};
 use rayo::experiments::accuracy::subjects::{self, Subject};
 use rayo::experiments::accuracy::{Entry, Who, contenders, errors_of, expect, judge, summary};
 use rayo::experiments::in_size;
-use rayo::reference::exact::{self, Exact, Rays, Split};
+use rayo::reference::exact::{Exact, Split};
+use rayo::reference::shapes::{self, Meeting, Number, Rays};
 use rayo::render::reference::ReferenceTracer;
 use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
 use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle};
@@ -88,24 +89,25 @@ fn what_f64_rules_out_is_never_what_256_bits_hit() {
         for (row, col) in (0..48).flat_map(|row| (0..64).map(move |col| (row, col))) {
             let ray = rays.ray(row, col);
             let mut nearest: Option<(Object, Exact)> = None;
-            let mut meet = |object: Object, meeting: exact::Meeting| {
+            let mut meet = |object: Object, meeting: Option<Meeting<Exact>>| {
+                let meeting = meeting.unwrap();
                 near_misses += usize::from(meeting.miss.is_some());
                 if let Some(t) = meeting.hit.filter(|t| nearest.as_ref().is_none_or(|(_, nearest)| t < nearest)) {
                     nearest = Some((object, t));
                 }
             };
             for (i, sphere) in scene.spheres.iter().enumerate() {
-                let sphere = exact::Sphere::new(sphere.centre.as_dvec3().into(), sphere.radius.into()).unwrap();
+                let sphere = shapes::Sphere::new(sphere.centre.as_dvec3().into(), sphere.radius.into()).unwrap();
                 meet(Object::Sphere(i), sphere.meet(&ray));
             }
             for (i, triangle) in scene.triangles.iter().enumerate() {
-                let triangle = exact::Triangle::new(triangle.vertices.map(|v| v.as_dvec3().into())).unwrap();
+                let triangle = shapes::Triangle::new(triangle.vertices.map(|v| v.as_dvec3().into())).unwrap();
                 meet(Object::Triangle(i), triangle.meet(&ray));
             }
             let found = truth.exact_pixel(row, col).hit.map(|hit| (hit.object, hit.t));
             assert_eq!(
                 found,
-                nearest.as_ref().map(|(object, t)| (*object, Split::from(t))),
+                nearest.as_ref().map(|(object, t)| (*object, t.split())),
                 "seed {seed} row {row} col {col}"
             );
             hits += usize::from(nearest.is_some());

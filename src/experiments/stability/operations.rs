@@ -11,7 +11,8 @@ use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
 use crate::measure::Name;
 use crate::measure::statistics::median;
 use crate::plan::{InUnits, on_all_cores, sphere_hit, triangle_hit};
-use crate::reference::exact::{self, Meeting, Ray, Split};
+use crate::reference::exact::{Exact, Split};
+use crate::reference::shapes::{self, Meeting, Number as _, Ray, Vector};
 use crate::render::{Colour, Distance, Found, Precision};
 use crate::scene::families::{Family, Level};
 use crate::scene::{self, Camera, Object, Rng, Scene};
@@ -147,22 +148,23 @@ impl Shape {
     }
 
     fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<Expected> {
-        let meet: Box<dyn Fn(&Ray) -> Meeting + Sync> = match self {
+        let meet: Box<dyn Fn(&Ray<Exact>) -> Option<Meeting<Exact>> + Sync> = match self {
             Shape::Sphere { centre, radius } => {
-                let sphere = exact::Sphere::new(centre.into(), radius).expect("it has a radius");
+                let sphere = shapes::Sphere::new(centre.into(), radius).expect("it has a radius");
                 Box::new(move |ray| sphere.meet(ray))
             }
-            Shape::Triangle(vertices) => match exact::Triangle::new(vertices.map(Into::into)) {
+            Shape::Triangle(vertices) => match shapes::Triangle::new(vertices.map(Into::into)) {
                 Some(triangle) => Box::new(move |ray| triangle.meet(ray)),
-                None => Box::new(|_| Meeting::NEVER),
+                None => Box::new(|_| Some(Meeting::NEVER)),
             },
         };
         let expected = |ray: &[f64; 3]| {
-            let Meeting { hit, margin, alone: bound, .. } = meet(&Ray::within(*ray, reach));
+            let met = meet(&Ray::within(Vector::new(*ray), reach));
+            let Meeting { hit, margin, alone: bound, .. } = met.expect("exact numbers know everything");
             let nothing = Split { high: 0.0, low: 0.0 };
-            let target = |t| Target {
+            let target = |t: &Exact| Target {
                 object: self.object(),
-                t: Split::from(t),
+                t: t.split(),
                 normal: [nothing; 3],
                 colour: None,
                 bound,
