@@ -148,15 +148,16 @@ impl Shape {
     }
 
     fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<Expected> {
-        let meet: Box<dyn Fn(&Ray<Exact>) -> Option<Meeting<Exact>> + Sync> = match self {
+        let sphere_or_triangle = match self {
             Shape::Sphere { centre, radius } => {
-                let sphere = shapes::Sphere::new(centre.into(), radius).expect("it has a radius");
-                Box::new(move |ray| sphere.meet(ray))
+                Ok(shapes::Sphere::new(centre.into(), radius).expect("it has a radius"))
             }
-            Shape::Triangle(vertices) => match shapes::Triangle::new(vertices.map(Into::into)) {
-                Some(triangle) => Box::new(move |ray| triangle.meet(ray)),
-                None => Box::new(|_| Some(Meeting::NEVER)),
-            },
+            Shape::Triangle(vertices) => Err(shapes::Triangle::<Exact>::new(vertices.map(Into::into))),
+        };
+        let meet = |ray: &Ray<Exact>| match &sphere_or_triangle {
+            Ok(sphere) => sphere.meet(ray),
+            Err(Some(triangle)) => triangle.meet(ray),
+            Err(None) => Some(Meeting::NEVER),
         };
         let expected = |ray: &[f64; 3]| {
             let met = meet(&Ray::within(Vector::new(*ray), reach));
