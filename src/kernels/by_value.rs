@@ -1,9 +1,9 @@
-//! The paper's C as small functions that take vectors by value, at each optimisation level: to be counted, by no engine.
+//! The paper's C as small functions that take vectors by value, at each optimisation level: only to be counted.
 
 use super::isa::psabi_level;
 use super::types::{Light, PaperSphere, PaperTriangle, Vec4};
 
-/// A ray as the paper's C has it.
+/// A ray as in the paper's C.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Ray {
@@ -31,7 +31,7 @@ macro_rules! by_value {
         }
 
         impl ByValue {
-            /// Where a function is, by the name of its operation.
+            /// The address of a function, by the name of its operation.
             pub fn address(&self, name: &str) -> Option<usize> {
                 match name {
                     $(stringify!($name) => Some(self.$name as usize),)*
@@ -74,18 +74,18 @@ by_value! {
         fn cross(a: Vec4, b: Vec4) -> Vec4;
         /// a / ||a||.
         fn normalise(a: Vec4) -> Vec4;
-        /// Whether the ray meets the sphere; then t is where.
+        /// Whether the ray meets the sphere, and at which t.
         fn sphere(ray: Ray, sphere: &PaperSphere, t: &mut f32) -> bool;
-        /// Whether the ray meets the triangle; then t is where.
+        /// Whether the ray meets the triangle, and at which t.
         fn triangle(ray: Ray, triangle: &PaperTriangle, t: &mut f32) -> bool;
-        /// What the light adds at the point with that normal.
+        /// The light added at the point with that normal.
         fn lambert(light: &Light, point: Vec4, normal: Vec4, colour: Vec4, two_sided: bool) -> Vec4;
     }
     "O0" "O1" "O2" "O3" "native"
 }
 
-/// The functions at a level. None where the CPU lacks what they were compiled for, or where there is no such level, as in a build
-/// without C.
+/// The functions at a level. None if the CPU lacks the instructions they were compiled for, or if there is no such
+/// level, as in a build without C.
 pub fn by_value(level: &str) -> Option<&'static ByValue> {
     let functions = LEVELS.iter().find(|functions| functions.level == level)?;
     (*functions.needs <= psabi_level()).then_some(functions)

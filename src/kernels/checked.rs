@@ -1,11 +1,11 @@
-//! What a kernel is to the machine, and checked calls: whether it keeps the calling convention.
+//! A kernel as the machine sees it, and checked calls, which test whether it keeps the calling convention.
 
 use std::sync::Mutex;
 
 use super::isa::detected;
 
-/// What keeps the convention of all kernels, a type, a definition, or foreign declarations: System V's on x86-64, whatever
-/// the operating system, and elsewhere that of C.
+/// Gives a type, a definition, or foreign declarations the convention of all kernels: System V's on x86-64, on every
+/// operating system, and that of C elsewhere.
 #[cfg(target_arch = "x86_64")]
 macro_rules! convention {
     ($($of:tt)*) => { with_abi! { "sysv64" $($of)* } };
@@ -24,11 +24,11 @@ macro_rules! with_abi {
     };
 }
 
-/// What the convention hands over: six registers. A kernel reads as many as its kind fills.
+/// The arguments of the convention: six registers. A kernel reads as many as its kind fills.
 pub(super) type Registers = [u64; 6];
 
-/// Where a kernel is. Every one is declared alike: who fills more registers than it reads, or looks at a result that it does
-/// not give, does no harm, since the convention lets it leave anything in these.
+/// The address of a kernel. All are declared alike: filling more registers than a kernel reads, or reading a result
+/// that it does not return, does no harm, since the convention lets a callee leave anything in these.
 pub(super) type Code = convention!(type(u64, u64, u64, u64, u64, u64) -> u64);
 
 /// A rule of the calling convention that a kernel broke, in the order of the bits in checked.asm.
@@ -80,7 +80,7 @@ convention! { foreign {
     fn rayo_checked_call(kernel: Code, registers: *mut Registers, vectors: u64, mxcsr: u64) -> u64;
 } }
 
-/// No call can be watched here.
+/// Calls cannot be checked here.
 #[cfg(not(rayo_asm))]
 unsafe fn rayo_checked_call(_: Code, _: *mut Registers, _: u64, _: u64) -> u64 {
     unimplemented!("what checks calls is written in assembly, which this build lacks")
@@ -88,13 +88,13 @@ unsafe fn rayo_checked_call(_: Code, _: *mut Registers, _: u64, _: u64) -> u64 {
 
 #[cfg(not(all(rayo_asm, rayo_c)))]
 convention! {
-    /// In the place of a kernel that this build lacks. No table that has one is handed out.
+    /// Stands in for a kernel that this build lacks. No table that contains one is handed out.
     fn absent(_: u64, _: u64, _: u64, _: u64, _: u64, _: u64) -> u64 {
         unimplemented!("this build lacks the kernel")
     }
 }
 
-/// How wide this CPU's vectors are.
+/// The width of this CPU's vectors.
 pub(super) fn vector_bytes() -> u64 {
     if detected!("avx512f") {
         64
@@ -105,14 +105,14 @@ pub(super) fn vector_bytes() -> u64 {
     }
 }
 
-/// FTZ and DAZ of MXCSR: denormal numbers are 0, out and in.
+/// FTZ and DAZ of MXCSR: denormal results and operands are taken for 0.
 const NO_DENORMALS: u64 = 0x8040;
 
-/// Calls a kernel with junk in every register that it must preserve; gives its result, and lists the rules it broke. Denormal
-/// numbers may be switched off while it runs, and so for no Rust: this is not for the compiler to know.
+/// Calls a kernel with junk in every register that it must preserve; returns its result, and the rules it broke.
+/// Denormal numbers may be switched off while the kernel runs, never for Rust code, whose compiler would not know.
 ///
 /// # Safety
-/// `kernel` takes these registers, and everything its own contract asks for holds.
+/// `kernel` takes these registers, and everything that its own contract requires holds.
 pub(super) unsafe fn call(
     kernel: Code,
     mut registers: Registers,

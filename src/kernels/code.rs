@@ -1,8 +1,8 @@
-//! The machine code of this process, to be read where it lies.
+//! The machine code of this process, read in place.
 
-/// The code from `address` to the end of the segment that it lies in; None where no code of this crate's image is there.
+/// The code from `address` to the end of its segment; None if no code of this crate's image is there.
 ///
-/// Nothing tells where the function ends that begins there.
+/// The end of the function that begins there is not known.
 #[cfg(target_os = "linux")]
 pub fn code_at(address: usize) -> Option<&'static [u8]> {
     use std::ffi::{c_int, c_void};

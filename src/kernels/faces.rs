@@ -1,4 +1,4 @@
-//! Triangles that share their corners, as meshes have them.
+//! Triangles that share their corners, as in meshes.
 
 use std::ops::Range;
 
@@ -8,33 +8,33 @@ use super::records::{FACE_BYTES, Triangle};
 
 const _: () = assert!(size_of::<[u32; 3]>() == FACE_BYTES && size_of::<Vec3>() == FACE_BYTES);
 
-/// The number past those of faces that follow one another and have one colour, and that colour.
+/// The index one past a run of consecutive faces of one colour, and that colour.
 pub type ColourRun = (usize, Vec3);
 
-/// Triangles that share their corners: of each the numbers of three vertices, counted from 0. There are no others than those
-/// of vertices, which is how kernels may go by them.
+/// Triangles that share their corners: each has the indices of three vertices, from 0. Kernels rely on all being in
+/// range.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faces {
-    /// Behind them is one more, since kernels read 4 bytes past the last of them; but nothing if there are no faces.
+    /// One more follows the last of them, since kernels read 4 bytes past it; but empty if there are no faces.
     vertices: Vec<Vec3>,
     corners: Vec<[u32; 3]>,
     colours: Vec<ColourRun>,
 }
 
 impl Faces {
-    /// The most vertices that there may be.
+    /// The most vertices allowed.
     pub const MOST_VERTICES: usize = i32::MAX as usize;
 
     /// Faces of one colour.
     ///
     /// # Panics
-    /// If one has a vertex that is not there, or there are too many of these.
+    /// If an index is out of range, or if there are too many vertices.
     pub fn new(vertices: Vec<Vec3>, corners: Vec<[u32; 3]>, colour: Vec3) -> Self {
         let all = vec![(corners.len(), colour)];
         Self::coloured(vertices, corners, all)
     }
 
-    /// Faces of several colours, whose runs follow one another up to the last face.
+    /// Faces of several colours, in runs that follow one another up to the last face.
     ///
     /// # Panics
     /// As [`new`](Self::new), and if the runs do not.
@@ -50,7 +50,7 @@ impl Faces {
         Faces { vertices, colours, corners }
     }
 
-    /// Adds those of `other` after these, unless there would be too many vertices: then these are what they were.
+    /// Appends the faces of `other`, unless there would be too many vertices: then these stay unchanged.
     #[must_use]
     pub fn append(&mut self, mut other: Faces) -> bool {
         let (before, vertices) = (self.corners.len(), self.vertices().len());
@@ -85,18 +85,18 @@ impl Faces {
         &self.vertices[..self.vertices.len().saturating_sub(1)]
     }
 
-    /// The same, to be moved.
+    /// The vertices, to be transformed.
     pub fn vertices_mut(&mut self) -> &mut [Vec3] {
         let count = self.vertices().len();
         &mut self.vertices[..count]
     }
 
-    /// The numbers of each face's vertices.
+    /// The indices of each face's vertices.
     pub fn corners(&self) -> &[[u32; 3]] {
         &self.corners
     }
 
-    /// Has another corner of each face come first, where `first` says so of its corners: 0, 1 or 2.
+    /// Rotates the corners of each face so that corner `first` of them, 0, 1 or 2, comes first.
     pub fn turn(&mut self, first: impl Fn([Vec3; 3]) -> usize) {
         for face in &mut self.corners {
             let comes_first = first(face.map(|corner| self.vertices[corner as usize]));
@@ -104,7 +104,7 @@ impl Faces {
         }
     }
 
-    /// Puts the third corner of a face on its first, so that it has no area.
+    /// Moves the third corner of a face onto its first, so that it has no area.
     pub fn collapse(&mut self, face: usize) {
         let [first, _, third] = &mut self.corners[face];
         *third = *first;
@@ -119,7 +119,7 @@ impl Faces {
         self.corners[face] = others.corners[face];
     }
 
-    /// Gives all of them one colour.
+    /// Gives all faces one colour.
     pub fn paint(&mut self, colour: Vec3) {
         self.colours.iter_mut().for_each(|(_, of)| *of = colour);
     }
@@ -134,7 +134,7 @@ impl Faces {
         (0..self.len()).map(|face| self.get(face))
     }
 
-    /// The vertices, with the one behind them, and the colours.
+    /// The vertices, with the padding after them, and the colours.
     pub(super) fn parts(&self) -> (&[Vec3], &[ColourRun]) {
         (&self.vertices, &self.colours)
     }
@@ -145,7 +145,7 @@ impl Faces {
     }
 }
 
-/// The colour of a face, and all that have it by the same run.
+/// The colour of a face, and the end of its run.
 pub(super) fn run_of_colour(colours: &[ColourRun], face: usize) -> (Range<usize>, Vec3) {
     let run = colours.partition_point(|(end, _)| *end <= face);
     let (end, colour) = colours[run];

@@ -1,4 +1,4 @@
-//! Guard pages: slices beside which memory must not be touched, and whether a copy of the process survives the attempt.
+//! Guard pages: slices next to inaccessible memory, and whether a copy of the process survives an access.
 
 use std::io;
 use std::ops::{Deref, DerefMut};
@@ -7,7 +7,7 @@ use std::ptr::NonNull;
 
 use super::types::Plain;
 
-/// Where the inaccessible page lies.
+/// The place of the inaccessible page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// Right before the first element.
@@ -16,7 +16,7 @@ pub enum Side {
     After,
 }
 
-/// A slice that begins or ends at a page that must not be touched: reading or writing outside faults at once.
+/// A slice that begins or ends at an inaccessible page: reading or writing outside faults at once.
 pub struct Guarded<T: Plain> {
     mapping: NonNull<libc::c_void>,
     bytes: usize,
@@ -81,7 +81,7 @@ impl<T: Plain> Drop for Guarded<T> {
     }
 }
 
-/// Whether a copy of this process comes back from `action`; false where a fault ends it.
+/// Whether a copy of this process returns from `action`; false if a fault ends it.
 ///
 /// # Safety
 /// `action` only computes: in the copy no other thread runs, so that a lock may never be released.

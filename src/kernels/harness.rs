@@ -16,15 +16,15 @@ pub struct Broken {
 }
 
 impl Broken {
-    /// Whether its instructions are there: one of them needs AVX.
+    /// Whether the CPU has its instructions: one of them needs AVX.
     pub fn usable(&self) -> bool {
         self.breaks != Fault::Upper || vector_bytes() > 16
     }
 
-    /// What a checked call finds.
+    /// The faults found by a checked call.
     ///
     /// # Panics
-    /// Where it is not [`usable`](Broken::usable).
+    /// If it is not [`usable`](Broken::usable).
     pub fn call_checked(&self) -> Result<(), Vec<Fault>> {
         assert!(self.usable());
         // SAFETY: it has no arguments, and what it breaks is put right by the checked call.
@@ -56,7 +56,7 @@ broken! {
 /// An operation that reads one vector past `a`.
 ///
 /// # Safety
-/// For a call that is expected to fault, in a process of its own: what lies behind `a` must not be there.
+/// Only for a call that is expected to fault, in a process of its own: no memory may follow `a`.
 pub unsafe fn broken_read() -> Op<Vec4, Vec4, Vec4> {
     kernel!("rayo_broken_read")
 }
@@ -64,19 +64,19 @@ pub unsafe fn broken_read() -> Op<Vec4, Vec4, Vec4> {
 /// An operation that writes one vector past `out`.
 ///
 /// # Safety
-/// For a call that is expected to fault, in a process of its own: what lies behind `out` must not be there.
+/// Only for a call that is expected to fault, in a process of its own: no memory may follow `out`.
 pub unsafe fn broken_write() -> Op<Vec4, Vec4, Vec4> {
     kernel!("rayo_broken_write")
 }
 
-/// A function without arguments, and what there is to count in it.
+/// A function without arguments, and its instruction counts.
 pub struct Known {
     /// Its symbol.
     pub symbol: &'static str,
     kernel: Kernel<()>,
     /// Instructions between its labels `.body` and `.body_end`.
     pub body: u64,
-    /// How many of those are executed in a call.
+    /// Executions of those in a call.
     pub executed: u64,
     /// Instructions that other functions execute in a call.
     pub elsewhere: u64,
@@ -89,7 +89,7 @@ impl Known {
         unsafe { self.kernel.enter([0; 6]) };
     }
 
-    /// Where it is.
+    /// Its address.
     pub fn address(&self) -> usize {
         self.kernel.address()
     }

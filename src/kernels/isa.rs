@@ -15,7 +15,7 @@ macro_rules! detected {
 
 pub(super) use detected;
 
-/// The highest level of x86-64, by the psABI, all of whose instructions this CPU runs.
+/// The highest level of x86-64, by the psABI, that this CPU supports.
 #[cfg(feature = "lab")]
 pub(super) fn psabi_level() -> u32 {
     let levels = [
@@ -41,7 +41,7 @@ impl Isa {
     /// Every one, narrowest first.
     pub const ALL: [Isa; 3] = [Isa::Sse41, Isa::Avx2, Isa::Avx512];
 
-    /// The name that users type and kernels carry.
+    /// The name that users type and that is part of kernels' symbols.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Sse41 => "sse41",
@@ -55,7 +55,7 @@ impl Isa {
         cfg!(rayo_asm)
     }
 
-    /// Whether this build has its kernels, the CPU has all that they use, and the operating system saves their registers.
+    /// Whether this build has its kernels, the CPU their instructions, and the operating system saves their registers.
     pub fn usable(self) -> bool {
         self.built()
             && match self {

@@ -1,4 +1,4 @@
-//! The rungs of the ladder that are variants of the paper's C and of its SIMD, for experiments alone.
+//! The rungs of the ladder that are variants of the paper's C and of its SIMD, for the experiment alone.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ use super::types::{Frame, Objects, Vec4};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(dead_code, reason = "build.rs says which rungs there are")]
 enum Level {
-    /// What every x86-64 CPU has.
+    /// The level of every x86-64 CPU.
     Base,
-    /// AVX2, FMA and what came with them.
+    /// AVX2, FMA and the rest of their level.
     V3,
     /// AVX-512 with its F, BW, CD, DQ and VL.
     V4,
-    /// What the paper's SIMD needs, and packets of four.
+    /// The level of the paper's SIMD, and of packets of four.
     Sse41,
 }
 
@@ -37,7 +37,7 @@ impl Level {
 pub struct Rung {
     /// Its name in build.rs.
     pub name: &'static str,
-    /// What it was compiled with.
+    /// The level it was compiled for.
     pub flags: &'static str,
     level: Level,
     trace: Trace,
@@ -52,7 +52,7 @@ impl Rung {
     /// As [`Trace::call`].
     ///
     /// # Panics
-    /// As [`Trace::call`]; where there are more than [`MOST`] objects of a kind; where it is not [`Rung::usable`].
+    /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if it is not [`Rung::usable`].
     pub fn call(&self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
         assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
         assert!(objects.spheres.len().max(objects.triangles.len()) <= MOST, "a rung takes {MOST} objects of a kind");

@@ -1,4 +1,4 @@
-//! The program's memory: where there is no more, it ends with a sentence that says how much was asked for, and not by an abort.
+//! The program's memory: if there is none left, it ends with a message that gives the size requested, not by an abort.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -6,23 +6,24 @@ use std::collections::TryReserveError;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
-/// The system's allocator. Who asks by [`try_reserve`] hears that there is no memory; where anybody else does, the process ends.
+/// The system's allocator. [`try_reserve`] returns an error ; any other failed allocation ends the process.
 pub struct Memory;
 
 static LAST_WORK: OnceLock<fn()> = OnceLock::new();
 
 thread_local! {
-    /// Whether this thread is told; and whether it is ending the process.
+    /// Whether this thread handles failures; and whether it is ending the process.
     static IS_TOLD: Cell<bool> = const { Cell::new(false) };
     static IS_ENDING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Has `work` done before a process ends for want of memory; the first one that is given. It has next to none itself.
+/// Registers `work` to be done before a process ends for want of memory; only the first counts. It has little memory
+/// itself.
 pub fn before_the_end(work: fn()) {
     let _ = LAST_WORK.set(work);
 }
 
-/// Makes room for `more` values, of which a user may have asked for more than there is memory for.
+/// Reserves memory for `more` values, which may be more than there is memory for.
 ///
 /// # Errors
 /// If there is none.
@@ -33,7 +34,7 @@ pub fn try_reserve<T>(values: &mut Vec<T>, more: usize) -> Result<(), TryReserve
     reserved
 }
 
-/// What the system has given, which is nothing for those alone who are told.
+/// The allocated memory; ends the process if there is none and the thread does not handle that.
 fn or_end(memory: *mut u8, bytes: usize) -> *mut u8 {
     if memory.is_null() && !IS_TOLD.get() {
         end(bytes);
@@ -43,7 +44,7 @@ fn or_end(memory: *mut u8, bytes: usize) -> *mut u8 {
 
 #[cold]
 fn end(bytes: usize) -> ! {
-    // The last work may ask for memory in vain, too.
+    // The last work may fail to allocate, too.
     if !IS_ENDING.replace(true) {
         let _ = writeln!(io::stderr(), "error: there is no memory for {bytes} bytes");
         if let Some(work) = LAST_WORK.get() {

@@ -4,10 +4,10 @@
 //! that the thread executes in user mode, which the operating system delivers as SIGTRAP. That needs no privilege and no
 //! hardware counter, works for any instruction set, and costs some microseconds a step.
 //!
-//! What is counted: every instruction, once. A string instruction with a repeat prefix is one, however often it repeats.
-//! A system call and the instruction after it count as one, since the CPU clears the flag on the way into the kernel.
+//! Every instruction counts once. A string instruction with a repeat prefix is one, however often it repeats. A system
+//! call and the instruction after it count as one, since the CPU clears the flag on the way into the kernel.
 //!
-//! [`record`] keeps the registers between instructions too, of code that it is told to watch.
+//! For code that it is told to watch, [`record`] also keeps the registers between instructions.
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod recorder;
@@ -27,26 +27,26 @@ pub use recording::{Recording, State, Step, Touched, Visit};
 pub enum Unavailable {
     /// Not Linux on x86-64.
     Platform,
-    /// Another process traces this one and would get the traps instead.
+    /// Another process traces this one and would receive the traps.
     Traced {
         /// The tracing process.
         by: u32,
     },
-    /// The flag was set and nothing happened, as in an emulator that does not know it.
+    /// The flag was set without effect, as in an emulator that does not implement it.
     NoTrap,
     /// Traps came, but not one for each instruction of a known sequence.
     Inexact {
         /// Instructions in the sequence.
         executed: u64,
-        /// Traps that came.
+        /// Traps received.
         counted: u64,
     },
-    /// The traps ceased before the end: what was called starts a thread or a process, which would inherit the flag and die of it,
-    /// or blocks the signal or takes it; or it, or the hypervisor, cleared the flag.
+    /// The traps ceased before the end: the code starts a thread or a process, which would inherit the flag and die of
+    /// it, or blocks or handles the signal; or it, or the hypervisor, cleared the flag.
     Lost,
-    /// There is no memory for what is to be recorded.
+    /// There is no memory for the record.
     Memory {
-        /// How much was asked for.
+        /// The memory requested.
         bytes: usize,
     },
     /// The operating system refused the handler.
@@ -84,24 +84,24 @@ impl fmt::Display for Unavailable {
 
 impl std::error::Error for Unavailable {}
 
-/// What the calls of one function executed.
+/// The instructions that the calls of one function executed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Visits {
-    /// How often the function was called.
+    /// The number of calls.
     pub calls: u64,
-    /// Instructions from its entry to its return, both included, with those of all that it called.
+    /// Instructions from its entry to its return, both included, with those of all functions that it called.
     pub instructions: u64,
-    /// How often the instruction at each byte of the function was executed; 0 for bytes at which none begins.
+    /// The number of executions of the instruction at each byte of the function; 0 for bytes at which none begins.
     pub at: Vec<u64>,
 }
 
 /// The instructions that the thread executes in `action`, the call of the closure itself included.
 ///
 /// # Errors
-/// Where single-stepping is not available or not exact.
+/// If single-stepping is not available or not exact.
 ///
 /// # Panics
-/// Where `action` panics, and where it counts instructions itself.
+/// If `action` panics, or if it counts instructions itself.
 pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::self_test()?;
     imp::run(0, 0, None, action).map(|counts| counts.total)
@@ -109,10 +109,10 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
 
 /// The instructions of the function of `bytes` bytes at `address` and of what it calls, over all its calls in `action`.
 ///
-/// An `address` at which no function begins gives no calls.
+/// There are no calls if no function begins at `address`.
 ///
 /// # Errors
-/// Where single-stepping is not available or not exact.
+/// If single-stepping is not available or not exact.
 ///
 /// # Panics
 /// As [`count_instructions`].
@@ -121,14 +121,14 @@ pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Re
     imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 
-/// That the thread executes instructions at the addresses `watched` in `action`: the first `most` of them, and whether these
-/// are all. After them it goes on without being stepped.
+/// The executions of instructions at the addresses `watched` in `action`: the first `most` of them, and whether these
+/// are all. After them the thread goes on without single-stepping.
 ///
 /// # Errors
-/// Where single-stepping is not available or not exact.
+/// If single-stepping is not available or not exact.
 ///
 /// # Panics
-/// As [`count_instructions`], and where `watched` is no code of this process.
+/// As [`count_instructions`], and if `watched` is not code of this process.
 pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> Result<(Vec<Visit>, bool), Unavailable> {
     imp::self_test()?;
     let mut recorder = Recorder::of_visits(check_code(watched), most)?;
@@ -136,11 +136,11 @@ pub fn visits(watched: &[Range<usize>], most: usize, action: impl FnOnce()) -> R
     Ok(recorder.into_visits())
 }
 
-/// The instructions that the thread executes in `action` at the addresses `watched`, with all registers and what they touch
-/// in memory: of those whose numbers are `wanted`, in ascending order, the first `most`. Memory is taken for so many.
+/// The instructions that the thread executes in `action` at the addresses `watched`, with all registers and the memory
+/// they touch: of those whose indices are `wanted`, in ascending order, the first `most`. Memory is taken for these.
 ///
 /// # Errors
-/// Where single-stepping is not available or not exact.
+/// If single-stepping is not available or not exact.
 ///
 /// # Panics
 /// As [`visits`].
@@ -156,14 +156,14 @@ pub fn record(
     Ok(recorder.into_recording())
 }
 
-/// That there is code in all these ranges, which the handler reads.
+/// Checks that there is code in all these ranges, which the handler reads.
 fn check_code(watched: &[Range<usize>]) -> &[Range<usize>] {
     let is_code = |range: &Range<usize>| code_at(range.start).is_some_and(|code| range.len() <= code.len());
     assert!(watched.iter().all(is_code), "code of this process");
     watched
 }
 
-/// Room for so many of what is to be kept, since the handler takes no memory.
+/// Memory for so many records, since the handler does not allocate.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
     let mut room = Vec::new();
@@ -172,7 +172,7 @@ fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
     Ok(room)
 }
 
-/// What one run counted.
+/// The counts of one run.
 struct Counts {
     total: u64,
     visits: Visits,
@@ -196,12 +196,11 @@ mod imp {
     /// In the flags register.
     pub const TRAP_FLAG: u64 = 0x100;
 
-    /// What the handler and the thread that it interrupts share. They are one thread, so that the order of relaxed
-    /// accesses is that of the program.
+    /// The state shared by the handler and the thread that it interrupts: one thread, with relaxed accesses in order.
     struct Shared {
         /// The address of the instruction that is being executed; 0 before the first.
         current: AtomicUsize,
-        /// Where counting ends.
+        /// The address where counting ends.
         stop: AtomicUsize,
         stopped: AtomicBool,
         traps: AtomicU64,
@@ -209,13 +208,13 @@ mod imp {
         /// The function to watch, 0 for none.
         entry: AtomicUsize,
         bytes: AtomicUsize,
-        /// `bytes` counters.
+        /// Address of `bytes` counters.
         at: AtomicPtr<u64>,
         /// The stack pointer at its entry while it runs; 0 while it does not.
         frame: AtomicUsize,
         calls: AtomicU64,
         instructions: AtomicU64,
-        /// What keeps the registers; null where nobody wants them.
+        /// The recorder; null if registers are not recorded.
         recorder: AtomicPtr<Recorder>,
     }
 
@@ -241,12 +240,12 @@ mod imp {
         static COUNTING: Cell<bool> = const { Cell::new(false) };
     }
 
-    /// Adds 1; one thread writes, so that no locked instruction is needed.
+    /// Adds 1; only one thread writes, so that no locked instruction is needed.
     fn increment(counter: &AtomicU64) {
         counter.store(counter.load(Relaxed) + 1, Relaxed);
     }
 
-    /// Comes after every instruction: counts the one before, and takes the flag away at the end.
+    /// Runs after every instruction: counts the one before, and clears the flag at the end.
     extern "C" fn on_trap(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
         // SAFETY: the operating system gives a handler with SA_SIGINFO a valid siginfo_t.
         if unsafe { (*info).si_code } != libc::TRAP_TRACE {
@@ -301,15 +300,15 @@ mod imp {
             increment(&s.calls);
         }
         let stop = full || rip == s.stop.load(Relaxed);
-        // A panic ends the counting: to step through the making of a backtrace would take minutes.
+        // A panic ends the counting: stepping through the making of a backtrace would take minutes.
         if stop || std::thread::panicking() {
             registers[libc::REG_EFL as usize] &= !(TRAP_FLAG as i64);
             s.stopped.store(stop, Relaxed);
         }
     }
 
-    /// Whether the instruction is a system call after which a trap would end a process: one that starts a thread or a process,
-    /// which has the flag too, or changes what becomes of the signal.
+    /// Whether the instruction is a system call after which a trap would end a process: one that starts a thread or a
+    /// process, which inherits the flag, or changes the handling of the signal.
     ///
     /// # Safety
     /// An instruction begins at `code`.
@@ -342,8 +341,8 @@ mod imp {
         matches!(first, 0xf2 | 0xf3)
     }
 
-    /// Does what is left of a `rep stos` but for its last element, so that filling memory takes two traps and not one for
-    /// each element. Other instructions, and a direction that is downwards, are left to the CPU.
+    /// Does the rest of a `rep stos` except its last element, so that filling memory takes two traps and not one for
+    /// each element. Other instructions, and a downward direction, are left to the CPU.
     ///
     /// # Safety
     /// A repeated instruction begins at `code`, and is about to be executed with `registers`.
@@ -378,7 +377,7 @@ mod imp {
         registers[libc::REG_RCX as usize] = 1;
     }
 
-    /// A closure on its way through `extern "sysv64"`, and what became of it.
+    /// A closure on its way through `extern "sysv64"`, and its outcome.
     struct Action<F> {
         run: Option<F>,
         panicked: Option<Box<dyn Any + Send>>,
@@ -461,7 +460,7 @@ mod imp {
         Ok(Counts { total: s.total.load(Relaxed), visits })
     }
 
-    /// Runs `action` while SIGTRAP comes to [`on_trap`] and is not blocked, and puts both back as they were.
+    /// Runs `action` while SIGTRAP is handled by [`on_trap`] and not blocked, and restores both.
     fn with_handler(action: impl FnOnce()) -> Result<(), Unavailable> {
         let refused = || Unavailable::Handler { errno: std::io::Error::last_os_error().raw_os_error().unwrap_or(0) };
         // SAFETY: a structure of numbers and bits, for which all 0 is a value.
@@ -480,7 +479,7 @@ mod imp {
             if libc::sigaction(libc::SIGTRAP, &handler, old_handler.as_mut_ptr()) != 0 {
                 return Err(refused());
             }
-            // A trap that is blocked would end the process.
+            // A blocked trap would end the process.
             libc::pthread_sigmask(libc::SIG_UNBLOCK, trap.as_ptr(), old_mask.as_mut_ptr());
         }
         action();
@@ -525,7 +524,7 @@ mod imp {
 mod imp {
     use super::{Counts, Range, Recording, Unavailable, Visit};
 
-    /// There is nothing to record.
+    /// Nothing can be recorded here.
     pub struct Recorder;
 
     impl Recorder {
@@ -561,7 +560,7 @@ mod tests {
 
     use super::count_instructions;
 
-    /// Fills `$count` elements by `rep $stos` under the counter, and gives the instructions and the memory around them.
+    /// Fills `$count` elements by `rep $stos` under the counter, and returns instructions and memory around them.
     macro_rules! filled {
         ($stos:literal, $bytes:literal, $direction:literal, $count:expr) => {{
             let mut memory = [0x55_u8; 64];

@@ -1,4 +1,4 @@
-//! What measuring and planning ask of the CPU and the operating system: the time-stamp counter, pinning, pages, what comes next.
+//! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning, pages, prefetching.
 
 use std::io;
 use std::ops::{Deref, DerefMut};
@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 
 use super::types::Plain;
 
-/// The time-stamp counter before what is to be timed: everything earlier is done, nothing later has begun.
+/// The time-stamp counter before timed work: everything earlier is done, nothing later has begun.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn tsc_start() -> u64 {
@@ -21,7 +21,7 @@ pub fn tsc_start() -> u64 {
     }
 }
 
-/// The time-stamp counter after what is to be timed.
+/// The time-stamp counter after timed work.
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub fn tsc_stop() -> u64 {
@@ -43,20 +43,20 @@ pub fn tsc_stop() -> u64 {
     }
 }
 
-/// The core that runs the calling thread at this moment, where the operating system says.
+/// The core that runs the calling thread at this moment, if the operating system reports it.
 #[cfg(target_os = "linux")]
 pub fn current_core() -> Option<usize> {
     // SAFETY: takes nothing, gives a number.
     usize::try_from(unsafe { libc::sched_getcpu() }).ok()
 }
 
-/// The core that runs the calling thread is not known here.
+/// The core that runs the calling thread is unknown on this system.
 #[cfg(not(target_os = "linux"))]
 pub fn current_core() -> Option<usize> {
     None
 }
 
-/// Whether whoever started this process has a signal ignored, as `nohup` has SIGHUP.
+/// Whether this process was started with a signal ignored, as SIGHUP is by `nohup`.
 #[cfg(unix)]
 pub fn is_ignored(signal: i32) -> bool {
     // SAFETY: numbers and an address that may be null, for which all bits 0 are a value.
@@ -69,7 +69,7 @@ pub fn is_ignored(signal: i32) -> bool {
 #[cfg(unix)]
 pub use at_start::is_standard_output_open;
 
-/// Standard output as it was before Rust's runtime opened `/dev/null` in the place of a descriptor that is closed.
+/// Standard output before Rust's runtime opened `/dev/null` in place of a closed descriptor.
 #[cfg(unix)]
 mod at_start {
     use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,42 +82,42 @@ mod at_start {
         IS_OPEN.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
     }
 
-    /// What the system calls before main; `look` needs nothing that main would have to prepare.
+    /// Called by the system before main; `look` needs nothing that main would have to prepare.
     #[used]
     #[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
     #[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
     static LOOK: extern "C" fn() = look;
 
-    /// Whether standard output took anything when the process began. If not, what is printed is lost without an error.
+    /// Whether standard output was open when the process began. If not, printed output is lost without an error.
     pub fn is_standard_output_open() -> bool {
         IS_OPEN.load(Ordering::Relaxed)
     }
 }
 
-/// A closed standard output is not known here.
+/// Whether standard output was closed is unknown on this system.
 #[cfg(not(unix))]
 pub fn is_standard_output_open() -> bool {
     true
 }
 
-/// Lets other threads see what was stored past the cache before what is stored from here on.
+/// Makes streaming stores visible to other threads before any later store.
 #[cfg(target_arch = "x86_64")]
 pub fn store_fence() {
     // SAFETY: every x86-64 CPU has SSE.
     unsafe { std::arch::x86_64::_mm_sfence() }
 }
 
-/// No kernel stores past the cache here.
+/// No kernel has streaming stores here.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn store_fence() {}
 
-/// Keeps the calling thread on the core it is on, and says which that is.
+/// Pins the calling thread to its current core, and returns that.
 pub fn pin_to_this_core() -> io::Result<usize> {
     let core = current_core().ok_or_else(|| io::Error::other("which core this is cannot be known"))?;
     pin_to(core).map(|()| core)
 }
 
-/// Keeps the calling thread on that core.
+/// Pins the calling thread to that core.
 #[cfg(target_os = "linux")]
 pub fn pin_to(core: usize) -> io::Result<()> {
     // SAFETY: a set of bits, for which all 0 is a value.
@@ -134,20 +134,20 @@ pub fn pin_to(core: usize) -> io::Result<()> {
     }
 }
 
-/// Pinning is not known here.
+/// Pinning is not supported on this system.
 #[cfg(not(target_os = "linux"))]
 pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
-/// Room for so many values, on large pages as far as these lie within it.
+/// Memory for so many values, on large pages as far as these lie within it.
 pub fn room<T>(count: usize) -> Vec<T> {
     let mut room = Vec::with_capacity(count);
     large_pages(&mut room);
     room
 }
 
-/// Asks for large pages for the room of a vector, as far as they lie within it. Only a wish: nothing else depends on it.
+/// Requests large pages for the memory of a vector, as far as they lie within it. Only a hint.
 #[cfg(target_os = "linux")]
 fn large_pages<T>(room: &mut Vec<T>) {
     const LARGE: usize = 2 << 20;
@@ -160,11 +160,11 @@ fn large_pages<T>(room: &mut Vec<T>) {
     }
 }
 
-/// Large pages are not known here.
+/// Large pages are not supported on this system.
 #[cfg(not(target_os = "linux"))]
 fn large_pages<T>(_: &mut Vec<T>) {}
 
-/// Asks for what is soon to be read, so that it is in the second level of the core's caches by then. Only a wish, too.
+/// Prefetches what will soon be read into the core's second-level cache. Only a hint, too.
 pub fn ask_for<T>(soon: &[T]) {
     #[cfg(target_arch = "x86_64")]
     for line in soon.as_ptr_range().start.addr() / 64..soon.as_ptr_range().end.addr().div_ceil(64) {
@@ -183,7 +183,7 @@ pub struct Cores(libc::cpu_set_t);
 
 #[cfg(target_os = "linux")]
 impl Cores {
-    /// Those of the calling thread.
+    /// The cores of the calling thread.
     pub fn of_this_thread() -> io::Result<Self> {
         // SAFETY: a set of bits, for which all 0 is a value.
         let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
@@ -194,13 +194,13 @@ impl Cores {
         }
     }
 
-    /// How many there are, at least 1.
+    /// The number of cores, at least 1.
     pub fn count(&self) -> usize {
         // SAFETY: the set was filled when it was made.
         (unsafe { libc::CPU_COUNT(&self.0) }).try_into().unwrap_or(1).max(1)
     }
 
-    /// Lets the calling thread, and those that it will start, run on them.
+    /// Lets the calling thread, and those that it starts from now on, run on them.
     pub fn allow(&self) -> io::Result<()> {
         // SAFETY: 0 is the calling thread, the set is ours and its size is given.
         match unsafe { libc::sched_setaffinity(0, size_of_val(&self.0), &self.0) } {
@@ -210,19 +210,19 @@ impl Cores {
     }
 }
 
-/// Where threads are not pinned, all cores are allowed all the time.
+/// Without pinning, all cores are always allowed.
 #[cfg(not(target_os = "linux"))]
 #[derive(Clone, Copy)]
 pub struct Cores(());
 
 #[cfg(not(target_os = "linux"))]
 impl Cores {
-    /// All of them.
+    /// All cores.
     pub fn of_this_thread() -> io::Result<Self> {
         Ok(Cores(()))
     }
 
-    /// How many there are.
+    /// The number of cores.
     pub fn count(&self) -> usize {
         std::thread::available_parallelism().map_or(1, usize::from)
     }
@@ -233,8 +233,8 @@ impl Cores {
     }
 }
 
-/// The pages that the calling thread (where that is not known, its process) had to be given on first touch or fetched
-/// from disk so far.
+/// The page faults so far of the calling thread (or of its process, if threads are not counted): pages touched for the
+/// first time or read from disk.
 #[cfg(unix)]
 pub fn page_faults() -> u64 {
     #[cfg(target_os = "linux")]
@@ -248,22 +248,22 @@ pub fn page_faults() -> u64 {
     (usage.ru_minflt + usage.ru_majflt).try_into().unwrap_or(0)
 }
 
-/// Page faults are not counted here.
+/// Page faults are not counted on this system.
 #[cfg(not(unix))]
 pub fn page_faults() -> u64 {
     0
 }
 
-/// How often a thread has given a core away.
+/// The context switches of a thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Switches {
-    /// Since it had to.
+    /// Involuntary ones.
     pub forced: u64,
-    /// To wait for something.
+    /// Voluntary ones, to wait.
     pub own: u64,
 }
 
-/// Those of the calling thread so far; none where they are not known thread by thread.
+/// The switches of the calling thread so far; none if they are not counted per thread.
 #[cfg(target_os = "linux")]
 pub fn switches() -> Switches {
     // SAFETY: numbers, for which all bits 0 are a value.
@@ -274,13 +274,13 @@ pub fn switches() -> Switches {
     Switches { forced: count(usage.ru_nivcsw), own: count(usage.ru_nvcsw) }
 }
 
-/// Switches are not known here.
+/// Switches are not counted on this system.
 #[cfg(not(target_os = "linux"))]
 pub fn switches() -> Switches {
     Switches::default()
 }
 
-/// The time that the calling thread has had a core for itself.
+/// The CPU time of the calling thread.
 #[cfg(unix)]
 pub fn thread_cpu_time() -> std::time::Duration {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
@@ -289,7 +289,7 @@ pub fn thread_cpu_time() -> std::time::Duration {
     std::time::Duration::new(time.tv_sec.try_into().unwrap_or(0), time.tv_nsec.try_into().unwrap_or(0))
 }
 
-/// The time that the processes which this one has started and waited for had a core.
+/// The CPU time of the processes that this one has started and waited for.
 #[cfg(unix)]
 pub fn children_cpu_time() -> std::time::Duration {
     // SAFETY: numbers, for which all bits 0 are a value.
@@ -303,13 +303,13 @@ pub fn children_cpu_time() -> std::time::Duration {
     seconds(usage.ru_utime) + seconds(usage.ru_stime)
 }
 
-/// The time of other processes is not known here.
+/// The time of other processes is unknown on this system.
 #[cfg(not(unix))]
 pub fn children_cpu_time() -> std::time::Duration {
     std::time::Duration::ZERO
 }
 
-/// The time of a thread is not known here.
+/// The time of a thread is unknown on this system.
 #[cfg(not(unix))]
 pub fn thread_cpu_time() -> std::time::Duration {
     std::time::Duration::ZERO
@@ -321,8 +321,8 @@ pub const CHAIN_LINKS: u32 = 20;
 /// Nehalem and every AMD core since Zen.
 pub const CHAIN_LATENCY: u32 = 3;
 
-/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the result of the one before: as many times
-/// [`CHAIN_LATENCY`] cycles of the core's clock, whatever the time-stamp counter does meanwhile. `rounds` is at least 1.
+/// `rounds` x [`CHAIN_LINKS`] multiplications, each of which needs the previous result: as many times [`CHAIN_LATENCY`]
+/// cycles of the core's clock, whatever the rate of the time-stamp counter. `rounds` is at least 1.
 #[cfg(target_arch = "x86_64")]
 pub fn multiply_in_chain(rounds: u32) {
     let rounds = rounds.max(1);
@@ -343,18 +343,18 @@ pub fn multiply_in_chain(rounds: u32) {
     }
 }
 
-/// Without a counter there is nothing to hold against it.
+/// Without a counter there is nothing to compare it with.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn multiply_in_chain(_rounds: u32) {}
 
-/// A slice in pages that nobody has touched: the first write to each is a page fault.
+/// A slice in untouched pages: the first write to each is a page fault.
 pub struct Fresh<T: Plain> {
     first: NonNull<T>,
     len: usize,
 }
 
 impl<T: Plain> Fresh<T> {
-    /// Room for `len` values, at least 1, all bits 0.
+    /// Memory for `len` values, at least 1, all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
         let first = pages::map(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?.cast::<T>();
@@ -386,7 +386,7 @@ impl<T: Plain> Drop for Fresh<T> {
     }
 }
 
-/// Pages of one's own from the operating system.
+/// Pages mapped from the operating system.
 #[cfg(unix)]
 mod pages {
     use std::ffi::c_void;
@@ -401,7 +401,7 @@ mod pages {
     }
 
     /// # Safety
-    /// What [`map`] gave, with its length, of which nothing is used any more.
+    /// The result of [`map`], with its length, of which nothing is used any more.
     pub unsafe fn unmap(first: NonNull<c_void>, bytes: usize) {
         // SAFETY: by the contract.
         unsafe { libc::munmap(first.as_ptr(), bytes) };
@@ -421,7 +421,7 @@ mod pages {
     }
     const COMMIT_AND_RESERVE: u32 = 0x1000 | 0x2000;
     const READ_WRITE: u32 = 0x04;
-    /// All of it: the length is then 0.
+    /// The whole of it: the length is then 0.
     const RELEASE: u32 = 0x8000;
 
     pub fn map(bytes: usize) -> io::Result<NonNull<c_void>> {
@@ -431,7 +431,7 @@ mod pages {
     }
 
     /// # Safety
-    /// What [`map`] gave, of which nothing is used any more.
+    /// The result of [`map`], of which nothing is used any more.
     pub unsafe fn unmap(first: NonNull<c_void>, _: usize) {
         // SAFETY: by the contract.
         unsafe { VirtualFree(first.as_ptr(), 0, RELEASE) };

@@ -1,6 +1,6 @@
 //! The packed types that Rust, C and NASM share; layout.inc has their offsets, which records.rs asserts.
 
-/// Types made of numbers alone: every bit pattern is a value, and there is no padding.
+/// Types made only of numbers: every bit pattern is a value, and there is no padding.
 ///
 /// # Safety
 /// Both must hold, so that kernels may write any bits and safe code may read them.
@@ -9,7 +9,7 @@ pub unsafe trait Plain: Copy + 'static {
     const ZERO: Self;
 }
 
-/// Their bytes, in the order of the machine.
+/// Their bytes, in the machine's order.
 pub fn bytes<T: Plain>(values: &[T]) -> &[u8] {
     // SAFETY: no byte of a plain type is padding, and any address is aligned for bytes.
     unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), size_of_val(values)) }
@@ -49,7 +49,7 @@ pub struct Frame {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
 pub struct Light {
-    /// Where it stands.
+    /// Its position.
     pub position: Vec4,
     /// I_L = intensity x colour, finite.
     pub radiance: Vec4,
@@ -83,7 +83,7 @@ pub struct PaperTriangle {
     pub colour: Vec4,
 }
 
-/// What the Lambert term needs to know of a hit.
+/// What the Lambert term needs of a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
 pub struct Surface {

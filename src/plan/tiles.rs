@@ -297,7 +297,7 @@ impl<'a> Binned<'a> {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene`, seen by these rays, on so many threads, with the kernels of bounds, without the omissions in
+    /// Plans `scene`, seen by these rays, on so many threads, with the kernels of bounds, except the omissions in
     /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);

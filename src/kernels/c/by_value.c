@@ -1,6 +1,6 @@
-/* by_value.c - the functions of paper.h kept whole, as the paper's program has them: vectors by value. */
+/* by_value.c - the functions of paper.h, not inlined, as in the paper's program: vectors by value. */
 
-/* For counts alone: build.rs compiles this file once per optimisation level, RAYO_LEVEL, and no engine calls it. */
+/* Only for counts: build.rs compiles this file once per optimisation level, RAYO_LEVEL, and no engine calls it. */
 #define JOIN(level, name) rayo_c_##level##_##name
 #define NAME(level, name) JOIN(level, name)
 /* Hidden, so that a compiler that makes position-independent code may inline one into another; on Windows it may. */
@@ -25,7 +25,7 @@
 #define reflection NAME(RAYO_LEVEL, lambert)
 #include "paper.h"
 
-/* The level of x86-64, by the psABI, that has all that this may use: none has what AMD once had alone. */
+/* The level of x86-64, by the psABI, that covers all instructions used here; no level has AMD's former extensions. */
 const uint32_t NAME(RAYO_LEVEL, needs) =
 #if defined __FMA4__ || defined __XOP__
     5

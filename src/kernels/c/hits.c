@@ -1,4 +1,4 @@
-/* hits.c - what the tracer of trace.c hits, by the same source, for measuring errors: rayo_c_hits. */
+/* hits.c - the surfaces that the tracer of trace.c hits, from the same source, to measure errors: rayo_c_hits. */
 #define HITS
 #define TRACE rayo_c_hits
 #include "trace.c"

@@ -6,7 +6,7 @@
 
 #include "paper.h"
 
-/* The most objects of a kind that a rung takes: its constants lie on the stack. */
+/* The most objects of a kind that a rung takes: its constants are on the stack. */
 enum { MOST = LADDER_MOST };
 
 /* c.c - r^2, the constant of eq. 5. */
@@ -19,7 +19,7 @@ static inline float plane_constant(const triangle *s, vec4 normal) {
     return vec_dot(s->v1, normal);
 }
 
-/* What does not depend on the ray. */
+/* The terms that do not depend on the ray. */
 typedef struct {
     float sphere[MOST];
     vec4 normal[MOST];

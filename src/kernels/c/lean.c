@@ -1,6 +1,6 @@
-/* lean.c - Algorithm 1 without what the paper's SIMD leaves out: r_o, the factor 2 of eq. 5, the distance of a hit. */
-/* t stands for the distance. NEAREST_ONLY 1 shades the nearest hit alone, HOISTED 1 computes once what does not depend
-   on the ray. */
+/* lean.c - Algorithm 1 with the omissions of the paper's SIMD: r_o, the factor 2 of eq. 5, the distance of a hit. */
+/* t stands for the distance. NEAREST_ONLY 1 shades only the nearest hit, HOISTED 1 computes terms that do not depend
+   on the ray only once. */
 #include "ladder.h"
 
 static inline bool sphere_hit_from_origin(vec4 d, const sphere *s, float constant, float *t) {
@@ -44,7 +44,7 @@ static inline vec4 shade_triangle(const lists *s, vec4 d, float t, const triangl
     return shade(s, vec_scale(d, t), vec_normalise(n), o->colour, true);
 }
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
+/* Writes the rows [row, end) to `out`, four floats a pixel.
    There are at most MOST objects of a kind. */
 KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;

@@ -54,15 +54,15 @@ typedef struct {
 #define SAME_SIZE(type, size) static_assert(sizeof(type) == size, #type)
 LAYOUT_CHECKS(SAME_OFFSET, SAME_SIZE)
 
-/* What Rust calls keeps one convention on every system, as `convention!` in src/kernels/checked.rs says. */
+/* Functions called from Rust keep one convention on every system: `convention!` in src/kernels/checked.rs. */
 #ifdef __x86_64__
 #define KERNEL __attribute__((sysv_abi))
 #else
 #define KERNEL
 #endif
 
-/* What the rungs of the ladder vary: CALLS keeps the functions below from being inlined, SQRTF takes roots by sqrtf.
- * by_value.c says by SMALL itself how the functions are declared. */
+/* The options of the ladder's rungs: CALLS keeps the functions below from being inlined, SQRTF takes roots by sqrtf.
+ * by_value.c defines SMALL, the declaration of the functions, itself. */
 #if defined SMALL
 #elif defined CALLS && defined __clang__
 #define SMALL static __attribute__((noinline))

@@ -1,4 +1,4 @@
-/* trace.c - Algorithm 1 of the paper: every candidate nearer than the last one is shaded at once. */
+/* trace.c - Algorithm 1 of the paper: every hit that is the nearest so far is shaded at once. */
 #include "paper.h"
 
 #ifndef TRACE
@@ -6,7 +6,7 @@
 #endif
 
 #ifdef HITS
-/* A pixel is what would be shaded, with the t of the hit in the point's fourth lane. */
+/* A pixel is the surface to be shaded, with the t of the hit in the point's fourth lane. */
 typedef surface pixel_type;
 
 static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided, float t) {
@@ -26,7 +26,7 @@ static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_si
 }
 #endif
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, a pixel each: four floats. */
+/* Writes the rows [row, end) to `out`, pixel by pixel. */
 KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, pixel_type *out) {
     for (; row < end; row++) {
         for (uint64_t col = 0; col < f->width; col++) {

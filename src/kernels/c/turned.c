@@ -1,17 +1,17 @@
-/* turned.c - lean.c turned round: arrays over the pixels of a block in place of a structure per vector. */
+/* turned.c - lean.c transposed: a structure of arrays over the pixels of a block in place of a structure per vector. */
 /* No loop over them has a branch, so that the compiler can vectorise. */
 #include "ladder.h"
 
 enum { BLOCK = 64 };
 
-/* A block of pixels: its rays and their nearest hits so far; `two_sided` is 1 where the surface has no outside. */
+/* A block of pixels: its rays and their nearest hits so far; `two_sided` is 1 for a two-sided surface. */
 typedef struct {
     float x[BLOCK], nearest[BLOCK];
     float nx[BLOCK], ny[BLOCK], nz[BLOCK];
     float red[BLOCK], green[BLOCK], blue[BLOCK], two_sided[BLOCK];
 } block;
 
-/* Both are computed: what only one of them reads or writes would be a branch. */
+/* Both values are computed: a load or store for only one of them would be a branch. */
 static inline float choose(int first, float a, float b) {
     return first ? a : b;
 }
@@ -41,7 +41,7 @@ static inline void meet_sphere(block *restrict b, float y, float z, const sphere
     }
 }
 
-/* Which side of the line through v and w the point is on, against the vertex across: eq. 10. */
+/* Positive if the point is on the same side of the line through v and w as the third vertex, 0 on it: eq. 10. */
 static inline float side(vec4 v, vec4 w, vec4 across, float px, float py, float pz) {
     vec4 edge = vec_sub(w, v);
     vec4 inside = vec_cross(edge, vec_sub(across, v));
@@ -71,7 +71,7 @@ static inline void meet_triangle(block *restrict b, float y, float z, const tria
     }
 }
 
-/* Adds to `light` what the lamps send over the surfaces of the block: eq. 11. */
+/* Adds to `light` what the surfaces of the block reflect: eq. 11. */
 static inline void shade(const block *restrict b, float y, float z, const lists *s, float (*restrict light)[BLOCK]) {
     for (uint64_t i = 0; i < s->light_count; i++) {
         vec4 lamp = s->lights[i].position, radiance = s->lights[i].radiance;
@@ -90,7 +90,7 @@ static inline void shade(const block *restrict b, float y, float z, const lists 
     }
 }
 
-/* Writes the rows from `row` up to, but without, `end` to `out`, four floats a pixel.
+/* Writes the rows [row, end) to `out`, four floats a pixel.
    There are at most MOST objects of a kind. */
 KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, vec4 *out) {
     constants k;
@@ -110,7 +110,7 @@ KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, ve
                 meet_sphere(&b, y, z, &s->spheres[i], k.sphere[i]);
             for (uint64_t i = 0; i < s->triangle_count; i++)
                 meet_triangle(&b, y, z, &s->triangles[i], k.normal[i], k.plane[i]);
-            /* What nothing hits is black wherever it lies, but its squares must be finite. */
+            /* A pixel without a hit is black at any t, but its squares must be finite. */
             for (int j = 0; j < BLOCK; j++)
                 b.nearest[j] = b.nearest[j] < FLT_MAX ? b.nearest[j] : 0;
             shade(&b, y, z, s, light);

@@ -1,4 +1,4 @@
-//! What the handler of traps keeps: registers out of the saved context of a signal, and memory before and after it is touched.
+//! The recorder in the trap handler: registers from a signal's context, and memory before and after an access.
 
 use std::arch::x86_64::__cpuid_count;
 use std::ops::Range;
@@ -16,25 +16,25 @@ const MASKS: u32 = 5;
 const UPPER_ZMM: u32 = 6;
 const HIGH_ZMM: u32 = 7;
 
-/// Bytes of what a stack is of.
+/// Bytes of an element of the stack.
 const WORD: usize = 8;
 
-/// Where the state that XSAVE wrote has a component: its offset by CPUID, leaf 0DH.
+/// The offset of a component in the state that XSAVE wrote, by CPUID, leaf 0DH.
 fn offset_of(component: u32) -> usize {
     __cpuid_count(0xd, component).ebx as usize
 }
 
-/// Keeps what happens in some ranges of addresses.
+/// Records what happens in some ranges of addresses.
 pub struct Recorder {
     watched: Vec<Range<usize>>,
-    /// How many instructions have been executed there.
+    /// The number of instructions executed there.
     executed: u64,
     keeps: Keeps,
 }
 
-/// With room for all that it will hold: the handler takes no memory.
+/// With memory for everything recorded: the handler does not allocate.
 enum Keeps {
-    /// All, but only that they were executed.
+    /// All of them, but only that they were executed.
     Visits(Vec<Visit>),
     /// The registers too.
     Moments(Moments),
@@ -46,7 +46,7 @@ struct Moments {
     most: usize,
     kept: Vec<Moment>,
     left_out: u64,
-    /// The one that is being executed, if it is wanted: its memory is to be read again.
+    /// The instruction being executed, if it is wanted: its memory has to be read again.
     running: Option<Instruction>,
     /// Offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
     offsets: [usize; 4],
@@ -61,7 +61,7 @@ impl Recorder {
         let keeps = Keeps::Moments(Moments {
             wanted: wanted.into(),
             most,
-            // What follows the last of each row of them is kept too.
+            // The moment after the last of each run of them is kept too.
             kept: room(most.saturating_add(1))?,
             left_out: 0,
             running: None,
@@ -70,7 +70,7 @@ impl Recorder {
         Ok(Recorder { watched: watched.into(), executed: 0, keeps })
     }
 
-    /// What was executed, and whether it is all.
+    /// The record, and whether it is complete.
     pub fn into_visits(self) -> (Vec<Visit>, bool) {
         match self.keeps {
             Keeps::Visits(visits) => {
@@ -89,10 +89,10 @@ impl Recorder {
         Recording { moments, executed: self.executed, left_out }
     }
 
-    /// Comes before each instruction, with the context that it interrupted. Gives whether nothing more can be kept.
+    /// Called before each instruction, with the context that it interrupted. Returns whether the record is full.
     ///
     /// # Safety
-    /// The context is that of a trap after an instruction, and its instruction pointer is about to be executed.
+    /// The context is that of a trap after an instruction, and its next instruction is about to be executed.
     pub unsafe fn trap(&mut self, context: &libc::ucontext_t) -> bool {
         let rip = context.uc_mcontext.gregs[libc::REG_RIP as usize] as usize;
         let range = self.watched.iter().find(|range| range.contains(&rip));
@@ -126,7 +126,7 @@ fn decoded(code: &[u8], rip: usize) -> Instruction {
 }
 
 impl Moments {
-    /// As [`Recorder::trap`], of an instruction with that number, if it is watched.
+    /// As [`Recorder::trap`], for an instruction with that number, if it is watched.
     ///
     /// # Safety
     /// As there.
@@ -164,15 +164,15 @@ impl Moments {
     /// The registers of a context.
     ///
     /// # Safety
-    /// The context is that of a signal: behind its pointer lies what the operating system saved of floating point.
+    /// The context is that of a signal: its pointer leads to the floating-point state that the operating system saved.
     unsafe fn state(&self, context: &libc::ucontext_t) -> State {
-        /// Offsets in what FXSAVE writes, and what the operating system writes into the bytes that it leaves alone: a mark
-        /// that the extended state follows.
+        /// Offsets in what FXSAVE writes, and the operating system's mark in the unused bytes that the extended state
+        /// follows.
         const MXCSR: usize = 24;
         const XMM: usize = 160;
         const MARK: usize = 464;
         const IS_EXTENDED: u32 = 0x4650_5853;
-        /// Of the header that follows: which components are there, the others being 0.
+        /// In the header that follows: which components are present; the others are 0.
         const PRESENT: usize = 512;
 
         let registers = &context.uc_mcontext.gregs;
@@ -187,7 +187,7 @@ impl Moments {
         let saved = context.uc_mcontext.fpregs.cast::<u8>().cast_const();
         let [upper_ymm, masks, upper_zmm, high_zmm] = self.offsets;
         // SAFETY: the legacy area is always there, the extended one where it is marked, and each component at its offset in
-        // the standard form, which signals have, where the header says so.
+        // the standard form, which signals use, if the header says so.
         unsafe {
             state.mxcsr = saved.add(MXCSR).cast::<u32>().read_unaligned();
             let copy =
@@ -247,11 +247,11 @@ fn general(context: &libc::ucontext_t) -> [u64; 16] {
     ORDER.map(|register| context.uc_mcontext.gregs[register as usize] as u64)
 }
 
-/// The address and length of what an instruction reads or writes in memory.
+/// The address and length of an instruction's memory operand.
 fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize)> {
     let stack = general[4];
     match instruction.mnemonic() {
-        // These have an address, and touch nothing there.
+        // These have an address, but do not access memory there.
         Mnemonic::Lea | Mnemonic::Nop | Mnemonic::Prefetcht0 | Mnemonic::Prefetcht1 => return None,
         Mnemonic::Push | Mnemonic::Call => return Some((stack.wrapping_sub(WORD as u64), WORD)),
         Mnemonic::Pop | Mnemonic::Ret => return Some((stack, WORD)),
@@ -266,10 +266,10 @@ fn operand(instruction: &Instruction, general: &[u64; 16]) -> Option<(u64, usize
     Some((address, instruction.memory_size().size().min(64)))
 }
 
-/// Copies what an instruction touches at `address`; elements that its mask leaves out stay 0.
+/// Copies an instruction's memory at `address`; elements that its mask excludes stay 0.
 ///
 /// # Safety
-/// It is being executed with the mask registers of `state`, and touches what [`operand`] says.
+/// It is being executed with the mask registers of `state`, and accesses what [`operand`] says.
 unsafe fn touch(instruction: &Instruction, state: &State, address: u64, to: &mut [u8; 64]) {
     let from = address as *const u8;
     let size = instruction.memory_size();

@@ -1,6 +1,6 @@
-//! What single-stepping records of a kernel: registers between instructions, and the memory that each touched.
+//! The records of single-stepping a kernel: registers between instructions, and the memory that each touched.
 
-/// General registers, flags and vectors between two instructions. What a CPU has not is 0.
+/// General registers, flags and vectors between two instructions. Registers that the CPU lacks are 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct State {
     /// rax, rcx, rdx, rbx, rsp, rbp, rsi, rdi, r8 to r15: by their numbers in instructions.
@@ -11,14 +11,14 @@ pub struct State {
     pub flags: u64,
     /// Control and status of floating point.
     pub mxcsr: u32,
-    /// zmm0 to zmm31, of which ymm and xmm are the first bytes.
+    /// zmm0 to zmm31, whose first bytes are ymm and xmm.
     pub vectors: [[u8; 64]; 32],
     /// k0 to k7.
     pub masks: [u64; 8],
 }
 
-/// The memory that an instruction reads or writes, of which it has one operand at most; of `push`, `pop`, `call` and `ret` the
-/// stack. Elements that a mask leaves out are 0 in both, since nobody may touch them.
+/// The memory that an instruction reads or writes, which is at most one operand; for `push`, `pop`, `call` and `ret`
+/// the stack. Elements that a mask excludes are 0 in both, since they may not be touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Touched {
     /// The address of its first byte.
@@ -31,25 +31,25 @@ pub struct Touched {
     pub after: [u8; 64],
 }
 
-/// An instruction on its way: what it finds, and what it touches.
+/// An instruction in progress: its input, and the memory that it touches.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
-    /// Before it.
+    /// The registers before it.
     pub state: State,
-    /// The how many-th it is of those that are watched; None: it is not wanted.
+    /// Its index among the watched instructions; None if it is not wanted.
     pub number: Option<u64>,
-    /// Its bytes, and what follows them.
+    /// Its bytes, and those after them.
     pub code: [u8; 16],
-    /// What it touches in memory.
+    /// The memory that it touches.
     pub touched: Option<Touched>,
 }
 
-/// That an instruction was executed.
+/// An execution of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Visit {
     /// Its address.
     pub rip: u64,
-    /// The memory that it reads or writes: the address, and how many bytes, 0 for none.
+    /// The memory that it reads or writes: the address, and the number of bytes, 0 for none.
     pub address: u64,
     /// See `address`.
     pub bytes: u8,
@@ -58,25 +58,25 @@ pub struct Visit {
 /// An instruction that was executed.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// The how many-th it is of those that are watched, from 0 on.
+    /// Its index among the watched instructions, from 0.
     pub number: u64,
-    /// The registers that it found.
+    /// The registers before it.
     pub before: &'a State,
-    /// And left.
+    /// The registers after it.
     pub after: &'a State,
-    /// Its bytes, and what follows them.
+    /// Its bytes, and those after them.
     pub code: &'a [u8; 16],
     /// The memory that it read or wrote.
     pub touched: Option<&'a Touched>,
 }
 
-/// Instructions that a thread executed in code that was watched.
+/// The instructions that a thread executed in watched code.
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub(super) moments: Vec<Moment>,
-    /// How many there were in all.
+    /// The number of all of them.
     pub executed: u64,
-    /// Those that were wanted and are not recorded, since there were more than the most that one asked for.
+    /// The number of wanted instructions that are not recorded, beyond the most requested.
     pub left_out: u64,
 }
 
