@@ -13,10 +13,10 @@ use super::tiles::{
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
 use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
 
-/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes what all symbols begin with, what
-/// those add that have estimates, how those of equal channels are called, and the lanes of a packet, and whether a product and a sum
-/// are rounded once there. After a name may stand `fast`,
-/// which adds the former, `grey`, which is the latter, or another table.
+/// Declares tables of kernels, and macros of the same names that make one. Such a macro takes the prefix of all
+/// symbols, the suffix of those with estimates, the name of those for equal channels, the lanes of a packet, and
+/// whether products and sums are fused. After a name, `fast` adds the suffix, `grey` is that name, or another table
+/// follows.
 macro_rules! tables {
     ($d:tt $(
         $(#[$doc:meta])*
@@ -30,7 +30,7 @@ macro_rules! tables {
             $(
                 /// Rays in lockstep.
                 pub $lanes: usize,
-                /// Whether a product that is added to something is rounded with the sum alone.
+                /// Whether a product and a sum are rounded only once.
                 pub fused: bool,
             )?
             $($(#[$field_doc])* pub $field: $type,)*
@@ -72,7 +72,7 @@ macro_rules! tables {
 }
 
 tables! { $
-    /// What a sphere from outside under one light has in all outputs. The light does not exceed white.
+    /// The kernels of a sphere seen from outside under one light, for all outputs. The light does not exceed white.
     struct LitBodies<E: Element> {
         /// To linear floats, four a pixel.
         f32x4: ShadeRows<E, Vec4> = "_f32x4";
@@ -82,7 +82,7 @@ tables! { $
         f32x3: ShadeRows<E, F32x3> = "_f32x3";
         /// The same with estimates (in f64: as `f32x3`).
         f32x3_fast: ShadeRows<E, F32x3> = "_f32x3" fast;
-        /// To 8-bit levels (with estimates where there are good ones), four a pixel.
+        /// To 8-bit levels (with estimates if they are accurate enough), four a pixel.
         rgba8: ShadeRows<E, Rgba8> = "_rgba8";
         /// The same, three a pixel.
         rgb8: ShadeRows<E, Rgb8> = "_rgb8";
@@ -90,19 +90,19 @@ tables! { $
 
     /// The kernels that trace tile by tile.
     struct TileKernels<E: Element> {
-        /// Triangles to planes.
+        /// Finds the nearest triangles.
         set_up: SetUp<E> = "set_up";
         /// The nearest of triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
-        /// The nearest wall of a sphere around the camera or beside it.
+        /// The hierarchical depth of a tile.
         around: Around<E> = "around";
-        /// What is farthest in each part of a tile.
+        /// Sets up spheres as planes.
         farthest: Farthest<E> = "farthest";
         /// Spheres to planes.
         sphere_set_up: SphereSetUp<E> = "sphere_set_up";
-        /// The nearest of spheres.
+        /// Finds the nearest spheres.
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
-        /// Spheres to what shades them.
+        /// Makes the shading records of spheres.
         sphere_shading: SphereShading<E> = "sphere_shading";
         /// To linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
@@ -114,13 +114,13 @@ tables! { $
 
     /// All packet kernels of an ISA for one element type.
     struct ElementKernels<E: Element> [lanes] {
-        /// The rows of a sphere from outside under one light, short form.
+        /// The rows of a sphere seen from outside under one light, for the short form.
         lit_rows: RowSetup<E> = "lit_rows";
         /// Shades such rows.
         lit: LitBodies<E> = "lit" LitBodies;
-        /// The same where the three weights are equal (in f64: as `lit`).
+        /// The same if the three weights are equal (in f64: as `lit`).
         grey: LitBodies<E> = "" grey;
-        /// All others, tile by tile.
+        /// All other scenes, tile by tile.
         tiles: TileKernels<E> = "" TileKernels;
     }
 
@@ -130,19 +130,19 @@ tables! { $
         single: ElementKernels<f32> = "single_" single;
         /// On f64.
         double: ElementKernels<f64> = "double_" double;
-        /// What no ray hits.
+        /// Fills with a background.
         fill: Fill = "fill";
         /// From four bytes a pixel to three.
         narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
         /// From four floats a pixel to three.
         narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
-        /// Which pixels triangles can cover.
+        /// The bounds of triangles.
         bounds: Bounds<Triangle> = "bounds";
-        /// Which pixels spheres can cover.
+        /// The bounds of spheres.
         sphere_bounds: Bounds<Sphere> = "sphere_bounds";
-        /// Which objects of a tile go first.
+        /// Partitions the objects of a tile into nearer and farther ones.
         nearer_half: NearerHalf = "nearer_half";
-        /// Which objects of a tile are not hidden.
+        /// Culls the hidden objects of a tile.
         visible: Visible = "visible";
     }
 }
@@ -154,17 +154,17 @@ static PACKETS: [PacketKernels; 3] = [
     PacketKernels!("rayo_avx512_", "", "", (16, true)),
 ];
 
-/// The packet kernels of an ISA. None where the CPU or the operating system does not run it.
+/// The packet kernels of an ISA. None if the CPU or the operating system does not support it.
 pub fn packets(isa: Isa) -> Option<&'static PacketKernels> {
     isa.usable().then(|| &PACKETS[isa as usize])
 }
 
-/// The symbols of all packet kernels in this build, whether this CPU runs them or not.
+/// The symbols of all packet kernels in this build, whether this CPU supports them or not.
 pub fn packet_symbols() -> BTreeSet<&'static str> {
     PACKETS.iter().flat_map(PacketKernels::symbols).collect()
 }
 
-/// Declares the table of the kernels that hold one vector in one register, and makes one from what their symbols begin with.
+/// Declares the table of kernels that hold one vector in one register, and makes one from its symbols' prefix.
 macro_rules! operations {
     ($d:tt $($(#[$doc:meta])* $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty;)*) => {
         /// Kernels that hold one vector in one register: the paper's operations, its intersections, its tracer.
@@ -211,9 +211,9 @@ operations! { $
     sphere: Sphere(Vec4, PaperSphere) -> f32;
     /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
     triangle: Triangle(Vec4, PaperTriangle) -> f32;
-    /// What the light b adds to the surface a on the side of its normal: eq. 11.
+    /// The light that b adds to the surface a on the side of its normal: eq. 11.
     lambert: Lambert(Surface, Light) -> Vec4;
-    /// The same where the surface has two sides.
+    /// The same for a two-sided surface.
     lambert2: Lambert(Surface, Light) -> Vec4;
 }
 
@@ -223,38 +223,38 @@ static AOS: AosKernels = aos_kernels!(rayo_asm, "rayo_aos_");
 static C_HITS: Hits = kernel!(rayo_c, "rayo_c_hits");
 static PAPER_HITS: Hits = kernel!("rayo_paper_hits");
 
-/// The paper's C, as the compiler makes it at -O3. None where this build has no C.
+/// The paper's C, compiled at -O3. None if this build has no C.
 pub fn c() -> Option<&'static AosKernels> {
     cfg!(rayo_c).then_some(&C)
 }
 
-/// The paper's macros, in the forms that the paper counts. None where the CPU lacks SSE4.1.
+/// The paper's macros, in the forms that the paper counts. None if the CPU lacks SSE4.1.
 pub fn paper() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&PAPER)
 }
 
-/// The same kernels with the best forms of dot, norm and cross that we know. None where the CPU lacks SSE4.1.
+/// The same kernels with the best forms of dot, norm and cross that we know. None if the CPU lacks SSE4.1.
 pub fn aos() -> Option<&'static AosKernels> {
     Isa::Sse41.usable().then_some(&AOS)
 }
 
-/// What the tracer of [`c()`] hits. None where this build has no C.
+/// The surfaces that the tracer of [`c()`] hits. None if this build has no C.
 pub fn hits_of_c() -> Option<Hits> {
     cfg!(rayo_c).then_some(C_HITS)
 }
 
-/// What the tracer of [`paper`] hits. None where the CPU lacks SSE4.1.
+/// The surfaces that the tracer of [`paper`] hits. None if the CPU lacks SSE4.1.
 pub fn hits_of_paper() -> Option<Hits> {
     Isa::Sse41.usable().then_some(PAPER_HITS)
 }
 
-/// Numbers of a record.
+/// The number of elements in a record.
 const fn numbers<R>() -> usize {
     size_of::<R>() / size_of::<f32>()
 }
 
-/// Makes macros for tables of operations: `packet_ops`, from what their symbols begin with and the lanes of a packet, and
-/// `chains`, from what theirs begin with and what follows the operation's name.
+/// Makes macros for tables of operations: `packet_ops`, from the prefix of their symbols and the lanes of a packet, and
+/// `chains`, from the prefix of theirs and the suffix after the operation's name.
 macro_rules! operations_on_packets {
     ($d:tt $($name:literal: $b:literal, $record:expr => $out:literal;)*) => {
         macro_rules! packet_ops {
@@ -280,7 +280,7 @@ macro_rules! operations_on_packets {
     };
 }
 
-// Their names; numbers of b for each vector, and of its record; and numbers of the result for each vector.
+// Their names; the elements of b for each vector, and of its record; and the elements of the result for each vector.
 operations_on_packets! { $
     "add": 3, 0 => 3;
     "sub": 3, 0 => 3;
@@ -315,7 +315,7 @@ static PACKET_CHAINS: [PacketChains; 3] =
 static PAPER_CHAINS: [Chains; OPS] = chains!("rayo_paper_", "");
 static AOS_CHAINS: [Chains; OPS] = chains!("rayo_aos_", "");
 
-/// What leads a result back to an operand in the chains of latency of one vector, alone. It needs no more than x86-64 has.
+/// The feedback of the latency chains of one vector, alone. It needs no more than x86-64.
 pub static FEEDBACK: Chain = kernel!("rayo_feedback_latency");
 
 /// An element type that has operations on packets.
@@ -337,27 +337,27 @@ impl PacketElement for f64 {
     }
 }
 
-/// The packet operations of an ISA. None where the CPU or the operating system does not run it.
+/// The packet operations of an ISA. None if the CPU or the operating system does not support it.
 pub fn packet_ops<E: PacketElement>(isa: Isa) -> Option<&'static [PacketOp<E>]> {
     E::table(isa)
 }
 
-/// The symbols of all packet operations in this build, whether this CPU runs them or not.
+/// The symbols of all packet operations in this build, whether this CPU supports them or not.
 pub fn packet_op_symbols() -> impl Iterator<Item = &'static str> {
     SINGLE.iter().flatten().map(PacketOp::symbol).chain(DOUBLE.iter().flatten().map(PacketOp::symbol))
 }
 
-/// Chains of the operations on packets. None where the CPU or the operating system does not run the ISA.
+/// Chains of the operations on packets. None if the CPU or the operating system does not support the ISA.
 pub fn chains_of_packets(isa: Isa) -> Option<&'static PacketChains> {
     isa.usable().then(|| &PACKET_CHAINS[isa as usize])
 }
 
-/// Chains of the forms that the paper counts. None where the CPU lacks SSE4.1.
+/// Chains of the forms that the paper counts. None if the CPU lacks SSE4.1.
 pub fn chains_of_paper() -> Option<&'static [Chains]> {
     Isa::Sse41.usable().then_some(&PAPER_CHAINS)
 }
 
-/// Chains of the best forms. None where the CPU lacks SSE4.1.
+/// Chains of the best forms. None if the CPU lacks SSE4.1.
 pub fn chains_of_aos() -> Option<&'static [Chains]> {
     Isa::Sse41.usable().then_some(&AOS_CHAINS)
 }

@@ -1,4 +1,4 @@
-//! A kernel and its calls, checked and not: an entry of `kinds!` says what a kind takes, and how that gets into registers.
+//! A kernel and its calls, checked and not: an entry of `kinds!` defines the arguments of a kind and their registers.
 
 use std::cell::Cell;
 use std::convert::Infallible;
@@ -8,16 +8,16 @@ use super::checked::{self, Code, Fault, Registers};
 
 /// A kind of kernels, as `kinds!` defines it.
 pub trait Kind {
-    /// What a kernel of the kind is in Rust, where there may be such.
+    /// The type of the kind's functions in Rust, if there may be any.
     type Function: Copy;
 }
 
-/// What takes nothing.
+/// A kind without arguments.
 impl Kind for () {
     type Function = Infallible;
 }
 
-/// What takes elements, as others say.
+/// A kind on elements, defined by other types.
 impl<E> Kind for PhantomData<E> {
     type Function = Infallible;
 }
@@ -36,7 +36,7 @@ impl<K: Kind> Clone for Kernel<K> {
 
 impl<K: Kind> Copy for Kernel<K> {}
 
-/// What does a kernel's work: code that reads registers, or a function.
+/// The implementation of a kernel: code that reads registers, or a function.
 #[derive(Clone, Copy)]
 pub(super) enum Way<C, B> {
     Code(C),
@@ -50,12 +50,12 @@ thread_local! {
 
 impl<K: Kind> Kernel<K> {
     /// # Safety
-    /// `code` takes what `kinds!` says of `K`, and is handed out only where the CPU runs it.
+    /// `code` takes what `kinds!` defines for `K`, and is handed out only if the CPU supports it.
     pub(super) const unsafe fn new(code: Code, symbol: &'static str) -> Self {
         Kernel { way: Way::Code(code), symbol }
     }
 
-    /// One that a function is.
+    /// A kernel that is a function.
     pub(super) const fn in_rust(function: K::Function, symbol: &'static str) -> Self {
         Kernel { way: Way::Rust(function), symbol }
     }
@@ -70,10 +70,10 @@ impl<K: Kind> Kernel<K> {
         vec![self.symbol]
     }
 
-    /// How it is called.
+    /// Its implementation, ready to be called.
     ///
     /// # Safety
-    /// Code is called with registers that hold what its kind takes.
+    /// Code is called with registers that hold the arguments of its kind.
     #[inline]
     pub(super) unsafe fn way(&self) -> Way<impl FnOnce(Registers) -> u64, K::Function> {
         match self.way {
@@ -83,7 +83,7 @@ impl<K: Kind> Kernel<K> {
         }
     }
 
-    /// The same, with a look at whether it keeps the calling convention. For functions in Rust the compiler does.
+    /// The same, with a check whether it keeps the calling convention: functions in Rust do.
     ///
     /// # Safety
     /// As that of [`Kernel::way`].
@@ -106,7 +106,7 @@ impl<K: Kind> Kernel<K> {
     }
 }
 
-/// What is found of a call, when it is made.
+/// The result of the check, after a call.
 pub(super) type Kept = Option<Result<(), Vec<Fault>>>;
 
 impl<K: Kind<Function = Infallible>> Kernel<K> {
@@ -116,22 +116,22 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
         code
     }
 
-    /// Where its code is.
+    /// The address of its code.
     pub fn address(&self) -> usize {
         self.code() as usize
     }
 
-    /// Calls it, and gives the result.
+    /// Calls it, and returns the result.
     ///
     /// # Safety
-    /// The registers hold what its kind takes.
+    /// The registers hold the arguments of its kind.
     #[inline]
     pub(super) unsafe fn enter(&self, registers: Registers) -> u64 {
         // SAFETY: as here.
         unsafe { enter(self.code(), self.symbol, registers) }
     }
 
-    /// As [`Kernel::enter`], with a look at whether it keeps the calling convention.
+    /// As [`Kernel::enter`], with a check whether it keeps the calling convention.
     ///
     /// # Safety
     /// As that of [`Kernel::enter`].
@@ -141,10 +141,10 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
     }
 }
 
-/// Calls a kernel, and gives the result.
+/// Calls a kernel, and returns the result.
 ///
 /// # Safety
-/// The registers hold what its kind takes.
+/// The registers hold the arguments of its kind.
 #[inline]
 unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
     if WITHOUT_DENORMALS.get() {
@@ -156,7 +156,7 @@ unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
     unsafe { code(a, b, c, d, e, f) }
 }
 
-/// As [`enter`]: one copy of what is hardly ever done.
+/// As [`enter`], out of line, for a rare case.
 ///
 /// # Safety
 /// As that of [`enter`].
@@ -169,10 +169,10 @@ unsafe fn enter_without_denormals(code: Code, symbol: &'static str, registers: R
     result
 }
 
-/// Does `work` with all foreign code that this thread calls in it checked, and with denormal numbers switched off in them, in and out
-/// (DAZ and FTZ of MXCSR): to show that nothing depends on these.
+/// Does `work` with all foreign code that this thread calls in it checked, and with denormal numbers switched off in
+/// it, as results and operands (FTZ and DAZ of MXCSR): to show that nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
-    /// Puts back what was, after a panic too.
+    /// Restores the setting, after a panic too.
     struct Restore(bool);
     impl Drop for Restore {
         fn drop(&mut self) {
@@ -183,7 +183,7 @@ pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// The kernel of that symbol, of the kind that its place asks for: in assembly (`rayo_asm`), or in C (`rayo_c`).
+/// The kernel with that symbol, of the kind that its place requires: in assembly (`rayo_asm`), or in C (`rayo_c`).
 macro_rules! kernel {
     ($built:ident, $symbol:expr) => {{
         #[cfg($built)]
@@ -202,19 +202,19 @@ macro_rules! kernel {
     };
 }
 
-/// The address of what a kernel reads.
+/// The address of an argument that a kernel reads.
 pub(super) fn reads<T: ?Sized>(from: *const T) -> u64 {
     from.cast::<()>() as u64
 }
 
-/// The address of what a kernel writes, or reads and writes.
+/// The address of an argument that a kernel writes, or reads and writes.
 pub(super) fn writes<T: ?Sized>(to: *mut T) -> u64 {
     to.cast::<()>() as u64
 }
 
-/// Defines kinds of kernels: what each takes in Rust; what a function in Rust that is one takes, where there may be such; and
-/// `|way|`, how it is called with that, as code or as a function. A block must prove that what it calls code with is what
-/// kernels of the kind ask for: addresses, alignment and lengths. It may do without the call where there is nothing to do.
+/// Defines kinds of kernels: the arguments of each in Rust; those of a function in Rust, if there may be one; and
+/// `|way|`, how code or a function is called with them. A block must prove that the arguments of code are what kernels
+/// of the kind require: addresses, alignment and lengths. It may skip the call if there is nothing to do.
 macro_rules! kinds {
     ($(
         $(#[$doc:meta])*
@@ -223,7 +223,7 @@ macro_rules! kinds {
         $(#[$call_doc:meta])*
         fn $call:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)?; |$way:ident| $block:block
     )*) => {
-        /// What tells kinds of kernels apart.
+        /// Tells kinds of kernels apart.
         mod kind {
             $(pub struct $kind $(<$($parameter),+>(std::marker::PhantomData<fn($($parameter),+)>))?;)*
         }
@@ -254,10 +254,10 @@ macro_rules! kinds {
                     Self::with($($argument,)* unsafe { self.way() })
                 }
 
-                /// The same call, with a look at whether the kernel keeps the calling convention.
+                /// The same call, with a check whether the kernel keeps the calling convention.
                 ///
                 /// # Panics
-                /// As the call that is not checked; and where there is nothing to do, so that nothing would be checked.
+                /// As the unchecked call; and if there is nothing to do, so that nothing would be checked.
                 pub fn call_checked(
                     &self,
                     $($argument: $type),*

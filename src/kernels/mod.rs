@@ -62,7 +62,7 @@ pub use tiles::{
 pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
-/// The objects that build.rs assembled and compiled, by the names of their sources, for those who want to disassemble them.
+/// The objects that build.rs assembled and compiled, by the names of their sources, to be disassembled.
 #[cfg(feature = "lab")]
 pub static OBJECTS: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/objects.rs"));
 

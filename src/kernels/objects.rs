@@ -1,4 +1,4 @@
-//! The objects of a scene as the tile kernels read them: spheres, and triangles that share their corners or do not.
+//! The objects of a scene as the tile kernels read them: spheres, and triangles with or without shared corners.
 
 use std::ops::Range;
 
@@ -8,23 +8,24 @@ use super::faces::{ColourRun, Faces, run_of_colour};
 use super::kernel::reads;
 use super::records::{Candidate, Sphere, Triangle};
 
-/// Some [`Faces`], one after another.
+/// A range of [`Faces`].
 #[derive(Clone, Copy, Debug)]
 pub struct FacePart<'a> {
-    /// And one more behind them.
+    /// Including the one of padding after them.
     vertices: &'a [Vec3],
-    /// None of them has that one.
+    /// None of them is that one.
     corners: &'a [[u32; 3]],
     colours: &'a [ColourRun],
-    /// The number of the first of them among those that the colours are of.
+    /// The index of the first of these faces among those of the colours.
     first: usize,
 }
 
 impl<'a> FacePart<'a> {
-    /// Of `vertices` but for the last, which none of the `corners` may be, nor one past [`Faces::MOST_VERTICES`].
+    /// Faces of all `vertices` but the last, which is padding. `corners` may not contain its index, nor one beyond
+    /// [`Faces::MOST_VERTICES`].
     ///
     /// # Panics
-    /// If one is.
+    /// If they do.
     pub fn new(vertices: &'a [Vec3], corners: &'a [[u32; 3]], colours: &'a [ColourRun]) -> Self {
         let most = corners.as_flattened().iter().copied().reduce(u32::max);
         let past = vertices.len().min(Faces::MOST_VERTICES + 1);
@@ -32,12 +33,12 @@ impl<'a> FacePart<'a> {
         FacePart { vertices, corners, colours, first: 0 }
     }
 
-    /// Writes the colours of those that are `seen`, a channel after another, as bits.
+    /// Writes the colours of the `seen` candidates, one channel after another, as bits.
     pub(super) fn paint(&self, candidates: &[Candidate], channels: [&mut [u32]; 3]) {
         let number = |candidate: &Candidate| self.first + candidate.id as usize;
         let Some(first) = candidates.first() else { return };
         let (run, colour) = run_of_colour(self.colours, number(first));
-        // Nearly always they have one.
+        // Nearly always they have the same.
         if self.colours.len() == 1 || candidates.iter().all(|candidate| run.contains(&number(candidate))) {
             let colour = colour.to_array().map(f32::to_bits);
             return channels.into_iter().zip(colour).for_each(|(channel, of)| channel[..candidates.len()].fill(of));
@@ -57,7 +58,7 @@ impl<'a> From<&'a Faces> for FacePart<'a> {
     }
 }
 
-/// Triangles of a scene, one after another.
+/// A range of a scene's triangles.
 #[derive(Clone, Copy, Debug)]
 pub enum TriangleList<'a> {
     /// Each with corners of its own.
@@ -66,26 +67,26 @@ pub enum TriangleList<'a> {
     Joined(FacePart<'a>),
 }
 
-/// Objects of one kind, one after another, as a scene has them and kernels read them.
+/// A range of objects of one kind, as a scene has them and kernels read them.
 ///
 /// # Safety
-/// At the first of the addresses are as many objects as [`ObjectList::len`] says, as the kernels that take the kind read them; if
-/// these are faces, their vertices are at the second, with 4 bytes more, and otherwise that is 0.
+/// At the first address are [`ObjectList::len`] objects, as the kernels of this kind read them; if these are faces, the
+/// second is that of their vertices, followed by 4 readable bytes, and otherwise 0.
 pub unsafe trait ObjectList: Copy + Send + Sync {
-    /// One of them.
+    /// An object.
     type Object;
-    /// How many there are.
+    /// The number of objects.
     fn len(self) -> usize;
-    /// Some of them.
+    /// A part of them.
     fn part(self, range: Range<usize>) -> Self;
-    /// One of them.
+    /// The object at an index.
     fn get(self, at: usize) -> Self::Object;
-    /// Where they are, and their vertices.
+    /// The addresses of the objects and of their vertices.
     fn addresses(self) -> [u64; 2];
-    /// Colours that kernels do not see.
+    /// Colours that kernels do not read.
     fn colours(self) -> impl Iterator<Item = Vec3>;
 
-    /// Whether there are none.
+    /// Whether it is empty.
     fn is_empty(self) -> bool {
         self.len() == 0
     }
@@ -112,7 +113,7 @@ unsafe impl ObjectList for &[Sphere] {
 }
 
 impl TriangleList<'_> {
-    /// The corners of one.
+    /// The corners of a triangle.
     #[inline]
     pub(super) fn vertices(&self, at: usize) -> [Vec3; 3] {
         match self {

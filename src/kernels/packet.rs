@@ -1,4 +1,4 @@
-//! What the packet kernels take that make rows of pixels.
+//! The arguments of the packet kernels that make rows of pixels.
 
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
@@ -11,8 +11,8 @@ pub type Rgb8 = [u8; 3];
 /// Pixels of three floats: linear red, green, blue.
 pub type F32x3 = [f32; 3];
 
-// The references prove addresses and lengths; kernels read records and lights and write what is handed to them as `&mut`
-// alone, of which any bits are values.
+// The references prove addresses and lengths; kernels read records and lights and write only what is passed as `&mut`,
+// for which any bits are values.
 kinds! {
     /// Finds the rows of a sphere under one light.
     RowSetup<E: Element> as fn(&LitSetup<f64>, u32, usize, &mut LitRows<E>);
@@ -20,7 +20,7 @@ kinds! {
     /// Sets the first `count` of `rows`, which are the picture's rows from `first` on.
     ///
     /// # Panics
-    /// Where there is no room for as many.
+    /// If there is no room for as many.
     fn call(setup: &LitSetup<f64>, first: u32, count: usize, rows: &mut LitRows<E>); |way| {
         assert!(count <= LIT_ROWS, "{count} rows do not fit");
         if count > 0 {
@@ -32,15 +32,15 @@ kinds! {
         }
     }
 
-    /// Makes whole rows of a picture in which there is one sphere under one light.
+    /// Renders whole rows of a picture of one sphere under one light.
     ShadeRows<E: Element, P> as fn(&LitSphere<E>, &LitRows<E>, &mut [P], usize);
 
-    /// Makes the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past the cache, where the
-    /// output can.
+    /// Renders the rows of `out`, each `width` pixels, from as many of `rows`. `streaming`: past the cache, if
+    /// possible.
     ///
     /// # Panics
-    /// Where `out` is of numbers of 32 bits and not aligned to these, has no whole number of rows or more than there are,
-    /// or where one of the spans does not lie in its row.
+    /// If `out` is of 32-bit numbers and not aligned to these, is not a whole number of rows or more than there are, or
+    /// if a span does not lie in its row.
     fn call(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool); |way| {
         if !out.is_empty() {
             assert!(is_aligned(out), "pixels must be aligned to 4 bytes");
@@ -61,13 +61,13 @@ kinds! {
         }
     }
 
-    /// Leaves out the fourth channel.
+    /// Drops the fourth channel.
     Narrow<Four, Three> as fn(&[Four], &mut [Three]);
 
     /// Makes the pixels of `three` from those of `four`.
     ///
     /// # Panics
-    /// Where these are not as many.
+    /// If their numbers differ.
     fn call(four: &[Four], three: &mut [Three]); |way| {
         assert_eq!(four.len(), three.len(), "each pixel is made from one");
         if !three.is_empty() {
@@ -78,7 +78,7 @@ kinds! {
         }
     }
 
-    /// Writes one pattern over many pixels.
+    /// Fills many pixels with one pattern.
     Fill as fn(&mut [u32], u32);
 
     /// Writes `pattern` to all of `out`. `streaming`: past the cache.
@@ -93,7 +93,7 @@ kinds! {
     }
 }
 
-/// Whether pixels of numbers of 32 bits are aligned to these, as all other pixels are.
+/// Whether pixels of 32-bit numbers are aligned to these; all others are.
 fn is_aligned<P>(out: &[P]) -> bool {
     !size_of::<P>().is_multiple_of(4) || out.as_ptr().cast::<u32>().is_aligned()
 }
@@ -124,7 +124,7 @@ impl Fill {
     fn fill<T: Plain>(&self, out: &mut [T], value: T, pattern: u32, streaming: bool) {
         // SAFETY: any bits are numbers of 32 bits, and any of these are a Plain type.
         let (before, numbers, after) = unsafe { out.align_to_mut() };
-        // All of it, where no value begins at a number.
+        // All of it, if no value begins at a 32-bit number.
         before.fill(value);
         self.call(numbers, pattern, streaming);
         after.fill(value);

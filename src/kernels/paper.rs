@@ -1,4 +1,4 @@
-//! What the paper's kernels take: its operations, and its Algorithm 1 over rows.
+//! The arguments of the paper's kernels: its operations, and its Algorithm 1 over rows.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ kinds! {
     /// Writes the result for `a` and `b` to `out`.
     fn call_into(out: &mut O, a: &A, b: &B); |way| {
         let Way::Code(enter) = way;
-        // One value of each type, any bits of which are one.
+        // One value of each type, for which any bits are valid.
         enter([writes(out), reads(a), reads(b), 0, 0, 0]);
     }
 
@@ -23,7 +23,7 @@ kinds! {
     /// Writes `rows` of the image to `out`, row by row.
     ///
     /// # Panics
-    /// Where `out` is not `frame.width` x the number of rows long.
+    /// If `out` is not `frame.width` x the number of rows long.
     fn call(frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [P]); |way| {
         let Way::Code(enter) = way;
         let pixels = u128::from(frame.width) * rows.len() as u128;
@@ -56,11 +56,10 @@ impl<A: Plain, B: Plain, O: Plain> Op<A, B, O> {
 /// Algorithm 1 over whole rows of an image. A pixel is its linear red, green, blue and 0, not clamped.
 pub type Trace = RowsOf<Vec4>;
 
-/// The same, with what is hit in place of a colour. A pixel is the surface that is nearest, with t in the fourth lane of its
-/// point, or 0 where there is none.
+/// The same, with the surface hit in place of a colour: the nearest one, with t in its point's fourth lane, or 0.
 pub type Hits = RowsOf<Surface>;
 
-/// One operation of a table, by the types it works on: what tests, counts and benches go through.
+/// One operation of a table, by the types it works on: for tests, counts and benches.
 #[derive(Clone, Copy)]
 pub enum OpRef {
     /// (vector, vector) -> vector.

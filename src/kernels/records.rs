@@ -7,13 +7,13 @@ use super::types::{Frame, Light, PaperSphere, PaperTriangle, Surface, Vec4};
 
 /// An element of the packet kernels: f32 (`single`) or f64 (`double`).
 pub trait Element: Plain + Default + PartialOrd + Send + Sync {
-    /// From 1 to the next number: twice the largest relative error of a rounding.
+    /// The difference of 1 and the next number: twice the largest relative error of a rounding.
     const EPSILON: f64;
     /// Rounded to nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.
     fn to_f64(self) -> f64;
-    /// Of an integer from 0 to 2^24.
+    /// Converts an integer from 0 to 2^24.
     fn to_index(self) -> u32;
 }
 
@@ -80,7 +80,7 @@ macro_rules! elements {
     };
 }
 
-/// Defines many records transposed: all numbers of one field after those of another. Words of 32 bits may be floats.
+/// Defines many records transposed: the elements of one field, then those of the next. Words of 32 bits may be floats.
 macro_rules! columns {
     ($(#[$doc:meta])* $name:ident $(<$element:ident>)?: $type:ty, $len:literal {
         $($(#[$field_doc:meta])* $field:ident,)*
@@ -102,8 +102,7 @@ macro_rules! columns {
     };
 }
 
-/// Defines what a kernel is handed in memory where it takes more than registers hold: addresses, counts and numbers in f64, by
-/// their bits.
+/// Defines the arguments of a kernel that are passed in memory: addresses, counts and numbers in f64, as bits.
 macro_rules! words {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident,)* }) => {
         $(#[$doc])*
@@ -160,23 +159,23 @@ unsafe impl Plain for Sphere {
     const ZERO: Self = Sphere { radius: 0.0, colour: Vec3::ZERO, centre: Vec3::ZERO };
 }
 
-/// An object that a tile may see.
+/// An object that may be visible in a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Candidate {
-    /// Its number in the scene.
+    /// Its index in the scene.
     pub id: u32,
-    /// The columns of the picture where it may be: the first, and the one past the last in the upper 16 bits.
+    /// The columns of the picture where it may be: the first, and one past the last in the upper 16 bits.
     pub columns: u32,
     /// The rows.
     pub rows: u32,
-    /// What its 1/t cannot exceed: [`Candidate::ANY`] if it may be any, infinity if that is beyond f32.
+    /// Upper bound of its 1/t: [`Candidate::ANY`] if it has none, infinity if that is beyond f32.
     pub most: f32,
 }
 
 impl Candidate {
-    /// As `near`: a triangle that reaches behind the camera's plane, or a sphere that does or is around the camera, which
-    /// has a kernel of its own.
+    /// The `most` of a triangle that reaches behind the camera's plane, or of a sphere that does or is around the
+    /// camera, which has a kernel of its own.
     pub const ANY: f32 = f32::MAX;
 }
 
@@ -185,7 +184,7 @@ unsafe impl Plain for Candidate {
     const ZERO: Self = Candidate { id: 0, columns: 0, rows: 0, most: 0.0 };
 }
 
-/// As visible takes it.
+/// For the kernel `visible`.
 #[repr(C)]
 pub(super) struct VisibleView {
     pub column: u32,
@@ -198,10 +197,10 @@ pub(super) struct VisibleView {
     pub last_row: u32,
 }
 
-/// The rows that [`LitRows`] has room for.
+/// The number of rows in [`LitRows`].
 pub const LIT_ROWS: usize = 64;
 
-/// Defines one of the rows that [`LitRows`] has.
+/// Defines one of the rows in [`LitRows`].
 macro_rules! lit_row {
     ($($field:ident)*) => {
         elements! {
@@ -230,13 +229,13 @@ impl<E: Element> Default for LitRows<E> {
     }
 }
 
-/// Where a light stands, seen from the camera, and a 0.
+/// The position of a light relative to the camera, and a 0.
 pub type TilePoint<E> = [E; 4];
 
 /// More elements than any register has.
 pub(super) const MOST_LANES: usize = 16;
 
-/// As bounds writes it.
+/// As the kernel `bounds` writes them.
 #[repr(C)]
 pub(super) struct BoundsFound {
     pub most: [u32; MOST_LANES],

@@ -1,4 +1,4 @@
-//! What operations on packets of vectors take, and chains of operations by which to measure how long one takes.
+//! The arguments of operations on packets of vectors, and chains of operations to measure their latency and throughput.
 
 use std::marker::PhantomData;
 
@@ -6,27 +6,27 @@ use super::checked::{Fault, Registers};
 use super::kernel::{Kernel, Way, function, kinds, reads, writes};
 use super::records::Element;
 
-/// What an operation on packets takes beside its vectors, and what it gives.
+/// The operands of an operation on packets beside its vectors, and its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Numbers of `b` for each vector: 3, 1 for scalars, 0 where there are none.
+    /// Elements of `b` for each vector: 3, 1 for scalars, 0 if there are none.
     pub b_numbers: usize,
-    /// Numbers of `b` that are there once: those of a record.
+    /// Elements of `b` that all vectors share: those of a record.
     pub record: usize,
-    /// Numbers of the result for each vector: 3, or 1 for scalars.
+    /// Elements of the result for each vector: 3, or 1 for scalars.
     pub out_numbers: usize,
 }
 
-/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them. It is no `Copy`,
-/// since who owned one could change the lengths that the kernel goes by.
+/// An operation on packets of vectors: LANES x, then LANES y, then LANES z; a packet of scalars is LANES of them. It is
+/// not `Copy`, since the owner of a copy could change the lengths that the kernel relies on.
 pub struct PacketOp<E> {
     /// The operation's name, as in [`AosKernels`](super::AosKernels).
     pub name: &'static str,
     /// Vectors in a packet.
     pub lanes: usize,
-    /// Of what `b` and the result are made.
+    /// The shapes of `b` and the result.
     pub shape: Shape,
-    /// Takes (out, a, b, packets), as `lanes` and `shape` say.
+    /// Takes (out, a, b, packets), according to `lanes` and `shape`.
     pub(super) kernel: Kernel<PhantomData<E>>,
 }
 
@@ -36,7 +36,7 @@ impl<E: Element> PacketOp<E> {
         self.kernel.symbol()
     }
 
-    /// Where its code is.
+    /// The address of its code.
     pub fn address(&self) -> usize {
         self.kernel.address()
     }
@@ -44,16 +44,16 @@ impl<E: Element> PacketOp<E> {
     /// Writes the results for all packets of `a` and for `b` to `out`.
     ///
     /// # Panics
-    /// Where the lengths are not those of the same number of whole packets, and of a record where there is one.
+    /// If the lengths are not those of the same number of whole packets, and of a record if there is one.
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
         let registers = self.registers(out, a, b);
         // SAFETY: registers() proves that all three have so many packets and `b` a record; the kernel asks for no alignment,
-        // reads and writes those alone, and any bits are elements.
+        // reads and writes only those, and any bits are elements.
         unsafe { self.kernel.enter(registers) };
     }
 
-    /// As [`PacketOp::call`], with a look at whether the kernel keeps the calling convention.
+    /// As [`PacketOp::call`], with a check whether the kernel keeps the calling convention.
     pub fn call_checked(&self, out: &mut [E], a: &[E], b: &[E]) -> Result<(), Vec<Fault>> {
         let registers = self.registers(out, a, b);
         // SAFETY: as in call.
@@ -75,10 +75,10 @@ kinds! {
     /// A loop of operations.
     Chain
 
-    /// Runs it for so many rounds, at least one, and says how many operations that were.
+    /// Runs it for so many rounds, at least one, and returns the number of operations.
     fn run(rounds: u64) -> u64; |way| {
         let Way::Code(enter) = way;
-        // It reads constants of its own alone.
+        // It reads only its own constants.
         let rounds = rounds.max(1);
         rounds * enter([rounds, 0, 0, 0, 0, 0])
     }
@@ -88,21 +88,21 @@ kinds! {
 pub struct Chains {
     /// The operation.
     pub op: &'static str,
-    /// Each operation needs the result of the one before, led back by as many feedbacks.
+    /// Each operation needs the previous result, led back by as many feedbacks.
     pub latency: Chain,
-    /// No operation needs another; each loads its operands.
+    /// The operations are independent; each loads its operands.
     pub throughput: Chain,
 }
 
-/// Operations that packets have, and chains.
+/// The packet operations with chains.
 pub(super) const OPS: usize = 10;
 
 /// Chains of the operations on packets of f32.
 pub struct PacketChains {
-    /// Of each operation.
+    /// The chains of each operation.
     pub chains: [Chains; OPS],
-    /// What leads a result back to an operand in them, alone.
+    /// Their feedback alone.
     pub feedback: Chain,
-    /// Multiplications of packets, each with an addition, that need nothing of each other.
+    /// Multiply-adds of packets that are independent of each other.
     pub muladd: Chain,
 }
