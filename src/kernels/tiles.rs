@@ -1,4 +1,4 @@
-//! What the tile kernels take: objects and their bounds, a tile and what is set up for it, and where its pixels go.
+//! The arguments of the tile kernels: objects and their bounds, a tile and its chunks of set-up objects, its output.
 
 use std::ops::Range;
 
@@ -15,23 +15,23 @@ use super::types::Plain;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
-/// Its squares whose farthest pixel is known.
+/// Its squares that keep a hierarchical depth.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
 
-/// The greatest number of an object of a tile: f32 has every integer up to here.
+/// The greatest id in a tile: f32 has every integer up to this.
 const MOST_ID: usize = 1 << 24;
 
 /// More elements than a register has of f64.
 const MOST_SET_UP: usize = 8;
 
-/// What is farthest in each part of a tile: 1/t, 0 where a pixel is nobody's; in f32, which keeps the order of what is there. Of
-/// each part alone; with the next one across; with the next one down; and with both and the one between these.
+/// The hierarchical depth of a tile: the least 1/t in each part, 0 if a pixel has no hit, in f32, which preserves its
+/// order. For each part alone; with its right neighbour; with the one below; and with both and the one between these.
 pub struct Parts([[f32; TILE_PARTS]; 4]);
 
 impl Parts {
-    /// Of what is farthest in each, row by row.
+    /// From the depth of each part alone, row by row.
     pub fn new(alone: [f32; TILE_PARTS]) -> Self {
-        // Nobody asks for what would be past the last.
+        // No lookup goes beyond the last part.
         let with_next = |of: [f32; TILE_PARTS], step: usize| -> [f32; TILE_PARTS] {
             std::array::from_fn(|i| of[i].min(of[(i + step) % TILE_PARTS]))
         };
@@ -40,17 +40,17 @@ impl Parts {
     }
 }
 
-// The references prove the addresses of views and of what is in slices, of which kernels read and write what the tasks say;
-// of what they write any bits are values.
+// The references prove the addresses of views and slices, of which kernels read and write what the tasks say; any bits
+// are values of what they write.
 kinds! {
-    /// Finds the bounds of triangles, or of spheres.
+    /// Computes the bounds of triangles, or of spheres.
     Bounds<T: Bounded> as fn(
         &T::View, T::Many<'_>, u32, bool, &mut [Candidate],
     ) -> (usize, Extremes);
 
-    /// Writes those of the objects that may be seen to the front of `seen`, in order, the first object being number
-    /// `first_id` of the scene; and gives how many they are, and the extremes of all. With `keep_all` all of them may
-    /// be. There must be room for all objects, up to a multiple of [`CHUNK`]. None where there is no object.
+    /// Writes the objects that may be visible to the front of `candidates`, in order, the first object having the id
+    /// `first_id` in the scene; returns their number, and the extremes of all objects. With `keep_all` all objects are
+    /// written. There must be room for all, up to a multiple of [`CHUNK`]. None if there is no object.
     fn call(
         view: &T::View, objects: T::Many<'_>, first_id: u32, keep_all: bool, candidates: &mut [Candidate],
     ) -> Option<(usize, Extremes)>; |way| {
@@ -74,7 +74,7 @@ kinds! {
                     found: writes(&mut found),
                 };
                 enter([reads(view), reads(&task), 0, 0, 0, 0]);
-                // What fills the last chunk comes last.
+                // The padding of the last chunk comes last.
                 let past = first_id + objects.len() as u32;
                 let found_here = &candidates[..found.count as usize];
                 let last = found_here.iter().rposition(|candidate| candidate.id < past);
@@ -87,12 +87,12 @@ kinds! {
         Some((count, extremes))
     }
 
-    /// Cuts the objects of a tile in two halves.
+    /// Partitions the objects of a tile.
     NearerHalf as fn(&[Candidate], &mut [Candidate], &mut [Candidate]) -> usize;
 
-    /// Copies those of `seen` that are nearer than half way from the nearest to the farthest to the front of
-    /// `nearer`, and the others to that of `farther`, in order; and gives how many are nearer. What is behind them there
-    /// is spoiled. There must be room for all in both.
+    /// Copies those of `candidates` that are nearer than half way from the nearest to the farthest to the front of
+    /// `nearer`, and the others to that of `farther`, in order; returns how many are nearer. The memory after them is
+    /// overwritten. There must be room for all in both.
     fn call(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize; |way| {
         assert!(nearer.len() >= candidates.len() && farther.len() >= candidates.len(), "either may get all");
         if candidates.is_empty() {
@@ -108,10 +108,10 @@ kinds! {
         }
     }
 
-    /// Finds what is farthest in each part of a tile.
+    /// Computes the hierarchical depth of a tile.
     Farthest<E: Element> as fn(&Tile<E>) -> [E; TILE_PARTS];
 
-    /// The least 1/t of each square of [`PART_SIDE`] pixels, row by row; 0 where a pixel is nobody's.
+    /// The least 1/t of each square of [`PART_SIDE`] pixels, row by row; 0 if a pixel has no hit.
     fn call(buffers: &TileBuffers<E>) -> [E; TILE_PARTS]; |way| {
         match way {
             Way::Code(enter) => {
@@ -123,18 +123,18 @@ kinds! {
         }
     }
 
-    /// Looks which objects of a tile are hidden.
+    /// Culls the hidden objects of a tile.
     Visible as fn(&mut [Candidate], usize, &[f32; TILE_PARTS], &TileWindow) -> usize;
 
-    /// Brings those of the first `count` objects to the front, in order, that the window may show; and gives how many they
-    /// are. The others are all behind what is farthest in those parts of the tile, within the window, where they may be. What
-    /// is behind them is spoiled. There must be room for as many as fill the last register.
+    /// Moves those of the first `count` candidates to the front, in order, that may be visible in the window, and
+    /// returns their number. The others are all behind the hierarchical depth of the parts of the tile, within the
+    /// window, where they may be. The list after them is overwritten. There must be room up to a whole register.
     fn call(candidates: &mut [Candidate], count: usize, parts: &Parts, window: &TileWindow) -> usize; |way| {
         window.check();
         if count == 0 {
             return 0;
         }
-        // Behind everything, even behind nobody.
+        // Behind everything, even behind pixels without a hit.
         candidates[count..count.next_multiple_of(MOST_LANES)].fill(Candidate { most: -1.0, ..Candidate::ZERO });
         let enter = match way {
             Way::Code(enter) => enter,
@@ -158,8 +158,8 @@ kinds! {
     /// Finds the nearest wall of a sphere around the camera or beside it.
     Around<E: Element> as fn(&AroundSphere<f64>, &mut [E; TILE_PIXELS], [u32; 2]);
 
-    /// Makes those pixels of the tile that of the last object in it where nothing is nearer than this sphere, and nothing as
-    /// near that comes first: `order` has everyone's place in the scene, 0 for nobody.
+    /// Gives the pixels of the tile where nothing is nearer, and nothing equally near comes first, to this sphere,
+    /// which is the last object of `order`: the place in the scene of each object of the tile, and 0 for none.
     fn call(sphere: &AroundSphere<f64>, window: &TileWindow, buffers: &mut TileBuffers<E>, order: &[u32]); |way| {
         window.check();
         let mut near = [E::ZERO; TILE_PIXELS];
@@ -171,13 +171,13 @@ kinds! {
         buffers.keep_nearer(&near, order);
     }
 
-    /// Turns triangles into planes over a tile's pixels.
+    /// Sets up triangles as planes over a tile's pixels.
     SetUp<E: Element> as fn(
         &TileView<f64>, TriangleChunk<'_>, &mut TriangleArrays, &mut TrianglePlanes<E>, &mut [TileShade<E>],
     );
 
-    /// Sets up a chunk of triangles in `buffers`. `shades`, which begin at nobody's and have as many for each object
-    /// of the tile as there are lights, get those of the chunk, and grow where they must.
+    /// Sets up a chunk of triangles in `buffers`. `shades` has as many for each id of the tile, from 0, as there are
+    /// lights; those of the chunk are written, and it grows if necessary.
     fn call(
         view: &TileView<f64>, triangles: TriangleChunk<'_>, buffers: &mut TileBuffers<E>, shades: &mut Vec<TileShade<E>>,
     ); |way| {
@@ -188,7 +188,7 @@ kinds! {
             faces.paint(candidates, [&mut arrays.red, &mut arrays.green, &mut arrays.blue]);
         }
         let last_id = last_id(first_id, candidates.len());
-        // The last packet writes as many as it has lanes.
+        // The last packet writes all of its lanes.
         let past = for_each(last_id + 1 + MOST_SET_UP, lights.len());
         let before = first_id * lights.len();
         if shades.len() < past {
@@ -223,10 +223,10 @@ kinds! {
         enter([reads(view), reads(&task), 0, 0, 0, 0]);
     }
 
-    /// Turns spheres into planes over their own pixels.
+    /// Sets up spheres as planes over their own pixels.
     SphereSetUp<E: Element> as fn(&SphereView<f64>, SphereChunk<'_>, usize, &mut SphereArrays, &mut SpherePlanes<E>);
 
-    /// Sets up a chunk of spheres in `buffers`, of which the first is number `first_id` in the tile.
+    /// Sets up a chunk of spheres in `buffers`, of which the first has the id `first_id` in the tile.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, first_id: usize, buffers: &mut TileBuffers<E>,
     ); |way| {
@@ -245,13 +245,13 @@ kinds! {
         }
     }
 
-    /// Turns spheres into what shades them.
+    /// Makes the shading records of spheres.
     SphereShading<E: Element> as fn(
         &SphereView<f64>, SphereChunk<'_>, &[TileLight<f64>], bool, usize, &mut SphereRecords<E>,
     );
 
-    /// Makes the records of a chunk of spheres, from number `first` on, under these lights; if `short`, in the short form
-    /// where it is accurate enough, and otherwise in the long one.
+    /// Makes the records of a chunk of spheres, from index `first` on, under these lights; if `short`, in the short
+    /// form where it is accurate enough, and otherwise in the long one.
     fn call(
         view: &SphereView<f64>, spheres: SphereChunk<'_>, lights: &[TileLight<f64>], short: bool, first: usize,
         records: &mut SphereRecords<E>,
@@ -279,10 +279,9 @@ kinds! {
         &mut Tile<P::Element>, (&P, &P::Arrays, usize), &[u32], &TileWindow, &TileGrid,
     );
 
-    /// Makes the pixels of the window those of the objects that were set up last, where nothing is nearer, and
-    /// nothing as near that comes first: `order` has everyone's place in the scene by the numbers in the tile, from 1
-    /// on, and 0 for nobody. Of a triangle whose bounds have so many blocks in a row or more, those outside an edge are left
-    /// out.
+    /// Gives the pixels of the window where nothing is nearer, and nothing equally near comes first, to the objects
+    /// that were set up last: `order` has the place in the scene of each id of the tile, from 1, and 0 for none. If the
+    /// bounds of a triangle have at least `fewest_across` blocks in a row, those outside an edge are culled.
     fn call(
         buffers: &mut TileBuffers<P::Element>, order: &[u32], window: &TileWindow, grid: &TileGrid, fewest_across: u32,
     ); |way| {
@@ -296,7 +295,7 @@ kinds! {
             Way::Code(enter) => enter,
             Way::Rust(find) => return find(tile, (planes, arrays, *count), order, window, grid),
         };
-        // Whole packets are read: what is past the chunk is seen nowhere.
+        // Whole packets are read: the padding after the chunk is nowhere visible.
         P::columns(arrays)[*count..count.next_multiple_of(MOST_LANES)].fill(0);
         // There is room for a chunk and a tile, and the kernel clips all bounds to the window, which is within the tile.
         let task = NearestTask {
@@ -331,7 +330,7 @@ kinds! {
         window.check();
         let ShadingRecords { shades, lights, sphere_ids, spheres, lits, shorts } = shading;
         let (objects, count) = (buffers.most + 1, lights.len());
-        // Spheres around the camera may be more than have a pixel.
+        // Spheres around the camera may be more than those with a pixel.
         let triangle_count = objects.saturating_sub(1 + sphere_ids.len());
         let shade_count = for_each(objects, count);
         assert!(triangle_count == 0 || shades.len() >= shade_count);
@@ -355,7 +354,7 @@ kinds! {
             lits: reads(lits),
             shorts: reads(shorts),
             out: writes(&mut out.pixels[out.first..]),
-            // Of a single row no kernel asks.
+            // Of a single row no kernel reads it.
             pitch: out.width.wrapping_mul(size_of::<P>()) as u64,
             column: window.column.into(),
             row: window.row.into(),
@@ -367,26 +366,26 @@ kinds! {
     }
 }
 
-/// The number of the last of so many objects of a tile, at least one, from number `first` on.
+/// The last id of so many objects of a tile, at least one, from `first` on.
 fn last_id(first: usize, count: usize) -> usize {
     let last = first.saturating_add(count - 1);
     assert!(last <= MOST_ID, "f32 has no number for object {last} of a tile");
     last
 }
 
-/// Records for so many objects, `lights` for each.
+/// The number of records of so many objects, `lights` for each.
 fn for_each(objects: usize, lights: usize) -> usize {
     objects.checked_mul(lights).expect("as many records as memory can hold")
 }
 
-/// The extremes of a scene's objects. What is not a number, and a negative colour or radius, is among them for sure.
+/// The extremes of a scene's objects. A NaN, and a negative colour or radius, is certainly among them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extremes {
-    /// The greatest size, which is that of an object's greatest coordinate or radius.
+    /// The greatest size, which is an object's greatest coordinate or radius.
     pub most: f32,
-    /// The least: a triangle's by its greatest coordinate, a sphere's by its radius.
+    /// The least size: a triangle's greatest coordinate, a sphere's radius.
     pub least: f32,
-    /// The greatest number in a colour, or a negative one.
+    /// The greatest component of a colour, or a negative one.
     pub brightest: f32,
     /// The greatest [`Candidate::most`] of those in front of the camera.
     pub nearest: f32,
@@ -395,11 +394,11 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Of no object.
+    /// The extremes of no object.
     pub(super) const NONE: Extremes =
         Extremes { most: 0.0, least: f32::from_bits(u32::MAX), brightest: 0.0, nearest: 0.0, longest: 0.0 };
 
-    /// Those of both.
+    /// The extremes of both.
     pub fn and(self, other: Self) -> Self {
         Extremes {
             most: above(self.most, other.most),
@@ -411,13 +410,13 @@ impl Extremes {
     }
 }
 
-/// The greater of two numbers by their bits, by which negative ones are above others.
+/// The greater of two numbers by their bits, which order negative ones above all others.
 pub(super) fn above(a: f32, b: f32) -> f32 {
     f32::from_bits(a.to_bits().max(b.to_bits()))
 }
 
 impl BoundsFound {
-    /// Of no triangle.
+    /// What is found of no triangle.
     const NONE: BoundsFound = BoundsFound {
         most: [0; MOST_LANES],
         least: [u32::MAX; MOST_LANES],
@@ -440,7 +439,7 @@ impl BoundsFound {
     }
 }
 
-/// The pixels of each of many objects: the first column (row), and the one past the last in the upper 16 bits.
+/// The pixels of each of many objects: the first column (row), and one past the last in the upper 16 bits.
 #[derive(Clone, Debug, Default)]
 pub struct PixelBounds {
     /// Columns.
@@ -488,20 +487,20 @@ pub struct Chunk<T, P> {
     count: usize,
 }
 
-/// What the objects of a kind become in a tile. Kernels alone may ask, since who has a tile could give it another's objects: the
-/// trait has no name outside.
+/// The set-up objects of a kind in a tile. Only kernels may use this, since the owner of a tile could give it another's
+/// objects: the trait has no name outside.
 pub trait InTile: Sized {
-    /// Its numbers.
+    /// Its element type.
     type Element: Element;
     /// The same objects transposed.
     type Arrays;
     /// The nearest objects of a tile, and those of this kind that were set up for it last.
     fn in_tile(buffers: &mut TileBuffers<Self::Element>) -> (&mut Tile<Self::Element>, &mut Chunk<Self::Arrays, Self>);
-    /// Where the objects' columns are.
+    /// The objects' columns.
     fn columns(arrays: &mut Self::Arrays) -> &mut [u32; CHUNK];
 }
 
-/// Says of planes where they are in the buffers, and what is transposed for them.
+/// Implements [`InTile`] for planes: their place in the buffers, and their transposed arrays.
 macro_rules! planes {
     ($planes:ident, $arrays:ident, $field:ident) => {
         impl<E: Element> InTile for $planes<E> {
@@ -520,12 +519,12 @@ macro_rules! planes {
 planes!(TrianglePlanes, TriangleArrays, triangles);
 planes!(SpherePlanes, SphereArrays, spheres);
 
-/// A tile's nearest objects, and the chunks of triangles and of spheres that are set up for it: half of a core's cache.
+/// A tile's nearest objects, and its chunks of set-up triangles and spheres: half of a core's cache.
 pub struct TileBuffers<E> {
     tile: Box<Tile<E>>,
     triangles: Chunk<TriangleArrays, TrianglePlanes<E>>,
     spheres: Chunk<SphereArrays, SpherePlanes<E>>,
-    /// The greatest number of an object of the tile.
+    /// The greatest id in the tile.
     most: usize,
 }
 
@@ -545,7 +544,7 @@ impl<E: Element> Default for TileBuffers<E> {
 }
 
 impl<E: Element> TileBuffers<E> {
-    /// Forgets all objects: nobody, infinitely far.
+    /// Forgets all objects: no hits, infinitely far.
     pub fn clear(&mut self) {
         self.tile.near.fill(E::ZERO);
         self.tile.who.fill(E::ZERO);
@@ -562,13 +561,13 @@ impl<E: Element> TileBuffers<E> {
         &self.spheres.planes
     }
 
-    /// Gives a triangle of those that were set up last another 1/t: at the tile's middle, and what a column and a row add.
+    /// Changes the 1/t of a triangle that was set up last: at the tile's middle, and per column and row.
     pub fn set_inverse(&mut self, triangle: usize, [at_middle, across, down]: [E; 3]) {
         let planes = &mut self.triangles.planes;
         (planes.t0[triangle], planes.tx[triangle], planes.ty[triangle]) = (at_middle, across, down);
     }
 
-    /// Where the pixel of a tile is in [`TileBuffers::pixel`] of kernels with as many lanes.
+    /// The index of a pixel of a tile in [`TileBuffers::pixel`], for kernels with so many lanes.
     fn index(lanes: usize, column: usize, row: usize) -> usize {
         let width = lanes.min(4);
         let height = lanes / width;
@@ -576,13 +575,13 @@ impl<E: Element> TileBuffers<E> {
         block * lanes + row % height * width + column % width
     }
 
-    /// 1/t and who at a pixel of the tile, for kernels of so many lanes.
+    /// 1/t and id at a pixel of the tile, for kernels of so many lanes.
     pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> (E, usize) {
         let i = Self::index(lanes, column, row);
         (self.tile.near[i], self.tile.who[i].to_f64() as usize)
     }
 
-    /// Takes the pixels that are not in a window for nearer than all objects, so that they leave open nothing farther away.
+    /// Makes the pixels outside a window nearer than all objects, so that they do not affect the hierarchical depth.
     pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
         let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
         for row in 0..TILE_HEIGHT {
@@ -597,8 +596,8 @@ impl<E: Element> TileBuffers<E> {
         self.most > 0
     }
 
-    /// Makes those pixels that of the last object in the tile where its 1/t, which is `near` or 0, is more than what is there, or
-    /// as much and it comes first: `order` has everyone's place in the scene.
+    /// Gives pixels to the last object of the tile where its 1/t, which is `near` or 0, is greater than the pixel's, or
+    /// equal and it comes first: `order` has each one's place in the scene.
     fn keep_nearer(&mut self, near: &[E; TILE_PIXELS], order: &[u32]) {
         assert!(self.most < order.len(), "everyone has a place in the scene");
         let who = order.len() - 1;
@@ -619,9 +618,9 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// How many pixels of a window have somebody, for kernels of so many lanes.
+    /// The number of a window's pixels with a hit, for kernels of so many lanes.
     pub(crate) fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
-        // As wide as what is compared, so that registers hold as many.
+        // As wide as the compared numbers, so that registers hold as many.
         let somebody = |who: &E| u32::from(*who != E::ZERO);
         if (window.rows.len(), window.columns as usize) == (TILE_HEIGHT, TILE_WIDTH) {
             return self.tile.who.iter().map(somebody).sum::<u32>().into();
@@ -633,7 +632,7 @@ impl<E: Element> TileBuffers<E> {
         window.rows.clone().map(row).sum::<u32>().into()
     }
 
-    /// Makes those pixels of a window that are nobody's `rest`, for kernels of so many lanes.
+    /// Sets the pixels of a window without a hit to `rest`, for kernels of so many lanes.
     pub fn fill_rest<P: Copy>(&self, lanes: usize, window: &TileWindow, rest: P, out: TileOut<'_, P>) {
         let across = lanes.min(4);
         for (row, out) in window.rows.clone().zip(out.pixels[out.first..].chunks_mut(out.width)) {
@@ -644,19 +643,19 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// Says true of the numbers of all objects that some pixel has, and of nobody's where one has none.
+    /// Sets true at the ids of all objects that own a pixel, and at 0 if a pixel has no hit.
     pub(crate) fn mark_owners(&self, owners: &mut [bool]) {
         assert!(self.most < owners.len());
-        // To integers many at a time: one by one that takes longer than all else here.
+        // Converts many to integers at once: one by one that takes longer than all else here.
         for who in self.tile.who.as_chunks::<16>().0 {
             who.map(E::to_index).into_iter().for_each(|who| owners[who as usize] = true);
         }
     }
 
-    /// Gives everyone who has a pixel another number, below `end`: the one at the place of the present one.
+    /// Gives every id of a pixel a new number, below `end`: the one at its index.
     pub(crate) fn renumber(&mut self, numbers: &[u32], end: usize) {
         assert!(self.most < numbers.len() && end > 0);
-        // First of all, since a number past the end leaves this half done. What is set up has the old numbers.
+        // First, since a number past the end leaves the rest undone. Objects that are set up have the old ids.
         self.most = self.most.max(last_id(end - 1, 1));
         (self.triangles.count, self.spheres.count) = (0, 0);
         for who in &mut self.tile.who {
@@ -668,11 +667,11 @@ impl<E: Element> TileBuffers<E> {
     }
 }
 
-/// An object whose bounds a kernel finds.
+/// An object whose bounds a kernel computes.
 pub trait Bounded: Plain {
-    /// Many of them.
+    /// A list of them.
     type Many<'a>: ObjectList<Object = Self>;
-    /// How it sees the picture.
+    /// The kernel's view of the picture.
     type View;
     /// A chunk of them, transposed.
     type Arrays: Plain;
@@ -690,36 +689,36 @@ impl Bounded for Sphere {
     type Arrays = SphereArrays;
 }
 
-/// Triangles, the lights, and which of them a chunk is.
+/// Triangles, the lights, and the selection of a chunk.
 #[derive(Clone, Copy)]
 pub struct TriangleChunk<'a> {
-    /// All triangles of the scene, or those that share their corners, or the others.
+    /// All triangles of the scene with shared corners, or all with their own.
     pub triangles: TriangleList<'a>,
     /// The lights.
     pub lights: &'a [TileLight<f64>],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
+    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are prefetched.
     pub candidates: &'a [Candidate],
-    /// The number in the tile of the first of them.
+    /// The id in the tile of the first of them.
     pub first_id: usize,
 }
 
-/// Spheres, and which of them a chunk is.
+/// Spheres, and the selection of a chunk.
 #[derive(Clone, Copy)]
 pub struct SphereChunk<'a> {
     /// All spheres of the scene.
     pub spheres: &'a [Sphere],
-    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are fetched ahead.
+    /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are prefetched.
     pub candidates: &'a [Candidate],
 }
 
 impl SphereChunk<'_> {
-    /// Those of the chunk alone, and how many are in the next two.
+    /// Only those of the chunk, and the numbers in the next two.
     fn chunk(self) -> (Self, [u64; 2]) {
         let (candidates, ahead) = chunk_of(self.candidates, self.spheres.len());
         (SphereChunk { candidates, ..self }, ahead)
     }
 
-    /// What both kinds of set-up share: those of the chunk, transposed, and nothing to write.
+    /// The task of both kinds of set-up: the objects of the chunk, their arrays, and no output.
     fn task(self, [ahead, later]: [u64; 2], arrays: &mut SphereArrays) -> SetupTask {
         let SphereChunk { spheres, candidates } = self;
         SetupTask {
@@ -734,35 +733,34 @@ impl SphereChunk<'_> {
     }
 }
 
-/// The first of what is seen, which is a chunk of so many objects, and how many are in the next two chunks, which are fetched
-/// ahead.
+/// The first candidates, which are a chunk of `objects`, and the numbers in the next two chunks, which are prefetched.
 fn chunk_of(candidates: &[Candidate], objects: usize) -> (&[Candidate], [u64; 2]) {
     let (candidates, others) = candidates.split_at(candidates.len().min(CHUNK));
     let (ahead, others) = others.split_at(others.len().min(CHUNK));
-    // Of those ahead, too, faces are read, to fetch their vertices.
+    // Faces are read ahead, too, to prefetch their vertices.
     let most = candidates.iter().chain(ahead).map(|candidate| candidate.id).max();
     assert!(most.is_some_and(|most| (most as usize) < objects), "ids of objects");
     (candidates, [ahead.len(), others.len().min(CHUNK)].map(|count| count as u64))
 }
 
-/// What shading needs to know of the spheres that have a pixel.
+/// The shading records of the spheres that own a pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SphereRecords<E> {
     /// A record for each.
     pub spheres: Vec<TileSphere<E>>,
     /// As many for each as there are lights.
     pub lits: Vec<ObjectLight<E>>,
-    /// As many.
+    /// As many again.
     pub shorts: Vec<ShortLight<E>>,
 }
 
 impl<E: Element> SphereRecords<E> {
-    /// Room for so many spheres and so many lights for each. It grows by itself, but copies what is there.
+    /// Reserves memory for so many spheres and so many lights for each. It would grow by itself, but copy the content.
     pub(crate) fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);
         }
-        // The last packet writes as many as it has lanes.
+        // The last packet writes all of its lanes.
         grow(&mut self.spheres, spheres.saturating_add(MOST_SET_UP));
         // As many as there are records, whatever they were made for.
         let lits = for_each(self.spheres.len(), lights);
@@ -771,35 +769,35 @@ impl<E: Element> SphereRecords<E> {
     }
 }
 
-/// What the objects of a tile look like.
+/// The shading records of the objects of a tile.
 #[derive(Clone, Copy)]
 pub struct ShadingRecords<'a, E> {
-    /// As many for each object of the tile as there are lights, from nobody on; zeros for the spheres.
+    /// As many for each id of the tile, from 0, as there are lights; zeros for the spheres.
     pub shades: &'a [TileShade<E>],
-    /// Where the lights stand.
+    /// The positions of the lights.
     pub lights: &'a [TilePoint<E>],
-    /// Where the records are of the spheres of the tile, which come before its triangles.
+    /// The indices of the records of the tile's spheres, which come before its triangles.
     pub sphere_ids: &'a [u32],
-    /// The records of those that have a pixel.
+    /// The records of those that own a pixel.
     pub spheres: &'a [TileSphere<E>],
     /// As many for each of them as there are lights.
     pub lits: &'a [ObjectLight<E>],
-    /// As many, weighted for bytes, for those that have `short` set.
+    /// As many, weighted for bytes, for those with `short` set.
     pub shorts: &'a [ShortLight<E>],
 }
 
-/// Where a tile's pixels go.
+/// The output of a tile's pixels.
 pub struct TileOut<'a, P> {
     /// Whole rows of the picture.
     pub pixels: &'a mut [P],
-    /// The place of the first pixel of the window among them.
+    /// The index of the window's first pixel among them.
     pub first: usize,
     /// Pixels from row to row.
     pub width: usize,
 }
 
 impl<P> TileOut<'_, P> {
-    /// That the pixels of a window, which is not empty, are there.
+    /// Checks that the pixels of a window, which is not empty, are there.
     fn check(&self, window: &TileWindow) {
         let columns = window.columns as usize;
         assert!(columns <= self.width, "rows of {} pixels", self.width);
