@@ -1,35 +1,35 @@
-//! Packets of numbers as plain arrays: each operation is one on every lane, of which compilers make vector instructions.
+//! Packets of numbers as plain arrays: each operation is on every lane, of which compilers make vector instructions.
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use super::super::records::Element;
 use super::super::types::Plain;
 
-/// A number of a lane. Where it is a mask, all of its bits are set or none.
+/// The number of a lane. In a mask, all of its bits are set or none.
 pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// From here on there are integers alone.
+    /// From here on all numbers are integers.
     const INTEGERS: Self;
     /// The square root, NaN below 0.
     fn sqrt(self) -> Self;
     /// `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Without its sign.
+    /// Its magnitude.
     fn abs(self) -> Self;
-    /// With the other sign.
+    /// Its negative.
     fn negated(self) -> Self;
-    /// With the sign of another.
+    /// Its magnitude with the sign of another.
     fn with_sign_of(self, sign: Self) -> Self;
-    /// A mask.
+    /// A mask with all bits set, or none.
     fn mask(is_set: bool) -> Self;
     /// Whether any bit is set.
     fn is_set(self) -> bool;
-    /// The bits of both.
+    /// Bitwise and.
     fn and(self, other: Self) -> Self;
-    /// The bits of either.
+    /// Bitwise or.
     fn or(self, other: Self) -> Self;
-    /// Rounded to f32, and no more than that has, which a NaN becomes too.
+    /// Rounded to f32, and clamped to the largest f32, also for a NaN.
     fn to_float(self) -> f32;
-    /// Rounded down, from 0 to 255, which a NaN becomes too.
+    /// Rounded down and clamped to 0 to 255; 255 for a NaN.
     fn to_level(self) -> u8;
 }
 
@@ -91,22 +91,22 @@ macro_rules! number {
 number!(f32, u32, 8_388_608.0, |x| x);
 number!(f64, u64, 4_503_599_627_370_496.0, |x| if x < f32::MAX.into() { x as f32 } else { f32::MAX });
 
-/// Some numbers in lockstep.
+/// A packet of numbers in lockstep.
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + 'static
 {
-    /// One of them.
+    /// The type of a lane.
     type Number: Number;
-    /// How many they are.
+    /// The number of lanes.
     const COUNT: usize;
-    /// Whether a product that is added to something is rounded with the sum alone.
+    /// Whether a product and a sum are rounded only once.
     const FUSED: bool;
-    /// Those that a function gives for their places.
+    /// The results of a function of each lane's index.
     fn from_fn(number: impl FnMut(usize) -> Self::Number) -> Self;
-    /// The one at a place.
+    /// The number in a lane.
     fn lane(&self, at: usize) -> Self::Number;
 
-    /// One in all lanes.
+    /// The same number in all lanes.
     #[inline(always)]
     fn all(x: Self::Number) -> Self {
         Self::from_fn(|_| x)
@@ -121,35 +121,35 @@ pub trait Lanes:
     fn natural() -> Self {
         Self::from_fn(|i| Self::Number::from_f64(i as f64))
     }
-    /// The first of a slice.
+    /// The first numbers of a slice.
     #[inline(always)]
     fn load(from: &[Self::Number]) -> Self {
         let from = &from[..Self::COUNT];
         Self::from_fn(|i| from[i])
     }
-    /// The same of f32 as bits.
+    /// The same from f32 as bits.
     #[inline(always)]
     fn load_bits(from: &[u32]) -> Self {
         let from = &from[..Self::COUNT];
         Self::from_fn(|i| Self::Number::from_f64(f32::from_bits(from[i]).into()))
     }
-    /// Puts them, each rounded once, at the beginning of a slice.
+    /// Stores them, each rounded once, at the beginning of a slice.
     #[inline(always)]
     fn store<E: Element>(self, to: &mut [E]) {
         let to = &mut to[..Self::COUNT];
         (0..Self::COUNT).for_each(|i| to[i] = E::from_f64(self.lane(i).to_f64()));
     }
-    /// What a function makes of each.
+    /// The results of a function of each number.
     #[inline(always)]
     fn map(self, f: impl Fn(Self::Number) -> Self::Number) -> Self {
         Self::from_fn(|i| f(self.lane(i)))
     }
-    /// What a function makes of each and of that of others.
+    /// The results of a function of each number and the one in the same lane of `other`.
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(Self::Number, Self::Number) -> Self::Number) -> Self {
         Self::from_fn(|i| f(self.lane(i), other.lane(i)))
     }
-    /// A mask of the lanes where that is so.
+    /// A mask of the lanes where `is` holds.
     #[inline(always)]
     fn mask(self, other: Self, is: impl Fn(&Self::Number, &Self::Number) -> bool) -> Self {
         self.zip(other, |a, b| Number::mask(is(&a, &b)))
@@ -169,7 +169,7 @@ pub trait Lanes:
     fn equal(self, other: Self) -> Self {
         self.mask(other, PartialEq::eq)
     }
-    /// The bits of both.
+    /// Bitwise and.
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         self.zip(other, Number::and)
@@ -199,22 +199,22 @@ pub trait Lanes:
     fn sqrt(self) -> Self {
         self.map(Number::sqrt)
     }
-    /// Without signs.
+    /// Magnitudes.
     #[inline(always)]
     fn abs(self) -> Self {
         self.map(Number::abs)
     }
-    /// With the other signs.
+    /// Negatives.
     #[inline(always)]
     fn negated(self) -> Self {
         self.map(Number::negated)
     }
-    /// With the signs of others.
+    /// Magnitudes with the signs of others.
     #[inline(always)]
     fn with_sign_of(self, sign: Self) -> Self {
         self.zip(sign, Number::with_sign_of)
     }
-    /// Rounded down to integers. That of the standard library is a call of a function where SSE4.1 may not be there.
+    /// Rounded down to integers. The standard library's floor is a function call where SSE4.1 may be missing.
     #[inline(always)]
     fn floor(self) -> Self {
         let rounded = ((self.abs() + Self::all(Number::INTEGERS)) - Self::all(Number::INTEGERS)).with_sign_of(self);
@@ -274,25 +274,25 @@ macro_rules! operation {
 }
 operation! { Add: add; Sub: sub; Mul: mul; Div: div; }
 
-/// a . b, as DOT3 has it.
+/// a . b, as in DOT3.
 #[inline(always)]
 pub fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     (a[0] * b[0]).fma(a[1], b[1]).fma(a[2], b[2])
 }
 
-/// a . b, every product rounded by itself: DOT3_UNFUSED.
+/// a . b, every product rounded separately: DOT3_UNFUSED.
 #[inline(always)]
 pub fn dot_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// a x b, every product rounded by itself: CROSS3_UNFUSED.
+/// a x b, every product rounded separately: CROSS3_UNFUSED.
 #[inline(always)]
 pub fn cross_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
     [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i])
 }
 
-/// What a function makes of each component of two vectors.
+/// The results of a function of each component of two vectors.
 #[inline(always)]
 pub fn each<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
     [0, 1, 2].map(|i| f(a[i], b[i]))

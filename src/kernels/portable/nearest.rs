@@ -1,6 +1,6 @@
-//! Which object is nearest at each pixel of a tile, and which of them may be seen at all.
+//! Finding the nearest object at each pixel of a tile, and culling the objects that are hidden.
 //!
-//! As asm/tracers/nearest.asm, around.asm, farthest.asm, visible.asm and nearer_half.asm have it.
+//! The twins of asm/tracers/nearest.asm, around.asm, farthest.asm, visible.asm and nearer_half.asm.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -15,7 +15,7 @@ use super::super::tiles::{TILE_PARTS, TILE_PIXELS, TileGrid, TileWindow};
 use super::lanes::{Lanes, Number};
 use super::spheres;
 
-/// How a tile is cut into blocks, each of as many pixels as there are lanes.
+/// The division of a tile into blocks, each of as many pixels as there are lanes.
 pub struct Blocks<L>(PhantomData<L>);
 
 impl<L: Lanes> Blocks<L> {
@@ -30,7 +30,7 @@ impl<L: Lanes> Blocks<L> {
         [L::from_fn(|i| number(i % Self::WIDTH)), L::from_fn(|i| number(i / Self::WIDTH))]
     }
 
-    /// The place in the tile of a pixel's column and row.
+    /// The column and row in the tile of a pixel's index.
     pub fn pixel(at: usize) -> [usize; 2] {
         let (block, lane) = (at / L::COUNT, at % L::COUNT);
         let (column, row) = (block % Self::ACROSS * Self::WIDTH, block / Self::ACROSS * Self::HEIGHT);
@@ -46,22 +46,22 @@ fn at<L: Lanes>([row, factor]: Row<L>, x: L) -> L {
     row.fma(factor, x)
 }
 
-/// Objects of a kind as functions of a tile's pixels. One is the same in all lanes.
+/// Objects of a kind as functions of a tile's pixels. All lanes have the same object.
 pub trait Planes<L: Lanes> {
-    /// Their bounds, and what decides where the functions leave a doubt.
+    /// Their bounds, and the data that decide where the functions cannot.
     type Transposed;
-    /// One along a row.
+    /// An object along a row.
     type Row: Copy;
 
-    /// Columns and rows where an object may be, and its number in the tile.
+    /// The columns and rows where an object may be, and its id in the tile.
     fn place(&self, of: &Self::Transposed, at: usize) -> ([u32; 2], L::Number);
-    /// From where on its measure says that it is hit, but for the rounding, and from where on for sure.
+    /// The values of its measure from which it may be hit, within rounding, and from which it surely is.
     fn bounds(&self, at: usize) -> [L; 2];
-    /// An object along a row of blocks, whose pixels are y from the middle of the tile, which is that pixel of the picture.
+    /// An object along a row of blocks, with pixels y from the tile's middle, which is at `middle` in the picture.
     fn row(&self, at: usize, y: L, middle: [f64; 2]) -> Self::Row;
     /// Its measure at x.
     fn measure(row: Self::Row, x: L) -> L;
-    /// Its 1/t at x, where it has that measure.
+    /// Its 1/t at x, where it has this measure.
     fn inverse(row: Self::Row, x: L, measure: L) -> L;
     /// Whether the ray `d` hits it.
     fn hits(&self, of: &Self::Transposed, at: usize, d: DVec3) -> bool;
@@ -74,7 +74,7 @@ fn wide(numbers: [&[u32]; 3], at: usize) -> DVec3 {
 
 impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
     type Transposed = TriangleArrays;
-    /// Three edges, 1/t, and what that cannot exceed.
+    /// Three edges, 1/t, and the upper bound of 1/t.
     type Row = ([Row<L>; 4], L);
 
     #[inline(always)]
@@ -116,7 +116,7 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
 
 impl<L: Lanes> Planes<L> for SpherePlanes<L::Number> {
     type Transposed = SphereArrays;
-    /// D where x = 0, what x and x^2 add to it, h, what 1/t cannot exceed, and from the tile's middle to its origin.
+    /// D at x = 0, its coefficients of x and x^2, h, the upper bound of 1/t, and its origin's offset from the middle.
     type Row = ([L; 3], Row<L>, L, L);
 
     #[inline(always)]
@@ -158,8 +158,7 @@ fn within(bounds: u32, tile: u32, window: Range<u32>) -> Range<usize> {
     place(bounds & 0xffff).max(window.start as usize)..place(bounds >> 16).min(window.end as usize)
 }
 
-/// Makes the pixels of the window those of the first `count` objects where nothing is nearer, and nothing as near that comes
-/// first.
+/// Gives the window's pixels where nothing is nearer, or as near and first, to the first `count` objects.
 pub fn nearest<L: Lanes, P: Planes<L>>(
     tile: &mut Tile<L::Number>,
     (planes, of, count): (&P, &P::Transposed, usize),
@@ -197,8 +196,8 @@ pub fn nearest<L: Lanes, P: Planes<L>>(
                     if hit.any() {
                         let open = w.equal(there).zip(sure.greater(measure), Number::or);
                         if hit.and(open).any() {
-                            // As near as another, the first in the scene stays, and nobody comes first of all. Within the
-                            // rounding f64 decides, as the reference does.
+                            // Equally near: the first in the scene wins, and an empty pixel wins any tie. Within the
+                            // rounding f64 decides, as in the reference.
                             hit = L::from_fn(|lane| {
                                 let comes_first =
                                     || order[who[lane].to_index() as usize] > order[id.to_index() as usize];
@@ -240,7 +239,7 @@ pub fn around<L: Lanes, W: Lanes<Number = f64>>(
     }
 }
 
-/// What is farthest in each part of a tile.
+/// The hierarchical depth of a tile.
 pub fn farthest<L: Lanes>(tile: &Tile<L::Number>) -> [L::Number; TILE_PARTS] {
     let mut parts = [L::Number::from_f64(f64::INFINITY); TILE_PARTS];
     for (block, near) in tile.near.chunks_exact(L::COUNT).enumerate() {
@@ -251,14 +250,13 @@ pub fn farthest<L: Lanes>(tile: &Tile<L::Number>) -> [L::Number; TILE_PARTS] {
     parts
 }
 
-/// Copies those of the nearer half and the others: at the middle of the numbers, by their bits, between the nearest and the
-/// farthest.
+/// Partitions candidates at the middle, by their bits, of the nearest and the farthest.
 pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: &mut [Candidate]) -> usize {
     let bits = || candidates.iter().map(|candidate| candidate.most.to_bits());
     let most = bits().filter(|most| *most != f32::MAX.to_bits()).max().unwrap_or(0);
     let middle = (bits().min().unwrap_or(0) + most) / 2;
     let (mut near, mut far) = (0, 0);
-    // A branch would not be foreseen.
+    // A branch would be mispredicted.
     for candidate in candidates {
         let is_near = candidate.most.to_bits() >= middle;
         (nearer[near], farther[far]) = (*candidate, *candidate);
@@ -267,7 +265,7 @@ pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: 
     near
 }
 
-/// Brings those of the first `count` to the front that are not behind what is farthest in all parts where they may be.
+/// Moves those of the first `count` to the front that some part where they may be does not hide by its depth.
 pub fn visible(candidates: &mut [Candidate], count: usize, farthest: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
     let mut left = 0;
     for i in 0..count {

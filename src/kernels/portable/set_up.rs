@@ -1,4 +1,4 @@
-//! Triangles: their bounds in the picture, and as planes over a tile's pixels: asm/tracers/bounds.asm and set_up.asm.
+//! Triangles: their bounds in the picture, and planes over a tile's pixels: asm/tracers/bounds.asm and set_up.asm.
 
 use super::super::objects::{ObjectList, TriangleList};
 use super::super::records::{
@@ -8,13 +8,13 @@ use super::super::tiles::{Extremes, TriangleChunk, above};
 use super::super::types::Plain;
 use super::lanes::{Lanes, Number, cross_unfused, dot, each};
 
-/// What is 0 but for the rounding, against the sum of its terms.
+/// A volume below this share of the sum of its terms is 0 but for rounding.
 const PLANE: f64 = 4.0 * f64::EPSILON;
-/// Nearer than this a corner's place in the picture could overflow.
+/// The projection of a corner nearer than this could overflow.
 const LEAST: f64 = 1e-30;
 
-/// The numbers of all objects in lanes, of which a pixel's bounds are four: the first column and the one past the last, and
-/// of rows the same.
+/// The bounds of an object in each lane: the first column and one past the last, rows likewise, and the upper bound of
+/// 1/t.
 pub struct Bounds<L> {
     pub columns: [L; 2],
     pub rows: [L; 2],
@@ -22,13 +22,13 @@ pub struct Bounds<L> {
 }
 
 impl<L: Lanes> Bounds<L> {
-    /// How many pixels they hold, across and down: LENGTH.
+    /// The number of pixels across and down: LENGTH.
     #[inline(always)]
     pub fn lengths(&self) -> [L; 2] {
         [self.columns, self.rows].map(|[first, past]| past - first)
     }
 
-    /// Adds those of the lanes that may be seen, and at most so many, to the first `count`.
+    /// Adds the candidates among the lanes, at most as many as `ids`, after the first `count`.
     #[inline(always)]
     pub fn push(&self, ids: std::ops::Range<u32>, keep_all: bool, to: &mut [Candidate], count: &mut usize) {
         let [across, down] = self.lengths();
@@ -56,7 +56,7 @@ fn transpose(triangles: TriangleList<'_>, ids: impl Iterator<Item = usize>, to: 
     }
 }
 
-/// Those corners of triangles from number `at` on.
+/// The corners of triangles from index `at` on.
 #[inline(always)]
 fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
     [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
@@ -106,9 +106,8 @@ pub fn bounds<L: Lanes<Number = f32>>(
     (count, extremes)
 }
 
-/// The columns and rows that triangles can cover, what their 1/t cannot exceed, which is the largest number of those that reach
-/// behind the camera, and that of those in front. Where they hold four pixels at most, and an edge or another has each of
-/// them outside, there are no columns.
+/// The bounds of triangles, whose upper bound of 1/t is the largest f32 for those that reach behind the camera, and the
+/// upper bounds of those in front. If bounds hold at most four pixels, each outside some edge, they have no columns.
 #[inline(always)]
 pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3]; 3]) -> (Bounds<L>, L) {
     let (all, zero) = (L::all, L::of(0.0));
@@ -131,13 +130,13 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let (ahead, in_part) = (nearest.greater(L::of(LEAST)), farthest.greater(zero));
     let cannot_exceed = ahead.select(all(view.most) / nearest, L::all(f32::MAX));
 
-    // Edges at the first pixel within the bounds, and what a column and a row more add to them.
+    // Edges at the first pixel within the bounds, and their increments for a column and a row.
     let x = across.map(|x| x - (columns[0] - all(view.column)));
     let y = up.map(|y| y - (all(view.row) - rows[0]));
     let next = [(0, 1), (1, 2), (2, 0)];
     let mut edges = next.map(|(v, w)| x[v] * y[w] - y[v] * x[w]);
     let (column, row) = (next.map(|(v, w)| y[v] - y[w]), next.map(|(v, w)| x[v] - x[w]));
-    // The greatest of what is least of the edges, and the least of what is greatest: EDGES_HERE.
+    // The greatest over the pixels of the least edge, and the least of the greatest edge: EDGES_HERE.
     let (mut low, mut high) = (least(edges), most(edges));
     let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
     edges = each(edges, column, |edge, more| edge + more);
@@ -159,7 +158,7 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     (bounds, in_part.and(cannot_exceed))
 }
 
-/// A chunk of triangles as planes over a tile's pixels, and what the lights do to them.
+/// Sets up a chunk of triangles as planes over a tile's pixels, and the effects of the lights on them.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &TileView<f64>,
     chunk: TriangleChunk<'_>,
@@ -183,7 +182,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
         let seen_from_a_side = volume.abs().greater((x.abs() + y.abs() + z.abs()) * W::of(PLANE));
         let side = W::of(0.0).with_sign_of(volume);
 
-        // 1/t is (n . d) / (n . v), linear over the pixels; 0, which is never nearest, for what is never hit.
+        // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.
         let over = all(view.scale) / volume;
         let n = normal.map(|n| seen_from_a_side.and(n * over));
         let ray = [view.dx, view.dy, view.dz].map(all);
@@ -194,7 +193,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
         side.store(&mut planes.side[at..]);
         W::load_bits(&of.most[at..]).store(&mut planes.most[at..]);
 
-        // What each light does to it: |n . (l - v)| / |n|, and the weights.
+        // The effect of each light: |n . (l - v)| / |n|, and the weights.
         let per = W::of(1.0) / (dot(normal, normal).sqrt() * all(view.scale));
         let colour = [&of.red, &of.green, &of.blue].map(|channel| W::load_bits(&channel[at..]));
         for (number, light) in lights.iter().enumerate() {
@@ -208,7 +207,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
             }
         }
 
-        // The edges over their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
+        // The edges divided by their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
         let bound = [view.bound_x, view.bound_y, view.bound_z].map(all);
         let edges = [
             (a, b, &mut planes.e10, &mut planes.e1x, &mut planes.e1y),

@@ -9,19 +9,19 @@ use super::lanes::{Lanes, Number, dot, each};
 use super::nearest::Blocks;
 use super::rows::Pixel;
 
-/// n / sqrt q, from 0 to 1; NaN, such as 0 / 0, gives 0: COSINE.
+/// n / sqrt q, clamped to [0, 1]; NaN, such as 0 / 0, gives 0: COSINE.
 #[inline(always)]
 fn cosine<L: Lanes>(n: L, q: L) -> L {
     (n / q.sqrt()).max(L::of(0.0)).min(L::of(1.0))
 }
 
-/// A light, seen from the camera, over t, from where the ray is: l w - d.
+/// The vector from the hit to a light, divided by t: l w - d.
 #[inline(always)]
 fn to_light<L: Lanes>([x, y, z, _]: &TilePoint<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
     each([*x, *y, *z].map(L::all), d, |l, d| l.fms(w, d))
 }
 
-/// Of n . (l - v): TRIANGLE_COSINE.
+/// The cosine for n . (l - v): TRIANGLE_COSINE.
 #[inline(always)]
 pub fn triangle_cosine<L: Lanes>(n: L, w: L, ray: [L; 3], light: &TilePoint<L::Number>) -> L {
     let l = to_light(light, w, ray);
@@ -54,7 +54,7 @@ fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L
     cosine(dot(l, m) - w, dot(to_light, to_light))
 }
 
-/// Pixels of a tile: 1/t and who is there, their rays, and where they are in the picture.
+/// A block of pixels: 1/t and ids, their rays, and their places in the picture.
 struct Block<L> {
     w: L,
     who: L,
@@ -63,7 +63,7 @@ struct Block<L> {
 }
 
 impl<L: Lanes> Block<L> {
-    /// What all lights do to triangles of which `shade` gives what one does.
+    /// Adds the effect of all lights on triangles; `shade` gives that of one.
     #[inline(always)]
     fn add_triangles(&self, lights: &[TilePoint<L::Number>], colour: &mut [L; 3], shade: impl Fn(usize) -> [L; 4]) {
         for (number, light) in lights.iter().enumerate() {
@@ -72,7 +72,7 @@ impl<L: Lanes> Block<L> {
         }
     }
 
-    /// What all lights do to the lanes of the mask that a sphere of the tile has.
+    /// Adds the effect of all lights on a sphere of the tile, in the lanes of the mask.
     #[inline(always)]
     fn add_sphere<P: Pixel>(&self, id: usize, mask: L, records: &ShadingRecords<'_, L::Number>, colour: &mut [L; 3]) {
         let all = L::all;

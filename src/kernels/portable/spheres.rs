@@ -1,6 +1,6 @@
-//! Spheres: their bounds in the picture, as functions of its pixels, and what shades them.
+//! Spheres: their bounds in the picture, as functions of its pixels, and their shading records.
 //!
-//! As asm/tracers/sphere_bounds.asm, sphere_set_up.asm and around.asm have it.
+//! The twins of asm/tracers/sphere_bounds.asm, sphere_set_up.asm and around.asm.
 
 use super::super::records::{
     AroundSphere, CHUNK, Candidate, Element, ObjectLight, ShortLight, Sphere, SphereArrays, SpherePlanes, SphereView,
@@ -11,16 +11,16 @@ use super::super::types::Plain;
 use super::lanes::{Lanes, Number, cross_unfused, dot_unfused, each};
 use super::set_up::Bounds;
 
-/// A sphere is in front if its centre is at least so many radii before the camera's plane.
+/// A sphere is in front if its centre is at least so many radii in front of the camera's plane.
 const FRONT: f64 = 1.001;
-/// Pixels by which the bounds of a sphere are opened.
+/// Pixels by which the bounds of a sphere are widened.
 const OUTLINE: f64 = 1e-3;
-/// By how many units of its terms D may be rounded.
+/// The rounding error of D, in units of its terms.
 const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
 /// The f64 below 1/2.
 const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
-/// The short form is accurate enough if the light is further than this from the sphere, nearer than that, in radii, and
-/// if the terms cancel to no less than one part in so many.
+/// The short form is accurate enough if the light is further than the first from the sphere and nearer than the second,
+/// in radii, and if the terms cancel to no less than one part in the third.
 const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
 
 /// Transposes spheres.
@@ -33,13 +33,13 @@ fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArray
     }
 }
 
-/// Centres and radii of spheres from number `at` on.
+/// Centres and radii of spheres from index `at` on.
 #[inline(always)]
 fn numbers<W: Lanes>(of: &SphereArrays, at: usize) -> ([W; 3], W) {
     ([&of.x, &of.y, &of.z].map(|numbers| W::load_bits(&numbers[at..])), W::load_bits(&of.radius[at..]))
 }
 
-/// Where silhouettes end along one axis at distance 1: SILHOUETTE.
+/// The ends of silhouettes along one axis at distance 1: SILHOUETTE.
 #[inline(always)]
 fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     let one = W::of(1.0);
@@ -52,7 +52,7 @@ fn silhouette<W: Lanes>(cx: W, cz: W, m: W) -> [W; 2] {
     [is_right.select(e, of_q), is_right.select(of_q, e)]
 }
 
-/// Columns and rows between which silhouettes lie, with fractions: SPHERE_BOX.
+/// The columns and rows between which silhouettes lie, as fractions of pixels: SPHERE_BOX.
 #[inline(always)]
 fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3]) -> [[W; 2]; 2] {
     let (all, half) = (W::all, W::of(0.5));
@@ -94,8 +94,8 @@ pub fn bounds<W: Lanes<Number = f64>>(
     (count, extremes)
 }
 
-/// The columns and rows that spheres can cover, and what their 1/t cannot exceed, which is `most` at distance 1: the largest
-/// number of f32 where planes do not trace them, and where these may lose digits to the side.
+/// The bounds of spheres. The upper bound of 1/t is `most` over the distance of the nearest point, or the largest f32
+/// if planes cannot trace the sphere, or may lose digits to the side.
 #[inline(always)]
 pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Bounds<W> {
     let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
@@ -119,22 +119,22 @@ pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3],
     }
 }
 
-/// What is known of spheres in front: SPHERE_D.
+/// The shared set-up of spheres in front: SPHERE_D.
 struct InFront<W> {
-    /// The centre in radii.
+    /// The centre, in radii.
     c: [W; 3],
     /// c . c and c . c - 1.
     squared: W,
     k: W,
-    /// The scale over k and the radius.
+    /// The scale divided by k and the radius.
     over: W,
-    /// Its origin, a pixel, and how far its outline is from there.
+    /// Its origin, a pixel, and the outline's greatest distance from it.
     origin: [W; 2],
     reach: [W; 2],
-    /// The ray there, c . d, and what a column and a row more add to this.
+    /// The ray there; c . d, and its increments for a column and a row.
     ray: [W; 3],
     h: [W; 3],
-    /// D: its value, and that times x, y, x^2, x y and y^2.
+    /// D: its value, and its coefficients of x, y, x^2, x y and y^2.
     d: [W; 6],
 }
 
@@ -149,7 +149,7 @@ impl<W: Lanes<Number = f64>> InFront<W> {
         let over = all(view.scale) / (k * radius);
         let outline = outline(view, c);
         let sides = [view.width, view.height].map(all);
-        // The middle, rounded half away from 0, in the picture: NEAREST_PIXEL; and REACH.
+        // The middle, rounded half away from 0, within the picture: NEAREST_PIXEL; and REACH.
         let origin = [0, 1].map(|axis| {
             let [a, b] = outline[axis];
             let middle = (a + b) * half;
@@ -179,7 +179,7 @@ impl<W: Lanes<Number = f64>> InFront<W> {
     }
 }
 
-/// The spheres of a chunk and their bounds, transposed, up to a whole packet; how many that are.
+/// Transposes the spheres of a chunk and their bounds, up to a whole packet; returns how many those are.
 fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mut SphereArrays) -> usize {
     let past = candidates.len().next_multiple_of(W::COUNT);
     transpose((0..past).map(|i| &spheres[candidates.get(i).unwrap_or(&candidates[0]).id as usize]), of);
@@ -189,7 +189,7 @@ fn chunk<W: Lanes>(SphereChunk { spheres, candidates }: SphereChunk<'_>, of: &mu
     past
 }
 
-/// A chunk of spheres as functions of the pixels from their own origins.
+/// Sets up a chunk of spheres as functions of the pixels from their own origins.
 pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     view: &SphereView<f64>,
     spheres: SphereChunk<'_>,
@@ -200,7 +200,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     for at in (0..chunk::<W>(spheres, of)).step_by(W::COUNT) {
         let (centre, radius) = numbers::<W>(of, at);
         let InFront { over, origin, reach: [i, j], h: [h, hx, hy], d, .. } = InFront::new(view, centre, radius);
-        // D is rounded by no more than a few units of its terms at the outline.
+        // The rounding error of D is at most a few units of its terms at the outline.
         let terms = [d[1] * i, d[2] * j, d[3] * i * i, d[4] * i * j, d[5] * j * j];
         let bound = terms.into_iter().fold(d[0].abs(), |sum, term| sum + term.abs()) * W::of(ROUNDINGS);
         let fields = [
@@ -223,7 +223,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// What shades a chunk of spheres, from number `first` on; `short`: in the short form, too.
+/// Makes the shading records of a chunk of spheres, from index `first` on; if `short`, in the short form, too.
 pub fn shading<W: Lanes<Number = f64>, E: Element>(
     view: &SphereView<f64>,
     spheres: SphereChunk<'_>,
@@ -235,14 +235,14 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
     let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
     let step = all(view.step);
     let mut of = SphereArrays::ZERO;
-    // What is beyond f32 is the weight of a sphere that no kernel in f32 shades. Beside its pixels 0 times that is added.
+    // A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but 0 times its weight is added beside it.
     let most = if size_of::<E>() == size_of::<f32>() { f32::MAX.into() } else { f64::INFINITY };
     for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
         let (centre, radius) = numbers::<W>(&of, at);
         let InFront { c, squared, k, origin, ray, h, d, .. } = InFront::new(view, centre, radius);
         let t = h.map(|h| h / k);
         let per = all(view.scale) / radius;
-        // n / t = (d - h c / k) - sqrt(D) c / k over the radius, its first part; and what a column and a row more add: NORMAL.
+        // The first part of n / t = (d - h c / k) - sqrt(D) c / k over the radius, and its increments: NORMAL.
         let normal = |axis: usize, column: W, row: W| {
             let t = t.map(|t| t * c[axis]);
             [ray[axis] - t[0], column - t[1], t[2] - row].map(|x| x * per)
@@ -261,7 +261,7 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
         let lanes = W::COUNT.min(spheres.candidates.len() - at);
         let place = |lane: usize, number: usize| (first + at + lane) * lights.len() + number;
 
-        // The short form: what kn and ke leave of their terms decides whether it is accurate enough.
+        // The short form: how far the terms of kn and ke cancel decides whether it is accurate enough.
         let mut accurate = W::all(f64::mask(short));
         let length = squared.sqrt() + one;
         for (number, light) in lights.iter().enumerate().filter(|_| short) {
@@ -283,7 +283,7 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
             }
         }
 
-        // The long form, from where the light is seen from the centre.
+        // The long form, from the light relative to the centre.
         let all_short = (0..W::COUNT).all(|lane| accurate.lane(lane).is_set());
         for (number, light) in lights.iter().enumerate().filter(|_| !all_short) {
             let from_centre = to_light(light);
@@ -333,7 +333,7 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// What stands for 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 where the ray misses it.
+/// The scaled 1/t of the nearest wall of a sphere around the camera or beside it, at pixels; 0 if the ray misses it.
 #[inline(always)]
 pub fn around<W: Lanes<Number = f64>>(sphere: &AroundSphere<f64>, column: W, row: W) -> W {
     let AroundSphere { step, half_width, half_height, square, cx, cy, cz, .. } = *sphere;
