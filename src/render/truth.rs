@@ -1,7 +1,7 @@
 //! The truth of a picture: what each ray hits, where, and in which colour, beyond any doubt of f64.
 //!
-//! Which objects a ray certainly does not meet is decided in f64, with a bound on its rounding. What remains is computed in
-//! numbers that know how far they may be off, and where they are not sure of an answer, in 256 bits.
+//! Objects that a ray certainly does not meet are excluded in f64, with a bound on its rounding. The rest is computed
+//! in numbers that carry a bound on their own error, and in 256 bits where those do not decide.
 
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -14,50 +14,50 @@ use crate::reference::geometry;
 use crate::reference::shapes::{self, Meeting, Number, Operations, Ray, Rays, Vector};
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
-/// Further than this from being hit, in units of the margin, an object is not looked at closely. Any margin that is asked
-/// about is smaller.
+/// An object further than this from being hit, in units of the margin, is not examined closely. Requested margins are
+/// smaller.
 const FAR: f64 = 1e-4;
-/// A share of what is added up that all roundings of a test in f64 stay below, those of the ray included.
+/// Bound of all rounding errors of a test in f64, including the ray's, as a share of the sum of its terms' magnitudes.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// A light nearer to the surface than this share of the surface's distance lies in a direction that f32 cannot tell.
+/// The direction of a light nearer to the surface than this share of the surface's distance is rounding noise in f32.
 const AT_THE_SURFACE: f64 = 1e-4;
-/// A plane at less than this share of its nearest corner's distance is where v . n cancels to 1e-7 and less in f64.
+/// For a plane nearer than this share of its nearest corner's distance, v . n cancels to 1e-7 and less in f64.
 const AT_THE_CAMERA: f64 = 1e-8;
-/// A cosine of less than this is the terminator's: for f32 it may be 0.
+/// A cosine below this is at the terminator: f32 may round it to 0.
 const AT_THE_TERMINATOR: f64 = 1e-4;
-/// What is told of a hit has errors below this, as shares: less than f64 could tell.
+/// Values of a hit have relative errors below this: less than f64 could tell.
 const SURE: f64 = f64::EPSILON / 64.0;
 
-/// What is true of a pixel.
+/// The truth of a pixel.
 #[derive(Clone, Debug)]
 pub struct TruePixel {
-    /// What the ray hits first.
+    /// The first object that the ray hits.
     pub hit: Option<TrueHit>,
-    /// How far from another answer that is: the smallest margin of an object that would change it, or the gap to the
-    /// second hit as a share of t. Exact ties are no doubt: the first in order wins them.
+    /// The distance from another answer: the smallest margin of an object that would change this one, or the gap to the
+    /// second hit as a share of t. Exact ties are not in doubt: the first in order wins.
     pub margin: f64,
 }
 
-/// What is true of a hit.
+/// The truth of a hit.
 #[derive(Clone, Debug)]
 pub struct TrueHit {
     /// The object.
     pub object: Object,
-    /// Where: the point t r_d.
+    /// The point t r_d.
     pub t: Split,
     /// The unit normal; of a triangle either of the two.
     pub normal: [Split; 3],
-    /// L . N of each light, on a sphere below 0 where it is behind the surface; 0 for a light on the surface.
+    /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the surface.
     pub cosines: Vec<f64>,
-    /// Whether it is at the terminator of a light so bright that what f32 rounds there is the step from black to white.
+    /// Whether it is at the terminator of a light so bright that rounding in f32 is the step from black to white.
     pub dazzled: bool,
-    /// The linear colour, not clamped. None where a light is so near that its direction is rounding noise in f32, and where
-    /// a triangle's plane is so near to the camera that its distance is in f64.
+    /// The linear colour, not clamped. None if a light is so near that its direction is rounding noise in f32, or a
+    /// triangle's plane so near to the camera that its distance is noise in f64.
     pub colour: Option<DVec3>,
     /// The documented bound of |error of t| / t, in units of the engine's u.
     pub bound: f64,
-    /// By how many times what rounds the camera's numbers, as a share of its longest ray, changes t: 1 / the cosine
-    /// between the ray and the normal, times the longest ray over this one.
+    /// The factor by which the rounding of the camera's numbers, as a share of its longest ray, changes t: 1 / the
+    /// cosine between the ray and the normal, times the longest ray over this one.
     pub lever: f64,
 }
 
@@ -66,7 +66,7 @@ struct Light {
     radiance: DVec3,
 }
 
-/// An object in f64, with what is needed to rule it out.
+/// An object in f64, with what is needed to exclude it.
 enum Quick {
     Sphere { centre: DVec3, radius: f64, k: f64 },
     Triangle { vertices: [DVec3; 3], edges: [DVec3; 3], sizes: [DVec3; 3] },
@@ -80,18 +80,18 @@ enum Shape<N> {
 struct Body {
     object: Object,
     quick: Quick,
-    /// None where the numbers cannot tell what it is.
+    /// None if its numbers cannot be decided.
     bounded: Option<Shape<Bounded>>,
     /// Made when it is needed.
     exact: OnceLock<Shape<Exact>>,
     colour: DVec3,
     /// The first object that is the same in all but colour: the two tie wherever they are hit.
     same_as: usize,
-    /// Whether f64 cannot tell how far its plane is from the camera, which all of its corners are so far from.
+    /// Whether f64 cannot determine the distance of its plane, from which all its corners are far away.
     grazes_camera: bool,
 }
 
-/// Which body is hit first, how, and where.
+/// The first body hit, its hit, and the point.
 type First<'a, N> = (usize, &'a Meeting<N>, &'a N);
 
 /// The truth of one scene and camera.
@@ -107,7 +107,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes over `scene`; its f32 numbers are exact.
+    /// Takes `scene`, whose f32 numbers are exact.
     pub fn new(scene: &Scene) -> Self {
         let camera = &scene.camera;
         let lights = scene.lights.iter().map(|light| Light {
@@ -134,25 +134,25 @@ impl Truth {
         Truth { grid: camera.grid(), rays, across, up, focal, lights: lights.collect(), bodies }
     }
 
-    /// What is true of a pixel.
+    /// The truth of a pixel.
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
         self.quick_pixel(row, col).unwrap_or_else(|| self.exact_pixel(row, col))
     }
 
-    /// The objects that f64 does not rule out.
+    /// The objects that f64 does not exclude.
     fn near(&self, row: u32, col: u32) -> Vec<usize> {
         let d = DVec3::from(self.grid.ray(row, col));
         let reach = DVec3::new(self.grid.half_width, self.grid.half_height, self.grid.focal);
         (0..self.bodies.len()).filter(|i| !self.bodies[*i].quick.certainly_missed(d, reach)).collect()
     }
 
-    /// The same in 256 bits, for those who doubt the quick one.
+    /// The same in 256 bits, to check the quick one.
     pub fn exact_pixel(&self, row: u32, col: u32) -> TruePixel {
         let ray = self.rays.ray(row, col);
         self.known_pixel(&self.near(row, col), &ray, |body| Some(body.exact())).expect("256 bits know everything")
     }
 
-    /// The same in fewer bits; None where these are not sure.
+    /// The same in fewer bits; None if these do not decide.
     pub fn quick_pixel(&self, row: u32, col: u32) -> Option<TruePixel> {
         let near = self.near(row, col);
         if near.is_empty() {
@@ -162,7 +162,7 @@ impl Truth {
         self.known_pixel(&near, &Ray::within(d, self.rays.reach), |body| body.bounded.as_ref())
     }
 
-    /// What is true of a ray's pixel, of whose objects all but `near` are ruled out; None where the numbers are not sure.
+    /// The truth of a ray's pixel, for which all objects but `near` are excluded; None if the numbers do not decide.
     fn known_pixel<N: Number + 'static>(
         &self,
         near: &[usize],
@@ -182,19 +182,19 @@ impl Truth {
         Some(TruePixel { hit, margin })
     }
 
-    /// Who is hit first, and how far that is from another answer.
+    /// The first object hit, and its distance from another answer.
     fn first<'a, N: Number>(&self, meetings: &'a [(usize, Meeting<N>)]) -> Option<(Option<First<'a, N>>, f64)>
     where
         for<'n> &'n N: Operations<N>,
     {
-        // What is between it and the nearer `first`, as a share of that.
+        // The gap to the nearer `first`, as a share of that.
         let gap = |t: &N, first: &N| (&(t - first) / first).to_f64().max(0.0);
         let same = |a: usize, b: usize| self.bodies[a].same_as == self.bodies[b].same_as;
         let mut first: Option<First<'a, N>> = None;
         for (i, meeting) in meetings {
             let Some(t) = &meeting.hit else { continue };
             let nearer = match first {
-                // Of those that tie the first in order.
+                // Of ties the first in order.
                 Some((winner, ..)) if same(*i, winner) => false,
                 Some((.., nearest)) => (nearest - t).sign()? > 0,
                 None => true,
@@ -207,7 +207,8 @@ impl Truth {
         for (i, meeting) in meetings {
             let change = match first {
                 Some((winner, ..)) if same(*i, winner) => continue,
-                // Behind the first hit, its distance protects the answer; a near miss is protected by its margin too.
+                // Behind the first hit, an object's distance protects the answer; a near miss is protected by its
+                // margin too.
                 Some((.., t)) => match (&meeting.hit, &meeting.miss) {
                     (Some(other), _) => gap(other, t),
                     (None, Some(other)) => gap(other, t).max(meeting.margin),
@@ -220,7 +221,7 @@ impl Truth {
         Some((first, margin))
     }
 
-    /// None where a number is not known well enough to be told.
+    /// None if a number is not known accurately enough.
     fn hit<N: Number>(
         &self,
         body: &Body,
@@ -240,7 +241,7 @@ impl Truth {
         sure(t, t.to_f64())?;
         normal.0.iter().try_for_each(|x| sure(x, 1.0))?;
         let reach = AT_THE_SURFACE * point.length().to_f64();
-        // Of each light its cosine, and whether it is at the surface.
+        // For each light its cosine, and whether it is on the surface.
         let mut lit = Vec::with_capacity(self.lights.len());
         for light in &self.lights {
             let to_light = Vector::new(light.position.into()).sub(&point);
@@ -308,7 +309,7 @@ impl Body {
         })
     }
 
-    /// The same of a triangle.
+    /// The same for a triangle.
     fn triangle(i: usize, triangle: &Triangle) -> Option<Self> {
         let vertices = triangle.vertices.map(|v| v.as_dvec3());
         let bounded = shapes::Triangle::new(vertices.map(Into::into)).map(Box::new).map(Shape::Triangle);
@@ -316,7 +317,7 @@ impl Body {
             shapes::Triangle::<Exact>::new(vertices.map(Into::into))?;
         }
         let [v1, v2, v3] = vertices;
-        // Where f64 cannot tell the sign of the volume, nothing is ruled out.
+        // If f64 cannot decide the sign of the volume, nothing is excluded.
         let volume = geometry::triangle_volume(vertices).unwrap_or(0.0);
         let sign = if volume == 0.0 { 0.0 } else { volume.signum() };
         let nearest = vertices.map(DVec3::length).into_iter().fold(f64::INFINITY, f64::min);
@@ -351,12 +352,11 @@ impl Body {
 }
 
 impl Quick {
-    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Numbers that are not finite rule
-    /// nothing out.
+    /// Whether no rounding, and no margin below [`FAR`], could make the ray hit it. Non-finite numbers exclude nothing.
     fn certainly_missed(&self, d: DVec3, reach: DVec3) -> bool {
         match self {
             Quick::Sphere { centre, radius, k } => {
-                // The ray's distance from the centre, |c x d| / |d|, against the radius.
+                // The ray's distance from the centre, |c x d| / |d|, compared with the radius.
                 let squared = d.dot(d) * radius * radius;
                 let across = centre.cross(d).length();
                 let distance = across - ROUNDING * centre.length() * reach.length();
