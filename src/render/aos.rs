@@ -17,7 +17,7 @@ pub struct AosTracer {
 }
 
 impl AosTracer {
-    /// Packs `scene` for `kernels`; `hits` is what their tracer hits.
+    /// Packs `scene` for `kernels`; `hits` is the variant of their tracer that returns hits.
     pub fn new(kernels: &'static AosKernels, hits: Hits, scene: &Scene) -> Self {
         AosTracer { kernels, hits, packed: Packed::new(scene) }
     }

@@ -9,8 +9,8 @@ use super::to_file::Bands;
 use super::{Counted, Format, Frame, ImageWriter, RenderError, Stats};
 use crate::ranks::{Pace, Ranks};
 
-/// Renders `rows` into an image file of a format, as [`render`](super::render()) does; rank 0 has the file, and hears in `done`
-/// of the rows that are written. The times are those of the rank that took longest.
+/// Renders `rows` into an image file of a format, as [`render`](super::render()) does; rank 0 has the file, and tells
+/// `done` of the rows that are written. The times are those of the slowest rank.
 ///
 /// # Errors
 /// As [`render`](super::render()), on the rank where it happens and on rank 0.
@@ -39,7 +39,7 @@ pub fn render_by_ranks(
         bands
             .encode(|rows, part| {
                 let part = part?;
-                // With room for what its message says beside it.
+                // With room for the rest of its message.
                 encoded.reserve(part.len() + 64);
                 encoded.extend_from_slice(&rows.to_le_bytes());
                 encoded.extend_from_slice(&(part.len() as u64).to_le_bytes());
@@ -69,7 +69,7 @@ pub fn render_by_ranks(
     };
     let count = rows.len().div_ceil(height as usize) as u64;
     let result = ranks.share((count, Pace::BANDS), work, take);
-    // Whoever failed has told rank 0 so; all that is left is to know how long the others took.
+    // A rank that failed has told rank 0; only the times of the others remain to be collected.
     let Counted { rays, hits } = stats.counted.unwrap_or_default();
     let numbers =
         [stats.trace.as_nanos() as u64, stats.encode.as_nanos() as u64, stats.trace_cycles.unwrap_or(0), rays, hits];

@@ -1,4 +1,4 @@
-//! The engines by name: which there are, which this machine runs, and what each can do.
+//! The engines by name: which exist, which this machine supports, and what each can do.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,10 +9,10 @@ use crate::kernels::{self, Isa, PacketKernels};
 use crate::plan::{Keep, Omission};
 use crate::scene::{InvalidScene, Scene};
 
-/// Who computes the picture.
+/// The implementation that computes the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Engine {
-    /// Pure Rust in f64: the truth.
+    /// Pure Rust in f64: the standard for all others.
     Reference,
     /// Pure Rust in f32, with glam's `Vec3A`.
     Rust,
@@ -26,23 +26,22 @@ pub enum Engine {
     Packet(Isa),
 }
 
-/// What an engine is got ready for.
+/// What an engine is prepared for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Purpose {
-    /// In what numbers; None: the engine's own.
+    /// The precision; None: the engine's own.
     pub precision: Option<Precision>,
-    /// The one format that it will write, or one that differs from it in the number of channels alone; None: any.
+    /// The only format that it will write, or one that differs from it only in the number of channels; None: any.
     pub format: Option<PixelFormat>,
-    /// What is not to be left out.
+    /// The omissions that are not to be made.
     pub keep: Keep,
-    /// Threads that get it ready; 0 is 1. The pictures do not depend on it.
+    /// The threads that prepare it; 0 is 1. The pictures do not depend on it.
     pub threads: usize,
-    /// Whether the film is a band of the picture, and the next one takes its place: it stays in the caches, which no picture
-    /// is stored past then.
+    /// Whether the film is a band of the picture that the next one replaces: it then stays in the caches.
     pub in_bands: bool,
 }
 
-/// In what numbers an engine computes.
+/// The number format in which an engine computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Precision {
     /// f32, with correctly rounded operations.
@@ -53,7 +52,7 @@ pub enum Precision {
     Double,
 }
 
-/// Why there is no such engine.
+/// Why an engine cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
     /// No engine of that name in this build.
@@ -64,23 +63,23 @@ pub enum EngineError {
         available()
     )]
     Unknown {
-        /// As it was asked for.
+        /// The name given.
         name: String,
-        /// The engine whose name that is but for capitals and marks.
+        /// The engine of that name but for capitals and punctuation.
         near: Option<Engine>,
         /// Whether another build has it.
         known: bool,
     },
-    /// This CPU does not run it.
+    /// This CPU does not support it.
     #[error("this CPU does not run the engine `{0}`; it runs: {list}", list = available())]
     Unusable(Engine),
     /// No precision of that name.
     #[error("there is no precision `{0}`; there are: single, fast, double")]
     UnknownPrecision(String),
-    /// The engine has not got that precision.
+    /// The engine does not have that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
-    /// The scene has a number that no scene may have.
+    /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
     Scene(#[from] InvalidScene),
 }
@@ -114,7 +113,7 @@ impl Engine {
         Engine::Packet(Isa::Avx512),
     ];
 
-    /// The name that users type.
+    /// The name in commands and documents.
     pub fn name(self) -> &'static str {
         match self {
             Engine::Reference => "reference",
@@ -126,7 +125,7 @@ impl Engine {
         }
     }
 
-    /// Whether this CPU runs it.
+    /// Whether this CPU supports it.
     pub fn usable(self) -> bool {
         match self {
             Engine::Reference | Engine::Rust | Engine::Portable => true,
@@ -136,19 +135,19 @@ impl Engine {
         }
     }
 
-    /// The fastest engine that this CPU runs: what `auto` means.
+    /// The fastest engine that this CPU supports: the meaning of `auto`.
     pub fn fastest() -> Engine {
         let mut engines = Engine::ALL.iter().copied().filter(|engine| engine.usable());
-        // They are listed from the slowest to the fastest, but for `c`, which is behind `paper` and every packet.
+        // They are listed from the slowest to the fastest, except `c`, which is slower than `paper` and all packets.
         engines.rfind(|engine| *engine != Engine::C).unwrap_or(Engine::Rust)
     }
 
-    /// The precision that it computes in unless it is asked for another.
+    /// The precision in which it computes by default.
     pub fn precision(self) -> Precision {
         self.precisions()[0]
     }
 
-    /// The precisions that it has, its own first.
+    /// Its precisions, the default first.
     pub fn precisions(self) -> &'static [Precision] {
         match self {
             Engine::Reference => &[Precision::Double],
@@ -163,7 +162,7 @@ impl Engine {
         matches!(self, Engine::Packet(_) | Engine::Portable)
     }
 
-    /// Its packet kernels, if it has such and this CPU runs them.
+    /// Its packet kernels, if it has any and this CPU supports them.
     pub fn packets(self) -> Option<&'static PacketKernels> {
         match self {
             Engine::Portable => Some(kernels::portable()),
@@ -177,7 +176,7 @@ impl Engine {
         self == Engine::Reference || self.is_packet()
     }
 
-    /// Gets it ready for `scene`, in `precision` (None: its own), for any format that it writes.
+    /// Prepares it for `scene`, in `precision` (None: its own), for any format that it writes.
     ///
     /// # Errors
     /// As [`Plan::new`].
@@ -185,18 +184,18 @@ impl Engine {
         Ok(Plan::new(self, scene, Purpose { precision, ..Purpose::default() })?.into_tracer())
     }
 
-    /// What it leaves out of a scene.
+    /// What it omits of a scene.
     pub fn omissions(self) -> &'static [Omission] {
         match self {
             Engine::Reference => &[Omission::Hidden],
-            // In f32, eq. 9 would see the rounding of what is never hit.
+            // In f32, eq. 9 would return rounding errors as hits of a triangle that is never hit.
             Engine::Rust => &[Omission::NoArea, Omission::EdgeOn, Omission::Constants, Omission::Hidden],
             Engine::C | Engine::Paper => &[Omission::NoArea, Omission::EdgeOn],
             Engine::Portable | Engine::Packet(_) => &Omission::ALL,
         }
     }
 
-    /// The format that it computes in for a file of 8 bits (`bytes`) or of floats, which has three channels.
+    /// The format in which it computes for a file of 8 bits (`bytes`) or of floats, which has three channels.
     pub fn format_for(self, bytes: bool) -> PixelFormat {
         match (self == Engine::Reference || self.is_packet(), bytes) {
             (true, true) => PixelFormat::Rgb8,
@@ -205,7 +204,7 @@ impl Engine {
         }
     }
 
-    /// The precision that is asked for, if it has that.
+    /// The precision requested, if it has that.
     pub(super) fn precision_for(self, purpose: Purpose) -> Result<Precision, EngineError> {
         let precision = purpose.precision.unwrap_or(self.precision());
         if !self.precisions().contains(&precision) {
@@ -242,7 +241,7 @@ impl fmt::Display for Engine {
 }
 
 impl Precision {
-    /// The name that users type.
+    /// The name in commands and documents.
     pub fn name(self) -> &'static str {
         match self {
             Precision::Single => "single",

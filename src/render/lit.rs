@@ -14,12 +14,11 @@ use crate::measure::caches;
 use crate::plan::{Keep, LitForm, Raster, Report, Scale};
 use crate::scene::Scene;
 
-/// Whether a picture of so many pixels is stored past the caches: it does not find its place in them.
+/// Whether a picture of so many pixels is stored past the caches, because it does not fit into its share of them.
 ///
-/// Of floats, an eighth of the third level is their share, since other cores have theirs, and other machines on the same
-/// chip; and at most 16 MiB, which are taken too where there is no such level or nobody tells. Bytes are stored as fast as
-/// they are made until the whole of it is full, or 32 MiB of one that is larger and has more to share it. docs/performance.md
-/// has what was measured.
+/// The share of floats is an eighth of the third level, since other cores have theirs, and so do other machines on the
+/// same chip; and at most 16 MiB, which is also the limit if the level does not exist or is unknown. Bytes are stored
+/// as fast as they are made until the level is full, or 32 MiB of a larger, shared one: docs/performance.md.
 fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     const MOST: u64 = 16 << 20;
     const MOST_OF_BYTES: u64 = 2 * MOST;
@@ -36,17 +35,17 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
 pub struct LitTracer<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'static ElementKernels<E>,
-    /// Whether the shade may come from estimates in floats too.
+    /// Whether shades may come from estimates in floats too.
     fast: bool,
     scene: &'a Scene,
     form: LitForm,
-    /// Pixels of the film.
+    /// The number of pixels of the film.
     pixels: u64,
 }
 
 impl<'a, E: Element> LitTracer<'a, E> {
-    /// Plans `scene`, whose numbers are valid, for kernels, of which `kernels` are those for one element type, with estimates
-    /// where `fast`. None where tiles are to trace it.
+    /// Plans `scene`, whose numbers are valid, for `kernels` of one element type, with estimates if `fast`. None if it
+    /// is for tiles.
     pub fn new(
         packets: &'static PacketKernels,
         (kernels, fast): (&'static ElementKernels<E>, bool),
@@ -63,7 +62,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
         self.scene.camera.width() as usize
     }
 
-    /// Says of some of `rows` at a time what there is in them: the first, how many they are, and where they see the sphere.
+    /// Calls `say` for some of `rows` at a time: with the first of them, their number, and their spans of the sphere.
     fn each_rows(&self, rows: Range<u32>, scale: Scale, mut say: impl FnMut(u32, usize, &LitRows<E>)) {
         let mut lit_rows = LitRows::default();
         for first in rows.clone().step_by(LIT_ROWS) {
@@ -73,7 +72,7 @@ impl<'a, E: Element> LitTracer<'a, E> {
         }
     }
 
-    /// Says of each of `rows` which columns see the sphere.
+    /// Calls `say` for each of `rows` with the columns that see the sphere.
     fn each_span(&self, rows: Range<u32>, mut say: impl FnMut(u32, Range<usize>)) {
         self.each_rows(rows, Scale::Linear, |first, count, lit_rows| {
             for i in 0..count {
@@ -94,11 +93,11 @@ impl<'a, E: Element> LitTracer<'a, E> {
     }
 }
 
-/// What differs between the outputs.
+/// The differences between the outputs.
 trait Output<E: Element>: Pixel {
-    /// What full light is.
+    /// The value of full light.
     const SCALE: Scale;
-    /// The kernel that makes rows, by estimates where `fast`.
+    /// The kernel that makes rows, with estimates if `fast`.
     fn kernel(bodies: &LitBodies<E>, fast: bool) -> &ShadeRows<E, Self>;
 }
 
@@ -114,7 +113,7 @@ macro_rules! outputs {
     )*};
 }
 
-// Bytes have estimates wherever they are good enough.
+// Bytes have estimates wherever these are accurate enough.
 outputs! {
     Vec4, Linear, f32x4, f32x4_fast;
     F32x3, Linear, f32x3, f32x3_fast;
@@ -155,7 +154,7 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
         None
     }
 
-    /// The form has neither t nor a normal: those of tiles.
+    /// The form has neither t nor a normal: tiles provide them.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
         let planning = (Keep::NOTHING, 1);
         let by_tiles = |raster| TileTracer::new(self.packets, (self.kernels, false), (self.scene, raster), planning);

@@ -49,26 +49,25 @@ use crate::kernels::Vec4;
 /// Why no lock of this layer is poisoned.
 const UNPOISONED: &str = "nothing panics while it is locked";
 
-/// An engine that is ready for one scene: writes any rows of the picture, in any order, from any thread.
+/// An engine prepared for one scene: writes any rows of the picture, in any order, from any thread.
 pub trait Tracer: Sync {
-    /// Whether it computes in a format; it does in [`PixelFormat::F32x4`] in any case, unless it was got ready for another
-    /// alone.
+    /// Whether it computes in a format; always in [`PixelFormat::F32x4`], unless it was prepared for another one alone.
     fn writes(&self, format: PixelFormat) -> bool;
 
-    /// How many rows, from a multiple of it on, cost least when they are traced together.
+    /// The number of rows, starting at a multiple of it, that cost least when traced together.
     fn rows_together(&self) -> u32 {
         1
     }
 
-    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth if
-    /// there is one. Bytes are [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them by
-    /// estimates that are too coarse for floats, with the same hits and at most one level away.
+    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth
+    /// channel. Bytes are the [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them
+    /// with estimates that are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
-    /// Where `out` is not as long as the rows, or of a format that it does not write.
+    /// If `out` is not as long as the rows, or of a format that it does not write.
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>);
 
-    /// As [`counted_rows`](Self::counted_rows), in four floats, for those who develop them: where no ray hits there is
+    /// As [`counted_rows`](Self::counted_rows), in four floats, to be developed: a ray without a hit has the light
     /// `background`, and pixels that are not `wanted` may be left as they are.
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
         let _ = wanted;
@@ -80,21 +79,21 @@ pub trait Tracer: Sync {
         counted
     }
 
-    /// What it finds at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
+    /// Its hits at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
 
-    /// The rays of `rows` and their hits, which takes as long as to trace them unless the plan knows.
+    /// The rays of `rows` and their hits, which takes as long as tracing unless the plan knows them.
     fn count(&self, rows: Range<u32>) -> Counted {
         let hits = self.hits(rows);
         Counted { rays: hits.len() as u64, hits: hits.into_iter().flatten().count() as u64 }
     }
 
-    /// As [`rows`](Self::rows), and as [`count`](Self::count) where that costs next to nothing then; else None.
+    /// As [`rows`](Self::rows), and as [`count`](Self::count) if that then costs almost nothing; else None.
     fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         self.rows(rows, out);
         None
     }
 }
 
-/// Which of these rows, from the first one to the last, have pixels in these columns that are wanted.
+/// The range of these rows, from the first to the last, that have wanted pixels in these columns.
 pub type Wanted<'a> = dyn Fn(Range<u32>, Range<u32>) -> Range<u32> + 'a;

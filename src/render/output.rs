@@ -1,4 +1,4 @@
-//! A file that appears whole or not at all: hidden beside the target, or the target itself if it cannot be renamed over.
+//! A file that appears whole or not at all: hidden beside the target, or that itself if nothing can be renamed over it.
 
 use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};

@@ -1,4 +1,4 @@
-//! The plan: by what a scene is traced and what that leaves out, decided once for whoever traces and whoever reports it.
+//! The plan: what traces a scene and which work it omits, decided once for tracing and for reports.
 
 use super::aos::AosTracer;
 use super::lit::LitTracer;
@@ -23,13 +23,13 @@ pub struct Plan<'a> {
 enum Way<'a> {
     /// Every ray against every object.
     Rays(Box<dyn Tracer + 'a>),
-    /// Packets of rays: those of the rows of one sphere under one light, or those of each tile.
+    /// Packets of rays: in the rows of one sphere under one light, or in tiles.
     Packets(Box<dyn PacketPlan + 'a>),
 }
 
-/// A tracer of packets, with the plan that it goes by.
+/// A tracer of packets, with its plan.
 pub(super) trait PacketPlan: Tracer {
-    /// What is kept and left out; `bytes` says whether 8 bits are written.
+    /// The kept and the omitted work; `bytes` says whether 8 bits are written.
     fn report(&self, bytes: bool) -> Report;
 }
 
@@ -39,7 +39,7 @@ impl<'a> Plan<'a> {
     /// # Errors
     /// [`EngineError::NoPrecision`], [`EngineError::Unusable`] and [`EngineError::Scene`].
     pub fn new(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Result<Self, EngineError> {
-        // Asked for in vain it is an error, whatever the engine.
+        // An unsupported precision is an error for every engine.
         let precision = engine.precision_for(purpose)?;
         let way = match engine {
             _ if engine.is_packet() => {
@@ -59,7 +59,7 @@ impl<'a> Plan<'a> {
         Ok(Plan { engine, scene, bytes, way })
     }
 
-    /// What is kept and what is left out. Where the purpose has no format, for bytes.
+    /// The kept and the omitted work. If the purpose has no format, for bytes.
     pub fn report(&self) -> Report {
         match &self.way {
             Way::Packets(plan) => plan.report(self.bytes),
@@ -67,7 +67,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// What traces it.
+    /// The tracer.
     pub fn tracer(&self) -> &(dyn Tracer + 'a) {
         match &self.way {
             Way::Rays(tracer) => tracer.as_ref(),
@@ -75,7 +75,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The same alone.
+    /// Only the tracer.
     pub fn into_tracer(self) -> Box<dyn Tracer + 'a> {
         match self.way {
             Way::Rays(tracer) => tracer,
@@ -114,7 +114,7 @@ fn packets<'a, E: Element>(
     let planning = (purpose.keep, purpose.threads);
     let part = |raster| TileTracer::new(packets, kernels, (scene, raster), planning);
     let mut parts: Vec<_> = Raster::of(&scene.camera).into_iter().map(part).collect();
-    // Set-up reads every object, and so sees for nothing whether they have numbers that a scene may have.
+    // Set-up reads every object, and so checks at no cost whether their numbers are valid.
     if !parts[0].is_valid() {
         scene.check()?;
     }

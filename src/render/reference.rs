@@ -10,12 +10,12 @@ use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene};
 
-/// What a ray hits first.
+/// The first hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The object.
     pub object: Object,
-    /// Where: the point t r_d.
+    /// The point t r_d.
     pub t: f64,
 }
 
@@ -32,7 +32,7 @@ struct Sphere {
 
 struct Triangle {
     vertices: [DVec3; 3],
-    /// Of length 1, or NaN where the triangle has no area; it is not hit then.
+    /// Of length 1, or NaN if the triangle has no area; then it is not hit.
     normal: DVec3,
     colour: DVec3,
 }
@@ -47,7 +47,7 @@ pub struct ReferenceTracer {
 }
 
 impl ReferenceTracer {
-    /// Takes over `scene`; its f32 numbers are exact in f64.
+    /// Takes `scene`, whose f32 numbers are exact in f64.
     pub fn new(scene: &Scene) -> Self {
         let lights = scene.lights.iter().map(|light| Light {
             position: light.position.as_dvec3(),
@@ -79,7 +79,7 @@ impl ReferenceTracer {
         self.grid.ray(row, col).into()
     }
 
-    /// The nearest hit of the ray through a pixel; the first of those that are equally near.
+    /// The nearest hit of the ray through a pixel; the first of several that are equally near.
     pub fn hit(&self, row: u32, col: u32) -> Option<Hit> {
         let d = self.ray(row, col);
         let spheres = self.spheres.iter().enumerate();

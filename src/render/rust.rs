@@ -1,6 +1,6 @@
-//! The engine `rust`: Algorithm 1 in f32 with glam's `Vec3A`, as one writes it in plain Rust.
+//! The engine `rust`: Algorithm 1 in f32 with glam's `Vec3A`, as in ordinary Rust.
 //!
-//! What the paper repeats for every ray and does not depend on it is computed once, and only the nearest hit is shaded.
+//! Terms that do not depend on the ray are computed once, and only the nearest hit is shaded.
 
 use std::ops::Range;
 
@@ -22,22 +22,22 @@ struct Sphere {
     constant: f32,
     /// r^2.
     squared_radius: f32,
-    /// Whether it is sqrt 2 radii away or more.
+    /// Whether it is at least sqrt 2 radii away.
     far: bool,
     colour: Vec3A,
 }
 
-/// A triangle's planes, made in f64 and rounded once: in f32 the rounding of a triangle of no area, or of a plane that
-/// passes through the camera, would itself be a plane. Their normals are [`near_1`], so that no size is beyond the range
+/// A triangle's planes, computed in f64 and rounded once: in f32 the rounding errors of a triangle of no area, or of a
+/// plane through the camera, would look like a plane. Their normals are [`near_1`], so that no size is beyond the range
 /// of f32.
 struct Triangle {
-    /// Which of the scene's triangles it is.
+    /// The index of the scene's triangle.
     source: usize,
     /// n of eq. 6.
     normal: Vec3A,
     /// v1 . n of eq. 9.
     offset: f32,
-    /// For each edge from v to w the normal of the plane through it and the camera, v x w, on the side of the inside.
+    /// For each edge from v to w the normal of the plane through it and the camera, v x w, pointing inwards.
     edges: [Vec3A; 3],
     colour: Vec3A,
 }
@@ -65,7 +65,7 @@ fn near_1(v: DVec3) -> DVec3 {
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
 }
 
-/// What a ray hits first: the point p = t d, where the unit normal is n.
+/// The first hit of a ray: the point p = t d, where the unit normal is n.
 struct Hit {
     object: Object,
     t: f32,
@@ -84,7 +84,7 @@ pub struct RustTracer {
 }
 
 impl RustTracer {
-    /// Computes what does not depend on the ray.
+    /// Computes the terms that do not depend on the ray.
     pub fn new(scene: &Scene) -> Self {
         let lights = scene
             .lights
@@ -119,7 +119,7 @@ impl RustTracer {
         let a = d.length_squared();
         for (i, s) in self.spheres.iter().enumerate() {
             let h = d.dot(s.centre);
-            // The same twice, and from far away only the latter is no difference of like numbers.
+            // Two forms of the same number; for distant spheres only the latter does not cancel.
             let disc =
                 if s.far { a * s.squared_radius - s.centre.cross(d).length_squared() } else { h * h - a * s.constant };
             if disc >= 0.0 {
@@ -150,7 +150,7 @@ impl RustTracer {
         }
     }
 
-    /// The light of a ray that hits something.
+    /// The light of a ray, if it hits something.
     fn pixel(&self, d: Vec3A) -> Option<Vec3A> {
         let Hit { object, p, n, colour, .. } = self.hit(d)?;
         Some(match object {

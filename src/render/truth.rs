@@ -207,8 +207,7 @@ impl Truth {
         for (i, meeting) in meetings {
             let change = match first {
                 Some((winner, ..)) if same(*i, winner) => continue,
-                // Behind the first hit, an object's distance protects the answer; a near miss is protected by its
-                // margin too.
+                // Behind the first hit, an object's distance protects the answer; a near miss by its margin too.
                 Some((.., t)) => match (&meeting.hit, &meeting.miss) {
                     (Some(other), _) => gap(other, t),
                     (None, Some(other)) => gap(other, t).max(meeting.margin),

@@ -140,8 +140,7 @@ impl Word {
     }
 }
 
-/// The lengths of the Huffman code's words for symbols of these frequencies, none longer than `longest`; 0 for a
-/// frequency of 0.
+/// The lengths of the Huffman code's words for symbols of these frequencies, at most `longest`; 0 for a frequency of 0.
 fn lengths(counts: &[u64], longest: usize) -> Vec<u8> {
     let mut symbols: Vec<_> = (0..counts.len()).filter(|symbol| counts[*symbol] > 0).collect();
     symbols.sort_by_key(|symbol| counts[*symbol]);
