@@ -13,7 +13,7 @@ use super::measuring::{announce, bar, create_directory, tell_whether, write_resu
 use super::party::Party;
 use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
-use crate::experiments::accuracy::{self, AccuracyReport, Measured, plot, subjects};
+use crate::experiments::accuracy::{self, AccuracyReport, Measured, Rate, plot, subjects};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
 
 /// Scenes so few that each is shown row by row.
@@ -47,21 +47,20 @@ pub struct AccuracyArgs {
     json: bool,
 }
 
-/// Every scene by whoever is free, until `proceed`, which hears of each, says no. Of the clock: its rate, and whether its ticks
-/// are those of the time-stamp counter.
+/// Every scene by whoever is free, until `proceed`, which hears of each, says no.
 pub fn measure(
     party: &Party,
     subjects: &[Subject],
     quick: bool,
     machine: Machine,
-    (clock, hz, cycles): (&mut (impl Clock + Send), f64, bool),
+    clock: &mut (impl Clock + Send),
+    rate: Rate,
     mut proceed: impl FnMut(u64) -> bool + Send,
 ) -> Result<AccuracyReport, Failure> {
     let (mut rows, mut plain) = (Vec::new(), Vec::new());
     let work = |subject: usize| {
         let ask = &mut || proceed(0);
-        let measured =
-            accuracy::measure_all(&subjects[subject], quick, clock, (hz, cycles), ask).map_err(Failure::input)?;
+        let measured = accuracy::measure_all(&subjects[subject], quick, clock, rate, ask).map_err(Failure::input)?;
         if measured.is_some() {
             proceed(1);
         }
@@ -107,8 +106,14 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
         !stop.load(Ordering::Relaxed)
     };
     let document = match (tsc, machine.tsc_hz) {
-        (Some(mut clock), Some(hz)) => measure(party, &subjects, args.quick, machine, (&mut clock, hz, true), proceed),
-        _ => measure(party, &subjects, args.quick, machine, (&mut wall, WallClock::HZ, false), proceed),
+        (Some(mut clock), Some(hz)) => {
+            let rate = Rate { hz, of_counter: true };
+            measure(party, &subjects, args.quick, machine, &mut clock, rate, proceed)
+        }
+        _ => {
+            let rate = Rate { hz: WallClock::HZ, of_counter: false };
+            measure(party, &subjects, args.quick, machine, &mut wall, rate, proceed)
+        }
     }?;
     if !party.leads() {
         return Ok(ExitCode::SUCCESS);

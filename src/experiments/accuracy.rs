@@ -30,6 +30,15 @@ const ROUNDS: [Rounds; 2] = [Rounds { least: 3, most: 15, seconds: 0.15 }, Round
 /// See [`Contender::levels_by_estimates`].
 pub const ESTIMATES: f64 = 0.75;
 
+/// How fast a clock ticks.
+#[derive(Clone, Copy)]
+pub struct Rate {
+    /// Ticks in a second.
+    pub hz: f64,
+    /// Whether they are those of the time-stamp counter.
+    pub of_counter: bool,
+}
+
 struct Rounds {
     least: usize,
     most: usize,
@@ -284,13 +293,13 @@ pub fn measure_all(
     subject: &Subject,
     quick: bool,
     clock: &mut dyn Clock,
-    (hz, cycles): (f64, bool),
+    rate: Rate,
     proceed: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Measured>, LabError> {
-    let measured = measure(subject, &contenders_and_options(), quick, clock, (hz, cycles), proceed)?;
+    let measured = measure(subject, &contenders_and_options(), quick, clock, rate, proceed)?;
     let Some(rows) = measured else { return Ok(None) };
     let against_plain = if subject.family.is_none() {
-        plain::against_plain(&subject.name, &subject.scene, clock, hz, proceed)?.unwrap_or_default()
+        plain::against_plain(&subject.name, &subject.scene, clock, rate.hz, proceed)?.unwrap_or_default()
     } else {
         Vec::new()
     };
@@ -311,14 +320,13 @@ impl AccuracyReport {
     }
 }
 
-/// The rows of one scene. `hz` is the rate of the clock, and `cycles` whether its ticks are those of the time-stamp
-/// counter. None where `proceed`, which is asked now and then, says no.
+/// The rows of one scene. None where `proceed`, which is asked now and then, says no.
 pub fn measure(
     subject: &Subject,
     contenders: &[Contender],
     quick: bool,
     clock: &mut dyn Clock,
-    (hz, cycles): (f64, bool),
+    rate: Rate,
     proceed: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Vec<Accuracy>>, LabError> {
     let judged = judge(&subject.scene, contenders)?;
@@ -349,7 +357,7 @@ pub fn measure(
     let Some(runs) = bench.time(clock, &cases, 0..rounds, proceed)? else { return Ok(None) };
 
     let per_ray = |ticks: f64| ticks / pixels as f64;
-    let ns = |ticks: f64| 1e9 * ticks / hz;
+    let ns = |ticks: f64| 1e9 * ticks / rate.hz;
     let rows = judged.iter().enumerate().map(|(i, Judged { entry, errors })| {
         let setup = minimum(&runs[judged.len() + place(contenders, entry.contender)].ticks);
         let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
@@ -365,8 +373,8 @@ pub fn measure(
             ns_per_ray: ns(per_ray(fastest)),
             ns_per_ray_median: ns(per_ray(middle)),
             spread: mad(&runs[i].ticks) / middle,
-            cycles_per_ray: cycles.then_some(per_ray(fastest)),
-            cycles_per_ray_median: cycles.then_some(per_ray(middle)),
+            cycles_per_ray: rate.of_counter.then_some(per_ray(fastest)),
+            cycles_per_ray_median: rate.of_counter.then_some(per_ray(middle)),
             setup_ns: ns(setup),
             runs: rounds,
             error: error(errors, entry.output),

@@ -195,11 +195,11 @@ const MATTERS: f64 = 0.10;
 
 /// The verdict about every claim.
 pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
-    let disturbed = Disturbed::of(evidence);
+    let reasons = reasons(evidence);
     let claim = |claim: &'static str, by: &[Source], (verdict, figure): (Verdict, String)| {
         // What was not measured needs no other reason.
-        match by.iter().find_map(|source| disturbed.why(*source)) {
-            Some(why) if verdict != Verdict::NotTestable => {
+        match reasons.iter().find(|(source, _)| by.contains(source)) {
+            Some((_, why)) if verdict != Verdict::NotTestable => {
                 Claim { claim: claim.into(), verdict: Verdict::NotTestable, figure: format!("{figure}; but {why}") }
             }
             _ => Claim { claim: claim.into(), verdict, figure },
@@ -235,50 +235,43 @@ enum Source {
     Jumps,
 }
 
-/// Of what no verdict can be had, and why.
-struct Disturbed(Vec<(Source, String)>);
-
 /// Why there are verdicts that this run cannot give, where it could have: others had the core, or two figures of one thing are
 /// apart.
 pub fn disturbed(evidence: &Evidence<'_>) -> Vec<String> {
-    let mut reasons: Vec<String> = Disturbed::of(evidence).0.into_iter().map(|(_, why)| why).collect();
+    let mut reasons: Vec<String> = reasons(evidence).into_iter().map(|(_, why)| why).collect();
     reasons.dedup();
     reasons
 }
 
-impl Disturbed {
-    fn of(evidence: &Evidence<'_>) -> Self {
-        let mut reasons = Vec::new();
-        let mut not_enough = |source, taken: Taken, what: &str| {
-            if !taken.leaves_enough() {
-                let Taken { taken, of } = taken;
-                let why = format!("others had the core in {taken} of {of} {what}, each time that they were tried");
-                reasons.push((source, why));
-            }
-        };
-        not_enough(Source::Table, evidence.speedup.taken, "pairs of pictures of the table");
-        let of_sweeps = evidence.sweeps.unwrap_or_default().iter().fold(Taken::default(), |all, sweep| Taken {
-            taken: all.taken + sweep.taken,
-            of: all.of + sweep.points.len(),
-        });
-        not_enough(Source::Ladder, evidence.rungs.map(ladder::taken).unwrap_or_default(), "pictures of the ladder");
-        // One point that is off bends a line.
-        if let Taken { taken: taken @ 1.., of } = of_sweeps {
-            let why = format!("others had the core in most pictures at {taken} of {of} counts of objects and lights");
-            reasons.push((Source::Sweeps, why));
+/// Of what no verdict can be had, and why.
+fn reasons(evidence: &Evidence<'_>) -> Vec<(Source, String)> {
+    let mut reasons = Vec::new();
+    let mut not_enough = |source, taken: Taken, what: &str| {
+        if !taken.leaves_enough() {
+            let Taken { taken, of } = taken;
+            let why = format!("others had the core in {taken} of {of} {what}, each time that they were tried");
+            reasons.push((source, why));
         }
-        if let Some(why) = evidence.jumps.and_then(Jumps::disturbed) {
-            reasons.push((Source::Jumps, why));
-        }
-        if let Some(why) = apart(evidence) {
-            reasons.extend([Source::Table, Source::Ladder].map(|source| (source, why.clone())));
-        }
-        Disturbed(reasons)
+    };
+    not_enough(Source::Table, evidence.speedup.taken, "pairs of pictures of the table");
+    let of_sweeps = evidence
+        .sweeps
+        .unwrap_or_default()
+        .iter()
+        .fold(Taken::default(), |all, sweep| Taken { taken: all.taken + sweep.taken, of: all.of + sweep.points.len() });
+    not_enough(Source::Ladder, evidence.rungs.map(ladder::taken).unwrap_or_default(), "pictures of the ladder");
+    // One point that is off bends a line.
+    if let Taken { taken: taken @ 1.., of } = of_sweeps {
+        let why = format!("others had the core in most pictures at {taken} of {of} counts of objects and lights");
+        reasons.push((Source::Sweeps, why));
     }
-
-    fn why(&self, source: Source) -> Option<&str> {
-        self.0.iter().find(|(disturbed, _)| *disturbed == source).map(|(_, why)| why.as_str())
+    if let Some(why) = evidence.jumps.and_then(Jumps::disturbed) {
+        reasons.push((Source::Jumps, why));
     }
+    if let Some(why) = apart(evidence) {
+        reasons.extend([Source::Table, Source::Ladder].map(|source| (source, why.clone())));
+    }
+    reasons
 }
 
 /// Where the table and the ladder, which both have `c` and `paper`, say two things.

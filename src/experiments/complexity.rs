@@ -316,18 +316,19 @@ impl Pictures {
         }
     }
 
-    /// Each of `who` in a scene, so many times in turn; all but along the axis of pixels with the set-up. None where
+    /// Everybody in a scene, in turns; all but along the axis of pixels with the set-up. None where
     /// `proceed` says no.
     fn measure(
         &self,
-        (scene, count): (&Scene, u64),
-        (who, runs): (&[Who], usize),
+        scene: &Scene,
+        settings: &Settings,
         clock: &mut dyn Clock,
         proceed: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Vec<Growth>>, LabError> {
-        let (camera, output) = (scene.camera, self.output);
+        let (camera, output, count) = (scene.camera, self.output, self.count(scene));
+        let who = self.who(&settings.engines, count);
         let mut cases = Vec::new();
-        for who in who {
+        for who in &who {
             let Who::Engine(engine, keep) = *who else {
                 cases.push(Case::new(camera, output, |_, film| clear(film)));
                 continue;
@@ -339,7 +340,7 @@ impl Pictures {
                 cases.push(Case::of(*timed, scene, engine, purpose, output)?);
             }
         }
-        let measured = Bench::default().time(clock, &cases, 0..runs, proceed)?;
+        let measured = Bench::default().time(clock, &cases, 0..settings.runs, proceed)?;
         let row = |(who, runs): (&Who, &[Runs])| Growth {
             axis: self.axis,
             scene: self.name.into(),
@@ -386,8 +387,7 @@ pub fn measure(
         let count = pictures.count(&scene);
         // A mesh has as many triangles as its shape admits.
         if std::mem::replace(&mut before, count) != count {
-            let who = pictures.who(&settings.engines, count);
-            let rows = pictures.measure((&scene, count), (&who, settings.runs), clock, &mut || proceed(0))?;
+            let rows = pictures.measure(&scene, settings, clock, &mut || proceed(0))?;
             let Some(rows) = rows else { return Ok(found) };
             found.rows.extend(rows);
         }

@@ -150,10 +150,10 @@ pub fn waterfall(ladder: &[Rung], screen: Screen) -> Result<String, PlotError> {
             let before = rung.over.as_ref().and_then(|over| ladder.iter().find(|other| other.rung == *over));
             let now = place(rung.cycles_per_pixel);
             let from = before.map_or(now, |before| place(before.cycles_per_pixel));
-            let colour = match () {
-                () if rung.aside || before.is_none() => GREY,
-                () if rung.gain >= 1.0 => colour_of("avx512"),
-                () => colour_of("c"),
+            let colour = if rung.aside || before.is_none() {
+                GREY
+            } else {
+                colour_of(if rung.gain >= 1.0 { "avx512" } else { "c" })
             };
             let words = words(rung);
             if screen == Screen::Narrow {

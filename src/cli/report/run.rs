@@ -150,8 +150,8 @@ fn measure(
             let subjects = subjects::all(quick);
             let hz = machine.tsc_hz.ok_or_else(|| Failure::input("the time-stamp counter's rate is not known"))?;
             let proceed = |work| course.done(work, subjects.len() as u64);
-            let clock = (&mut prepared.clock, hz, true);
-            let document = cli::accuracy::measure(&Party::ALONE, &subjects, quick, machine, clock, proceed)?;
+            let (clock, rate) = (&mut prepared.clock, accuracy::Rate { hz, of_counter: true });
+            let document = cli::accuracy::measure(&Party::ALONE, &subjects, quick, machine, clock, rate, proceed)?;
             let complete = document.complete;
             results.accuracy = (!document.rows.is_empty()).then_some(document);
             complete

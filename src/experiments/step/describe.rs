@@ -16,7 +16,7 @@ use crate::measure::source::{self, Call, Macro, Parameter, Unit};
 /// An instruction that was executed.
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
-    /// The how many-th of the kernels' it is, counted from 0, with those that are not told of.
+    /// Its place among all instructions that the kernels executed, counted from 0: also among those that are left out.
     pub number: u64,
     /// As a disassembler has it, in Intel's syntax.
     pub text: String,
@@ -232,19 +232,19 @@ impl Describer {
         place: &Origin,
         kind: Kind,
     ) -> Vec<Change> {
-        let operations = &error.operations;
-        let mut places: Vec<Place> = Vec::new();
-        for operation in operations.iter().filter(|o| !matches!(o.to.place, Place::Flags | Place::Next)) {
-            if !places.contains(&operation.to.place) {
-                places.push(operation.to.place);
-            }
-        }
         // What is saved on the stack is no news.
         let name = decoded(step).mnemonic();
         if matches!(name, Mnemonic::Push | Mnemonic::Pop | Mnemonic::Call | Mnemonic::Ret) {
             return Vec::new();
         }
-        places.retain(|place| *place != Place::General(4));
+        let operations = &error.operations;
+        let mut places: Vec<Place> = Vec::new();
+        for Operation { to: Element { place, .. }, .. } in operations {
+            let is_news = !matches!(place, Place::Flags | Place::Next | Place::General(4));
+            if is_news && !places.contains(place) {
+                places.push(*place);
+            }
+        }
         let mut changes = Vec::new();
         for of in places {
             let kind = match of {
@@ -254,34 +254,29 @@ impl Describer {
             };
             let bits = u64::from(kind.bits());
             let base = if of == Place::Memory { step.touched.map_or(0, |touched| 8 * touched.address) } else { 0 };
-            let lanes_of = |operation: &Operation| {
-                let Element { at, .. } = operation.to;
-                (at - base) / bits..(operation.to.end() - base).div_ceil(bits)
-            };
-            let all = || operations.iter().filter(|operation| operation.to.place == of && !is_zero(operation));
-            let made = part.made.iter().filter(|made| operations[made.operation].to.place == of);
+            let lanes_of = |from: u64, to: u64| (from - base) / bits..(to - base).div_ceil(bits);
+            // Of a general register or a mask all is told.
+            let is_whole = matches!(of, Place::General(_) | Place::Mask(_));
             let unit = if matches!(of, Place::Mask(_)) { 1 } else { 8 };
-            let lanes_of_units = |made: &slice::Made| {
-                (unit * made.units.start - base) / bits..(unit * made.units.end - base).div_ceil(bits)
-            };
-            let mut lanes: Vec<_> = made.flat_map(lanes_of_units).collect();
-            if let (true, Some(lane)) = (lanes.is_empty(), self.lane) {
-                lanes = all()
-                    .flat_map(lanes_of)
-                    .filter(|&l| matches!(of, Place::General(_) | Place::Mask(_)) || l == lane as u64)
-                    .collect();
+            let made = part.made.iter().filter(|made| operations[made.operation].to.place == of);
+            let made = made.flat_map(|made| lanes_of(unit * made.units.start, unit * made.units.end));
+            let mut lanes: Vec<_> = made.collect();
+            let written = operations.iter().filter(|operation| operation.to.place == of && !is_zero(operation));
+            let written = || written.clone().flat_map(|operation| lanes_of(operation.to.at, operation.to.end()));
+            if let (true, Some(own)) = (lanes.is_empty(), self.lane) {
+                lanes = written().filter(|lane| is_whole || *lane == own as u64).collect();
             }
-            if self.lane.is_none() || lanes.is_empty() && matches!(of, Place::General(_) | Place::Mask(_)) {
-                lanes = all().flat_map(lanes_of).filter(|&lane| lane < 4).collect();
+            if self.lane.is_none() || lanes.is_empty() && is_whole {
+                lanes = written().filter(|lane| *lane < 4).collect();
             }
             lanes.sort_unstable();
             lanes.dedup();
-            let value = |state: &State, after: bool, lane: u64| element(step, state, after, of, lane, kind);
-            let before: Vec<_> = lanes.iter().map(|&lane| value(step.before, false, lane)).collect();
-            let after: Vec<_> = lanes.iter().map(|&lane| value(step.after, true, lane)).collect();
             if lanes.is_empty() {
                 continue;
             }
+            let value = |state: &State, after: bool, lane: u64| element(step, state, after, of, lane, kind);
+            let before: Vec<_> = lanes.iter().map(|&lane| value(step.before, false, lane)).collect();
+            let after: Vec<_> = lanes.iter().map(|&lane| value(step.after, true, lane)).collect();
             let register = match of {
                 Place::Memory => place.memory.clone(),
                 of => register_name(of, operations),
@@ -356,6 +351,7 @@ fn is_zero(operation: &Operation) -> bool {
 
 /// Where an instruction comes from, in the macro that a reader looks at: what stands for one operation on every lane, in
 /// isa.inc and packet.inc, is taken as the instruction itself.
+#[derive(Default)]
 pub struct Origin {
     pub file: &'static str,
     pub line: usize,
@@ -371,15 +367,7 @@ pub struct Origin {
 impl Origin {
     pub fn of(unit: &'static Unit, rip: u64) -> Self {
         let Some(source::Origin { calls, number, text, comment }) = unit.origin(rip as usize) else {
-            let nothing = String::new();
-            return Origin {
-                file: "",
-                line: 0,
-                comment: "",
-                source: nothing.clone(),
-                calls: Vec::new(),
-                memory: nothing,
-            };
+            return Origin::default();
         };
         let within = calls.last().map(|&call| &unit.calls[call]);
         let source = in_words(text, within, within.map_or(&[], |call| &unit.macros[call.of].parameters));
@@ -416,18 +404,20 @@ impl Origin {
 
 /// A line of the source, with the marks of NASM's parameters left out, and numbers replaced by what they stand for.
 fn in_words(text: &str, within: Option<&Call>, parameters: &[Parameter]) -> String {
+    let arguments = within.map_or(&[][..], |call| &call.arguments);
+    let named = || parameters.iter().map(|parameter| parameter.name).zip(arguments);
     let mut words = text.replace("%%", "");
     // What NASM pastes together.
-    for (parameter, argument) in parameters.iter().zip(within.map_or(&[][..], |call| &call.arguments)) {
-        words = words.replace(&format!("%+ {}", parameter.name), &format!("%+ {argument}"));
-        words = words.replace(&format!("{} %+", parameter.name), &format!("{argument} %+"));
+    for (name, argument) in named() {
+        words = words.replace(&format!("%+ {name}"), &format!("%+ {argument}"));
+        words = words.replace(&format!("{name} %+"), &format!("{argument} %+"));
     }
     words = words.replace(" %+ ", "");
-    for (index, argument) in within.map_or(&[][..], |call| &call.arguments).iter().enumerate().rev() {
+    for (index, argument) in arguments.iter().enumerate().rev() {
         words = words.replace(&format!("%{}", index + 1), argument);
     }
-    for (parameter, argument) in parameters.iter().zip(within.map_or(&[][..], |call| &call.arguments)) {
-        words = words.replace(&format!("%[{}]", parameter.name), argument);
+    for (name, argument) in named() {
+        words = words.replace(&format!("%[{name}]"), argument);
     }
     words.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -435,10 +425,9 @@ fn in_words(text: &str, within: Option<&Call>, parameters: &[Parameter]) -> Stri
 /// Whether two names are of the same register, of whatever width.
 pub fn same_register(a: &str, b: &str) -> bool {
     let number = |name: &str| -> Option<(char, u32)> {
-        if let Some(rest) =
-            name.strip_suffix(|_: char| true).and(name.strip_prefix(['x', 'y', 'z'])).and_then(|n| n.strip_prefix("mm"))
-        {
-            return Some(('v', rest.parse().ok()?));
+        let vector = name.strip_prefix(['x', 'y', 'z']).and_then(|name| name.strip_prefix("mm"));
+        if let Some(number) = vector {
+            return Some(('v', number.parse().ok()?));
         }
         const OLD: [&str; 8] = ["ax", "cx", "dx", "bx", "sp", "bp", "si", "di"];
         if let Some(place) = OLD.iter().position(|old| name == *old || name.len() == 3 && &name[1..] == *old) {
