@@ -3,18 +3,18 @@
 //! Kernels compare w = 1/t in units of the scene's `scale`. Results in f32 are as accurate as documented if:
 //!
 //! - **its planes keep their digits.** A sphere's D is summed from terms about the middle of its outline, the largest
-//! of which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Divided by d . d that is k / m times the
-//! squared cosine of the angle between the axis and the sphere's ray nearest to it: at most [`OUTLINE`].
+//!   of which is k / m of f^2, with k = c . c - 1 and m = cz^2 - 1 in radii. Divided by d . d that is k / m times the
+//!   squared cosine of the angle between the axis and the sphere's ray nearest to it: at most [`OUTLINE`].
 //! - **squares are numbers.** The largest is that of w l, at the nearest point and for the farthest light: w l stays below
 //!   [`MOST`]. A triangle's w over a whole tile, and a sphere's D, stay below [`MOST_OVER_A_TILE`].
 //! - **nothing is denormal.** A sphere's D is bounded by 2^-21 of terms that are squares of a pixel's step times scale over
 //!   k radii: that product is at least [`LEAST`].
 //! - **lights keep their directions.** Those moved nearer, to [`FAR`], are still 2^26 times as far away as the object:
-//! w is at least [`LEAST_INVERSE`].
+//!   w is at least [`LEAST_INVERSE`].
 //! - **its w keeps its digits over a tile.** That of a triangle is summed from the tile's middle, w = t0 + tx x + ty y,
-//! with an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. A tile
-//! where that fails is traced in f64, others may be in f32. If triangles are many, only those whose bounds have a side
-//! of [`LONG`] pixels are tested; for shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
+//!   with an error below u (3 w + 4 |tx x| + 5 |ty y|): at most [`STEEPEST`] u w at every pixel where it may be. A tile
+//!   where that fails is traced in f64, others may be in f32. If triangles are many, only those whose bounds have a side
+//!   of [`LONG`] pixels are tested; for shorter ones the error is that of a ray a hundred-thousandth of a pixel away.
 //! - **the light of all lights together is a number**, in levels too.
 
 use std::ops::Range;

@@ -1,0 +1,349 @@
+//! The nearest object at each pixel of a tile: from near to far, layer by layer, and what is hidden by then is not set up.
+
+use super::TileTracer;
+use super::spheres::TileSpheres;
+use crate::kernels::{
+    CHUNK, Candidate, Element, ObjectList, Parts, SphereChunk, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileShade,
+    TileView, TileWindow, TriangleChunk,
+};
+use crate::plan::{LargeObjects, Omission, TilePlace, Weighted};
+
+/// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
+const FEWEST_HIDDEN: usize = 64;
+
+/// The same where they cover the tile more often than [`DEEP`].
+const FEWEST_DEEP: usize = 16;
+
+/// What covers a tile more often is cut in two once more, and its nearer part traced first.
+const DEEP: u32 = 4;
+
+/// And more often than this it is not: what is left is as near.
+const MOST_LAYERS: usize = 24;
+
+/// So many of a tile's objects that are in many tiles are looked at with the others, the nearest of them; and then, where
+/// something may yet be hidden by nobody, so many times as many as before.
+const LARGE_AT_FIRST: usize = 64;
+const LARGE_MORE: usize = 4;
+
+/// How often the bounds of what is `seen`, by a sample of a few, cover the window.
+fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
+    let step = candidates.len().div_ceil(8);
+    // Of what is small bounds are more than it covers: by a pixel about.
+    let length = |bounds: u32, first: u32, side: usize| {
+        (bounds >> 16).min(first + side as u32).saturating_sub((bounds & 0xffff).max(first) + 1)
+    };
+    let area = |candidate: &Candidate| {
+        length(candidate.columns, window.column, TILE_WIDTH) * length(candidate.rows, window.row, TILE_HEIGHT)
+    };
+    let sample: u32 = candidates.iter().step_by(step).map(area).sum();
+    (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
+}
+
+/// A tile of more spheres forgets those that have no pixel of it: their numbers stay within what f32 counts.
+const MOST_SPHERES: usize = 1 << 16;
+
+/// What a thread needs beside the plan.
+#[derive(Default)]
+pub(super) struct Scratch<E: Element> {
+    pub buffers: TileBuffers<E>,
+    /// The candidates of a tile, where they are not in one list of the plan's.
+    room: Vec<Candidate>,
+    layers: Layers,
+    pub objects: TileObjects<E>,
+}
+
+/// The objects of a tile that were set up, by their numbers in it: 0 is nobody, spheres come before triangles.
+#[derive(Default)]
+pub(super) struct TileObjects<E> {
+    /// Their places in the scene.
+    pub order: Vec<u32>,
+    /// What each light does to each triangle; zeros for spheres, whose light is their own.
+    pub shades: Vec<TileShade<E>>,
+    pub spheres: TileSpheres<E>,
+    /// How many were forgotten since, as they had no pixel.
+    pub forgotten: usize,
+}
+
+/// A tile's objects in layers from near to far, and what the last tiles left there.
+#[derive(Default)]
+struct Layers {
+    nearest: Vec<Candidate>,
+    /// Room for the nearest when they are cut again.
+    room: Vec<Candidate>,
+    /// The others, the farthest first.
+    others: Vec<Candidate>,
+    /// Where each layer of the others begins, and how many there are in it.
+    starts: Vec<(usize, usize)>,
+}
+
+/// Is told who is nearest so far.
+pub(super) type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
+
+impl<E: Element> TileTracer<'_, E> {
+    /// Finds who is nearest at the pixels of a tile; false where nobody can be. `so_far` is called whenever that may have
+    /// changed.
+    pub(super) fn find_nearest(
+        &self,
+        tile: TilePlace,
+        window: &TileWindow,
+        // A pair of pointers, not the last: on the stack it would be stored as two and loaded as one, which waits for all
+        // stores before.
+        mut so_far: Option<SoFar<'_, E>>,
+        weighted: &Weighted,
+        scratch: &mut Scratch<E>,
+    ) -> bool {
+        let Scratch { buffers, room, layers, objects } = scratch;
+        objects.forgotten = 0;
+        objects.order.clear();
+        objects.order.push(0);
+        objects.spheres.candidates.clear();
+        objects.spheres.places.clear();
+        room.clear();
+        let [mut large_spheres, large @ ..] = self.plan.large();
+        large_spheres.add(tile, LARGE_AT_FIRST, 0.0, room);
+        self.plan.spheres_in(tile, room);
+        let mut any = !room.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
+        if any {
+            buffers.clear();
+        }
+        let (view, _) = self.plan.view(tile);
+        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
+        if !room.is_empty() {
+            self.nearest_spheres(room, weighted, buffers, layers, objects, window);
+            self.each_large(large_spheres, (tile, window), room, buffers, |candidates, buffers| {
+                self.nearest_spheres(candidates, weighted, buffers, layers, objects, window);
+            });
+            self.look_at_spheres(weighted, buffers, &mut objects.spheres, so_far.is_some());
+        }
+        let mut before = 1 + self.plan.spheres().len() as u32;
+        let first_triangle = objects.order.len();
+        let all = self.plan.triangle_lists();
+        for (kind, (list, mut large)) in all.iter().zip(large).enumerate() {
+            let mut trace = |triangles: &[Candidate], buffers: &mut TileBuffers<E>| {
+                if !any {
+                    buffers.clear();
+                    any = true;
+                }
+                let TileObjects { order, shades, forgotten, .. } = &mut *objects;
+                if order.len() == first_triangle {
+                    let dark = first_triangle * weighted.lights.len();
+                    shades.resize(shades.len().max(dark), TileShade::default());
+                    shades[..dark].fill(TileShade::default());
+                } else if order.len() - first_triangle > TILE_WIDTH * TILE_HEIGHT {
+                    let owns = forget_unseen(buffers, first_triangle, order, shades, weighted.lights.len());
+                    *forgotten += owns.into_iter().filter(|owns| !owns).count();
+                }
+                self.near_first(triangles, layers, buffers, window, |candidates, buffers| {
+                    for start in (0..candidates.len()).step_by(CHUNK) {
+                        let TileObjects { order, shades, .. } = &mut *objects;
+                        let first_id = order.len();
+                        let candidates = &candidates[start..];
+                        let triangles =
+                            TriangleChunk { triangles: *list, lights: &weighted.lights, candidates, first_id };
+                        order.extend(candidates.iter().take(CHUNK).map(|candidate| before + candidate.id));
+                        kernels.set_up.call(&view, triangles, buffers, shades);
+                        self.refine(kind, triangles, &view, buffers, shades);
+                        kernels.nearest_triangles.call(buffers, order, window, &grid, self.fewest_across());
+                        if let Some(so_far) = &mut so_far {
+                            so_far(buffers, objects);
+                        }
+                    }
+                });
+            };
+            room.clear();
+            large.add(tile, LARGE_AT_FIRST, 0.0, room);
+            self.plan.triangles_in(kind, tile, room, |candidates| trace(candidates, buffers));
+            self.each_large(large, (tile, window), room, buffers, |candidates, buffers| trace(candidates, buffers));
+            before += list.len() as u32;
+        }
+        any
+    }
+
+    /// Sets what was set up to the planes that the plan has, if it has them.
+    fn refine(
+        &self,
+        kind: usize,
+        TriangleChunk { lights, candidates, first_id, .. }: TriangleChunk<'_>,
+        view: &TileView<f64>,
+        buffers: &mut TileBuffers<E>,
+        shades: &mut [TileShade<E>],
+    ) {
+        let Some(planes) = self.plan.planes(kind) else { return };
+        for (i, candidate) in candidates.iter().take(CHUNK).enumerate() {
+            let plane = &planes[candidate.id as usize];
+            buffers.set_inverse(i, plane.inverse(view).map(E::from_f64));
+            let shades = &mut shades[(first_id + i) * lights.len()..][..lights.len()];
+            for (shade, light) in shades.iter_mut().zip(lights) {
+                shade.cosine = E::from_f64(plane.height(light));
+            }
+        }
+    }
+
+    /// Has those traced of what is in many tiles that are still to come, and not behind all of this one.
+    fn each_large(
+        &self,
+        mut large: LargeObjects<'_>,
+        (tile, window): (TilePlace, &TileWindow),
+        room: &mut Vec<Candidate>,
+        buffers: &mut TileBuffers<E>,
+        mut trace: impl FnMut(&mut Vec<Candidate>, &mut TileBuffers<E>),
+    ) {
+        let mut count = LARGE_AT_FIRST;
+        while !large.are_through() {
+            count = LARGE_MORE.saturating_mul(count);
+            let least = if self.plan.keep().has(Omission::Occluded) { 0.0 } else { self.farthest(buffers, window).1 };
+            room.clear();
+            large.add(tile, count, least, room);
+            if !room.is_empty() {
+                trace(room, buffers);
+            }
+        }
+    }
+
+    /// Has what is `seen` traced, layer by layer from near to far, but for what is hidden by all that there is around it by
+    /// then.
+    fn near_first(
+        &self,
+        candidates: &[Candidate],
+        Layers { nearest, room, others, starts }: &mut Layers,
+        buffers: &mut TileBuffers<E>,
+        window: &TileWindow,
+        mut trace: impl FnMut(&[Candidate], &mut TileBuffers<E>),
+    ) {
+        let few =
+            candidates.len() < FEWEST_HIDDEN && (candidates.len() < FEWEST_DEEP || covers(candidates, window) <= DEEP);
+        if few || self.plan.keep().has(Omission::Occluded) {
+            return trace(candidates, buffers);
+        }
+        // Kernels fill registers.
+        let enough = candidates.len() + CHUNK;
+        for layer in [&mut *nearest, room, others] {
+            layer.resize(layer.len().max(enough), Candidate::default());
+        }
+        let mut near = self.packets.nearer_half.call(candidates, nearest, others);
+        let mut end = candidates.len() - near;
+        starts.clear();
+        starts.push((0, end));
+        while starts.len() < MOST_LAYERS && covers(&nearest[..near], window) > DEEP {
+            let nearer = self.packets.nearer_half.call(&nearest[..near], room, &mut others[end..]);
+            if nearer == near {
+                break;
+            }
+            std::mem::swap(nearest, room);
+            starts.push((end, near - nearer));
+            (near, end) = (nearer, end + near - nearer);
+        }
+        let mut farthest = None;
+        let mut trace_layer = |layer: &mut [Candidate], count: usize| {
+            let mut left = count;
+            if buffers.has_somebody() {
+                let (parts, least) = farthest.get_or_insert_with(|| self.farthest(buffers, window));
+                left = not_behind(layer, count, *least);
+                left = self.packets.visible.call(layer, left, parts, window);
+            }
+            if left > 0 {
+                trace(&layer[..left], buffers);
+                farthest = None;
+            }
+        };
+        trace_layer(nearest, near);
+        starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
+    }
+
+    /// What is farthest in the parts of a tile, and in all of it.
+    fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> (Parts, f32) {
+        buffers.close_around(self.kernels.lanes, window);
+        let alone = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
+        (Parts::new(alone), alone.into_iter().fold(f32::MAX, f32::min))
+    }
+
+    /// Spheres of a tile: first those that are not in front.
+    fn nearest_spheres(
+        &self,
+        spheres: &mut Vec<Candidate>,
+        weighted: &Weighted,
+        buffers: &mut TileBuffers<E>,
+        layers: &mut Layers,
+        TileObjects { order, spheres: tile_spheres, forgotten, .. }: &mut TileObjects<E>,
+        window: &TileWindow,
+    ) {
+        let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
+        if spheres.iter().any(|candidate| candidate.most == Candidate::ANY) {
+            for candidate in spheres.extract_if(.., |candidate| candidate.most == Candidate::ANY) {
+                let sphere = &self.plan.spheres()[candidate.id as usize];
+                let Some(around) = self.plan.around(sphere) else { continue };
+                order.push(1 + candidate.id);
+                tile_spheres.candidates.push(candidate);
+                if self.plan.keep().has(Omission::Misses) || !self.plan.misses(window, sphere) {
+                    kernels.around.call(&around, window, buffers, order);
+                }
+            }
+        }
+        self.near_first(spheres, layers, buffers, window, |candidates, buffers| {
+            for start in (0..candidates.len()).step_by(CHUNK) {
+                if order.len() > MOST_SPHERES {
+                    let owns = forget_unseen(buffers, 1, order, &mut [], 0);
+                    let mut owns = owns.into_iter().skip(1);
+                    *forgotten += tile_spheres.candidates.len();
+                    tile_spheres.candidates.retain(|_| owns.next() == Some(true));
+                    *forgotten -= tile_spheres.candidates.len();
+                }
+                let first_id = order.len();
+                let candidates = &candidates[start..];
+                let chunk = &candidates[..candidates.len().min(CHUNK)];
+                order.extend(chunk.iter().map(|candidate| 1 + candidate.id));
+                tile_spheres.candidates.extend_from_slice(chunk);
+                let spheres = SphereChunk { spheres: self.plan.spheres(), candidates };
+                kernels.sphere_set_up.call(&weighted.spheres, spheres, first_id, buffers);
+                kernels.nearest_spheres.call(buffers, order, window, &grid, self.fewest_across());
+            }
+        });
+    }
+
+    /// A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen,
+    /// so that leaving some out costs as much as it saves.
+    fn fewest_across(&self) -> u32 {
+        let all = self.plan.keep().has(Omission::Misses);
+        if all { u32::MAX } else { (TILE_WIDTH / self.kernels.lanes.min(4) / 2) as u32 }
+    }
+}
+
+/// Brings those of the first `count` to the front, in order, that are not behind all of a tile, and gives how many they are.
+fn not_behind(candidates: &mut [Candidate], count: usize, least: f32) -> usize {
+    if least <= 0.0 {
+        return count;
+    }
+    let mut left = 0;
+    for i in 0..count {
+        candidates[left] = candidates[i];
+        left += usize::from(candidates[i].most >= least);
+    }
+    left
+}
+
+/// Forgets those objects of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
+/// there on. Who had a pixel, by the numbers before; those up to the first are taken to have one.
+fn forget_unseen<E: Element>(
+    buffers: &mut TileBuffers<E>,
+    first: usize,
+    order: &mut Vec<u32>,
+    shades: &mut [TileShade<E>],
+    lights: usize,
+) -> Vec<bool> {
+    let mut owners = vec![false; order.len()];
+    buffers.mark_owners(&mut owners);
+    owners[..first].fill(true);
+    let mut left = 0;
+    let mut numbers = Vec::with_capacity(order.len());
+    for (i, owns) in owners.iter().copied().enumerate() {
+        numbers.push(left as u32);
+        if owns {
+            order[left] = order[i];
+            shades.copy_within(i * lights..(i + 1) * lights, left * lights);
+            left += 1;
+        }
+    }
+    buffers.renumber(&numbers, left);
+    order.truncate(left);
+    owners
+}
