@@ -5,12 +5,12 @@ pub mod plot;
 use std::ops::Range;
 use std::slice::from_ref;
 
-use super::lab::LabError;
-use crate::measure::statistics::{Estimate, median, median_with_interval, pairwise_ratios};
-use crate::measure::{Clock, Work, interleave};
+use super::lab::{LabError, Pairs};
+use crate::measure::statistics::{Estimate, median};
+use crate::measure::{Clock, Runs, Work, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
 use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
-use crate::scene::{Camera, Rng, Scene};
+use crate::scene::{Camera, Scene};
 
 /// Rounds, where all rounds together stay within the ticks that are allowed.
 const ROUNDS: usize = 21;
@@ -22,8 +22,6 @@ const BAND_PIXELS: usize = 1 << 14;
 /// every round.
 const BAND_SHARE: u64 = 50;
 const ROWS_SHARE: u64 = 10;
-/// Where the bootstrap's draws begin.
-const SEED: u64 = 0x0ab1_a710;
 
 /// What was measured.
 #[derive(Clone, Debug)]
@@ -180,17 +178,15 @@ pub fn run(
         true
     };
     let runs = interleave(clock, &mut works, 0..rounds, &mut proceed).expect("nobody stops it");
-    let mut rng = Rng::new(SEED);
-    let mut estimate = |times: &[f64]| {
-        let ratios = pairwise_ratios(times, &runs[0].ticks);
-        median_with_interval(ratios.chunks(1), &mut || rng.next_u64())
-    };
+    let estimate = |own: &Runs| Pairs::of(own, &runs[0]).estimate(1);
     let planned = median(&runs[0].ticks);
-    let mut against_plan = |index: usize| match (parts[index], &runs[firsts[index]..]) {
-        (Part::Bands, [own, ..]) => Timed::Ratio(estimate(&own.ticks)),
+    let against_plan = |index: usize| match (parts[index], &runs[firsts[index]..]) {
+        (Part::Bands, [own, ..]) => Timed::Ratio(estimate(own)),
         (Part::Rows, [one, two, ..]) => {
             let all = |(one, two): (&f64, &f64)| share as f64 * (one + (two - one).max(0.0) * (band_rows - 1) as f64);
-            Timed::Extrapolated(estimate(&one.ticks.iter().zip(&two.ticks).map(all).collect::<Vec<_>>()))
+            let taken = one.taken.iter().zip(&two.taken).map(|(one, two)| *one || *two).collect();
+            let ticks = one.ticks.iter().zip(&two.ticks).map(all).collect();
+            Timed::Extrapolated(estimate(&Runs { ticks, taken, migrations: 0 }))
         }
         (Part::Nothing(band), _) => Timed::Once(share as f64 * band as f64 / planned),
         _ => unreachable!("every contestant has the works of its part"),
@@ -201,7 +197,7 @@ pub fn run(
         cycles_per_pixel: planned / (rows as f64 * f64::from(camera.width())),
         control: against_plan(1),
         keep_all: against_plan(2),
-        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, &mut against_plan)).collect(),
+        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, against_plan)).collect(),
     })
 }
 

@@ -165,10 +165,8 @@ pub struct Accuracy {
     pub stiffness: Option<usize>,
     pub width: u32,
     pub height: u32,
-    /// Who, and what it writes.
     #[serde(flatten)]
     pub who: Who,
-    /// What it is worth.
     #[serde(flatten)]
     pub errors: Errors,
     /// The CPU that the times are of, where that is not the document's.
@@ -208,9 +206,7 @@ pub struct AccuracyReport {
 /// The errors of one entry on one scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Judged {
-    /// Who, and what it writes.
     pub entry: Entry,
-    /// What it is worth.
     pub errors: Errors,
 }
 
@@ -279,7 +275,6 @@ pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool)
 /// A scene, measured.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Measured {
-    /// Every engine, precision and output.
     pub rows: Vec<Accuracy>,
     /// The plain formulas beside them, on ordinary scenes.
     pub against_plain: Vec<plain::AgainstPlain>,

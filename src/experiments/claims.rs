@@ -40,10 +40,8 @@ impl fmt::Display for Verdict {
 /// A claim of the paper and what became of it. The field names are those of the JSON document.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Claim {
-    /// What the paper says.
     pub claim: Name,
     pub verdict: Verdict,
-    /// The figure that says so.
     pub figure: String,
 }
 
@@ -175,9 +173,7 @@ fn pixel_sweeps(rows: &[Timing]) -> Option<Vec<Sweep>> {
 /// What was measured for the claims; what was not is None.
 pub struct Evidence<'a> {
     pub speedup: &'a Speedup,
-    /// The costs in objects and lights.
     pub sweeps: Option<&'a [Sweep]>,
-    /// The rungs with and without calls.
     pub rungs: Option<&'a [Rung]>,
     /// Time by the pixel from small pictures to large ones.
     pub jumps: Option<&'a Jumps>,
@@ -225,13 +221,9 @@ pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
 /// What was measured by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
-    /// The sizes of the paper.
     Table,
-    /// The costs in objects and lights.
     Sweeps,
-    /// The rungs.
     Ladder,
-    /// The sizes from small to large.
     Jumps,
 }
 

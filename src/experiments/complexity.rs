@@ -115,7 +115,6 @@ pub struct Growth {
     /// The engine, or [`ZEROS`].
     pub engine: Name,
     pub output: Name,
-    /// Whether nothing was left out.
     pub keep_all: bool,
     /// The CPU that the cycles are of, where that is not the document's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -156,7 +155,6 @@ pub struct Slope {
     pub scene: Name,
     pub engine: Name,
     pub output: Name,
-    /// Whether nothing was left out.
     pub keep_all: bool,
     /// The least count that the line goes through.
     pub from: u64,
@@ -172,7 +170,6 @@ pub struct Complexity {
     pub machine: Machine,
     pub runs: usize,
     pub complete: bool,
-    /// Every contestant in every picture.
     pub rows: Vec<Growth>,
     pub slopes: Vec<Slope>,
 }
@@ -364,7 +361,6 @@ impl Pictures {
 /// What was measured along a line.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Measured {
-    /// Every contestant in every picture.
     pub rows: Vec<Growth>,
     /// Whether it has come to the end.
     pub complete: bool,

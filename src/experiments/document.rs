@@ -16,7 +16,6 @@ pub struct Experiment {
     pub conditions: Conditions,
     /// No ratio closer to 1 than this is called a difference.
     pub noise_floor: f64,
-    /// C/SIMD over all sizes.
     pub c_by_simd: Estimate,
     /// The paper's SIMD against itself, over all sizes.
     pub control_overall: Estimate,
@@ -48,7 +47,6 @@ pub struct Conditions {
     /// Runs of each size, each in a process of its own.
     pub runs: usize,
     pub complete: bool,
-    /// Seconds from begin to end.
     pub seconds: f64,
     /// The part of them that was spent in what is timed.
     pub timed_share: Option<f64>,

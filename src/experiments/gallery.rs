@@ -27,7 +27,6 @@ pub struct Shown {
     pub scene: String,
     pub width: u32,
     pub height: u32,
-    /// By each engine of this machine.
     pub pictures: Vec<Shot>,
 }
 
@@ -41,7 +40,6 @@ pub struct Shot {
     pub png: Option<String>,
     /// What is different from the reference's, white where it is most; as PNG, in base64.
     pub difference: Option<String>,
-    /// Pixels that differ from the reference's.
     pub differing: u64,
     /// By how many levels at most.
     pub largest: f64,

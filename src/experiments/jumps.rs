@@ -87,7 +87,6 @@ pub struct Bandwidth {
 pub struct Jumps {
     /// Each engine at each size, touched and untouched.
     pub rows: Vec<PictureTime>,
-    /// Each level of memory.
     pub bandwidth: Vec<Bandwidth>,
 }
 
@@ -145,35 +144,35 @@ pub fn run(
     for (width, height) in sizes(quick) {
         let scene = in_size(&scene, width, height);
         let pixels = scene.camera.pixels();
-        let tracers = engines.iter().map(|engine| engine.prepare(None, &scene));
-        let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
         let mut film = Film::new(PixelFormat::F32x4, pixels as usize)?;
-        let mut beside: Vec<Beside> = (0..2 * engines.len()).map(|_| Beside::default()).collect();
+        let mut contestants = Vec::new();
+        for engine in engines {
+            contestants.extend([true, false].map(|touched| (engine, touched, Beside::default())));
+        }
+        let tracers = contestants.iter().map(|(engine, ..)| engine.prepare(None, &scene));
+        let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
         for _ in 0..runs(quick) {
-            for (index, tracer) in tracers.iter().enumerate() {
-                for touched in [true, false] {
-                    let beside = &mut beside[2 * index + usize::from(touched)];
-                    for _ in 0..=AGAIN {
-                        // Pages are untouched once.
-                        let mut fresh = if touched { None } else { Some(fresh(pixels as usize)?) };
-                        let before = core_cycles_per_tick();
-                        let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
-                        let ticks = clock.time(&mut || {
-                            let out = match &mut fresh {
-                                Some(fresh) => FilmMut::F32x4(fresh),
-                                None => film.as_mut(),
-                            };
-                            tracer.rows(0..height, out);
-                        }) as f64;
-                        let cpu = (sys::thread_cpu_time() - cpu).as_secs_f64();
-                        let own = machine.tsc_hz.map_or(ticks, |hz| (cpu * hz).min(ticks));
-                        beside.faults.push((sys::page_faults() - faults) as f64);
-                        beside.ticks.push(ticks);
-                        beside.own.push(own);
-                        beside.clock.push((before + core_cycles_per_tick()) / 2.0);
-                        if ticks - own <= TAKEN * ticks {
-                            break;
-                        }
+            for ((_, touched, beside), tracer) in contestants.iter_mut().zip(&tracers) {
+                for _ in 0..=AGAIN {
+                    // Pages are untouched once.
+                    let mut fresh = if *touched { None } else { Some(fresh(pixels as usize)?) };
+                    let before = core_cycles_per_tick();
+                    let (faults, cpu) = (sys::page_faults(), sys::thread_cpu_time());
+                    let ticks = clock.time(&mut || {
+                        let out = match &mut fresh {
+                            Some(fresh) => FilmMut::F32x4(fresh),
+                            None => film.as_mut(),
+                        };
+                        tracer.rows(0..height, out);
+                    }) as f64;
+                    let cpu = (sys::thread_cpu_time() - cpu).as_secs_f64();
+                    let own = machine.tsc_hz.map_or(ticks, |hz| (cpu * hz).min(ticks));
+                    beside.faults.push((sys::page_faults() - faults) as f64);
+                    beside.ticks.push(ticks);
+                    beside.own.push(own);
+                    beside.clock.push((before + core_cycles_per_tick()) / 2.0);
+                    if ticks - own <= TAKEN * ticks {
+                        break;
                     }
                 }
             }
@@ -181,28 +180,25 @@ pub fn run(
                 return Ok(None);
             }
         }
-        for (index, engine) in engines.iter().enumerate() {
-            for touched in [true, false] {
-                let beside = &beside[2 * index + usize::from(touched)];
-                let fastest = beside.least_taken();
-                let (own, ticks) = (beside.own[fastest], beside.ticks[fastest]);
-                let clock_per_tick = beside.clock[fastest];
-                rows.push(PictureTime {
-                    width,
-                    height,
-                    pixels,
-                    engine: engine.name().into(),
-                    touched,
-                    cycles_per_pixel: ticks / pixels as f64,
-                    cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
-                    clock_per_tick,
-                    taken_share: machine.tsc_hz.map(|_| 1.0 - own / ticks),
-                    core_cycles_per_pixel: clock_per_tick * own / pixels as f64,
-                    page_faults: median(&beside.faults),
-                    bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / own,
-                });
+        rows.extend(contestants.iter().map(|(engine, touched, beside)| {
+            let fastest = beside.least_taken();
+            let (own, ticks) = (beside.own[fastest], beside.ticks[fastest]);
+            let clock_per_tick = beside.clock[fastest];
+            PictureTime {
+                width,
+                height,
+                pixels,
+                engine: engine.name().into(),
+                touched: *touched,
+                cycles_per_pixel: ticks / pixels as f64,
+                cycles_per_pixel_median: median(&beside.ticks) / pixels as f64,
+                clock_per_tick,
+                taken_share: machine.tsc_hz.map(|_| 1.0 - own / ticks),
+                core_cycles_per_pixel: clock_per_tick * own / pixels as f64,
+                page_faults: median(&beside.faults),
+                bytes_per_cycle: pixels as f64 * PixelFormat::F32x4.bytes() as f64 / own,
             }
-        }
+        }));
     }
     Ok(Some(Jumps { rows, bandwidth }))
 }

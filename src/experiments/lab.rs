@@ -207,7 +207,6 @@ impl Turn {
 pub struct Taken {
     /// They are left out, if that leaves enough.
     pub taken: usize,
-    /// All of them.
     pub of: usize,
 }
 

@@ -69,7 +69,6 @@ pub struct AgainstCompiler {
 /// Part of a factor.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Share {
-    /// What it is due to.
     pub cause: Name,
     /// The factor by itself.
     pub factor: f64,
@@ -80,12 +79,9 @@ pub struct Share {
 /// A factor taken apart.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Explanation {
-    /// The rung it begins with.
     pub from: Name,
-    /// The rung it ends with.
     pub to: Name,
     pub factor: f64,
-    /// What it is made of.
     pub shares: Vec<Share>,
 }
 
@@ -106,7 +102,6 @@ enum Tracing {
     Engine(Engine, PixelFormat),
     /// The paper's macros in the best forms we know.
     Aos(&'static kernels::AosKernels),
-    /// An engine on all cores.
     Threads(Engine, PixelFormat, usize),
 }
 

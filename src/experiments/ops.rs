@@ -141,11 +141,8 @@ pub struct Counts {
     pub call_throughput: Option<f64>,
     /// The longest chain of operations, in words; as the macro's comment has it.
     pub critical_path: Option<String>,
-    /// Kinds of instructions in the body.
     pub body_mix: Option<Mix>,
-    /// Kinds of instructions in the function.
     pub function_mix: Option<Mix>,
-    /// Instructions executed on each path.
     pub paths: Vec<Path>,
     /// What llvm-mca makes of a body without jumps: a model, not a measurement.
     pub model: Option<Model>,
@@ -175,7 +172,6 @@ pub struct Line {
     pub offset: usize,
     /// In Intel's syntax.
     pub text: String,
-    /// Whether it is part of the body.
     pub body: bool,
     /// How often a call on the first path executes it, where that was counted.
     pub executed: Option<u64>,
@@ -192,7 +188,6 @@ pub struct Line {
 pub struct Source {
     /// The file of the innermost macro; empty outside of macros.
     pub file: String,
-    /// The number of the line, from 1 on.
     pub line: usize,
     pub text: String,
     /// The macros that it stands in, the outermost first.
@@ -227,7 +222,6 @@ pub fn listing(code: &Code) -> Vec<Line> {
 /// A function of the objects, with its listing.
 #[derive(Clone, Debug, Serialize)]
 pub struct Kernel {
-    /// What it is.
     #[serde(flatten)]
     pub function: Function,
     pub instructions: usize,

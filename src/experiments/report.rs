@@ -102,13 +102,11 @@ pub struct Planned {
     pub output: Name,
     pub width: u32,
     pub height: u32,
-    /// What is traced.
     pub kept: Kept,
     /// Median TSC cycles of a pixel as planned.
     pub cycles_per_pixel: f64,
     /// How many times as long everything takes that `--keep-all` keeps.
     pub keep_all: Option<f64>,
-    /// What is not traced.
     pub left_out: Vec<Left>,
 }
 
@@ -160,7 +158,6 @@ pub enum ReadError {
     Nothing(PathBuf),
     #[error("cannot read {}: {error}", shown(path))]
     Io { path: PathBuf, error: io::Error },
-    /// No document.
     #[error("{} is cut short, or no results: {error}", shown(path))]
     Json { path: PathBuf, error: serde_json::Error },
     /// A document in which something is missing that every run has.

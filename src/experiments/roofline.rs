@@ -62,7 +62,6 @@ pub struct Point {
 /// What was measured.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Roofline {
-    /// Of each instruction set.
     pub peaks: Vec<Peak>,
     /// What each level of memory takes of the widest stores.
     pub roofs: Vec<Bandwidth>,

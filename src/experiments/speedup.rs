@@ -103,18 +103,11 @@ impl Settings {
     /// # Errors
     /// An engine that is not there, the baseline and the control included: what a build without assembly lacks.
     pub fn new(quick: bool, runs: Option<usize>, engines: Option<&[String]>) -> Result<Self, EngineError> {
-        let needed = [BASELINE, CONTROL].map(Engine::from_str);
-        let mut chosen = needed.into_iter().collect::<Result<Vec<_>, _>>()?;
-        match engines {
-            Some(names) => {
-                for name in names {
-                    chosen.push(Engine::from_str(name)?);
-                }
-            }
-            None => chosen.extend(Engine::ALL.iter().filter(|engine| engine.usable())),
-        }
+        let usable = || Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
+        let names: Vec<&str> = engines.map_or_else(usable, |names| names.iter().map(String::as_str).collect());
         let mut engines = Vec::new();
-        for engine in chosen {
+        for name in [BASELINE, CONTROL].into_iter().chain(names) {
+            let engine = Engine::from_str(name)?;
             if !engine.usable() {
                 return Err(EngineError::Unusable(engine));
             }

@@ -34,7 +34,6 @@ pub struct Settings {
     /// The only case, where it is not all.
     pub case: Option<usize>,
     pub quick: bool,
-    /// What every engine is held to.
     pub limits: Limits,
 }
 
@@ -42,9 +41,7 @@ pub struct Settings {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Cell {
     pub family: Name,
-    /// The level's number in the family.
     pub level: usize,
-    /// The value of the parameter.
     pub value: String,
     pub engine: Name,
     pub precision: Name,
@@ -66,7 +63,6 @@ pub struct Cell {
     /// Of these, pixels that the estimates in their shade do not explain.
     #[serde(skip)]
     unexplained: usize,
-    /// Pixels off by two or more.
     pub off_by_2: usize,
     /// The CPU that the times are of, where that is not the document's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -129,9 +125,7 @@ pub struct Stability {
     pub wrong_hits: usize,
     /// Rays that hit nothing in pictures that objects cover.
     pub holes: usize,
-    /// Pixels off by a level or more.
     pub off_by_1: usize,
-    /// Pixels off by two levels or more.
     pub off_by_2: usize,
     /// The first value of the parameter, from the ordinary one outwards, at which it breaks its bound or hits wrongly.
     pub breaks_at: Option<String>,
@@ -140,9 +134,7 @@ pub struct Stability {
     pub cpu: Option<String>,
     /// The largest ratio of a level's time to that of the ordinary one.
     pub slowdown: Option<f64>,
-    /// Whether it keeps its limits.
     pub holds: bool,
-    /// The limits that it does not keep.
     pub broken: Vec<Broken>,
     /// The case to look at.
     pub worst_case: usize,
@@ -166,7 +158,6 @@ pub struct StabilityReport {
     pub seed: u64,
     pub quick: bool,
     pub complete: bool,
-    /// Every engine on every family.
     pub rows: Vec<Stability>,
     /// The same level by level.
     pub cells: Vec<Cell>,
@@ -174,7 +165,6 @@ pub struct StabilityReport {
     pub costs: Vec<cost::Cost>,
     /// The operations by themselves, at ranges that scenes do not have too.
     pub operations: Vec<operations::OperationRow>,
-    /// Limits that could be tightened.
     pub tighter: Vec<String>,
 }
 

@@ -52,13 +52,10 @@ pub struct Ray {
 /// Why there is nothing to watch.
 #[derive(Debug, thiserror::Error)]
 pub enum WatchError {
-    /// An engine that is not written in assembly.
     #[error("{0}")]
     Engine(String),
-    /// The engine does not trace this scene.
     #[error(transparent)]
     Prepare(#[from] EngineError),
-    /// A pixel outside of the picture.
     #[error("there is no pixel {},{}: the picture has {} columns and {} rows, counted from 0", .pixel.0, .pixel.1, .size.0, .size.1)]
     Pixel {
         /// Column and row.
@@ -66,7 +63,6 @@ pub enum WatchError {
         /// Width and height.
         size: (u32, u32),
     },
-    /// A lane that the packet has not.
     #[error("there is no lane {lane}: {}", if *lanes == 1 { "this engine traces ray by ray".into() } else { format!("the packet has {lanes}, counted from 0, and the picture no pixel beyond its edge") })]
     Lane {
         /// As it was asked for.
@@ -74,7 +70,6 @@ pub enum WatchError {
         /// Those that there are.
         lanes: usize,
     },
-    /// Single-stepping does not work here.
     #[error("instructions cannot be watched here: {0}")]
     Unavailable(#[from] Unavailable),
     /// A row that is too much work to be followed.
@@ -82,7 +77,6 @@ pub enum WatchError {
         "this row of pixels takes more than the {MOST_VISITS} instructions that can be followed: choose fewer pixels by --size, or packets by --engine"
     )]
     Row,
-    /// More instructions than were asked for.
     #[error("this takes {needed} instructions, more than the {most} that are recorded: raise --steps")]
     TooMany {
         /// Instructions that would be recorded.
@@ -90,12 +84,10 @@ pub enum WatchError {
         /// The limit.
         most: usize,
     },
-    /// An operation that cannot be watched so.
     #[error("{0}")]
     Operation(String),
     #[error("there is not enough memory for a row of the picture")]
     Memory,
-    /// Two runs of the same row were not the same.
     #[error("two runs of the same row took {0} and {1} instructions: nothing can be said of one pixel")]
     Differs(u64, u64),
 }
@@ -121,7 +113,6 @@ pub struct Watched {
     pub dearest: Vec<usize>,
     /// Each instruction, in the order of execution.
     pub steps: Vec<Line>,
-    /// What the ray hits.
     pub hit: Option<Hit>,
     /// What the pixel shows: linear red, green and blue.
     pub colour: Option<[f32; 3]>,
@@ -140,7 +131,6 @@ pub struct Hit {
     pub object: String,
     /// Where, in lengths of r_d.
     pub t: f64,
-    /// The point.
     pub point: [f64; 3],
     /// The unit normal, where the engine can tell.
     pub normal: Option<[f64; 3]>,
@@ -306,14 +296,16 @@ struct Run<'a> {
 
 /// What is told of, in the order of execution.
 enum Item {
-    /// A kernel begins.
     Kernel,
     /// An instruction, by its place among those recorded.
     Step(usize),
     /// The same, which the row needs once, and not for each pixel.
     Once(usize),
     /// Rounds of a loop, or a kernel's call, that are for other pixels.
-    Others { rounds: usize, instructions: usize },
+    Others {
+        rounds: usize,
+        instructions: usize,
+    },
 }
 
 impl Run<'_> {

@@ -62,9 +62,7 @@ impl From<&TruePixel> for Expected {
 pub struct Errors {
     /// Pixels.
     pub rays: usize,
-    /// Pixels whose ray hits something.
     pub hits: usize,
-    /// Pixels inside of the margin.
     pub in_margin: usize,
     /// A hit where there is none, none where there is one, or one at a t that is no number greater than 0.
     pub wrong_hits: usize,
@@ -76,29 +74,23 @@ pub struct Errors {
     pub wrong_objects_inside: usize,
     /// Errors of t in units of the last place of the engine's precision.
     pub max_ulp: Option<f64>,
-    /// Their root mean square.
     pub rms_ulp: Option<f64>,
-    /// What 99.9 % of them stay below.
     pub p999_ulp: Option<f64>,
     /// The largest |error of t| / t as a share of the documented bound, which is of a ray that is exact, and of what the
     /// camera's own rounding adds to it.
     pub bound_share: Option<f64>,
     /// The largest angle between the engine's normal and the true one, in radians.
     pub max_angle: Option<f64>,
-    /// The root mean square of the angles.
     pub rms_angle: Option<f64>,
     /// The largest error of a linear colour, of the true value where that is above 1.
     pub max_colour: Option<f64>,
-    /// The root mean square over all channels.
     pub rms_colour: Option<f64>,
     /// Pixels with a channel off by one 8-bit level or more.
     pub off_by_1: usize,
     /// Of these, pixels that the estimates in their shade do not explain: see [`Tally::with_estimates`].
     #[serde(skip)]
     pub unexplained: usize,
-    /// Pixels off by two or more.
     pub off_by_2: usize,
-    /// The largest difference of levels.
     pub max_level: u8,
     /// Of the 8-bit picture; None where no level differs.
     pub psnr: Option<f64>,

@@ -12,19 +12,14 @@ pub struct Summary {
     pub scenes: usize,
     /// Wrong hits outside of the margin, in all scenes.
     pub wrong_hits: usize,
-    /// Wrong objects outside of the margin.
     pub wrong_objects: usize,
-    /// The largest error of t in any scene.
     pub max_ulp: Option<f64>,
-    /// The largest share of the documented bound.
     pub bound_share: Option<f64>,
     /// Pixels off by two levels or more, in all scenes.
     pub off_by_2: usize,
-    /// The largest error of a linear colour.
     pub max_colour: Option<f64>,
     /// The geometric mean of the fastest runs, in nanoseconds of a ray.
     pub ns_per_ray: f64,
-    /// How many fronts it is on.
     pub fronts: usize,
 }
 

@@ -19,7 +19,6 @@ const CALLS: u64 = 1000;
 
 /// A function that can be called with operands for each of its paths.
 pub struct Subject {
-    /// Where its code is.
     pub address: usize,
     /// What the operands of each path are; the first is the common one.
     pub paths: Vec<&'static str>,

@@ -15,7 +15,6 @@ const CHECKED_IN: &str = include_str!("limits.csv");
 pub struct Measure {
     /// Its column in `limits.csv`.
     column: &'static str,
-    /// What it is.
     words: &'static str,
     /// No limit below this is worth a tighter one.
     small: f64,

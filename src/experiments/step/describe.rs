@@ -22,7 +22,6 @@ pub struct Line {
     pub text: String,
     /// As its source has it, with the names that the macro gives its parameters.
     pub source: String,
-    /// The comment in the source.
     pub comment: &'static str,
     /// Where it stands.
     pub file: &'static str,
@@ -34,7 +33,6 @@ pub struct Line {
     pub changed: Vec<Change>,
     /// What it compared, in words.
     pub compared: Option<String>,
-    /// Of a jump whether it was taken.
     pub branch: Option<Branch>,
     /// Bits that cancelled, for each element that is told of.
     pub cancelled_bits: Vec<Option<u32>>,
@@ -93,7 +91,6 @@ pub enum Value {
 /// What became of a jump.
 #[derive(Clone, Debug, Serialize)]
 pub struct Branch {
-    /// Whether it was taken.
     pub taken: bool,
     /// What was compared, where it depends on that.
     pub why: String,

@@ -101,7 +101,6 @@ pub enum Float {
     Sub,
     Mul,
     Div,
-    /// The root of a.
     Sqrt,
     /// a b + c, rounded once.
     Fma {
@@ -127,7 +126,6 @@ pub struct Operation {
     pub to: Element,
     /// With what.
     pub what: What,
-    /// What it is made of.
     pub from: Vec<Element>,
     /// What decided that it is made of these: bits of masks, indices, numbers compared.
     pub by: Vec<Element>,

@@ -41,13 +41,9 @@ impl Number {
 /// Which whole number: the low bits of the immediate operand of `roundpd` and `vrndscalepd`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rounding {
-    /// To nearest, half to even.
     Nearest,
-    /// Not above.
     Down,
-    /// Not below.
     Up,
-    /// Towards 0.
     Zero,
 }
 
