@@ -1,4 +1,4 @@
-//! Assembles `asm/`, compiles the paper's C, and hands their shared layout, objects and versions to the crate.
+//! Assembles `asm/`, compiles the paper's C, and passes their shared layout, objects and versions to the crate.
 
 use std::env;
 use std::fs;
@@ -19,7 +19,7 @@ fn main() {
     fs::write(out.join("layout.h"), paper.to_c()).unwrap();
     fs::write(out.join("layout.rs"), paper.to_rust() + &tiles.to_rust()).unwrap();
     if cfg!(feature = "lab") {
-        // Those of a build that has no kernels.
+        // Those of a build without kernels.
         fs::write(out.join("objects.rs"), "&[]").unwrap();
         fs::write(out.join("rungs.rs"), format!("rungs! {{ most {LADDER_MOST}; }}")).unwrap();
         for unit in ["sse41", "avx2", "avx512"] {
@@ -34,12 +34,12 @@ fn main() {
     native::build(&out);
 }
 
-/// Where Git keeps which commits were checked out here. The program includes it (src/main.rs), so that a commit has it linked
-/// anew, and nothing assembled. None in a package.
+/// Git's log of the commits checked out here. The program includes it (src/main.rs), so that a commit links it again,
+/// without assembling anything. None in a package.
 fn log_of_commits() -> Option<PathBuf> {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
     let git = root.join(".git");
-    // A file that says where in a further work tree. Neither changes, and both go with the repository.
+    // In a further work tree it is a file that names the directory. Neither changes, and both belong to the repository.
     let (git, stays) = match fs::read_to_string(&git) {
         Ok(text) => (root.join(text.strip_prefix("gitdir: ")?.trim()), git),
         Err(_) => (git.clone(), git.join("description")),
@@ -51,7 +51,7 @@ fn log_of_commits() -> Option<PathBuf> {
     })
 }
 
-/// The first line of what `program flag` prints; empty where it cannot be run.
+/// The first line printed by `program flag`; empty if it cannot be run.
 fn first_line(program: impl AsRef<std::ffi::OsStr>, flag: &str) -> String {
     let output = Command::new(program).arg(flag).output();
     let text = output.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default();
@@ -68,16 +68,17 @@ mod native {
 
     use super::{LADDER_MOST, first_line};
 
-    /// One translation unit per ISA, the harness of checked calls, functions to try the counters on, and chains to time.
+    /// One translation unit per ISA, the harness of checked calls, functions to test the counters, and chains to time.
     /// Those of the engines.
     #[cfg(all(feature = "asm", feature = "lab"))]
     const TRACERS: [&str; 3] = ["sse41", "avx2", "avx512"];
     const UNITS: [&str; 6] = ["sse41", "avx2", "avx512", "checked", "known", "chains"];
     const C_SOURCES: [&str; 3] = ["trace", "ops", "hits"];
-    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, whether for this machine's own CPU.
+    /// The levels at which by_value.c is compiled, to be counted: name, optimisation, and whether for this machine's
+    /// CPU.
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
-    /// The ladder's rungs in C: what tells each from the one before is a definition, a flag, or the source.
+    /// The ladder's rungs in C: each differs from the previous one by a definition, a flag, or the source.
     const RUNGS: [Rung; 14] = [
         Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
         Rung {
@@ -104,11 +105,12 @@ mod native {
     const PER_RAY: &str = "-DHOISTED=0";
     const HOISTED: &str = "-DHOISTED=1";
     const FAST: &str = "-ffast-math";
-    /// gcc would make one branch of several selections that ask the same, and then find no lanes.
+    /// gcc would merge several selections with the same condition into a branch, and then not vectorise.
     const NO_BRANCHES: &str = "-fno-thread-jumps";
     const V3: &str = "-march=x86-64-v3";
     const V4: &str = "-march=x86-64-v4";
-    /// What these two are, the first eight of them the former, for compilers that do not know their names, as gcc 10.
+    /// The meaning of these two, the first eight of them the former, for compilers that do not know their names, such
+    /// as gcc 10.
     const EXTENSIONS: [&str; 13] = [
         "-mavx2",
         "-mbmi",
@@ -132,12 +134,12 @@ mod native {
         flags: &'static [&'static str],
     }
 
-    /// A level of x86-64 by the psABI. What `-march=native` would be on this machine could not run on another, so that
-    /// the program chooses among these when it runs.
+    /// A level of x86-64 by the psABI. Code for `-march=native` on this machine could not run on another, so the
+    /// program chooses among these when it runs.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Level {
         Base,
-        /// Between two levels: what the packets of that name need.
+        /// Between two levels: for the packets of that name.
         Sse41,
         V3,
         V4,
@@ -159,14 +161,14 @@ mod native {
         println!("cargo::rerun-if-env-changed=NASM");
         println!("cargo::rerun-if-env-changed=RAYO_STRICT");
 
-        // A compiler that cannot be used is found in no time.
+        // A compiler that cannot be used fails at once.
         let compiled = if cfg!(feature = "c") { compile(out) } else { Vec::new() };
         let assembled = assemble(out);
         let mut objects: Vec<_> = assembled.iter().chain(&compiled).cloned().collect();
         if objects.is_empty() {
             return;
         }
-        // What is counted, timed and taken apart, and rendered by no engine. C is so beside assembly alone.
+        // Code to be counted, timed and disassembled, which renders for no engine. C is measured only beside assembly.
         if cfg!(feature = "lab") {
             let both = !assembled.is_empty() && !compiled.is_empty();
             let levels = if both { C_LEVELS.map(|level| compile_level(out, level)).to_vec() } else { Vec::new() };
@@ -197,7 +199,7 @@ mod native {
             return Vec::new();
         }
         println!("cargo::rustc-cfg=rayo_asm");
-        // A call for each unit, since each has a listing of its own.
+        // A call for each unit, since each has its own listing.
         let objects = std::thread::scope(|threads| {
             let units = UNITS.map(|unit| threads.spawn(move || assemble_unit(out, unit)));
             units.map(|unit| unit.join().expect("assembling does not panic")).into_iter().collect()
@@ -214,8 +216,8 @@ mod native {
         if strict() {
             nasm.flag("-Wall").flag("-Werror");
         }
-        // The shortest jumps take NASM some eleven passes over a unit, jumps as they are two: in a hurry those will do, and for
-        // Clippy, which runs nothing.
+        // The shortest jumps take NASM some eleven passes over a unit, and unoptimised ones two: these will do in a
+        // hurry, and for Clippy, which runs nothing.
         if matches!(env::var("OPT_LEVEL").as_deref(), Ok("0" | "1")) || env::var_os("CLIPPY_ARGS").is_some() {
             nasm.flag("-O1");
         }
@@ -225,7 +227,7 @@ mod native {
         }
         nasm.file(format!("asm/{unit}.asm"));
         let objects = nasm.compile_objects().unwrap_or_else(|error| {
-            // nasm-rs says of NASM itself only how it ended; what it found is in the output above.
+            // nasm-rs reports only NASM's exit status; its messages are in the output above.
             let ended = error.contains("exit status");
             fail(
                 if ended {
@@ -237,12 +239,12 @@ mod native {
                 &error,
             )
         });
-        // nasm-rs names objects after their sources alone and can lose one without an error.
+        // nasm-rs names objects only after their sources and can lose one without an error.
         let [object] = &objects[..] else { panic!("NASM did not make one object of {unit}: {objects:?}") };
         #[cfg(feature = "lab")]
         {
             if TRACERS.contains(&unit) {
-                // Where nothing can be stepped through, nobody asks.
+                // If nothing can be single-stepped, the table is not needed.
                 let asked = env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux");
                 let table = if asked { super::listing::table(&listing, object) } else { Vec::new() };
                 fs::write(out.join(format!("{unit}.lines")), table).unwrap();
@@ -252,7 +254,7 @@ mod native {
         object.clone()
     }
 
-    /// Whether a warning is an error: not where a user builds, whose tools may warn of what ours do not.
+    /// Whether a warning is an error: not for users, whose tools may have warnings that ours do not.
     fn strict() -> bool {
         env::var("RAYO_STRICT").is_ok_and(|value| value == "1")
     }
@@ -263,7 +265,7 @@ mod native {
         c.opt_level(3)
             .debug(false)
             .std("c11")
-            // What gcc does in this standard, and Clang where it is told.
+            // gcc's behaviour in this standard, and Clang's if requested.
             .flag_if_supported("-ffp-contract=off")
             .include(out)
             .warnings(true)
@@ -288,7 +290,7 @@ mod native {
             )
         });
         println!("cargo::rustc-env=RAYO_CC={}", first_line(compiler.path(), "--version"));
-        // The flags that matter to a figure; paths do not, and are this machine's own.
+        // The flags that matter to a figure; paths do not, and belong to this machine.
         let flags = compiler.args().iter().map(|flag| flag.to_string_lossy());
         let flags: Vec<_> = flags
             .filter(|flag| flag.starts_with('-') && !matches!(&**flag, "-I" | "-Werror") && !flag.contains('/'))
@@ -297,7 +299,7 @@ mod native {
         objects
     }
 
-    /// by_value.c at one level, in an object that is named after it.
+    /// Compiles by_value.c at one level, in an object named after it.
     fn compile_level(out: &Path, (name, level, native): (&str, u32, bool)) -> PathBuf {
         let mut c = compiler(out);
         c.opt_level(level).define("RAYO_LEVEL", name).out_dir(out.join(name)).file("src/kernels/c/by_value.c");
@@ -311,7 +313,7 @@ mod native {
         object
     }
 
-    /// Compiles each rung by itself, and lists them for `rungs!` in src/kernels/ladder.rs.
+    /// Compiles each rung, and lists them for `rungs!` in src/kernels/ladder.rs.
     fn compile_rungs(out: &Path) -> Vec<PathBuf> {
         let mut objects = Vec::new();
         let mut list = String::from("rungs! {\n");
@@ -327,7 +329,7 @@ mod native {
                 Level::V3 => &EXTENSIONS[..8],
                 Level::V4 => &EXTENSIONS,
             };
-            // Of flags that tune, those that this compiler has.
+            // Of the tuning flags, those that this compiler has.
             let flags = flags.iter().filter(|flag| flag.starts_with("-D") || supported(flag));
             let flags: Vec<_> = machine.iter().chain(flags).copied().collect();
             for flag in &flags {
@@ -349,7 +351,7 @@ mod native {
     fn objects_to_rust<'a>(objects: impl Iterator<Item = (&'a &'a str, &'a PathBuf)>) -> String {
         let mut text = String::from("&[\n");
         for (name, path) in objects {
-            // By its place in OUT_DIR: a copied build directory has the objects of its own.
+            // By its place in OUT_DIR: a copied build directory has its own objects.
             let file = format!("/{}", path.file_name().unwrap().to_str().unwrap());
             writeln!(text, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), {file:?}))),").unwrap();
         }
@@ -403,8 +405,8 @@ mod layout {
     }
 
     impl Struc {
-        /// Its definition by a macro of src/kernels/records.rs; where its fields have types of their own, which Rust knows
-        /// better, their offsets for `layout_checks!`.
+        /// Its definition by a macro of src/kernels/records.rs; if its fields have types of their own, which Rust
+        /// defines, their offsets for `layout_checks!`.
         fn to_rust(&self) -> String {
             let Struc { name, comment, fields, size } = self;
             let (unit, count) = (fields[0].unit, fields[0].count);
@@ -429,7 +431,7 @@ mod layout {
         pub fn read(file: &str) -> Layout {
             let path = format!("asm/include/{file}");
             let mut layout = Layout { strucs: Vec::new(), numbers: String::new() };
-            // The lines of comment right above.
+            // The comment lines directly above.
             let mut above = Vec::new();
             for (number, line) in fs::read_to_string(&path).unwrap().lines().enumerate() {
                 let (line, comment) = line.split_once(';').unwrap_or((line, ""));
@@ -471,7 +473,7 @@ mod layout {
         pub fn to_c(&self) -> String {
             let mut text = String::from("#define LAYOUT_CHECKS(OFFSET, SIZE)");
             for Struc { name, fields, size, .. } in self.strucs.iter().filter(|struc| struc.fields[0].unit > 1) {
-                // The paper's C has no other spheres and triangles.
+                // The paper's C knows only the paper's spheres and triangles.
                 let name = name.trim_start_matches("Paper").to_lowercase();
                 for Field { name: field, offset, .. } in fields {
                     write!(text, " \\\n    OFFSET({name}, {field}, {offset});").unwrap();

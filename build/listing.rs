@@ -1,6 +1,6 @@
-//! The table of source lines: for each instruction of a unit the macros that it came from, out of NASM's own listing.
+//! The table of source lines: for each instruction of a unit the macros that it came from, from NASM's own listing.
 //!
-//! A listing has, for each line, its number in its file, where it gave bytes their offset and the bytes, its depth of nesting,
+//! A listing has, for each line, its number in its file, the offset and bytes of its code if any, its depth of nesting,
 //! and its text; and before the lines of a macro, the call with its parameters expanded:
 //!
 //! ```text
@@ -9,10 +9,10 @@
 //!   109 000210FD 450F59D2            <3>  mulps %%d, %%b
 //! ```
 //!
-//! NASM 2.15 has a call with its parameters one deeper, and goes on counting lines where it includes a file.
+//! NASM 2.15 has a call with its parameters one deeper, and continues counting lines where it includes a file.
 //!
-//! `src/measure/source.rs` reads what is written here: numbers of seven bits a byte, the lowest first, the eighth bit saying
-//! that more follow; and strings, each after its length. It is, each list after its length,
+//! `src/measure/source.rs` reads the table: numbers of seven bits a byte, the lowest first, the eighth bit meaning that
+//! more follow; and strings, each after its length. It consists of, each list after its length,
 //!
 //! ```text
 //! strings
@@ -29,7 +29,7 @@ use std::path::Path;
 
 use object::{Object, ObjectSection};
 
-/// What is known of a macro from its definition.
+/// The definition of a macro.
 struct Macro {
     name: usize,
     file: usize,
@@ -45,7 +45,7 @@ struct Call {
     text: usize,
     comment: usize,
     arguments: Vec<usize>,
-    /// The depth of the line that calls.
+    /// The depth of the calling line.
     depth: usize,
 }
 
@@ -58,7 +58,7 @@ struct Instruction {
     comment: usize,
 }
 
-/// Strings, each once.
+/// Strings, each stored once.
 #[derive(Default)]
 struct Strings {
     all: Vec<String>,
@@ -103,7 +103,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// Adds bytes as a listing writes them; None for what is only known when linked.
+/// Adds bytes as a listing writes them; None for those known only after linking.
 fn add_bytes(bytes: &mut Vec<Option<u8>>, text: &str) {
     let text = text.trim_end_matches('-');
     let (mut known, mut at) = (true, 0);
@@ -144,12 +144,12 @@ fn arguments(text: &str) -> Vec<&str> {
     found
 }
 
-/// What the files in `asm` say.
+/// The content of the files in `asm`.
 struct Sources {
     macros: Vec<Macro>,
-    /// Of macros by their names.
+    /// Indices of macros, by name.
     places: HashMap<String, usize>,
-    /// Of lines by their files and numbers.
+    /// Comments of lines by file and number.
     comments: HashMap<(usize, usize), usize>,
 }
 
@@ -190,9 +190,9 @@ fn read_sources(strings: &mut Strings) -> Sources {
 #[derive(Default)]
 struct Shifts {
     of_files: HashMap<usize, usize>,
-    /// The files that are open: how deep the line is that includes each, and how many its own have too many.
+    /// The open files: the depth of the line that includes each, and how many lines too many it has.
     open: Vec<(usize, usize)>,
-    /// Of the line before, if it includes a file.
+    /// The previous line's file, if it includes one.
     included: Option<(usize, usize, usize)>,
 }
 
@@ -211,19 +211,20 @@ impl Shifts {
         }
     }
 
-    /// The number of that line in the file of the macro around it, or else in the one that is open.
+    /// The number of that line in the file of the macro around it, or else in the open one.
     fn number(&self, line: &Line<'_>, around: Option<usize>) -> usize {
         let of = |file| self.of_files.get(&file).copied();
         line.number - around.map_or(self.open.last().map(|(_, shift)| *shift), of).unwrap_or(0)
     }
 }
 
-/// Whether `function` is there for a measurement alone: a chain of one operation, or the tracer whose operations lie elsewhere.
+/// Whether `function` exists only for a measurement: a chain of one operation, or the tracer whose operations are out
+/// of line.
 fn is_measured(function: &str) -> bool {
     function.ends_with("_latency") || function.ends_with("_throughput") || function.starts_with("calls_")
 }
 
-/// The table of the unit that NASM wrote `listing` and `object` of.
+/// The table of the unit of which NASM wrote `listing` and `object`.
 ///
 /// # Panics
 /// Where the bytes of an instruction are not those of the object.

@@ -1,8 +1,8 @@
-//! A camera that goes round a mesh of a million triangles, frame after frame into one buffer.
+//! A camera that moves around a mesh of a million triangles, frame after frame into one buffer.
 //!
-//! `cargo run --release --example moving_camera` says how long a frame takes, and of what. Nothing is built beforehand: the
-//! mesh is moved to where the camera sees it, into memory that stays, and planned and traced from there. It needs the library
-//! alone, without its default features.
+//! `cargo run --release --example moving_camera` prints how long a frame takes, and its parts. No tree is built: for
+//! each frame the mesh is transformed to the camera's frame, in memory that is reused, then planned and traced. It
+//! needs only the library, without its default features.
 
 use std::error::Error;
 use std::thread::available_parallelism;
@@ -13,7 +13,7 @@ use rayo::render::{Plan, Purpose};
 use rayo::scene::{MovingCamera, mesh};
 use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settings, View};
 
-/// A ring of about so many triangles around the y axis, under one lamp.
+/// A ring of about so many triangles around the y axis, under one light.
 fn ring(triangles: u64, camera: Camera) -> Scene {
     let mesh = mesh::shapes::torus(triangles);
     Scene {
@@ -26,14 +26,13 @@ fn ring(triangles: u64, camera: Camera) -> Scene {
     }
 }
 
-/// One of so many places around the ring, and a bit above it.
+/// One of so many places around the ring, and slightly above it.
 fn place(frame: u32, frames: u32) -> View {
     let (sin, cos) = (std::f64::consts::TAU * f64::from(frame) / f64::from(frames)).sin_cos();
     View { position: DVec3::new(3.0 * sin, 1.2, -3.0 * cos), look_at: DVec3::ZERO, up: DVec3::Y }
 }
 
-/// Shows the world from so many places: `show` hears of every picture, and how long the world took to be moved, planned and
-/// traced.
+/// Renders the world from so many places: `show` gets every picture, and the times to transform, plan and trace it.
 fn go_round(
     world: &Scene,
     frames: u32,
@@ -48,7 +47,7 @@ fn go_round(
         let scene = camera.seen_from(place(number, frames))?;
         let moved = start.elapsed();
         let plan = Plan::new(Engine::fastest(), scene, purpose)?;
-        // Its threads are those of the plan, and of the frame before.
+        // Its threads are those of the plan, and of the previous frame.
         let frame = Frame::new(plan.tracer(), scene.camera, Settings { threads })?;
         let planned = start.elapsed();
         frame.trace(0..scene.camera.height(), film.as_mut(), &|_rows| {})?;

@@ -1,19 +1,19 @@
 //! One kernel called on vectors: the dot product as the paper's C, as the paper's macro, and in packets of each width.
 //!
-//! `cargo run --release --example one_kernel`. Calls are safe: whoever holds a table of kernels has proved that the CPU runs
-//! them, and a kernel compares lengths before it starts. It needs the library with the features `asm` and `c`; a build without one of
-//! them, or for another CPU than x86-64, has fewer tables.
+//! `cargo run --release --example one_kernel`. Calls are safe: a table of kernels exists only if the CPU supports them,
+//! and a kernel compares lengths before it starts. It needs the library with the features `asm` and `c`; a build
+//! without one of them, or for another CPU than x86-64, has fewer tables.
 
 use rayo::glam::Vec3;
 use rayo::kernels::{Isa, Vec4, c, packet_ops, paper};
 
-/// The products of each pair, by the names of those who computed them.
+/// The products of each pair, by the name of the kernel.
 type Products = Vec<(&'static str, Vec<f32>)>;
 
-/// a . b of every pair, by everything that this CPU runs.
+/// a . b of every pair, by every kernel that this CPU supports.
 fn products(pairs: &[(Vec3, Vec3)]) -> Products {
     let mut all = Vec::new();
-    // One vector in one register, as the paper has it: x, y, z and 0.
+    // One vector in one register, as in the paper: x, y, z and 0.
     let register = |Vec3 { x, y, z }: Vec3| Vec4 { x, y, z, w: 0.0 };
     for (name, kernels) in [("c", c()), ("paper", paper())] {
         let Some(kernels) = kernels else { continue };
@@ -44,7 +44,7 @@ fn products(pairs: &[(Vec3, Vec3)]) -> Products {
     all
 }
 
-/// So many pairs of whole numbers, whose products are exact however they are rounded and summed.
+/// So many pairs of integers, whose products are exact however they are rounded and summed.
 fn pairs(count: u8) -> Vec<(Vec3, Vec3)> {
     let vector = |n: u8| Vec3::new(f32::from(n), 2.0, -1.0);
     (0..count).map(|n| (vector(n), vector(n / 2))).collect()

@@ -1,7 +1,7 @@
-//! Rows of a picture from threads of one's own: an engine that is ready writes any rows, in any order, from any thread.
+//! Rows of a picture from your own threads: a prepared engine writes any rows, in any order, from any thread.
 //!
-//! `cargo run --release --example rows_from_threads`. So a renderer can be put under somebody else's scheduler, or trace
-//! what is to be seen first. It needs the library alone, without its default features.
+//! `cargo run --release --example rows_from_threads`. In this way a renderer can use another scheduler, or trace first
+//! what matters most. It needs only the library, without its default features.
 
 use std::error::Error;
 use std::sync::Mutex;
@@ -12,10 +12,10 @@ use rayo::render::{FilmMut, Tracer};
 use rayo::scene::many;
 use rayo::{Engine, Scene};
 
-/// All rows by so many threads, each of which takes the next few rows as soon as it is done with its last.
+/// All rows by so many threads, each of which takes the next few rows when it has finished its last.
 fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
     let (width, height) = (scene.camera.width() as usize, scene.camera.height());
-    // Any number would do. An engine that goes tile by tile is asked best for as many rows as a tile has, or a multiple.
+    // Any number would do. An engine that works in tiles is fastest with as many rows as a tile has, or a multiple.
     let together = tracer.rows_together();
     let mut picture = vec![Vec4::default(); width * height as usize];
     let pieces = Mutex::new((0..height).step_by(together as usize).zip(picture.chunks_mut(together as usize * width)));
@@ -25,7 +25,7 @@ fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
             scope.spawn(|| {
                 while let Some((start, pixels)) = next() {
                     let rows = start..height.min(start + together);
-                    // The buffer is as long as the rows, and its type says what the pixels are: here linear colours.
+                    // The buffer is as long as the rows, and its type decides the pixel format: here linear colours.
                     tracer.rows(rows, FilmMut::F32x4(pixels));
                 }
             });
