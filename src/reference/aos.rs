@@ -16,10 +16,10 @@ pub enum Form {
     Best,
 }
 
-/// A point light: where it is, and I_L.
+/// A point light: its position, and I_L.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<T> {
-    /// Where it stands.
+    /// Its position.
     pub position: Lanes<T>,
     /// I_L = intensity x colour.
     pub radiance: Lanes<T>,
@@ -45,7 +45,7 @@ pub struct Triangle<T> {
     pub colour: Lanes<T>,
 }
 
-/// What the Lambert term needs to know of a hit.
+/// What the Lambert term needs of a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<T> {
     /// P.
@@ -94,7 +94,7 @@ pub fn norm<T: Real>(form: Form, a: Lanes<T>) -> T {
     dot(form, a, a).sqrt()
 }
 
-/// a x b, in all four lanes as the shuffles have it.
+/// a x b, in all four lanes as the shuffles make it.
 #[inline]
 pub fn cross<T: Real>(a: Lanes<T>, b: Lanes<T>) -> Lanes<T> {
     let yzx = |v: Lanes<T>| [v[1], v[2], v[0], v[3]];
@@ -149,7 +149,7 @@ pub fn triangle<T: Real>(form: Form, ray: Lanes<T>, s: &Triangle<T>) -> T {
     if positive && same_side(v1, v2, v3) && same_side(v2, v3, v1) && same_side(v3, v1, v2) { t } else { T::INFINITY }
 }
 
-/// What LAMBERT adds, for `sides` 1 or 2.
+/// The light that LAMBERT adds, for `sides` 1 or 2.
 #[inline]
 pub fn lambert<T: Real>(form: Form, sides: u32, surface: &Surface<T>, light: &Light<T>) -> Lanes<T> {
     let l = normalise(form, sub(light.position, surface.point));

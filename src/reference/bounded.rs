@@ -1,23 +1,23 @@
-//! Numbers of about 100 bits that know how far they may be from the exact ones: the truth wherever they are sure of it.
+//! Numbers of about 100 bits with a bound on their own error: the truth wherever that bound decides.
 //!
-//! A number is the sum of two f64, and beside it stands a bound on all that its making has rounded. So a sign is known or
-//! it is not, and who asks for one that is not goes to [`exact`](super::exact), which is a hundred times as slow.
+//! A number is the sum of two f64, with a bound on all rounding errors so far. So its sign is known or unknown; a
+//! caller that needs an unknown one turns to [`exact`](super::exact), which is a hundred times as slow.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::exact::{Exact, Split};
 use super::shapes::Number;
 
-/// A share of a result that the rounding of one operation stays below: 64 u² of f64, several times what each is known to
-/// lose (Joldes, Muller and Popescu, 2017).
+/// A bound of the relative rounding error of one operation: 64 u² of f64, several times those of Joldes, Muller and
+/// Popescu (2017).
 const ROUNDING: f64 = 64.0 * (f64::EPSILON / 2.0) * (f64::EPSILON / 2.0);
-/// What an operation may lose where its smallest parts are denormal numbers.
+/// What an operation may lose if its smallest parts are denormal numbers.
 const TINY: f64 = f64::MIN_POSITIVE;
-/// Bounds are computed in f64 too, and made larger by what that may lose.
+/// Bounds are computed in f64 too, and enlarged by their own rounding.
 const ROOM: f64 = 1.0 + 16.0 * f64::EPSILON;
 
-/// A number, and a bound on its distance from the exact one. What is not finite has an infinite bound, or none: it is
-/// never sure of anything.
+/// A number, and a bound on its distance from the exact one. If not finite, it has an infinite bound, or none: it never
+/// decides.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounded {
     value: Split,
@@ -55,7 +55,7 @@ impl Number for Bounded {
         }
     }
 
-    /// Of what is not known to be greater than 0, nothing is known.
+    /// Nothing is known of the root of a number that may not be greater than 0.
     fn sqrt(&self) -> Self {
         let Split { high, low } = self.value;
         let root = high.sqrt();
@@ -79,7 +79,7 @@ impl From<&Exact> for Bounded {
     }
 }
 
-/// a + b and what that leaves out: Knuth's, for any a and b.
+/// a + b and its rounding error: Knuth's, for any a and b.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let from_b = sum - a;
@@ -128,7 +128,7 @@ impl Mul for &Bounded {
 
 impl Div for &Bounded {
     type Output = Bounded;
-    /// Of a divisor that is not known to differ from 0, the bound is infinite.
+    /// The bound is infinite for a divisor that may be 0.
     fn div(self, other: &Bounded) -> Bounded {
         let (a, b) = (self.value, other.value);
         let quotient = a.high / b.high;
@@ -145,7 +145,7 @@ impl Div for &Bounded {
 mod tests {
     use super::*;
 
-    /// How far the number is from `exact`, as a share of its bound.
+    /// The distance of the number from `exact`, as a share of its bound.
     fn share(x: Bounded, exact: &Exact) -> f64 {
         let Split { high, low } = x.value;
         let found = &Exact::new(high) + &Exact::new(low);
@@ -192,7 +192,7 @@ mod tests {
     fn a_sign_is_known_or_it_is_not() {
         let [one, three] = [1.0, 3.0].map(Bounded::new);
         assert_eq!((one.sign(), (-&one).sign(), Bounded::new(0.0).sign()), (Some(1), Some(-1), Some(0)));
-        // 3 (1/3) - 1 is 0 but for what 1/3 has lost.
+        // 3 (1/3) - 1 is 0 except for the rounding error of 1/3.
         let nothing = &(&three * &(&one / &three)) - &one;
         assert_eq!((nothing.sign(), (&one / &nothing).sign()), (None, None));
         for x in [f64::NAN, f64::INFINITY] {

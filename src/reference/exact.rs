@@ -1,7 +1,7 @@
 //! Numbers of 256 bits: the truth beyond doubt.
 //!
-//! What goes in is f32 or f64 data, taken as exact. Nothing here is fast: 256 bits leave more than 200 after the worst that
-//! such data can cancel.
+//! The input is f32 or f64 data, taken as exact. Nothing here is fast: 256 bits leave more than 200 after the worst
+//! cancellation of such data.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -31,7 +31,7 @@ impl Exact {
 
 impl Number for Exact {
     /// # Panics
-    /// Where it is not finite.
+    /// If it is not finite.
     fn new(x: f64) -> Self {
         let x: FBig<HalfEven, 2> = x.try_into().unwrap_or_else(|_| panic!("an exact number is finite, not {x}"));
         assert!(x.repr().is_finite(), "an exact number is finite");
@@ -52,7 +52,7 @@ impl Number for Exact {
         Some(self.0.cmp(&FBig::ZERO) as i8)
     }
 
-    /// 0 below 0.
+    /// 0 for a negative number.
     fn sqrt(&self) -> Self {
         if self.is_positive() { Exact(self.0.sqrt()) } else { Exact::new(0.0) }
     }
@@ -66,17 +66,17 @@ impl Number for Exact {
     }
 }
 
-/// A number to about 106 bits, as the sum of two f64: what fast comparisons take in place of an [`Exact`].
+/// A number to about 106 bits, as the sum of two f64: for fast comparisons with an [`Exact`] one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// The number rounded to nearest.
     pub high: f64,
-    /// What is left, rounded to nearest.
+    /// The rest, rounded to nearest.
     pub low: f64,
 }
 
 impl Split {
-    /// x - self; to all of f64 where x is near.
+    /// x - self; to full f64 accuracy if x is near.
     pub fn error_of(self, x: f64) -> f64 {
         (x - self.high) - self.low
     }
@@ -116,7 +116,7 @@ mod tests {
         let error = (&(&root * &root) - &Exact::new(2.0)).abs().to_f64();
         assert!(error < 2f64.powi(-250), "{error:e}");
         assert_eq!(Exact::new(-1.0).sqrt(), Exact::new(0.0));
-        // Neither end of f64's range is an end here.
+        // f64's range is no limit here.
         let square = &Exact::new(f64::MIN_POSITIVE) * &Exact::new(f64::MIN_POSITIVE);
         assert_eq!(square.sqrt().to_f64(), f64::MIN_POSITIVE);
     }

@@ -6,8 +6,8 @@ use glam::DVec3;
 
 /// The smallest t > 0 at which the ray is on the sphere, eq. 5.
 ///
-/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither is a difference of like numbers. From
-/// far away h^2 and a k are like numbers too; there a r^2 - |c x d|^2 is the same.
+/// The roots of a t^2 - 2 h t + k, one as k/q and the other as q/a, so that neither cancels. From far away h^2 - a k
+/// would cancel too; there a r^2 - |c x d|^2 is the same number.
 pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     let a = d.dot(d);
     let h = d.dot(centre);
@@ -26,7 +26,7 @@ pub fn sphere(d: DVec3, centre: DVec3, radius: f64) -> Option<f64> {
     hits.min_by(f64::total_cmp).filter(|t| t.is_finite())
 }
 
-/// |c|^2 - r^2, the power of the camera: its sign says whether the camera is outside, on or inside of the sphere, and is
+/// |c|^2 - r^2, the power of the camera: its sign says whether the camera is outside, on or inside the sphere, and is
 /// right for numbers of f32, however much cancels.
 pub fn power(centre: DVec3, radius: f64) -> f64 {
     // The squares of 24 bits are exact. Their sum is kept as parts that do not overlap, the largest last: Shewchuk's
@@ -43,7 +43,7 @@ pub fn power(centre: DVec3, radius: f64) -> f64 {
     parts.iter().sum()
 }
 
-/// a + b as its rounded value and what that leaves out: Knuth's, for any a and b.
+/// a + b as its rounded value and the rounding error: Knuth's, for any a and b.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let from_b = sum - a;
@@ -57,9 +57,9 @@ pub fn sphere_normal(p: DVec3, centre: DVec3) -> DVec3 {
 
 /// The t > 0 at which the ray meets the triangle, its edges and vertices included: eq. 9 and eq. 10.
 ///
-/// Eq. 10 asks on which side of each edge P = t d lies. With the ray from the origin that is the sign of d . (v x w) for
-/// the edge from v to w, against the sign of the triangle's own volume v1 . n, where n is that of eq. 6. In f64 v x w is
-/// exactly -(w x v), so two triangles that share an edge never both miss a ray.
+/// Eq. 10 asks on which side of each edge P = t d lies. With the ray from the origin that is the sign of d . (v x w)
+/// for the edge from v to w, compared with the sign of the triangle's own volume v1 . n, where n is that of eq. 6. In
+/// f64 v x w is exactly -(w x v), so two triangles that share an edge never both miss a ray.
 pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
     let volume = triangle_volume([v1, v2, v3])?;
     let inside = [(v1, v2), (v2, v3), (v3, v1)].iter().all(|(v, w)| d.dot(v.cross(*w)) * volume.signum() >= 0.0);
@@ -70,20 +70,20 @@ pub fn triangle(d: DVec3, [v1, v2, v3]: [DVec3; 3]) -> Option<f64> {
 /// A corner is near if it is nearer than this share of the farthest one's distance.
 pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 
-/// Rotated, so that the nearest corner comes first: its product with the normal is the triangle's volume as any other's
-/// is, and the terms of a farther one's would cancel.
+/// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
+/// other's, but the terms of a farther one would cancel.
 pub fn near_corner_first(mut corners: [DVec3; 3]) -> [DVec3; 3] {
     let nearest = nearest_corner(corners, 1.0);
     corners.rotate_left(nearest);
     corners
 }
 
-/// Which corner comes first where one is [near](NEAR_CORNER), and otherwise 0.
+/// The index of a [near](NEAR_CORNER) corner, or else 0.
 pub fn near_corner(corners: [DVec3; 3]) -> usize {
     nearest_corner(corners, NEAR_CORNER)
 }
 
-/// Which corner is the nearest, if it is within a share of the farthest one's distance, and otherwise 0.
+/// The index of the nearest corner, if it is within a share of the farthest one's distance, or else 0.
 fn nearest_corner(corners: [DVec3; 3], share: f64) -> usize {
     let [one, two, three] = corners.map(|v| v.abs().max_element());
     let near = share * one.max(two).max(three);
@@ -96,23 +96,23 @@ fn nearest_corner(corners: [DVec3; 3], share: f64) -> usize {
     }
 }
 
-/// A triangle whose normal is shorter than this share of the product of two sides.
+/// The normal of a sliver is shorter than this share of the product of two sides.
 const SLIVER: f64 = 1e-2;
 
-/// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None where it is 0, so that no ray hits:
+/// v1 . n of eq. 9, six times the volume that a triangle spans with the camera; None if it is 0, so that no ray hits:
 /// the triangle has no area, or its plane passes through the camera.
 pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
     let (n, [v1, v2, v3]) = (triangle_plane(vertices), near_corner_first(vertices));
     let volume = v1.dot(n);
     let (a, b) = (v1 - v2, v1 - v3);
-    // Of sides that are rounded n has no more digits than the products that cancel in it.
+    // If its sides are rounded, n has no more digits than the products that cancel in it.
     let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
     let size = if exact { n } else { DVec3::splat(a.abs().max_element() * b.abs().max_element()) };
-    // What is 0 but for the rounding is 0.
+    // A volume that is 0 except for rounding is 0.
     (volume.abs() > 4.0 * f64::EPSILON * v1.abs().dot(size.abs())).then_some(volume)
 }
 
-/// The normal of a triangle's plane, eq. 6; not of length 1, and 0 where the triangle has no area.
+/// The normal of a triangle's plane, eq. 6; not of length 1, and 0 if the triangle has no area.
 pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
     let [v1, v2, v3] = near_corner_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
@@ -120,7 +120,7 @@ pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
     if n.abs().max_element() > SLIVER * a.abs().max_element() * b.abs().max_element() {
         return n;
     }
-    // Of a sliver the products cancel: Kahan's difference of products keeps what each loses by rounding.
+    // In a sliver the products cancel: Kahan's difference of products keeps the rounding error of each.
     let difference = |a: f64, b: f64, c: f64, d: f64| {
         let cd = c * d;
         a.mul_add(b, -cd) - c.mul_add(d, -cd)
@@ -128,7 +128,7 @@ pub fn triangle_plane(vertices: [DVec3; 3]) -> DVec3 {
     DVec3::new(difference(a.y, b.z, b.y, a.z), difference(a.z, b.x, b.z, a.x), difference(a.x, b.y, b.x, a.y))
 }
 
-/// Whether the corners of a triangle are on one line, or one point: its normal is 0 but for the rounding of corners.
+/// Whether the corners of a triangle are on one line, or one point: its normal is 0 except for the rounding of corners.
 pub fn has_no_area([v1, v2, v3]: [DVec3; 3]) -> bool {
     let longest = (v1 - v2).abs().max((v1 - v3).abs()).max_element();
     let furthest = v1.abs().max(v2.abs()).max(v3.abs()).max_element();
@@ -141,7 +141,7 @@ pub fn lambert(light: DVec3, p: DVec3, n: DVec3) -> f64 {
     (light - p).try_normalize().map_or(0.0, |l| l.dot(n).max(0.0))
 }
 
-/// L . N of eq. 11 for a surface with two sides.
+/// L . N of eq. 11 for a two-sided surface.
 pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
     (light - p).try_normalize().map_or(0.0, |l| l.dot(n).abs())
 }

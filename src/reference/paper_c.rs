@@ -80,7 +80,7 @@ pub fn triangle(ray: Vector, s: &Triangle<f32>) -> f32 {
     if ahead && same_side(v1, v2, v3) && same_side(v2, v3, v1) && same_side(v3, v1, v2) { t } else { f32::INFINITY }
 }
 
-/// What eq. 11 gives for one light and `sides` 1 or 2.
+/// The light of eq. 11 for one light and `sides` 1 or 2.
 pub fn lambert(sides: u32, surface: &Surface<f32>, light: &Light<f32>) -> Vector {
     let cosine = dot(normalise(sub(light.position, surface.point)), surface.normal);
     let cosine = if sides == 2 { cosine.abs() } else { cosine };

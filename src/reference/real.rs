@@ -33,9 +33,9 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Without its sign.
+    /// Its magnitude.
     fn abs(self) -> Self;
-    /// With the sign of another.
+    /// Its magnitude with the sign of another.
     fn with_sign_of(self, sign: Self) -> Self;
 }
 

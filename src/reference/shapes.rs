@@ -1,33 +1,33 @@
-//! The truth: one ray against a sphere or a triangle, in numbers that know their signs or know that they do not.
+//! The truth: one ray against a sphere or a triangle, in numbers whose signs are known, or known to be unknown.
 //!
-//! The same formulas serve [`Exact`] numbers, which always know, and [`Bounded`](super::bounded::Bounded) ones, a hundred times
-//! as fast, of which one in some thousand pixels asks too much. What comes out knows its own margin: how much would have to
-//! change for the answer to be another one.
+//! The same formulas serve [`Exact`] numbers, whose signs are always known, and [`Bounded`](super::bounded::Bounded)
+//! ones, which are a hundred times as fast and fail to decide in one of some thousand pixels. The results carry their
+//! own margin: by how much the input would have to change for another answer.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::exact::{Exact, Split};
 
-/// What a number is computed with.
+/// The arithmetic of the truth.
 pub trait Number: Clone + Debug {
     /// `x` itself.
     fn new(x: f64) -> Self;
     /// Rounded to the nearest f64.
     fn to_f64(&self) -> f64;
-    /// Rounded to the sum of two.
+    /// Rounded to the sum of two f64.
     fn split(&self) -> Split;
-    /// -1, 0 or 1; None where that is not known.
+    /// -1, 0 or 1; None if it is not known.
     fn sign(&self) -> Option<i8>;
-    /// The square root, of what is not less than 0.
+    /// The square root of a number that is not less than 0.
     fn sqrt(&self) -> Self;
-    /// Without its sign.
+    /// Its magnitude.
     fn abs(&self) -> Self;
-    /// Whether it is surely no further than this from what it stands for.
+    /// Whether its error is certainly no more than this.
     fn is_within(&self, error: f64) -> bool;
 }
 
-/// Operations of references to such numbers.
+/// Operations on references to such numbers.
 pub trait Operations<N>:
     Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
 {
@@ -49,7 +49,7 @@ where
     /// `v` itself.
     ///
     /// # Panics
-    /// Of [`Exact`] numbers, where one is not finite.
+    /// For [`Exact`] numbers, if one is not finite.
     pub fn new(v: [f64; 3]) -> Self {
         Vector(v.map(N::new))
     }
@@ -88,12 +88,12 @@ where
         self.dot(self).sqrt()
     }
 
-    /// self / |self|, of what is not 0.
+    /// self / |self|, for a vector other than 0.
     pub fn normalize(&self) -> Self {
         self.scale(&(&N::new(1.0) / &self.length()))
     }
 
-    /// Divided by its largest component, so that f64 holds its numbers; 0 as it is.
+    /// Divided by its largest component, so that f64 holds it; 0 stays 0.
     fn in_its_unit(&self) -> Self {
         let [x, y, z] = self.0.each_ref().map(N::abs);
         let larger = |a: N, b: N| if (&a - &b).sign() < Some(0) { b } else { a };
@@ -102,14 +102,14 @@ where
     }
 }
 
-/// The rays of a camera by Algorithm 1's own formula, of which the grids in f32 and f64 are roundings.
+/// The rays of a camera by Algorithm 1's own formula; the grids in f32 and f64 are roundings of them.
 #[derive(Clone, Debug)]
 pub struct Rays {
     step: Exact,
     half_width: Exact,
     half_height: Exact,
     focal: Exact,
-    /// How large each component of a ray is, at most.
+    /// The greatest magnitude of each component of a ray.
     pub reach: [f64; 3],
 }
 
@@ -153,7 +153,7 @@ pub struct Ray<N> {
     pub d: Vector<N>,
     /// d . d.
     squared: N,
-    /// What the margin of an edge refers to: how large each component is, here or anywhere in the picture.
+    /// The reference of an edge's margin: the greatest magnitude of each component, for this ray or all of the picture.
     reach: [f64; 3],
 }
 
@@ -175,34 +175,34 @@ where
         Ray { d, squared, reach }
     }
 
-    /// The longest ray of the picture over this one: of what is rounded in units of the film, so much is this ray's share.
+    /// The ratio of the picture's longest ray to this one, which scales rounding errors in units of the film.
     pub fn longest_over_this(&self) -> f64 {
         let longest = self.reach.iter().map(|d| d * d).sum::<f64>().sqrt();
         longest / self.squared.sqrt().to_f64()
     }
 }
 
-/// What a ray and an object have to do with each other.
+/// The meeting of a ray and an object.
 #[derive(Clone, Debug)]
 pub struct Meeting<N> {
     /// The smallest t > 0 at which the ray is on the object; None for a miss.
     pub hit: Option<N>,
-    /// Of a miss: the t > 0 at which it would be hit if the margin were overcome. None where nothing could make it a hit.
+    /// For a miss, the t > 0 at which it would be hit if the margin were overcome. None if nothing could make it a hit.
     pub miss: Option<N>,
-    /// How far from the other answer it is: of a sphere |s|, s = D/(a r^2); of a triangle the edge functions by what
-    /// they would be if nothing cancelled. Infinite where there is no other answer.
+    /// The distance from the other answer: for a sphere |s|, s = D/(a r^2); for a triangle the edge functions divided
+    /// by the sums of their terms' magnitudes. Infinite if there is no other answer.
     pub margin: f64,
     /// The documented bound of |error of t| / t of the robust kernels, in units of their u; meaningful for a hit that is
     /// further than the margin from a miss.
     pub bound: f64,
-    /// The same of SPHERE_HIT3 and TRIANGLE_HIT3, of which the first has one form for all spheres.
+    /// The same for SPHERE_HIT3 and TRIANGLE_HIT3, of which the first has one form for all spheres.
     pub alone: f64,
-    /// 1 / the cosine between the ray and the normal: how many times as much t changes as the ray is turned.
+    /// 1 / the cosine between the ray and the normal: the factor by which turning the ray changes t.
     pub slant: f64,
 }
 
 impl<N> Meeting<N> {
-    /// Of an object that no ray meets.
+    /// For an object that no ray meets.
     pub const NEVER: Self = Meeting {
         hit: None,
         miss: None,
@@ -213,10 +213,10 @@ impl<N> Meeting<N> {
     };
 }
 
-/// A margin is told where it is known to this share of itself, or to be below this: there is none that small to ask about.
+/// A margin counts as known if it is accurate to 1e-9 of itself, or below this: smaller ones are never asked for.
 const MARGIN: f64 = 1e-18;
 
-/// How large `x` > 0 is by its size, which is this share of it, if that is known.
+/// The margin `share`, which is `x` > 0 relative to its scale, if `x` is known accurately enough.
 fn margin<N: Number>(x: &N, share: f64) -> Option<f64> {
     (x.is_within(1e-9 * x.to_f64()) || share < MARGIN).then_some(share)
 }
@@ -249,8 +249,8 @@ impl<N: Number> Sphere<N>
 where
     for<'a> &'a N: Operations<N>,
 {
-    /// None where a field is not finite or the radius not greater than 0: it is never hit. And None where it is not known on which
-    /// side of it the camera is.
+    /// None if a field is not finite or the radius not greater than 0: it is never hit. Also None if it is unknown on
+    /// which side of it the camera is.
     pub fn new(centre: [f64; 3], radius: f64) -> Option<Self> {
         if !(centre.iter().all(|c| c.is_finite()) && radius.is_finite() && radius > 0.0) {
             return None;
@@ -262,10 +262,10 @@ where
         Some(Sphere { centre, inverse_radius: &N::new(1.0) / &radius, squared_radius, k, side, kappa })
     }
 
-    /// Eq. 5; None where it is not known. The discriminant is that of spheres far away, which loses the least.
+    /// Eq. 5; None if the numbers do not decide. The discriminant is that of distant spheres, which loses the least.
     pub fn meet(&self, ray: &Ray<N>) -> Option<Meeting<N>> {
         let (a, h, inside) = (&ray.squared, ray.d.dot(&self.centre), self.side < 0);
-        // Outside, both roots are behind the camera then, or none is there. On the sphere itself, h^2 may be what rounding leaves.
+        // Outside, both roots are then behind the camera, or there is none. On the sphere h^2 may be a rounding error.
         let behind = !inside && h.sign()? <= 0;
         if behind && self.side > 0 {
             return Some(Meeting::NEVER);
@@ -277,7 +277,8 @@ where
             return Some(Meeting { margin: s, ..Meeting::NEVER });
         }
         let missed = disc.sign()? < 0;
-        // D = a r^2 - |c x d|^2 is right to 12 u a r^2, so sqrt D to 6 u / s of itself, which is a part of |h| + sqrt D.
+        // D = a r^2 - |c x d|^2 is right to 12 u a r^2, so sqrt D to 6 u / s of itself, which is a part of |h| + sqrt
+        // D.
         let along = (&(&h * &h) / &whole).to_f64().sqrt();
         let (slant, alone) = (1.0 / s.sqrt(), 5.0 + 6.0 / (s.sqrt() * (s.sqrt() + along)));
         let bound = bound_of_sphere(self.kappa, (&self.k / &self.squared_radius).to_f64(), slant);
@@ -287,7 +288,7 @@ where
         let root = disc.sqrt();
         let hit = match (self.side, h.sign()) {
             (-1, Some(-1)) => &self.k / &(&h - &root),
-            // As (h - sqrt D) / a it would be its own rounding where the camera is near the sphere.
+            // As (h - sqrt D) / a it would be its own rounding error if the camera is near the sphere.
             (1, _) => &self.k / &(&h + &root),
             _ => &(&h + &root) / a,
         };
@@ -304,7 +305,7 @@ where
 /// A triangle that some ray can hit.
 #[derive(Clone, Debug)]
 pub struct Triangle<N> {
-    /// v x w for the edge from v to w, on the side of the inside. Only the direction counts.
+    /// v x w for the edge from v to w, pointing inwards. Only the direction counts.
     edges: [Vector<N>; 3],
     /// n of eq. 6, on the side on which n . v1 is positive, and its length.
     plane: Vector<N>,
@@ -320,7 +321,7 @@ where
     for<'a> &'a N: Operations<N>,
 {
     /// None for a triangle that is never hit: of no area, in a plane through the camera, or with a vertex that is not
-    /// finite. And None where it is not known to be another.
+    /// finite. Also None if that cannot be decided.
     pub fn new(vertices: [[f64; 3]; 3]) -> Option<Self> {
         if !vertices.iter().flatten().all(|v| v.is_finite()) {
             return None;
@@ -334,7 +335,7 @@ where
         Some(Triangle { edges, plane: plane.scale(&sign), length, volume: volume.abs(), normal })
     }
 
-    /// Eq. 9 and eq. 10, the edges and vertices included; None where it is not known.
+    /// Eq. 9 and eq. 10, edges and vertices included; None if the numbers do not decide.
     pub fn meet(&self, ray: &Ray<N>) -> Option<Meeting<N>> {
         let (mut inside, mut outside, mut unknown) = (f64::INFINITY, f64::NEG_INFINITY, false);
         for edge in &self.edges {
@@ -360,7 +361,7 @@ where
         let (hit, miss, margin) = match (missed, ahead) {
             (false, true) => (t, None, inside),
             (true, _) => (None, t, outside),
-            // Behind all edges and not ahead, only rounding could make it a hit.
+            // Behind all edges and not in front, only rounding could make it a hit.
             (false, false) => (None, None, 0.0),
         };
         Some(Meeting { hit, miss, margin, bound, alone: bound, slant })
