@@ -47,7 +47,7 @@ pub struct AccuracyArgs {
     json: bool,
 }
 
-/// Every scene by whoever is free, until `proceed`, which hears of each, says no.
+/// Measures every scene by whichever rank is free, until `proceed`, which is told of each, says no.
 pub fn measure(
     party: &Party,
     subjects: &[Subject],

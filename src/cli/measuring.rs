@@ -14,7 +14,7 @@ use crate::kernels::sys;
 use crate::plan::on_all_cores;
 use crate::scene::shown;
 
-/// The file appears whole or not at all.
+/// Writes a file that appears whole or not at all.
 pub fn write_file(directory: &Path, name: &str, content: &[u8]) -> Result<(), Failure> {
     convert::write(&directory.join(name), |out| out.write_all(content))
 }
@@ -31,19 +31,19 @@ pub fn write_results<const N: usize>(
     Ok(())
 }
 
-/// Keeps this thread on its core, which is told, and tells where that cannot be done.
+/// Pins this thread to its core, which is returned; warns if that cannot be done.
 pub fn pin() -> Option<usize> {
     let refused = |error: &std::io::Error| say(&format!("warning: the thread is not pinned to a core: {error}"));
     sys::pin_to_this_core().inspect_err(refused).ok()
 }
 
-/// The same where all threads find the truth before it is measured: those are started first, or they would share its core.
+/// The same for measurements for which all threads compute the truth: they are started first, or they would share the core.
 pub fn start_threads_and_pin() {
     on_all_cores(0, drop);
     pin();
 }
 
-/// Tells that a measurement was ended before it was.
+/// Says that a measurement was stopped early.
 pub fn tell_whether(complete: bool) {
     if !complete {
         say("warning: stopped early: only what was finished is in the results");
@@ -62,10 +62,10 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// A run of so many seconds is announced.
+/// Runs of at least so many seconds are announced.
 const LONG: f64 = 10.0;
 
-/// Says what a run will take, if it is long, and what would be `shorter`.
+/// Announces how long a run will take, if that is long, and what would be `shorter`.
 pub fn announce(seconds: f64, shorter: Option<&str>) {
     if seconds >= LONG {
         let shorter = shorter.map_or_else(String::new, |how| format!("; {how} is shorter"));
@@ -73,7 +73,7 @@ pub fn announce(seconds: f64, shorter: Option<&str>) {
     }
 }
 
-/// In words, as precisely as an estimate is.
+/// A duration in words, rounded as an estimate is.
 fn duration(seconds: f64) -> String {
     if seconds < 90.0 {
         format!("{:.0} seconds", (seconds / 10.0).ceil() * 10.0)
@@ -94,7 +94,7 @@ pub fn bar_style(rest: &str) -> ProgressStyle {
     ProgressStyle::with_template(&format!("{{wide_bar}} {rest}")).expect("the template is well formed")
 }
 
-/// Where the files go.
+/// Creates the directory for the files.
 pub fn create_directory(path: &Path) -> Result<(), Failure> {
     fs::create_dir_all(path).map_err(|error| {
         let path = shown(path);

@@ -61,7 +61,8 @@ pub struct StabilityArgs {
     json: bool,
 }
 
-/// Every family by whoever is free, until `proceed`, which hears of each level, says no; then what rank 0 alone measures.
+/// Sweeps every family by whichever rank is free, until `proceed`, which is told of each level, says no; then rank 0
+/// measures the rest alone.
 pub fn sweep(
     party: &Party,
     settings: &Settings,
@@ -106,7 +107,7 @@ pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     Ok(verdict(&document))
 }
 
-/// Tells what does not hold, and how to see it again.
+/// Reports the limits that are not kept, with the commands that repeat the cases.
 fn verdict(document: &StabilityReport) -> ExitCode {
     tell_whether(document.complete);
     for row in document.rows.iter().filter(|row| !row.holds) {

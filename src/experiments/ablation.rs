@@ -14,9 +14,9 @@ use crate::scene::{Camera, Scene};
 
 /// Rounds, where all rounds together stay within the ticks that are allowed.
 const ROUNDS: usize = 21;
-/// Fewer make no interval.
+/// Fewer rounds give no interval.
 const FEWEST_ROUNDS: usize = 5;
-/// Rows are traced as many at a time as have this many pixels, as a frame does.
+/// The pixels of the rows that are traced at a time, as by a frame.
 const BAND_PIXELS: usize = 1 << 14;
 /// Of the ticks that are allowed, one in so many is what a contestant may take for a band, or else for a row and for two in
 /// every round.
@@ -36,20 +36,20 @@ pub struct Ablation {
     pub control: Timed,
     /// What `--keep-all` takes, by what the plan takes.
     pub keep_all: Timed,
-    /// The same for one omission each.
+    /// The same with one omission each not made.
     pub worth: Vec<Timed>,
 }
 
-/// How many times as long as the plan something takes.
+/// How many times as long as the plan a contestant takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Timed {
-    /// On the same rows.
+    /// Measured on the same rows.
     Ratio(Estimate),
-    /// From one row and from two of a band, of which the others would take as much more as the second.
+    /// Extrapolated from one row and from two rows of a band: each further row is taken to cost as much as the second.
     Extrapolated(Estimate),
-    /// There is no code without it.
+    /// There is no code without the omission.
     NoCode,
-    /// The same from one time each: it takes too long for more.
+    /// Extrapolated from a single measurement, since it takes too long for more.
     Once(f64),
 }
 
@@ -78,7 +78,7 @@ enum Part {
     Bands,
     /// One row of one band, and two.
     Rows,
-    /// Nothing: it takes so many ticks for a band.
+    /// None of it: a band takes so many ticks.
     Nothing(u64),
 }
 
@@ -119,7 +119,7 @@ pub fn run(
     let bands = bands(camera, contestants[0].tracer.rows_together());
     let middle = &bands[bands.len() / 2];
     let band_rows = middle.len() as u64;
-    // As many rows of it as can be had, to see how much of the picture each contestant can trace.
+    // At most so many rows of it, to see how much of the picture each contestant can trace.
     let few = |rows: u64| middle.start..middle.start + rows.min(band_rows) as u32;
     let (mut of_bands, mut of_rows) = (0, 0);
     let mut parts = Vec::with_capacity(contestants.len());
@@ -128,7 +128,7 @@ pub fn run(
         let mut time =
             |rows: u64| clock.time(&mut || contestant.trace(camera, from_ref(&few(rows)), &mut out, &mut floats));
         let one = time(1);
-        // Those that would take long for a band are looked at more closely: of what a row takes, much may be set-up.
+        // If a band would take long, two rows are timed as well: much of what one row takes may be set-up.
         let two = if index < 2 || one * band_rows <= ticks / BAND_SHARE { 2 * one } else { time(2) };
         let band = one + two.saturating_sub(one) * (band_rows - 1);
         parts.push(if index < 2 || band <= ticks / BAND_SHARE {
@@ -143,7 +143,7 @@ pub fn run(
         });
         progress(index + 1, all);
     }
-    // Rather fewer rows than fewer rounds: an interval wants rounds.
+    // An interval needs rounds: where time is short, fewer rows are traced rather than fewer rounds.
     let affordable = (ticks.saturating_sub(FEWEST_ROUNDS as u64 * of_rows) / of_bands.max(1)) as usize;
     let most = (ticks / of_rows.max(1)).clamp(FEWEST_ROUNDS as u64, ROUNDS as u64) as usize;
     let rounds = affordable.clamp(FEWEST_ROUNDS, most);
@@ -154,7 +154,7 @@ pub fn run(
     let films = std::cell::RefCell::new((out, floats));
     let (one, two) = (few(1), few(2));
     let mut works: Vec<Work<'_>> = Vec::new();
-    // Of each contestant, the first of its works.
+    // For each contestant, the place of its first work.
     let mut firsts = Vec::with_capacity(contestants.len());
     for (contestant, part) in contestants.iter().zip(&parts) {
         firsts.push(works.len());
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
     use crate::scene::many;
 
-    /// A clock by a script.
+    /// A scripted clock.
     struct Scripted(std::vec::IntoIter<u64>);
 
     impl Scripted {

@@ -68,7 +68,7 @@ impl Entry {
     }
 }
 
-/// The same by the names that documents have.
+/// The same, by the names that documents use.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct Who {
     pub engine: Name,
@@ -97,7 +97,7 @@ pub fn contenders() -> Vec<Contender> {
         .collect()
 }
 
-/// The same, and each that leaves work out once more without doing so.
+/// The same; each that leaves work out is there once more with `--keep-all`.
 pub fn contenders_and_options() -> Vec<Contender> {
     let with_option = |contender: Contender| {
         let leaves_out = contender.engine.omissions().contains(&Omission::Misses);
@@ -107,7 +107,7 @@ pub fn contenders_and_options() -> Vec<Contender> {
 }
 
 impl Contender {
-    /// Gets it ready for `scene`.
+    /// Prepares it for `scene`.
     ///
     /// # Errors
     /// A scene that cannot be traced.
@@ -115,7 +115,7 @@ impl Contender {
         Ok(Plan::new(self.engine, scene, self.purpose())?.into_tracer())
     }
 
-    /// What its plan is for.
+    /// The purpose of its plans.
     pub fn purpose(self) -> Purpose {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
         Purpose { precision: Some(self.precision), keep, ..Purpose::default() }
@@ -145,7 +145,7 @@ impl Contender {
         }
     }
 
-    /// The files that are worth a row: of floats, and of bytes where they are made in another way than from its floats.
+    /// The outputs that get a row: floats, and bytes where these are not made from its floats.
     fn entries(self, tracer: &dyn Tracer) -> Vec<Entry> {
         let other_bytes = self.engine != Engine::Reference && self.precision != Precision::Fast;
         let bytes = other_bytes && tracer.writes(PixelFormat::Rgb8);
@@ -210,7 +210,7 @@ pub struct Judged {
     pub errors: Errors,
 }
 
-/// What is true of a scene's picture, row by row; all threads work.
+/// The truth of a scene's picture, row by row, computed by all threads.
 pub fn expect(scene: &Scene) -> Vec<Expected> {
     let camera = scene.camera;
     let truth = Truth::new(scene);
@@ -237,7 +237,7 @@ pub fn errors_of(
     Ok(tally.errors())
 }
 
-/// What every contender's picture of a scene is worth; no time is taken, and all threads work.
+/// The errors of every contender's picture of a scene, computed by all threads; nothing is timed.
 pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, LabError> {
     let camera = scene.camera;
     let expected = expect(scene);
@@ -272,7 +272,7 @@ pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool)
     forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
 }
 
-/// A scene, measured.
+/// What was measured of a scene.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Measured {
     pub rows: Vec<Accuracy>,
@@ -280,7 +280,7 @@ pub struct Measured {
     pub against_plain: Vec<plain::AgainstPlain>,
 }
 
-/// All of one scene; None where `proceed`, which is asked now and then, says no.
+/// Measures everything of one scene; None where `proceed`, which is asked now and then, says no.
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
@@ -315,7 +315,7 @@ impl AccuracyReport {
     }
 }
 
-/// The rows of one scene. None where `proceed`, which is asked now and then, says no.
+/// Measures the rows of one scene; None where `proceed`, which is asked now and then, says no.
 pub fn measure(
     subject: &Subject,
     contenders: &[Contender],

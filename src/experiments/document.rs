@@ -48,14 +48,14 @@ pub struct Conditions {
     pub runs: usize,
     pub complete: bool,
     pub seconds: f64,
-    /// The part of them that was spent in what is timed.
+    /// The share of those seconds that was spent in timed work.
     pub timed_share: Option<f64>,
-    /// The part of them in which other programs had the core.
+    /// The share of those seconds in which other programs had the core.
     pub taken_share: Option<f64>,
 }
 
 impl Experiment {
-    /// The document of a table, without what else there may be.
+    /// The document of a table alone.
     pub fn new(speedup: Speedup, machine: Machine, conditions: Conditions) -> Self {
         Experiment {
             machine,
@@ -74,7 +74,7 @@ impl Experiment {
         self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
     }
 
-    /// What keeps the rows from being a table: a size that lacks C or SIMD, or has others than the first one has.
+    /// Why the rows are no table: a size lacks C or SIMD, or has other engines than the first size.
     pub fn gap(&self) -> Option<String> {
         let who = |rows: &[Timing]| rows.iter().map(|row| (row.engine.clone(), row.output.clone())).collect::<Vec<_>>();
         let first = who(self.sizes().next().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! The lab: cases that take turns at tracing on one clock, and what their times are worth where others had the core.
+//! Times cases in turns on one clock, and judges their times: those in which other programs had the core are left out.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -56,7 +56,7 @@ pub enum Timed {
 /// Traces rows into a film of their size.
 type Trace<'a> = Box<dyn Fn(Range<u32>, FilmMut<'_>) + 'a>;
 
-/// A picture that is timed: of which camera, what its pixels are written as, and what traces its rows.
+/// A picture to be timed: its camera, the format of its pixels, and the function that traces its rows.
 pub struct Case<'a> {
     camera: Camera,
     pub output: PixelFormat,
@@ -68,7 +68,7 @@ impl<'a> Case<'a> {
         Case { camera, output, trace: Box::new(trace) }
     }
 
-    /// What an engine takes for a scene.
+    /// A case of an engine on a scene.
     ///
     /// # Errors
     /// A scene that it does not trace.
@@ -89,18 +89,19 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Rows, into a film of their size.
+    /// Traces rows into a film of their size.
     pub fn rows(&self, rows: Range<u32>, film: FilmMut<'_>) {
         (self.trace)(rows, film);
     }
 
-    /// All of the picture.
+    /// Traces the whole picture.
     pub fn trace(&self, film: &mut Film) {
         (self.trace)(0..self.camera.height(), film.as_mut().part(0..self.camera.pixels() as usize));
     }
 }
 
-/// A film of each kind of pixels for all cases, which is touched before: each finds it in the same state.
+/// One film for each pixel format, shared by all cases. Its memory has been touched before, so that every case finds it in
+/// the same state.
 #[derive(Default)]
 pub struct Bench {
     films: Vec<(PixelFormat, Film)>,
@@ -150,17 +151,17 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// Of one case's runs by those of another.
+    /// The ratios of one case's runs to another's.
     pub fn of(a: &Runs, b: &Runs) -> Self {
         Pairs::new((&a.ticks, &a.taken), (&b.ticks, &b.taken))
     }
 
-    /// Of ticks, with whether others had the core.
+    /// The same from the ticks of each series, and whether others had the core.
     pub fn new(a: (&[f64], &[bool]), b: (&[f64], &[bool])) -> Self {
         Pairs { ratios: pairwise_ratios(a.0, b.0), taken: a.1.iter().zip(b.1).map(|(a, b)| *a || *b).collect() }
     }
 
-    /// The first of each series, then the second of each, and so on.
+    /// Interleaves series: the first ratio of each, then the second of each, and so on.
     pub fn in_turn(series: &[Pairs]) -> Self {
         let places = || 0..series.first().map_or(0, |pairs| pairs.ratios.len());
         let pairs = || places().flat_map(|place| series.iter().map(move |pairs| (pairs, place)));
@@ -194,7 +195,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Those of a case, one a round.
+    /// The turns of a case, one for each round.
     pub fn each(runs: &Runs) -> impl Iterator<Item = Turn> {
         let turn =
             |(ticks, taken): (&f64, &bool)| Turn { ticks: *ticks as u64, migrated: runs.migrations > 0, taken: *taken };
@@ -202,34 +203,34 @@ impl Turn {
     }
 }
 
-/// Measurements in which others had the core, of so many.
+/// How many of some measurements were disturbed: others had the core.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Taken {
-    /// They are left out, if that leaves enough.
+    /// The disturbed ones, which are left out if enough others remain.
     pub taken: usize,
     pub of: usize,
 }
 
 impl Taken {
-    /// Of these measurements.
+    /// Counts them.
     pub fn among<'a>(taken: impl IntoIterator<Item = &'a bool>) -> Self {
         let add = |all: Taken, taken: &bool| Taken { taken: all.taken + usize::from(*taken), of: all.of + 1 };
         taken.into_iter().fold(Taken::default(), add)
     }
 
-    /// Whether what is left is enough to judge by.
+    /// Whether enough remain to judge by.
     pub fn leaves_enough(self) -> bool {
         enough(self.of - self.taken, self.of)
     }
 }
 
-/// Which measurements to judge by: those in which nobody else had the core, if they are enough, else all.
+/// Which measurements to judge by: the undisturbed ones if there are enough of them, else all.
 pub fn judged(taken: &[bool]) -> Vec<bool> {
     let enough = Taken::among(taken).leaves_enough();
     taken.iter().map(|taken| !(enough && *taken)).collect()
 }
 
-/// The values that are to be judged by.
+/// The values to judge by.
 pub fn kept<T: Copy>(values: &[T], judged: &[bool]) -> Vec<T> {
     values.iter().zip(judged).filter(|(_, judged)| **judged).map(|(value, _)| *value).collect()
 }

@@ -29,7 +29,7 @@ pub struct Rung {
     pub rung: String,
     /// What is different from [`Rung::over`], in words.
     pub change: String,
-    /// How it was compiled, where that is not how the engine was.
+    /// The compiler's flags, where they differ from those of the engine.
     pub flags: Name,
     /// The rung that it is compared with: the one before, or for an aside the one it departs from; None for the first.
     pub over: Option<String>,
@@ -44,7 +44,7 @@ pub struct Rung {
     pub gain: f64,
     pub gain_low: f64,
     pub gain_high: f64,
-    /// The same over the first rung.
+    /// The same ratio against the first rung.
     pub gain_total: f64,
     /// Cycles of every run; of a larger picture, for as many of its pixels as the other rungs trace.
     pub samples: Vec<f64>,
@@ -96,7 +96,7 @@ pub(super) const TURNED: [(&str, &str, &str); 3] = [
     ("avx512", "turned, avx512", "turned_v4"),
 ];
 
-/// Who stands on a rung.
+/// What traces the picture of a rung.
 enum Tracing {
     Variant(&'static Variant),
     Engine(Engine, PixelFormat),
@@ -109,7 +109,7 @@ enum Tracing {
 struct Planned {
     rung: &'static str,
     change: String,
-    /// Its place in the ladder is beside this rung, not on it.
+    /// The rung that this one is an aside to, if it is an aside.
     aside_of: Option<&'static str>,
     tracing: Tracing,
 }
@@ -198,7 +198,7 @@ impl Planned {
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
-        // What two calls for a row each take more than one for both.
+        // The cost of a call: what a call for each of two rows takes more than one call for both.
         let rows = [twice..twice + 1, twice + 1..twice + 2, twice..twice + 2];
         let Some(calls) = self.count(scene, cores, call_size, rows)? else { return Ok(None) };
         let call = (calls[0] + calls[1]).saturating_sub(calls[2]);
@@ -389,23 +389,23 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
     rungs
 }
 
-/// The picture whose instructions are counted: each is a trap, so that little has to do.
+/// The picture whose instructions are counted. It is small, since every instruction is a trap.
 struct Counted {
     size: (u32, u32),
-    /// One row in how many is counted.
+    /// The distance between the rows that are counted.
     step_by: usize,
     /// The size of a picture, and the first of two of its rows, that tell what a call costs beyond its rows.
     call: ((u32, u32), u32),
 }
 
-/// Pixel by pixel, a few tell all: of these as many are hit as of the picture that is timed.
+/// Where pixels are traced one by one, a few suffice: the share that is hit is that of the picture that is timed.
 const COUNTED_ONE_BY_ONE: Counted = Counted { size: (12, 9), step_by: 3, call: ((1, 2), 0) };
-/// Where all pixels of a row go the same way, a few rows do.
+/// Where all pixels of a row take the same path, a few rows suffice.
 const COUNTED_BY_ROWS: Counted = Counted { size: (64, 48), step_by: 16, call: ((1, 2), 0) };
 /// Where a row shares what it needs, rows have to be as long as those that are timed, and a call has to see the sphere.
 const COUNTED_BY_SPANS: Counted = Counted { size: SIZE, step_by: 32, call: ((64, 48), 24) };
 
-/// In how many samples of rungs of one thread others had the core.
+/// The samples of single-threaded rungs in which others had the core.
 pub fn taken(rungs: &[Rung]) -> Taken {
     Taken::among(rungs.iter().filter(|rung| rung.threads == 1).flat_map(|rung| &rung.taken))
 }

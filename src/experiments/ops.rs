@@ -52,7 +52,7 @@ const REPEATS: u32 = 25;
 const LEAST_CYCLES: f64 = 1.0;
 /// No core finishes more instructions in a cycle.
 const MOST_IN_A_CYCLE: f64 = 8.0;
-/// What a row says whose cycles are not known.
+/// What a row says if its cycles are not known.
 const IMPOSSIBLE: &str =
     "no cycles: others had the core each time, or left it too little for any that an operation can take";
 
@@ -271,15 +271,15 @@ pub struct FrameRow {
     pub per_ray: f64,
 }
 
-/// A name that is not there.
+/// An operation that does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no operation `{0}`; there are: {list}", list = OPS.join(", "))]
 pub struct UnknownOp(pub String);
 
-/// Hears how much is done, of how much.
+/// Is told how much is done, of how much.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
-/// What a picture takes, step by step, in rows of the table.
+/// The work of single-stepping through a picture, in rows of the table.
 const FRAME_WORK: usize = 25;
 
 /// Counts, and measures where that is asked for, with the calling thread on one core.

@@ -105,7 +105,7 @@ pub fn ratio(document: &Experiment, screen: Screen) -> Result<String, PlotError>
     })
 }
 
-/// A rung's bar, and the gap to the next.
+/// The height of a rung's bar, and of the gap below it.
 const BAR: (i32, i32) = (18, 8);
 /// Names are at the left of a wide figure, bars behind them, and words behind those. In a narrow one both are above.
 const BARS: std::ops::Range<i32> = 130..500;
@@ -172,7 +172,7 @@ pub fn waterfall(ladder: &[Rung], screen: Screen) -> Result<String, PlotError> {
     })
 }
 
-/// Some three digits.
+/// About three digits.
 fn cycles(cycles: f64) -> String {
     if cycles < 10.0 { format!("{cycles:.2}") } else { format!("{cycles:.0}") }
 }

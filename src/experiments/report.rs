@@ -23,7 +23,7 @@ use crate::scene::{shown, text_within};
 /// The schema of the documents that this program writes and reads.
 pub const SCHEMA: u64 = 1;
 
-/// What is measured one after the other.
+/// The stages of a report, in the order in which they are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     Experiment,
@@ -39,7 +39,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// All, in their order.
+    /// All stages, in their order.
     pub const ALL: [Stage; 10] = [
         Stage::Experiment,
         Stage::Ops,
@@ -139,7 +139,7 @@ impl Left {
     }
 }
 
-/// A ray in words.
+/// A ray, as `rayo step` describes it.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Told {
     /// What was watched: the command.
@@ -150,7 +150,7 @@ pub struct Told {
 /// Why there are no results.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// Nothing that we know is there.
+    /// The directory has none of our documents.
     #[error(
         "{}: no results are here: name a directory that `rayo report`, `experiment`, `accuracy` or `stability` wrote, or one \
          that holds those of several", shown(.0)
@@ -160,16 +160,16 @@ pub enum ReadError {
     Io { path: PathBuf, error: io::Error },
     #[error("{} is cut short, or no results: {error}", shown(path))]
     Json { path: PathBuf, error: serde_json::Error },
-    /// A document in which something is missing that every run has.
+    /// A document that lacks something that every run has.
     #[error("{} is not whole: {what}", shown(path))]
     Gap { path: PathBuf, what: String },
-    /// A document of another time.
+    /// A document of another schema.
     #[error(
         "{} has results of schema {found}, and this program reads schema {SCHEMA}: measure anew, or use the program that wrote it",
         shown(path)
     )]
     Schema { path: PathBuf, found: String },
-    /// Two documents of one experiment, or of two machines.
+    /// Documents of two machines.
     #[error("{}: these results are of another machine than others in the same directory: give each machine a directory", shown(.0))]
     Machines(PathBuf),
 }
@@ -207,7 +207,7 @@ impl Results {
         results.ok_or_else(|| ReadError::Nothing(directory.into()))
     }
 
-    /// One document.
+    /// Reads one document.
     fn of(text: &str, path: &Path) -> Result<Self, ReadError> {
         let no_document = |error| ReadError::Json { path: path.into(), error };
         let document: Value = serde_json::from_str(text).map_err(no_document)?;
@@ -237,7 +237,7 @@ impl Results {
         Ok(results)
     }
 
-    /// Both; where both have something, the first.
+    /// Merges two results; of what both have, the first is kept.
     fn and(self, other: Results) -> Results {
         Results {
             machine: self.machine,
@@ -257,7 +257,7 @@ impl Results {
         }
     }
 
-    /// What is there of it that was ended before its end.
+    /// The parts that were stopped before their end.
     pub fn cut_short(&self) -> Vec<String> {
         let parts = [
             (Stage::Experiment, self.experiment.as_ref().map(|part| part.conditions.complete)),

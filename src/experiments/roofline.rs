@@ -29,15 +29,15 @@ enum NoPoints {
 
 /// Scenes whose kernels are points.
 const SCENES: [&str; 2] = ["sphere", "tetrahedron"];
-/// The one whose instructions are counted, step by step.
+/// The size of the picture whose instructions are counted, by single-stepping.
 const COUNTED: (u32, u32) = (32, 24);
-/// More instructions than it takes.
+/// More instructions than such a picture takes.
 const MOST: usize = 1 << 20;
 const RUNS: usize = 15;
-/// Rounds of the multiplications: some 50 microseconds.
+/// Rounds of the multiplications, which take some 50 microseconds.
 const ROUNDS: u64 = 10_000;
 
-/// The most arithmetic of an instruction set.
+/// The peak arithmetic of an instruction set.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Peak {
     pub isa: Name,
@@ -67,7 +67,7 @@ pub struct Roofline {
     pub roofs: Vec<Bandwidth>,
     /// The kernels; none where instructions cannot be counted.
     pub points: Vec<Point>,
-    /// Why they cannot.
+    /// Why instructions cannot be counted.
     pub uncounted: Option<String>,
 }
 
@@ -106,7 +106,7 @@ fn lanes(isa: Isa) -> f64 {
     f64::from(4_u32 << isa as usize)
 }
 
-/// Multiplications with an addition, as many at a time as the core takes.
+/// Measures multiplications with an addition, as many at a time as the core takes.
 fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
     let of = |isa: Isa| {
         let chain = kernels::chains_of_packets(isa)?.muladd;

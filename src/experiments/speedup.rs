@@ -83,7 +83,7 @@ pub(super) fn baseline_and_control() -> [Engine; 2] {
     [BASELINE, CONTROL].map(|name| name.parse().expect("asm is built"))
 }
 
-/// What a round costs by the pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
+/// The cost of a round per pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
 const ROUND_WORK: u64 = 300;
 
 /// What to measure.
@@ -164,7 +164,7 @@ impl Timing {
         self.cycles_median / self.pixels as f64
     }
 
-    /// In how many of its runs others had the core.
+    /// The runs in which others had the core.
     pub fn taken(&self) -> Taken {
         Taken { taken: self.taken, of: self.samples.len() }
     }
@@ -209,7 +209,7 @@ pub struct Speedup {
     pub taken: Taken,
 }
 
-/// An engine with a format it writes.
+/// An engine, and a format that it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Entry {
     pub engine: Engine,
@@ -279,7 +279,7 @@ pub fn measure_run(
     Ok(())
 }
 
-/// The reference's picture at the first size: who traces something else has no place in a comparison of times.
+/// The reference's picture at the first size. An engine whose picture differs from it is not timed.
 pub(super) struct Truth {
     pub scene: Scene,
     levels: Vec<[u8; 3]>,
@@ -293,7 +293,7 @@ impl Truth {
         Ok(Truth { scene, levels: levels(&film) })
     }
 
-    /// Whether a case of that scene is the same picture.
+    /// Checks that a case of that scene traces the same picture.
     pub(super) fn check(&self, who: &str, case: &Case<'_>) -> Result<(), LabError> {
         let pixels = self.levels.len();
         let mut film = Film::new(case.output, pixels)?;
@@ -370,7 +370,7 @@ impl Speedup {
             rows,
             noise_floor,
             control_overall: Pairs::in_turn(&by_itself).estimate(most),
-            // What sets a whole series of runs apart from the next, no resampling of one of them knows.
+            // Resampling one series of runs cannot show how far the next series will be from it.
             c_by_simd: Estimate { value, low: low / (1.0 + noise_floor), high: high * (1.0 + noise_floor) },
             control: control_rows,
             runs: runs.len(),
@@ -411,7 +411,7 @@ pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
     (0..settings.runs).map(run).collect()
 }
 
-/// A clock by a script, for one run, whose every size takes the same.
+/// A scripted clock for one run, in which every size takes the same time.
 #[cfg(test)]
 struct OneRun {
     ticks: Vec<u64>,

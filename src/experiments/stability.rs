@@ -50,7 +50,7 @@ pub struct Cell {
     pub in_margin: usize,
     /// Outside of the margin: a hit where there is none, none where there is one, or another object.
     pub wrong_hits: usize,
-    /// In pictures that objects cover: rays that hit nothing, wherever.
+    /// Rays that hit nothing in pictures that objects cover.
     pub holes: usize,
     /// The largest error of t in units of its last place.
     pub max_ulp: Option<f64>,
@@ -79,7 +79,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Who, in what numbers.
+    /// The engine and its precision.
     pub fn contender(&self) -> (&str, &str) {
         (&self.engine, &self.precision)
     }
@@ -136,7 +136,7 @@ pub struct Stability {
     pub slowdown: Option<f64>,
     pub holds: bool,
     pub broken: Vec<Broken>,
-    /// The case to look at.
+    /// The case that shows the worst.
     pub worst_case: usize,
     /// What has a limit, in the order of [`limits::MEASURES`].
     #[serde(skip)]
@@ -159,7 +159,7 @@ pub struct StabilityReport {
     pub quick: bool,
     pub complete: bool,
     pub rows: Vec<Stability>,
-    /// The same level by level.
+    /// The same, level by level.
     pub cells: Vec<Cell>,
     /// What a far sphere and a small scene take by what ordinary ones do.
     pub costs: Vec<cost::Cost>,
@@ -183,17 +183,17 @@ pub fn forecast(settings: &Settings) -> f64 {
     accuracy::forecast(settings.families.iter().map(rays).sum(), settings.contenders.len())
 }
 
-/// A family, swept.
+/// What was found in a family.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Swept {
     rows: Vec<Stability>,
-    /// What documents leave out of the rows.
+    /// Figures that documents leave out of the rows.
     worst_by: Vec<[Worst; limits::MEASURES.len()]>,
     cells: Vec<Cell>,
 }
 
 impl Swept {
-    /// Sets whose CPU the times are of, where that is not the document's.
+    /// Sets the CPU that the times are of, where that is not the document's.
     pub fn on(mut self, cpu: Option<&str>) -> Self {
         self.rows.iter_mut().for_each(|row| row.cpu = cpu.map(str::to_owned));
         self.cells.iter_mut().for_each(|cell| cell.cpu = cpu.map(str::to_owned));
@@ -375,7 +375,7 @@ pub fn ordinary(case: &Case) -> Scene {
     Scene { camera, lights: lamps, ..scene }
 }
 
-/// Whether a scene that is none is refused, and nanoseconds until it is.
+/// Whether an invalid scene is refused, and after how many nanoseconds.
 fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
     let (mut refused, mut fastest) = (true, f64::INFINITY);
     for _ in 0..RUNS {
@@ -386,7 +386,7 @@ fn refusal(contender: Contender, case: &Case) -> (bool, f64) {
     (refused, 1e9 * fastest)
 }
 
-/// Nanoseconds of a ray, the fastest run of this thread.
+/// Nanoseconds per ray in the fastest run of this thread.
 fn time(contender: Contender, scene: &Scene) -> Result<f64, LabError> {
     let camera = scene.camera;
     let tracer = contender.prepare(scene)?;

@@ -25,7 +25,7 @@ pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
 pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
 pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
-/// What is there to compare with.
+/// The colour of what others are compared with.
 pub(super) const GREY: RGBColor = RGBColor(120, 120, 120);
 
 /// The colour that an engine has in every figure.
@@ -47,7 +47,7 @@ pub(super) const FONT: &str = "sans-serif";
 /// The letters of titles, and of everything else.
 const TITLE: i32 = 18;
 pub(super) const SMALL: i32 = 13;
-/// A letter of the small ones is about so wide, as a share of its height.
+/// The average width of a letter, as a share of its height.
 const LETTER: f64 = 0.56;
 
 /// What a figure is drawn on.
@@ -65,13 +65,13 @@ pub enum Screen {
 }
 
 impl Screen {
-    /// Pixels across and down of a figure that has such a size on a page.
+    /// The size in pixels of a figure that has this size on a page.
     pub(super) fn size(self, (width, height): (i32, i32)) -> (i32, i32) {
         if self == Screen::Narrow { (360, height.min(420)) } else { (width, height) }
     }
 }
 
-/// Draws on white, of so many pixels, and gives the SVG.
+/// Draws a figure of this size in pixels on white, and returns the SVG.
 pub(super) fn draw(
     (width, height): (i32, i32),
     figure: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
@@ -101,7 +101,7 @@ pub(super) enum Mark {
     Line,
 }
 
-/// Draws a mark of that size at a place of the area.
+/// Draws a mark at a place of the area.
 pub(super) fn mark(
     area: &Area<'_>,
     mark: Mark,
@@ -119,10 +119,10 @@ pub(super) fn mark(
     }?)
 }
 
-/// What a mark stands for.
+/// An entry of the legend.
 pub(super) type Entry = (Mark, RGBColor, String);
 
-/// Writes the title, and below it what the marks stand for, in as many lines as they need; gives what is left for the data.
+/// Writes the title, and below it the legend in as many lines as it needs; returns the area that is left for the data.
 pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Result<Area<'a>, PlotError> {
     let (width, line) = (area.dim_in_pixel().0 as i32, SMALL + 8);
     let mut y = 8;
@@ -151,7 +151,7 @@ pub(super) fn head<'a>(area: &Area<'a>, title: &str, entries: &[Entry]) -> Resul
     Ok(area.split_vertically(y + SMALL).1)
 }
 
-/// Words in as many lines as they need where each has so many pixels; a longer word has one of its own.
+/// Breaks a text into lines of at most so many pixels; a longer word gets a line of its own.
 pub(super) fn lines(text: &str, size: i32, width: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -166,30 +166,30 @@ pub(super) fn lines(text: &str, size: i32, width: i32) -> Vec<String> {
     lines
 }
 
-/// A line down across the data at a value of an axis, of that strength, and below it the value.
+/// Draws a vertical line of this opacity at a value of an axis, and writes the value below it.
 pub(super) fn down(area: &Area<'_>, x: i32, bottom: i32, value: f64, strength: f64) -> Result<(), PlotError> {
     area.draw(&PathElement::new([(x, 0), (x, bottom + 4)], BLACK.mix(strength).stroke_width(1)))?;
     let value = tick(&value);
     write(area, &value, (x - text_width(&value, SMALL) / 2, bottom + 8), SMALL)
 }
 
-/// Where the names of marks go: beside them, and neither on one another nor on a mark.
+/// Places the names of marks beside them, so that they cover neither each other nor a mark.
 struct Names {
     within: [i32; 4],
     taken: Vec<[i32; 4]>,
 }
 
 impl Names {
-    /// Letters of names.
+    /// The height of their letters.
     const SIZE: i32 = SMALL - 2;
 
-    /// Among marks at these places, in so many pixels across and down.
+    /// Around marks at these places, within these ranges of pixels.
     fn among(marks: impl Iterator<Item = (i32, i32)>, (x, y): (Range<i32>, Range<i32>)) -> Self {
         let taken = marks.map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]).collect();
         Names { within: [x.start, y.start, x.end, y.end], taken }
     }
 
-    /// How far from its mark a name begins, to the right and down; None where there is no room for it.
+    /// The offset of a name from its mark, to the right and down; None if there is no room for it.
     fn place(&mut self, name: &str, (x, y): (i32, i32)) -> Option<(i32, i32)> {
         let (wide, high) = (text_width(name, Self::SIZE), Self::SIZE);
         let [left, top, right, bottom] = self.within;
@@ -211,12 +211,12 @@ impl Names {
     }
 }
 
-/// About so many pixels.
+/// The approximate width of a text in pixels.
 pub(super) fn text_width(text: &str, size: i32) -> i32 {
     (text.chars().count() as f64 * f64::from(size) * LETTER) as i32
 }
 
-/// Draws the axes, with what each is of.
+/// Draws the axes, each with its quantity.
 pub(super) fn axes<X, Y>(chart: &mut Chart<'_, '_, X, Y>, x: &str, y: &str) -> Result<(), PlotError>
 where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
@@ -262,7 +262,7 @@ impl Series {
     }
 }
 
-/// Series on two logarithmic axes, of which each says what it is of.
+/// Series on two logarithmic axes, each with its range and its quantity.
 pub(super) struct LogChart<'a> {
     pub x: (Range<f64>, &'a str),
     pub y: (Range<f64>, &'a str),
@@ -273,7 +273,7 @@ pub(super) struct LogChart<'a> {
 }
 
 impl LogChart<'_> {
-    /// Draws it, with so many pixels around it, below it and at its left.
+    /// Draws it. The margins are in pixels: around the chart, below it, and at its left.
     pub(super) fn draw(self, area: &Area<'_>, [margin, below, left]: [i32; 3]) -> Result<(), PlotError> {
         let LogChart { x, y, series, names } = self;
         let mut chart = ChartBuilder::on(area)
@@ -307,7 +307,7 @@ impl LogChart<'_> {
 /// The margins of a chart that is a figure by itself.
 pub(super) const ALONE: [i32; 3] = [12, 44, 64];
 
-/// Whose marks are whose: each engine once, in the order of their first.
+/// The legend of engines: each once, in the order of appearance.
 pub(super) fn engines<'a>(mark: Mark, engines: impl Iterator<Item = &'a str>) -> Vec<Entry> {
     let mut entries = Vec::new();
     for engine in engines {
@@ -343,13 +343,13 @@ fn superscript(exponent: i32) -> String {
     exponent.to_string().chars().map(digit).collect()
 }
 
-/// From the least to the greatest of some values that are no less than any number, wider by these factors.
+/// The range of some positive values, widened by these factors.
 pub(super) fn around(values: impl Iterator<Item = f64>, (below, above): (f64, f64)) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
     if low <= high { below * low..above * high } else { 1.0..10.0 }
 }
 
-/// Words at a place, in letters of that size.
+/// Writes a text at a place, in letters of this height.
 pub(super) fn write(area: &Area<'_>, text: &str, at: (i32, i32), size: i32) -> Result<(), PlotError> {
     Ok(area.draw(&Text::new(text.to_owned(), at, (FONT, size)))?)
 }

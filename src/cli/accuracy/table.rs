@@ -18,7 +18,7 @@ pub(super) fn number(x: Option<f64>) -> String {
     }
 }
 
-/// What is in a cell.
+/// A cell of the tables.
 enum Cell<'a> {
     Name(&'a str),
     Word(&'a str),
@@ -32,7 +32,7 @@ enum Cell<'a> {
 }
 
 impl Cell<'_> {
-    /// As people read it.
+    /// As text for people.
     fn text(&self) -> String {
         match *self {
             Cell::Name(text) | Cell::Word(text) => text.into(),
@@ -45,7 +45,7 @@ impl Cell<'_> {
         }
     }
 
-    /// With all digits.
+    /// As CSV, with all digits.
     fn csv(&self) -> String {
         match *self {
             Cell::Name(name) => format!("\"{}\"", name.replace('"', "\"\"")),
@@ -108,7 +108,7 @@ fn scene_table(rows: &[Accuracy]) -> String {
     table.text()
 }
 
-/// A line per row.
+/// The CSV: a line for each row.
 pub(super) fn csv(document: &AccuracyReport) -> String {
     let line = |cells: Vec<String>| cells.join(",") + "\n";
     let heads = line(COLUMNS.map(|(name, ..)| name.to_owned()).to_vec());
@@ -116,7 +116,7 @@ pub(super) fn csv(document: &AccuracyReport) -> String {
     heads + &rows.collect::<String>()
 }
 
-/// Who over all scenes.
+/// The table of all scenes together.
 pub(super) fn summary_table(summaries: &[Summary]) -> String {
     let columns: [Column<Summary>; 12] = [
         ("engine", |all| all.who.engine.to_string()),

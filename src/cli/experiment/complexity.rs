@@ -17,7 +17,8 @@ use crate::experiments::svg::Screen;
 use crate::measure::Clock;
 use crate::scene::shown;
 
-/// Every line by whoever is free, until `proceed`, which hears of each picture, says no: its rows, and whether these are all.
+/// Measures every line by whichever rank is free, until `proceed`, which is told of each picture, says no. Returns the
+/// rows, and whether these are all.
 pub fn measure(
     party: &Party,
     settings: &Settings,

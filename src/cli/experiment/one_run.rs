@@ -23,7 +23,7 @@ pub(super) enum Message {
     Rungs(Rounds),
 }
 
-/// Which run it is.
+/// A run, and what it is to measure.
 pub(super) struct Which<'a> {
     pub args: &'a ExperimentArgs,
     pub settings: &'a Settings,

@@ -49,7 +49,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
     Err(interrupted(&kept, &args.out))
 }
 
-/// What Ctrl-C has ended, and what it has left.
+/// The failure after Ctrl-C, which says what is kept.
 pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
     let directory = shown(directory);
     Failure {
@@ -58,7 +58,7 @@ pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
     }
 }
 
-/// What every measurement needs, once nothing can be refused any more.
+/// What every measurement needs; it is made once the arguments are known to be good.
 pub struct Prepared {
     pub clock: TscClock,
     pub stop: Arc<AtomicBool>,

@@ -14,7 +14,7 @@ use crate::plan::grouped;
 use crate::render::PixelFormat;
 use crate::scene::shown;
 
-/// The prose of it.
+/// Its prose.
 pub(super) const EXPLANATION: &str = include_str!("explanation.md");
 
 fn counted(cores: usize) -> String {
@@ -25,7 +25,7 @@ fn interval(estimate: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", estimate.value, estimate.low, estimate.high)
 }
 
-/// What was measured where, and how far it can be trusted: what stands above the table.
+/// The text above the table: what was measured where, and how far it can be trusted.
 pub(super) fn preamble(document: &Experiment) -> String {
     let unknown = || "unknown".to_owned();
     let facts: String = document.machine.facts().map(|(name, value)| format!("- {name}: {value}\n")).collect();
@@ -139,7 +139,7 @@ pub(super) fn full_table(document: &Experiment) -> String {
     Table::of(2, &columns, &document.rows).text()
 }
 
-/// The ladder, and what it is held against.
+/// The ladder, and its comparison with the compiler.
 fn ladder(document: &Experiment) -> String {
     let (width, height) = SIZE;
     let heading = "an aside in brackets, which the next rung does not build on";
@@ -151,7 +151,7 @@ fn ladder(document: &Experiment) -> String {
     parts.join("\n")
 }
 
-/// The ladder, a rung a line.
+/// The table of the ladder, a row for each rung.
 pub fn ladder_table(document: &Experiment) -> Table {
     let columns: [Column<Rung>; 8] = [
         ("rung", |rung| if rung.aside { format!("({})", rung.rung) } else { rung.rung.clone() }),
@@ -180,7 +180,7 @@ fn against_compiler(document: &Experiment) -> String {
     }
 }
 
-/// Which share of the factor is what.
+/// The share of each cause in the factor.
 fn explanation(document: &Experiment) -> String {
     let mut text = String::new();
     for Explanation { from, to, factor, shares } in &document.explanations {
@@ -341,7 +341,7 @@ pub(super) fn text(document: &Experiment) -> String {
     parts.join("\n")
 }
 
-/// A line per engine and size.
+/// The CSV: a line for each engine and size.
 pub(super) fn csv(document: &Experiment) -> String {
     let columns: [Column<Timing>; 17] = [
         ("width", |row| row.width.to_string()),
@@ -376,7 +376,7 @@ mod tests {
     use crate::experiments::speedup::{self, Settings, Speedup};
     use crate::measure::{Cache, Machine};
 
-    /// Two sizes of three engines on a machine that is nobody's.
+    /// Two sizes and three engines on an invented machine.
     fn document() -> Experiment {
         let engines = [BASELINE, CONTROL, "rust"].map(|name| name.parse().unwrap()).to_vec();
         let settings = Settings { sizes: vec![0, 19], runs: 3, engines };
@@ -437,7 +437,7 @@ mod tests {
         document
     }
 
-    /// Held against the file of that name in tests/snapshots.
+    /// Compares a text with the file of that name in tests/snapshots.
     fn snapshot(name: &str, text: &str) {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/snapshots");
         insta::with_settings!({ snapshot_path => path, prepend_module_to_snapshot => false, omit_expression => true }, {

@@ -30,7 +30,7 @@ struct Shown<'a> {
     common: bool,
 }
 
-/// The lines of a function, with labels in place of offsets.
+/// The lines of a function, with labels instead of offsets.
 fn shown(listing: &[Line]) -> Vec<Shown<'_>> {
     let targets: BTreeSet<_> = listing.iter().filter_map(|line| line.target).collect();
     let labels: Vec<_> = listing.iter().map(|line| line.offset).filter(|offset| targets.contains(offset)).collect();
@@ -96,7 +96,7 @@ pub fn kernels(kernels: &[Kernel], width: usize, colour: bool) -> String {
     text
 }
 
-/// What there is to list, a line for each.
+/// The symbols that can be listed, a line for each.
 pub fn symbols(functions: &[Function]) -> String {
     let longest = functions.iter().map(|function| function.symbol.len()).max().unwrap_or(0);
     let line =

@@ -46,7 +46,7 @@ const PLANNED: [&str; 4] = ["sphere", "tetrahedron", "two-lights", "many"];
 /// The picture of which a ray is watched; small, since all of its row is stepped through to find the pixel.
 const WATCHED: (u32, u32) = (400, 300);
 
-/// How far all of it is.
+/// The progress of all stages.
 struct Course {
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
@@ -67,7 +67,7 @@ impl Course {
         self.show();
     }
 
-    /// So much of `all` is done; whether to go on.
+    /// Adds work that is done, of `all`; returns whether to go on.
     fn done(&mut self, work: u64, all: u64) -> bool {
         self.work = (self.work.0 + work, all.max(1));
         self.show();
@@ -111,7 +111,7 @@ pub fn stages(quick: bool, stopped: &mut bool) -> Result<Results, Failure> {
     Ok(results)
 }
 
-/// Measures a stage; whether it came to its end.
+/// Measures a stage; returns whether it came to its end.
 fn measure(
     stage: Stage,
     quick: bool,

@@ -76,7 +76,7 @@ pub(super) fn costs(costs: &[Cost]) -> String {
     table.text()
 }
 
-/// The operations by themselves.
+/// The table of single operations.
 pub(super) fn operations(rows: &[OperationRow]) -> String {
     let columns: [Column<OperationRow>; 11] = [
         ("family", |row| row.family.to_string()),

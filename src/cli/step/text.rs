@@ -4,7 +4,7 @@ use crate::cli::styled;
 use crate::experiments::step::{Argument, Change, Line, Node, Value, Watched};
 use crate::measure::instructions::Mix;
 
-/// How it is told.
+/// How the tree is shown.
 pub struct How {
     /// Macros deeper than this are one line each.
     pub depth: Option<usize>,
@@ -52,7 +52,7 @@ pub fn text(watched: &Watched, how: &How) -> String {
         + &work(watched)
 }
 
-/// What is watched, in a line.
+/// One line that says what is watched.
 pub fn title(watched: &Watched) -> String {
     let Watched { engine, precision, pixel, lane, lanes, .. } = watched;
     let of = match pixel {
@@ -68,7 +68,7 @@ pub fn count(instructions: usize) -> String {
     if instructions == 1 { "1 instruction".into() } else { format!("{instructions} instructions") }
 }
 
-/// What only fills up, in words.
+/// Padding, in words.
 pub fn padding(instructions: usize) -> String {
     format!("{} that only fill up to an alignment", count(instructions))
 }

@@ -12,10 +12,10 @@ use crate::experiments::svg::{
 
 const WIDTH: i32 = 960;
 const LINE: i32 = 26;
-/// Scenes have these in turn, and those after them the same with another mark.
+/// Scenes have these in turn; further scenes have them again with another mark.
 const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 const MARKS: [Mark; 3] = [Mark::Dot, Mark::Triangle, Mark::Square];
-/// What stands at the axis, as far as it goes.
+/// The values at the axis, as far as it reaches.
 const TICKS: [f64; 11] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0];
 
 /// Of a scene: its name, and how many times as long each omission's absence takes.

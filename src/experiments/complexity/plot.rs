@@ -12,7 +12,7 @@ use crate::render::PixelFormat;
 
 const PANEL: (i32, i32) = (400, 460);
 
-/// Of what no engine has a colour.
+/// The colours of lines that are not engines.
 const COLOURS: [RGBColor; 6] = [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY];
 
 /// Draws the panels side by side, or below one another.

@@ -59,7 +59,7 @@ pub fn figure(report: &Report, screen: Screen) -> Result<String, PlotError> {
             let mark = Some((*mark, if *mark == Mark::Square { 4 } else { 5 }));
             series.push(Series { mark, ..Series::line([*at], colour(implementation), 0) });
             if ["c-O3", "paper"].contains(implementation) {
-                // What takes the same shares a name.
+                // Operations with equal figures share a name.
                 let same = |(_, (x, y)): &&mut (String, (f64, f64))| *x == at.0 && (y.ln() - at.1.ln()).abs() < 0.1;
                 match names.iter_mut().find(same) {
                     Some((names, _)) => *names += &format!(", {op}"),

@@ -31,7 +31,7 @@ pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> 
         for peak in peaks {
             let level = peak.flops_per_cycle;
             series.push(Series::line([(x.start, level), (x.end, level)], colour_of(&peak.isa), 1));
-            // What takes the same shares a line.
+            // Equal peaks share a line.
             match names.iter_mut().find(|(_, (_, other))| (other / (1.25 * level)).ln().abs() < 0.05) {
                 Some((name, _)) => *name = format!("{}, {name}", peak.isa),
                 None => names.push((format!("{}: {level:.0}", peak.isa), (x.start, 1.25 * level))),

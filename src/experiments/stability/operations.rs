@@ -53,14 +53,14 @@ const RUNS: usize = 5;
 const FURTHER: [f64; 4] = [1e9, 1e11, 1e13, 1e14];
 const LARGER: [f64; 9] = [1e-300, 1e-250, 1e-150, 1e-100, 1e-40, 1e60, 1e150, 1e250, 1e300];
 
-/// What rays are held against.
+/// The object that rays are compared with.
 #[derive(Clone, Copy)]
 enum Shape {
     Sphere { centre: DVec3, radius: f64 },
     Triangle([DVec3; 3]),
 }
 
-/// How a family is made of single objects.
+/// How the single objects of a family are made.
 struct Sweep {
     id: &'static str,
     operation: &'static str,
@@ -112,12 +112,12 @@ fn triangle_of_unit(unit: f64, rng: &mut Rng) -> (Shape, Vec<DVec3>) {
     (Shape::Triangle(vertices), vec![a - 0.1 * (b - a) - 0.1 * (c - a), 1.2 * (b - a), 1.2 * (c - a)])
 }
 
-/// What f32 holds is rounded to f32, as the numbers of a scene are.
+/// Numbers within the range of f32 are rounded to it, as those of a scene are.
 fn rounded(narrow: bool, centre: DVec3, radius: f64) -> (DVec3, f64) {
     if narrow { (centre.as_vec3().as_dvec3(), f64::from(radius as f32)) } else { (centre, radius) }
 }
 
-/// One shape with its rays, and what is true of them.
+/// A shape, its rays, and the truth of each.
 struct Held<E> {
     record: Vec<E>,
     unit: f64,
@@ -269,7 +269,7 @@ fn is_double<E: PacketElement>() -> bool {
     size_of::<E>() == size_of::<f64>()
 }
 
-/// A row of which nothing is known yet.
+/// A row without figures.
 fn empty<E: PacketElement>(family: &'static str, operation: &'static str, isa: Isa) -> OperationRow {
     let precision = if is_double::<E>() { Precision::Double } else { Precision::Single }.name();
     OperationRow {

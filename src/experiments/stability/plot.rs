@@ -13,12 +13,12 @@ const TOP: i32 = 92;
 /// Letters of the values of the parameter, below.
 const VALUE: i32 = 10;
 const GAP: i32 = 10;
-/// Families that stand side by side are so wide in all.
+/// The width of the families that stand side by side.
 const WIDTH: i32 = 1240;
 /// A family of more levels is drawn in so many columns, each the worst of its levels.
 const COLUMNS: usize = 14;
 
-/// From good to bad: what a colour says, and the colour.
+/// What each colour means, from good to bad.
 pub const SHADES: [(&str, RGBColor); 7] = [
     ("nothing is hit", RGBColor(225, 225, 225)),
     ("t within half of its bound", RGBColor(0, 90, 50)),
@@ -29,7 +29,7 @@ pub const SHADES: [(&str, RGBColor); 7] = [
     ("more", RGBColor(128, 0, 38)),
 ];
 
-/// Which of [`SHADES`] is a cell's.
+/// The place of a cell's shade in [`SHADES`].
 pub fn shade(cell: &Cell) -> usize {
     let wrong = cell.wrong_hits.max(cell.off_by_2) as f64 / cell.rays.max(1) as f64;
     match cell.bound_share {
@@ -63,7 +63,7 @@ impl Part<'_> {
     }
 }
 
-/// Draws the map.
+/// Draws the heat map.
 pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
     let mut names: Vec<(&str, &str)> = Vec::new();
     let mut parts: Vec<Part<'_>> = Vec::new();
@@ -78,7 +78,7 @@ pub fn figure(document: &StabilityReport) -> Result<String, PlotError> {
         values.resize(values.len().max(cell.level + 1), "");
         values[cell.level] = &cell.value;
     }
-    // Families that fit side by side, then the next ones below.
+    // As many families in a row as fit, and the next ones below.
     let mut rows: Vec<Vec<Part<'_>>> = vec![Vec::new()];
     let mut used = LEFT;
     for part in parts {
