@@ -31,6 +31,9 @@ fn is_past_caches(pixels: u64, format: PixelFormat) -> bool {
     format != PixelFormat::Rgb8 && pixels * format.bytes() as u64 > most
 }
 
+/// The pixels of a sphere that one thread has made before another one has the memory for its own.
+const QUICK: u64 = 1 << 22;
+
 /// A scene of one sphere under one light, and the kernels that make its rows.
 pub struct LitTracer<'a, E: Element> {
     packets: &'static PacketKernels,
@@ -131,6 +134,10 @@ impl<E: Element> PacketPlan for LitTracer<'_, E> {
 impl<E: Element> Tracer for LitTracer<'_, E> {
     fn writes(&self, _: PixelFormat) -> bool {
         true
+    }
+
+    fn is_quick(&self) -> bool {
+        self.scene.camera.pixels() <= QUICK
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {

@@ -59,6 +59,11 @@ pub trait Tracer: Sync {
         1
     }
 
+    /// Whether one thread is done with a whole picture before another one would be awake and had its memory.
+    fn is_quick(&self) -> bool {
+        false
+    }
+
     /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth
     /// channel. Bytes are the [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them
     /// with estimates that are too coarse for floats, with the same hits and at most one level away.

@@ -20,6 +20,10 @@ use crate::kernels::{
 use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
 
+/// So many objects, in a picture of so many pixels, are traced by one thread before another one has the memory for its part.
+const FEW: usize = 8;
+const QUICK: u64 = 1 << 21;
+
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
@@ -347,6 +351,12 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
             narrow.into_iter().zip(wide).map(|(narrow, wide)| narrow.or(wide)).collect()
         };
         self.ask_both(|own| self.found(rows.clone(), own), |wide, own| wide.found(rows.clone(), own), both)
+    }
+
+    fn is_quick(&self) -> bool {
+        let (scene, [width, height]) = (self.plan.scene(), self.plan.size());
+        let (objects, pixels) = (scene.spheres.len() + scene.triangle_count(), u64::from(width) * u64::from(height));
+        objects <= FEW && pixels <= QUICK
     }
 
     fn rows_together(&self) -> u32 {

@@ -57,8 +57,10 @@ impl Picture<'_> {
             plain.iter().fold(developed, |developed, plain| developed.along_edges(plain.tracer()))
         });
         let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
-        let threads = Settings { threads: tracing.threads };
-        let frame = party.agree(Frame::new(tracer, camera, threads).map_err(failure))?;
+        // Another thread would be awake too late for one picture, unless it has a file to encode.
+        let alone = args.orbit.is_none() && tracer.is_quick() && matches!(format, Format::Ppm | Format::Pfm);
+        let threads = if alone { 1 } else { tracing.threads };
+        let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
         let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
         let setup = clock.elapsed();
 
