@@ -1,4 +1,4 @@
-//! What the tiles of a picture show before it is shaded, for those who measure errors, and what they leave out.
+//! The hits of a picture in tiles before shading, to measure errors, and the counts of what tiles cull.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use crate::render::{Distance, Found};
 use crate::scene::Object;
 
 impl<E: Element> TileTracer<'_, E> {
-    /// What is left out of the whole picture.
+    /// The counts for the whole picture.
     pub(super) fn survey_all(&self) -> TileSurvey {
         let height = self.plan.size()[1];
         let surveys = on_all_cores((height as usize).div_ceil(TILE_HEIGHT), |down| {
@@ -29,8 +29,8 @@ impl<E: Element> TileTracer<'_, E> {
         TileSurvey { short: self.count_short(), ..survey }
     }
 
-    /// What `ask` has to say of the tiles that it traces itself, and of those that are for f64, each of them being told
-    /// which are its own.
+    /// The result of `narrow` for the tiles that this tracer traces itself, combined with that of `wide` for those in
+    /// f64; each is told which tiles are its own.
     pub(super) fn ask_both<T>(
         &self,
         narrow: impl FnOnce(&dyn Fn(TilePlace) -> bool) -> T,
@@ -44,7 +44,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Says of those tiles of `rows` that are its `own` and have something in them who is nearest where.
+    /// Calls `say` for those tiles of `rows` that are its `own` and have objects, with their nearest objects.
     fn each_nearest(
         &self,
         rows: Range<u32>,
@@ -59,7 +59,7 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// What is left out of its `own` tiles of `rows`.
+    /// The counts for its `own` tiles of `rows`.
     fn survey(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> TileSurvey {
         let mut survey = TileSurvey::default();
         let mut candidates = Vec::new();
@@ -79,7 +79,7 @@ impl<E: Element> TileTracer<'_, E> {
         survey
     }
 
-    /// How many spheres in the picture have the short form in bytes.
+    /// The number of spheres in the picture that have the short form in bytes.
     fn count_short(&self) -> u64 {
         let candidates: Vec<_> = self.plan.seen_spheres().filter(|candidate| candidate.most < Candidate::ANY).collect();
         let mut records = SphereRecords::default();
@@ -90,7 +90,7 @@ impl<E: Element> TileTracer<'_, E> {
         candidates.chunks(CHUNK).map(count).sum()
     }
 
-    /// As [`Tracer::hits`], of its `own` tiles.
+    /// As [`Tracer::hits`], for its `own` tiles.
     pub(super) fn found(&self, rows: Range<u32>, own: &dyn Fn(TilePlace) -> bool) -> Vec<Option<Found>> {
         let width = self.plan.size()[0] as usize;
         let mut found = vec![None; rows.len() * width];
@@ -118,7 +118,7 @@ impl<E: Element> TileTracer<'_, E> {
         found
     }
 
-    /// That of a triangle, as the plan has it: kernels have its product with each light.
+    /// The normal of a triangle, from the scene: kernels have only its product with each light.
     pub(super) fn normal_of_triangle(&self, triangle: usize) -> DVec3 {
         geometry::triangle_plane(self.plan.scene().triangle(triangle).vertices.map(|v| v.as_dvec3())).normalize()
     }
@@ -128,7 +128,7 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// The rows and columns of a tile that are in a window.
+/// The rows and columns of a tile within a window.
 fn pixels_of(window: &TileWindow) -> impl Iterator<Item = (usize, usize)> {
     let (rows, columns) = (window.rows.start as usize..window.rows.end as usize, window.columns as usize);
     rows.flat_map(move |row| (0..columns).map(move |column| (row, column)))

@@ -1,4 +1,4 @@
-//! Pictures with a side that is too long for tiles: some pictures of every so-many-th pixel, side by side.
+//! Pictures with a side too long for tiles: several pictures of every n-th pixel, interleaved.
 
 use std::ops::Range;
 
@@ -17,12 +17,12 @@ pub struct Interleaved<'a, E: Element> {
 }
 
 impl<'a, E: Element> Interleaved<'a, E> {
-    /// Of all parts of a picture of so many columns.
+    /// The tracer of a picture of so many columns with these parts.
     pub fn new(width: u32, parts: Vec<TileTracer<'a, E>>) -> Self {
         Interleaved { width: width as usize, parts }
     }
 
-    /// Says of each part which of its rows are among `rows`, and where their pixels are in these.
+    /// Calls `say` for each part with those of its rows that are among `rows`, and the places of their pixels in these.
     fn each_part(
         &self,
         rows: &Range<u32>,
@@ -31,7 +31,7 @@ impl<'a, E: Element> Interleaved<'a, E> {
         for part in &self.parts {
             let (raster, columns) = (part.plan.raster(), part.plan.size()[0] as usize);
             let ([across, down], every) = (raster.first.map(|first| first as usize), raster.every as usize);
-            // Its rows before one of the picture.
+            // The number of its rows before a row of the picture.
             let before = |row: u32| (row as usize).saturating_sub(down).div_ceil(every);
             let own = before(rows.start)..before(rows.end);
             let place = |i: usize| {

@@ -1,4 +1,4 @@
-//! The nearest object at each pixel of a tile: from near to far, layer by layer, and what is hidden by then is not set up.
+//! The nearest object at each pixel of a tile: layers from near to far, culling hidden objects before set-up.
 
 use super::TileTracer;
 use super::spheres::TileSpheres;
@@ -8,27 +8,27 @@ use crate::kernels::{
 };
 use crate::plan::{LargeObjects, Omission, TilePlace, Weighted};
 
-/// In a tile of fewer triangles, or spheres, it costs more to find out which of them others hide than to try them.
+/// In a tile of fewer triangles, or spheres, culling the hidden ones costs more than testing all.
 const FEWEST_HIDDEN: usize = 64;
 
-/// The same where they cover the tile more often than [`DEEP`].
+/// The same if they cover the tile more often than [`DEEP`].
 const FEWEST_DEEP: usize = 16;
 
-/// What covers a tile more often is cut in two once more, and its nearer part traced first.
+/// Objects that cover a tile more often are partitioned once more, and the nearer part is traced first.
 const DEEP: u32 = 4;
 
-/// And more often than this it is not: what is left is as near.
+/// The most layers of a tile: beyond these the rest is about equally near.
 const MOST_LAYERS: usize = 24;
 
-/// So many of a tile's objects that are in many tiles are looked at with the others, the nearest of them; and then, where
-/// something may yet be hidden by nobody, so many times as many as before.
+/// So many of the objects in many tiles are traced with the tile's own, the nearest of them; then, while pixels may be
+/// open to farther ones, each time so many times as many as before.
 const LARGE_AT_FIRST: usize = 64;
 const LARGE_MORE: usize = 4;
 
-/// How often the bounds of what is `seen`, by a sample of a few, cover the window.
+/// How often the bounds of the candidates, judged by a sample of a few, cover the window.
 fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     let step = candidates.len().div_ceil(8);
-    // Of what is small bounds are more than it covers: by a pixel about.
+    // The bounds of small objects exceed what they cover, by about a pixel.
     let length = |bounds: u32, first: u32, side: usize| {
         (bounds >> 16).min(first + side as u32).saturating_sub((bounds & 0xffff).max(first) + 1)
     };
@@ -39,55 +39,54 @@ fn covers(candidates: &[Candidate], window: &TileWindow) -> u32 {
     (u64::from(sample) * step as u64 / (TILE_WIDTH * TILE_HEIGHT) as u64) as u32
 }
 
-/// A tile of more spheres forgets those that have no pixel of it: their numbers stay within what f32 counts.
+/// A tile of more spheres drops those without a pixel: ids stay within the integers of f32.
 const MOST_SPHERES: usize = 1 << 16;
 
-/// What a thread needs beside the plan.
+/// The memory of a thread beside the plan.
 #[derive(Default)]
 pub(super) struct Scratch<E: Element> {
     pub buffers: TileBuffers<E>,
-    /// The candidates of a tile, where they are not in one list of the plan's.
+    /// The candidates of a tile, if they are not in one list of the plan.
     room: Vec<Candidate>,
     layers: Layers,
     pub objects: TileObjects<E>,
 }
 
-/// The objects of a tile that were set up, by their numbers in it: 0 is nobody, spheres come before triangles.
+/// The set-up objects of a tile, by their ids in it: 0 is no object, spheres come before triangles.
 #[derive(Default)]
 pub(super) struct TileObjects<E> {
     /// Their places in the scene.
     pub order: Vec<u32>,
-    /// What each light does to each triangle; zeros for spheres, whose light is their own.
+    /// The effect of each light on each triangle; zeros for spheres, which have records of their own.
     pub shades: Vec<TileShade<E>>,
     pub spheres: TileSpheres<E>,
-    /// How many were forgotten since, as they had no pixel.
+    /// The number of objects dropped since, because they had no pixel.
     pub forgotten: usize,
 }
 
-/// A tile's objects in layers from near to far, and what the last tiles left there.
+/// A tile's objects in layers from near to far, in memory reused from tile to tile.
 #[derive(Default)]
 struct Layers {
     nearest: Vec<Candidate>,
-    /// Room for the nearest when they are cut again.
+    /// Memory for the nearest when they are partitioned again.
     room: Vec<Candidate>,
     /// The others, the farthest first.
     others: Vec<Candidate>,
-    /// Where each layer of the others begins, and how many there are in it.
+    /// The beginning of each layer of the others, and its length.
     starts: Vec<(usize, usize)>,
 }
 
-/// Is told who is nearest so far.
+/// Called with the nearest objects so far.
 pub(super) type SoFar<'a, E> = &'a mut dyn FnMut(&TileBuffers<E>, &TileObjects<E>);
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Finds who is nearest at the pixels of a tile; false where nobody can be. `so_far` is called whenever that may have
-    /// changed.
+    /// Finds the nearest objects at the pixels of a tile; false if there can be none. `so_far` is called on progress.
     pub(super) fn find_nearest(
         &self,
         tile: TilePlace,
         window: &TileWindow,
-        // A pair of pointers, not the last: on the stack it would be stored as two and loaded as one, which waits for all
-        // stores before.
+        // A pair of pointers, not the last argument: on the stack it would be stored as two and loaded as one, which
+        // waits for all earlier stores.
         mut so_far: Option<SoFar<'_, E>>,
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
@@ -159,7 +158,7 @@ impl<E: Element> TileTracer<'_, E> {
         any
     }
 
-    /// Sets what was set up to the planes that the plan has, if it has them.
+    /// Replaces the planes of the last set-up by the plan's more accurate ones, if it has them.
     fn refine(
         &self,
         kind: usize,
@@ -179,7 +178,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Has those traced of what is in many tiles that are still to come, and not behind all of this one.
+    /// Traces the remaining objects in many tiles, except those behind all of this one.
     fn each_large(
         &self,
         mut large: LargeObjects<'_>,
@@ -200,8 +199,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Has what is `seen` traced, layer by layer from near to far, but for what is hidden by all that there is around it by
-    /// then.
+    /// Traces the candidates, layer by layer from near to far, except those that the layers so far hide.
     fn near_first(
         &self,
         candidates: &[Candidate],
@@ -215,7 +213,7 @@ impl<E: Element> TileTracer<'_, E> {
         if few || self.plan.keep().has(Omission::Occluded) {
             return trace(candidates, buffers);
         }
-        // Kernels fill registers.
+        // Kernels write whole registers.
         let enough = candidates.len() + CHUNK;
         for layer in [&mut *nearest, room, others] {
             layer.resize(layer.len().max(enough), Candidate::default());
@@ -250,14 +248,14 @@ impl<E: Element> TileTracer<'_, E> {
         starts.iter().rev().for_each(|(start, count)| trace_layer(&mut others[*start..], *count));
     }
 
-    /// What is farthest in the parts of a tile, and in all of it.
+    /// The hierarchical depth of a tile, and the least 1/t in all of it.
     fn farthest(&self, buffers: &mut TileBuffers<E>, window: &TileWindow) -> (Parts, f32) {
         buffers.close_around(self.kernels.lanes, window);
         let alone = self.kernels.tiles.farthest.call(buffers).map(|near| near.to_f64() as f32);
         (Parts::new(alone), alone.into_iter().fold(f32::MAX, f32::min))
     }
 
-    /// Spheres of a tile: first those that are not in front.
+    /// Traces the spheres of a tile: first those that are not in front.
     fn nearest_spheres(
         &self,
         spheres: &mut Vec<Candidate>,
@@ -300,15 +298,15 @@ impl<E: Element> TileTracer<'_, E> {
         });
     }
 
-    /// A triangle whose bounds have fewer blocks in a row is asked at all of them: how many of a few are left is not foreseen,
-    /// so that leaving some out costs as much as it saves.
+    /// A triangle whose bounds have fewer blocks in a row is tested at all of them: with a few, the number left is
+    /// mispredicted, so that culling costs as much as it saves.
     fn fewest_across(&self) -> u32 {
         let all = self.plan.keep().has(Omission::Misses);
         if all { u32::MAX } else { (TILE_WIDTH / self.kernels.lanes.min(4) / 2) as u32 }
     }
 }
 
-/// Brings those of the first `count` to the front, in order, that are not behind all of a tile, and gives how many they are.
+/// Moves those of the first `count` to the front, in order, that are not behind all of a tile; returns their number.
 fn not_behind(candidates: &mut [Candidate], count: usize, least: f32) -> usize {
     if least <= 0.0 {
         return count;
@@ -321,8 +319,8 @@ fn not_behind(candidates: &mut [Candidate], count: usize, least: f32) -> usize {
     left
 }
 
-/// Forgets those objects of a tile, from number `first` on, that have no pixel of it, and gives the others the numbers from
-/// there on. Who had a pixel, by the numbers before; those up to the first are taken to have one.
+/// Drops the objects of a tile, from id `first` on, that have no pixel, and renumbers the others from there on. Returns
+/// which had a pixel, by their old ids; those below `first` count as having one.
 fn forget_unseen<E: Element>(
     buffers: &mut TileBuffers<E>,
     first: usize,

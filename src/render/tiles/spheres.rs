@@ -1,4 +1,4 @@
-//! The spheres of a tile: what shading needs of them, which is made of those that have a pixel, and their normals.
+//! The spheres of a tile: their shading records, made only for those that own a pixel, and their normals.
 
 use glam::DVec3;
 
@@ -9,24 +9,24 @@ use crate::kernels::{
 use crate::plan::{Omission, Weighted};
 use crate::reference::geometry;
 
-/// A scene of as many spheres has their records for shading made once, before its first tile. Those of a scene of more are
-/// made by each tile, of the spheres that have a pixel there.
+/// A scene of at most so many spheres has their shading records made once, before its first tile. In scenes of more,
+/// each tile makes those of the spheres that own a pixel there.
 const MOST_RECORDS: usize = 4096;
 
-/// In a tile of fewer spheres it costs more to find out which of them have a pixel than to make all their records.
+/// In a tile of fewer spheres it costs more to find those that own a pixel than to make all their records.
 const FEWEST_OWNERS: usize = 128;
 
-/// The spheres of a tile that were set up, in the order of their numbers from 1 on.
+/// The set-up spheres of a tile, in the order of their ids from 1 on.
 #[derive(Default)]
 pub(super) struct TileSpheres<E> {
     pub candidates: Vec<Candidate>,
-    /// Whether they have a pixel, from nobody on.
+    /// Whether they own a pixel, by id, from 0 on.
     owners: Vec<bool>,
-    /// Those that do.
+    /// The ones that do.
     owning: Vec<Candidate>,
-    /// Where everyone's records are; of those without a pixel, anywhere.
+    /// The indices of their records; any for those without a pixel.
     pub places: Vec<u32>,
-    /// The tile's own, unless the tracer has those of all.
+    /// The tile's own records, unless the tracer has those of all.
     pub records: SphereRecords<E>,
 }
 
@@ -43,7 +43,7 @@ impl<E: Element> TileTracer<'_, E> {
         (count <= MOST_RECORDS).then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
     }
 
-    /// Makes the records of the spheres that are `seen`, in this order.
+    /// Makes the records of the candidates, in this order.
     pub(super) fn make_records(&self, weighted: &Weighted, candidates: &[Candidate], records: &mut SphereRecords<E>) {
         let short = weighted.bytes && !self.plan.keep().has(Omission::Loop);
         let lights = self.plan.sphere_lights();
@@ -66,7 +66,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Has the records at hand of the spheres that have a pixel, or, `by_force`, of all that the tile may see.
+    /// Provides the records of the spheres that own a pixel, or, `by_force`, of all that may be visible in the tile.
     pub(super) fn look_at_spheres(
         &self,
         weighted: &Weighted,
@@ -84,7 +84,7 @@ impl<E: Element> TileTracer<'_, E> {
             owners.clear();
             owners.resize(1 + candidates.len(), false);
             buffers.mark_owners(owners);
-            // Without branches, which could not be foreseen.
+            // Without branches, which would be mispredicted.
             owning.resize(candidates.len(), Candidate::default());
             places.resize(candidates.len(), 0);
             let mut count = 0;
@@ -93,13 +93,13 @@ impl<E: Element> TileTracer<'_, E> {
                 *place = count as u32;
                 count += usize::from(*owns);
             }
-            // Where nobody has a pixel, all of them have the records of the first.
+            // If none owns a pixel, all of them have the record of the first.
             self.make_records(weighted, &owning[..count.max(1)], records);
         }
     }
 
-    /// That of the sphere number `who` of a tile at one of its pixels, where 1/t is `near`: by the operations of the kernel in
-    /// its elements, which leave it over t.
+    /// The normal of sphere `who` of a tile at one of its pixels, where 1/t is `near`: by the operations of the kernel
+    /// in its elements, which give it divided by t.
     pub(super) fn normal_of_sphere(
         &self,
         (who, near): (usize, E),
