@@ -13,6 +13,7 @@ use super::measuring::{announce, bar, create_directory, tell_whether, write_resu
 use super::party::Party;
 use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
+use crate::experiments::accuracy::summary::off_every_front;
 use crate::experiments::accuracy::{self, AccuracyReport, Measured, Rate, plot, subjects};
 use crate::measure::{Clock, Machine, TscClock, WallClock};
 
@@ -60,7 +61,7 @@ pub fn measure(
     let (mut rows, mut plain) = (Vec::new(), Vec::new());
     let work = |subject: usize| {
         let ask = &mut || proceed(0);
-        let measured = accuracy::measure_all(&subjects[subject], quick, clock, rate, ask).map_err(Failure::input)?;
+        let measured = accuracy::measure(&subjects[subject], quick, clock, rate, ask).map_err(Failure::input)?;
         if measured.is_some() {
             proceed(1);
         }
@@ -73,7 +74,8 @@ pub fn measure(
         plain.extend(measured.against_plain);
         true
     })?;
-    Ok(AccuracyReport::new(machine, quick, complete, rows, plain))
+    let off_every_front = off_every_front(&rows);
+    Ok(AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain: plain })
 }
 
 /// Measures, prints and writes.

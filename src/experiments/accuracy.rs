@@ -284,65 +284,28 @@ pub struct Measured {
 ///
 /// # Errors
 /// An engine that cannot be prepared, or no memory.
-pub fn measure_all(
+pub fn measure(
     subject: &Subject,
     quick: bool,
     clock: &mut dyn Clock,
     rate: Rate,
     proceed: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Measured>, LabError> {
-    let measured = measure(subject, &contenders_and_options(), quick, clock, rate, proceed)?;
-    let Some(rows) = measured else { return Ok(None) };
-    let against_plain = if subject.family.is_none() {
-        plain::against_plain(&subject.name, &subject.scene, clock, rate.hz, proceed)?.unwrap_or_default()
-    } else {
-        Vec::new()
-    };
-    Ok(Some(Measured { rows, against_plain }))
-}
-
-impl AccuracyReport {
-    /// The document of what was measured.
-    pub fn new(
-        machine: Machine,
-        quick: bool,
-        complete: bool,
-        rows: Vec<Accuracy>,
-        plain: Vec<plain::AgainstPlain>,
-    ) -> Self {
-        let off_every_front = summary::off_every_front(&rows);
-        AccuracyReport { machine, complete, quick, rows, off_every_front, against_plain: plain }
-    }
-}
-
-/// Measures the rows of one scene; None where `proceed`, which is asked now and then, says no.
-pub fn measure(
-    subject: &Subject,
-    contenders: &[Contender],
-    quick: bool,
-    clock: &mut dyn Clock,
-    rate: Rate,
-    proceed: &mut dyn FnMut() -> bool,
-) -> Result<Option<Vec<Accuracy>>, LabError> {
-    let judged = judge(&subject.scene, contenders)?;
+    let contenders = contenders_and_options();
+    let judged = judge(&subject.scene, &contenders)?;
     if !proceed() {
         return Ok(None);
     }
     let (scene, camera) = (&subject.scene, subject.scene.camera);
     let pixels = camera.pixels();
     let mut cases = Vec::new();
-    for Judged { entry, .. } in &judged {
-        let Contender { engine, .. } = entry.contender;
-        cases.push(Case::of(Timed::Tracing, scene, engine, entry.contender.purpose(), entry.format())?);
+    for Judged { entry: Entry { contender, output }, .. } in &judged {
+        let format = contender.engine.format_for(output.is_8bit());
+        cases.push(Case::of(Timed::Tracing, scene, contender.engine, contender.purpose(), format)?);
     }
-    for contender in contenders {
-        cases.push(Case::of(
-            Timed::SetUp,
-            scene,
-            contender.engine,
-            contender.purpose(),
-            contender.engine.format_for(false),
-        )?);
+    for contender in &contenders {
+        let format = contender.engine.format_for(false);
+        cases.push(Case::of(Timed::SetUp, scene, contender.engine, contender.purpose(), format)?);
     }
     // One round is not counted: it warms up, and says how many there is time for.
     let Rounds { least, most, seconds } = ROUNDS[usize::from(!quick)];
@@ -354,7 +317,8 @@ pub fn measure(
     let per_ray = |ticks: f64| ticks / pixels as f64;
     let ns = |ticks: f64| 1e9 * ticks / rate.hz;
     let rows = judged.iter().enumerate().map(|(i, Judged { entry, errors })| {
-        let setup = minimum(&runs[judged.len() + place(contenders, entry.contender)].ticks);
+        let who = contenders.iter().position(|contender| *contender == entry.contender);
+        let setup = minimum(&runs[judged.len() + who.expect("who was judged is among the contenders")].ticks);
         let (fastest, middle) = (minimum(&runs[i].ticks), median(&runs[i].ticks));
         Accuracy {
             scene: subject.name.clone(),
@@ -378,11 +342,12 @@ pub fn measure(
     });
     let mut rows: Vec<Accuracy> = rows.collect();
     mark(&mut rows);
-    Ok(Some(rows))
-}
-
-fn place(contenders: &[Contender], contender: Contender) -> usize {
-    contenders.iter().position(|other| *other == contender).expect("who was judged is among the contenders")
+    let against_plain = if subject.family.is_none() {
+        plain::against_plain(&subject.name, scene, clock, rate.hz, proceed)?.unwrap_or_default()
+    } else {
+        Vec::new()
+    };
+    Ok(Some(Measured { rows, against_plain }))
 }
 
 /// What the front compares.

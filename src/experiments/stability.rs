@@ -236,11 +236,7 @@ impl StabilityReport {
             seed: settings.seed,
             quick: settings.quick,
             complete,
-            rows: Vec::new(),
-            cells: Vec::new(),
-            costs: Vec::new(),
-            operations: Vec::new(),
-            tighter: Vec::new(),
+            ..StabilityReport::default()
         };
         for Swept { rows, worst_by, cells } in families {
             let rows = rows.into_iter().zip(worst_by);
@@ -442,13 +438,12 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
             holes: sum(|cell| cell.holes),
             off_by_1: sum(|cell| cell.off_by_1),
             off_by_2: sum(|cell| cell.off_by_2),
-            cpu: None,
             breaks_at: outwards.map(|cell| cell.value.clone()),
             slowdown: largest(|cell| cell.slowdown),
             holds: true,
-            broken: Vec::new(),
             worst_case: worst.map_or(0, |cell| cell.worst_case),
             worst_by,
+            ..Stability::default()
         }
     };
     contenders.map(row).collect()
