@@ -15,7 +15,7 @@
 ;   column, row u64: of the tile's first pixel in the picture
 ;
 ;   registers   rdi sphere, rsi near, edx blocks left in a row, ecx rows of blocks left; v0 the columns and v10 the rows
-;               of pixels' centres in the picture, number + 1/2; v1 and v2 the columns in the first block of a row
+;               of pixels' centres in the picture, number + 1/2; v2 and v1 those of the first block of a row
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      reference::tile::around
 

@@ -9,7 +9,7 @@
 ;   of the right one advances.
 ;
 ;   registers   rdi task; r8 the next object, rcx how many are left; r9 end of the nearer half, r10 of the other; edx
-;               the middle, as bits; v2, v3 the least and the greatest of each number of the records; with masks then v2
+;               the middle, as bits; v2, v3 the minimum and the maximum of each field; with masks v2 later the middle
 ;   writes      both halves, each with room for all objects
 ;   requires    the CPUID features of the ISA; count >= 1
 ;   equals      Iterator::partition, at reference::tile::middle

@@ -11,7 +11,7 @@
 ;   registers   rdi view, whose fields are the constants K; rsi task; rdx spheres, rcx spheres left, r8 spheres
 ;               transposed, r9 the next id, r10 candidates, r11 packets left, r15 the last sphere
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
-;   writes      as bounds.asm does; a sphere's size is the greatest of its radius and the magnitudes of its coordinates
+;   writes      as bounds.asm does; the greatest size is of the radii and |coordinates|, the least of the radii alone
 ;   requires    the CPUID features of the ISA; count >= 1 spheres
 ;   equals      reference::tile::SphereView::of_sphere, to the last bit
 
