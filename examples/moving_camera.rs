@@ -13,7 +13,7 @@ use rayo::render::{Plan, Purpose};
 use rayo::scene::{MovingCamera, mesh};
 use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settings, View};
 
-/// A ring of about so many triangles around the y axis, under one light.
+/// A ring of about this many triangles around the y axis, under one light.
 fn ring(triangles: u64, camera: Camera) -> Scene {
     let mesh = mesh::shapes::torus(triangles);
     Scene {
@@ -26,13 +26,13 @@ fn ring(triangles: u64, camera: Camera) -> Scene {
     }
 }
 
-/// One of so many places around the ring, and slightly above it.
+/// One of `frames` places around the ring, and slightly above it.
 fn place(frame: u32, frames: u32) -> View {
     let (sin, cos) = (std::f64::consts::TAU * f64::from(frame) / f64::from(frames)).sin_cos();
     View { position: DVec3::new(3.0 * sin, 1.2, -3.0 * cos), look_at: DVec3::ZERO, up: DVec3::Y }
 }
 
-/// Renders the world from so many places: `show` gets every picture, and the times to transform, plan and trace it.
+/// Renders the world from `frames` places: `show` gets every picture, and the times to transform, plan and trace it.
 fn go_round(
     world: &Scene,
     frames: u32,

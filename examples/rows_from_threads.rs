@@ -12,7 +12,7 @@ use rayo::render::{FilmMut, Tracer};
 use rayo::scene::many;
 use rayo::{Engine, Scene};
 
-/// All rows by so many threads, each of which takes the next few rows when it has finished its last.
+/// All rows by this many threads, each of which takes the next few rows when it has finished its last.
 fn render(tracer: &dyn Tracer, scene: &Scene, threads: usize) -> Vec<Vec4> {
     let (width, height) = (scene.camera.width() as usize, scene.camera.height());
     // Any number would do. An engine that works in tiles is fastest with as many rows as a tile has, or a multiple.

@@ -163,7 +163,7 @@ fn check_code(watched: &[Range<usize>]) -> &[Range<usize>] {
     watched
 }
 
-/// Memory for so many records, since the handler does not allocate.
+/// Memory for `most` records, since the handler does not allocate.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn room<T>(most: usize) -> Result<Vec<T>, Unavailable> {
     let mut room = Vec::new();

@@ -140,7 +140,7 @@ pub fn pin_to(_: usize) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, "pinning a thread to a core needs Linux"))
 }
 
-/// Memory for so many values, on large pages as far as these lie within it.
+/// Memory for this many values, on large pages as far as these lie within it.
 pub fn room<T>(count: usize) -> Vec<T> {
     let mut room = Vec::with_capacity(count);
     large_pages(&mut room);

@@ -366,14 +366,14 @@ kinds! {
     }
 }
 
-/// The last id of so many objects of a tile, at least one, from `first` on.
+/// The last id of this many objects of a tile, at least one, from `first` on.
 fn last_id(first: usize, count: usize) -> usize {
     let last = first.saturating_add(count - 1);
     assert!(last <= MOST_ID, "f32 has no number for object {last} of a tile");
     last
 }
 
-/// The number of records of so many objects, `lights` for each.
+/// The number of records of this many objects, `lights` for each.
 fn for_each(objects: usize, lights: usize) -> usize {
     objects.checked_mul(lights).expect("as many records as memory can hold")
 }
@@ -567,7 +567,7 @@ impl<E: Element> TileBuffers<E> {
         (planes.t0[triangle], planes.tx[triangle], planes.ty[triangle]) = (at_middle, across, down);
     }
 
-    /// The index of a pixel of a tile in [`TileBuffers::pixel`], for kernels with so many lanes.
+    /// The index of a pixel of a tile in [`TileBuffers::pixel`], for kernels with this many lanes.
     fn index(lanes: usize, column: usize, row: usize) -> usize {
         let width = lanes.min(4);
         let height = lanes / width;
@@ -575,7 +575,7 @@ impl<E: Element> TileBuffers<E> {
         block * lanes + row % height * width + column % width
     }
 
-    /// 1/t and id at a pixel of the tile, for kernels of so many lanes.
+    /// 1/t and id at a pixel of the tile, for kernels of this many lanes.
     pub fn pixel(&self, lanes: usize, column: usize, row: usize) -> (E, usize) {
         let i = Self::index(lanes, column, row);
         (self.tile.near[i], self.tile.who[i].to_f64() as usize)
@@ -618,7 +618,7 @@ impl<E: Element> TileBuffers<E> {
         }
     }
 
-    /// The number of a window's pixels with a hit, for kernels of so many lanes.
+    /// The number of a window's pixels with a hit, for kernels of this many lanes.
     pub(crate) fn count_hits(&self, lanes: usize, window: &TileWindow) -> u64 {
         // As wide as the compared numbers, so that registers hold as many.
         let somebody = |who: &E| u32::from(*who != E::ZERO);
@@ -632,7 +632,7 @@ impl<E: Element> TileBuffers<E> {
         window.rows.clone().map(row).sum::<u32>().into()
     }
 
-    /// Sets the pixels of a window without a hit to `rest`, for kernels of so many lanes.
+    /// Sets the pixels of a window without a hit to `rest`, for kernels of this many lanes.
     pub fn fill_rest<P: Copy>(&self, lanes: usize, window: &TileWindow, rest: P, out: TileOut<'_, P>) {
         let across = lanes.min(4);
         for (row, out) in window.rows.clone().zip(out.pixels[out.first..].chunks_mut(out.width)) {
@@ -755,7 +755,7 @@ pub struct SphereRecords<E> {
 }
 
 impl<E: Element> SphereRecords<E> {
-    /// Reserves memory for so many spheres and so many lights for each. It would grow by itself, but copy the content.
+    /// Reserves memory for this many spheres and this many lights for each. It would grow by itself, but copy the content.
     pub(crate) fn hold(&mut self, spheres: usize, lights: usize) {
         fn grow<T: Plain>(records: &mut Vec<T>, len: usize) {
             records.resize(records.len().max(len), T::ZERO);

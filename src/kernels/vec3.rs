@@ -48,7 +48,7 @@ impl<E: Element> PacketOp<E> {
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
         let registers = self.registers(out, a, b);
-        // SAFETY: registers() proves that all three have so many packets and `b` a record; the kernel asks for no alignment,
+        // SAFETY: registers() proves that all three have this many packets and `b` a record; the kernel asks for no alignment,
         // reads and writes only those, and any bits are elements.
         unsafe { self.kernel.enter(registers) };
     }
@@ -75,7 +75,7 @@ kinds! {
     /// A loop of operations.
     Chain
 
-    /// Runs it for so many rounds, at least one, and returns the number of operations.
+    /// Runs it for this many rounds, at least one, and returns the number of operations.
     fn run(rounds: u64) -> u64; |way| {
         let Way::Code(enter) = way;
         // It reads only its own constants.

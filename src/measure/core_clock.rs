@@ -7,7 +7,7 @@ use crate::kernels::sys;
 const CHAIN_ROUNDS: u32 = 1000;
 /// How much the clock may drift during a measurement that counts as steady.
 const DRIFT: f64 = 0.01;
-/// If fewer measurements than this are plausible, more are made, up to so many times the number requested.
+/// If fewer measurements than this are plausible, more are made, up to [`MORE`] times the number requested.
 const ENOUGH: u32 = 3;
 const MORE: u32 = 3;
 
@@ -47,7 +47,7 @@ pub fn core_cycles(repeats: u32, least: f64, mut action: impl FnMut() -> u64) ->
     fewest(measured, repeats, least)
 }
 
-/// The fewest plausible cycles, if there are at least so many such measurements; of steady ones if there are any.
+/// The fewest plausible cycles, which are those from `least` up; of steady measurements if there are any.
 fn fewest(measured: impl Iterator<Item = Option<(f64, bool)>>, repeats: u32, least: f64) -> Option<f64> {
     let (mut steady, mut any) = (None, None);
     let mut right = 0;

@@ -129,7 +129,7 @@ pub struct Runs {
     pub taken: Vec<bool>,
 }
 
-/// Whether so many clean runs of so many are enough for a verdict: at least half.
+/// Whether `clean` runs of `all` are enough for a verdict: at least half.
 pub fn enough(clean: usize, all: usize) -> bool {
     2 * clean >= all
 }

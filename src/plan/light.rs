@@ -30,7 +30,7 @@ pub fn reaches(centre: DVec3, to_light: DVec3) -> bool {
     brightest - 1.0 >= -MARGIN * (1.0 + distance)
 }
 
-/// Whether f32 holds the light of so many lights on one object, in levels too, with room for the rounding of its sum.
+/// Whether f32 holds the light of this many lights on one object, in levels too, with room for the rounding of its sum.
 pub fn is_in_f32(light: DVec3) -> bool {
     light.max_element() <= f64::from(f32::MAX) / 512.0
 }

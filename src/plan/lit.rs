@@ -160,7 +160,7 @@ impl LitForm {
         self.makes_grey
     }
 
-    /// How much of an `omission` there is in `scene`, if so many pixels of its picture see the sphere; `bytes` says
+    /// How much of an `omission` there is in `scene`, if `hits` pixels of its picture see the sphere; `bytes` says
     /// whether 8 bits are written.
     pub(super) fn left_out(&self, omission: Omission, scene: &Scene, hits: u64, bytes: bool) -> u64 {
         let pixels = scene.camera.pixels();

@@ -1,4 +1,4 @@
-//! From a scene to what is traced: the packed arrays that kernels read, and which work is omitted.
+//! From a scene to a plan: the packed arrays that kernels read, and which work is omitted.
 
 mod hits;
 mod light;

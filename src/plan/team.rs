@@ -27,7 +27,7 @@ impl Team {
         Team { pool: None, others: 0 }
     }
 
-    /// A team of so many threads, at least 1: the one requested last, if it has as many, so that planning and tracing
+    /// A team of this many threads, at least 1: the one requested last, if it has as many, so that planning and tracing
     /// need not start threads of their own.
     ///
     /// # Errors

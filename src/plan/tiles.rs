@@ -31,18 +31,18 @@ use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
 /// An object in more tiles than this is in a list that all tiles go through: 16 bytes in each, and 16 while planning.
 const MOST_TILES: usize = 11;
 
-/// In a scene of at most so many triangles they may be in more tiles, like spheres: that takes little memory.
+/// In a scene of at most this many triangles they may be in more tiles, like spheres: that takes little memory.
 const FEW_TRIANGLES: usize = 1 << 12;
 const MOST_TILES_OF_FEW: usize = 64;
 
-/// So many triangles of a tile are traced at once, and those without a pixel are then dropped: the memory of a tile,
+/// This many triangles of a tile are traced at once, and those without a pixel are then dropped: the memory of a tile,
 /// beside its lists, does not grow with their number.
 const MOST_AT_ONCE: usize = 1 << 14;
 
 /// Spheres are fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
 
-/// Up to so many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
+/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
 /// reject the others before their roots. Sorting more costs more than it gains.
 const MOST_SORTED: usize = 1 << 11;
 
@@ -215,7 +215,7 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
-/// A team of so many threads; or this one alone if they cannot be started, an error that tracing reports.
+/// A team of this many threads; or this one alone if they cannot be started, an error that tracing reports.
 fn team(threads: usize) -> Arc<Team> {
     Team::of(threads).unwrap_or_else(|_| Arc::new(Team::alone()))
 }
@@ -297,7 +297,7 @@ impl<'a> Binned<'a> {
 }
 
 impl<'a, E: Element> Tiles<'a, E> {
-    /// Plans `scene`, seen by these rays, on so many threads, with the kernels of bounds, except the omissions in
+    /// Plans `scene`, seen by these rays, on `threads` threads, with the kernels of bounds, except the omissions in
     /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);
@@ -670,7 +670,7 @@ fn nearer(point: DVec3, far: f64) -> DVec3 {
     if distance > far { point * (far / distance) } else { point }
 }
 
-/// The bounds of so many objects, empty for those in no list.
+/// The bounds of this many objects, empty for those in no list.
 fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
     let none = vec![0; objects];
     let mut bounds = PixelBounds { columns: none.clone(), rows: none };

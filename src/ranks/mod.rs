@@ -355,7 +355,7 @@ struct Own {
 }
 
 impl Own {
-    /// Whether there is room for a task, with so many on their way.
+    /// Whether there is room for a task, with `asked` ones on their way.
     fn wants(&self, asked: usize) -> bool {
         let Pace { ahead, held, .. } = self.pace;
         let working = self.working + asked;

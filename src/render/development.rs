@@ -9,16 +9,16 @@ use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
-/// Samples that are traced at once take no more memory than so many pixels, unless those of one row do.
+/// Samples that are traced at once take no more memory than this many pixels, unless those of one row do.
 const MOST_TOGETHER: usize = 1 << 20;
 
-/// Edges are searched for in so many rows of tiles at a time.
+/// Edges are searched for in this many rows of tiles at a time.
 const TILES_TOGETHER: u32 = 2;
 
 /// What is done to linear light after tracing. By default nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Development {
-    /// A pixel is the mean of so many times so many samples, rays through the centres of its equal squares.
+    /// A pixel is the mean of `samples` x `samples` rays through the centres of its equal squares.
     pub samples: u32,
     /// The light of a ray that hits nothing: linear red, green, blue. It is averaged and exposed like any other light.
     pub background: [f32; 3],

@@ -384,7 +384,7 @@ impl ImageWriter {
         Ok(())
     }
 
-    /// Writes the next part of so many rows, or returns the encoder's error.
+    /// Writes the next part, of `rows` rows, or returns the encoder's error.
     pub(super) fn append(&mut self, rows: u32, part: io::Result<Cow<'_, [u8]>>) -> Result<(), ImageError> {
         let appended = part.and_then(|part| self.joiner.append(part));
         appended.map_err(|error| self.destination.explain(&self.path, error))?;

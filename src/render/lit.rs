@@ -14,7 +14,7 @@ use crate::measure::caches;
 use crate::plan::{Keep, LitForm, Raster, Report, Scale};
 use crate::scene::Scene;
 
-/// Whether a picture of so many pixels is stored past the caches, because it does not fit into its share of them.
+/// Whether a picture of this many pixels is stored past the caches, because it does not fit into its share of them.
 ///
 /// The share of floats is an eighth of the third level, since other cores have theirs, and so do other machines on the
 /// same chip; and at most 16 MiB, which is also the limit if the level does not exist or is unknown. Bytes are stored

@@ -98,7 +98,7 @@ impl<'a> Bands<'a> {
         Ok(Bands { frame, encoder, format, film: frame.film(format, 0)?, converted, rows: 0 })
     }
 
-    /// The number of rows in a band of a picture with so many rows, which so many ranks share.
+    /// The number of rows in a band of a picture of `rows`, which `ranks` share.
     pub(super) fn height(&self, rows: u32, ranks: usize) -> u32 {
         let threads = self.frame.threads();
         let width = self.frame.camera.width() as usize;

@@ -38,7 +38,7 @@ pub struct Mesh {
     pub colours: Vec<ColourRun>,
     /// How many faces of the file had more than three corners and were triangulated: the same face if it is planar.
     pub polygons: usize,
-    /// What of the file was dropped or is not as the format demands: a sentence each.
+    /// What was dropped from the file or is not as the format demands: a sentence each.
     pub notes: Vec<String>,
 }
 

@@ -42,7 +42,7 @@ pub(super) fn first_misfit(text: &str, lists: &[List], end: usize) -> Option<Str
     }
 }
 
-/// Whether an item of so many tokens takes the next lines whole, as if that were deliberate: with one token in each, or
+/// Whether an item of this many tokens takes the next lines whole, as if that were deliberate: with one token in each, or
 /// more than one in the last, since a single one looks like a count.
 fn is_split(lines: Lines<'_>, tokens: usize) -> bool {
     let (mut sum, mut most) = (0, 0);

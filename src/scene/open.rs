@@ -18,7 +18,7 @@ use crate::kernels::sys::room;
 const MAX_FILE: u64 = 4 << 30;
 /// The longest scene in TOML, in bytes: its text takes some forty times as much memory while it is read.
 pub const MAX_TOML: u64 = 32 << 20;
-/// The most that is read from a source without a length of its own: a pipe, a device.
+/// The most that is read from a source whose length is unknown: a pipe, a device.
 const MAX_STREAM: u64 = 64 << 20;
 /// The message for a longer scene.
 const FOR_A_SCENE: &str = "too many for a scene";
@@ -157,7 +157,7 @@ fn is_foreign(path: &Path, source: &[u8]) -> bool {
 /// The path that was probably meant in place of a missing one: a scene or a mesh in the same folder whose name differs
 /// in at most two letters or in its extension.
 pub(super) fn nearest(path: &Path) -> Option<String> {
-    /// At most so many files are looked at.
+    /// At most this many files are looked at.
     const MOST: usize = 10_000;
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let name = path.file_name()?.to_string_lossy();

@@ -7,7 +7,7 @@ use super::bounds::Picture;
 use super::{MOST_SORTED, TilePlace, range};
 use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
 
-/// A block that is made ahead has room for at most so many objects, 16 MiB.
+/// A block that is made ahead has room for at most this many objects, 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
 
 /// The objects that may be visible in each tile, for one piece of the scene after another.

@@ -18,15 +18,15 @@ const FEWEST_PER_THREAD: usize = 1 << 14;
 /// to find some side by side. It grows with the number of tiles, each of which has a list in every piece.
 const PIECE: usize = 1 << 15;
 
-/// A tile has to look into each piece. So there are at most so many, unless they would exceed `LARGE_PIECE`.
+/// A tile has to look into each piece. So there are at most this many, unless they would exceed `LARGE_PIECE`.
 const MOST_PIECES: usize = 32;
 const LARGE_PIECE: usize = 1 << 17;
 
-/// With several threads there are so many pieces for each, unless they would be too small.
+/// With several threads there are this many pieces for each, unless they would be too small.
 const PIECES_PER_THREAD: usize = 4;
 const FEWEST_IN_PIECE: usize = 1 << 13;
 
-/// Of at most so many objects, those with short bounds too are tested for being
+/// Of at most this many objects, those with short bounds too are tested for being
 /// [steep](super::forms::Forms::steep_tiles).
 const MOST_LOOKED_AT: usize = 1 << 12;
 
@@ -113,7 +113,7 @@ pub(super) struct Planning<'a, T: Bounded> {
     pub(super) steep: &'a (dyn Fn(&T, &Candidate, &mut Vec<Candidate>) + Sync),
     /// An object in more tiles than this is large; None: all are, and in all tiles.
     pub(super) most_tiles: Option<usize>,
-    /// Up to so many are sorted by distance; more stay in the scene's order.
+    /// Up to this many are sorted by distance; more stay in the scene's order.
     pub(super) most_sorted: usize,
     /// Whether it is for kernels in f32: objects beyond f32 are in none of their tiles, even if they are kept.
     pub(super) in_f32: bool,

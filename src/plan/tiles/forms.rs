@@ -41,11 +41,11 @@ const LEAST_INVERSE: f64 = 1.0 / (1u64 << 14) as f64;
 /// [`MOST`], for any usual focal distance.
 const LEAST_RADIUS: f64 = 1.0 / (1u64 << 38) as f64;
 
-/// A sphere whose centre is nearer to the camera's plane than so many radii is seen from inside or reaches behind the
+/// A sphere whose centre is nearer to the camera's plane than this many radii is seen from inside or reaches behind the
 /// plane, or nearly so: PACKET(front).
 const FRONT: f64 = 1.001;
 
-/// Up to so many radii away, f32 holds the normal of a sphere beside the camera, from its point relative to the camera.
+/// Up to this many radii away, f32 holds the normal of a sphere beside the camera, from its point relative to the camera.
 const FARTHEST_AROUND: f64 = 64.0;
 
 /// In the unit of a scene, or in radii of a sphere, the greatest distance of lights for which f32 holds its square.

@@ -7,7 +7,7 @@
 const PIXEL: usize = 3;
 /// Padding after a filtered row, so that sixteen bytes can be read from any place in it and from its end.
 const BEHIND: usize = 16;
-/// One row in so many is counted to make the code.
+/// One row in this many is counted to make the code.
 const SAMPLED: usize = 16;
 /// Bytes, the end of a block, and the lengths of runs.
 const SYMBOLS: usize = 286;
@@ -22,7 +22,7 @@ const DISTANCE: Word = Word { bits: 0, length: 1 };
 const ORDER: [usize; 19] = [16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15];
 const REPEAT: usize = 16;
 
-/// The rows, of so many bytes each, as blocks that end on a byte boundary, and the Adler-32 of their content.
+/// The rows, of `row` bytes each, as blocks that end on a byte boundary, and the Adler-32 of their content.
 pub(super) fn blocks(rows: &[u8], row: usize) -> (Vec<u8>, u32) {
     let mut filtered = vec![0; 1 + row + BEHIND];
     let number = rows.len() / row;
@@ -203,7 +203,7 @@ struct End {
 }
 
 impl End {
-    /// Makes room for so many more symbols.
+    /// Makes room for this many more symbols.
     fn reserve(self, bytes: &mut Vec<u8>, symbols: usize) -> &mut [u8] {
         let needed = self.full + 2 * symbols + 2 * size_of::<u64>();
         if bytes.len() < needed {

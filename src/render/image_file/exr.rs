@@ -352,7 +352,7 @@ fn text(reader: &mut impl BufRead) -> ImageResult<Vec<u8>> {
     if text.pop() == Some(0) { Ok(text) } else { Err(damaged("a name in its header has no end")) }
 }
 
-/// The next bytes, if the file can hold so many.
+/// The next `size` bytes, if a file of `length` can hold them.
 fn taken(reader: &mut impl Read, length: u64, size: u64) -> ImageResult<Vec<u8>> {
     if size > length {
         return Err(damaged("a part of it is longer than the file"));

@@ -9,7 +9,7 @@ use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::borrow::Cow;
 use std::io::{self, BufRead, Seek};
 
-/// The least bytes of a strip, if there are so many rows. Its first row and its code cost some hundred bytes.
+/// The least bytes of a strip but the last. Its first row and its code cost some hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
 /// More than a chunk holds, and less than it may hold.
 const CHUNK: usize = 1 << 30;
@@ -87,7 +87,7 @@ pub(super) struct PngDecoder<R: BufRead + Seek> {
 }
 
 impl<R: BufRead + Seek> PngDecoder<R> {
-    /// Reads the header before the pixels, and allocates at most so many bytes for rows.
+    /// Reads the header before the pixels, and allocates at most `bytes` for rows.
     pub(super) fn new(reader: R, bytes: usize) -> ImageResult<Self> {
         let mut decoder = png::Decoder::new_with_limits(reader, png::Limits { bytes });
         decoder.set_ignore_text_chunk(true);

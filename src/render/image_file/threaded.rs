@@ -20,7 +20,7 @@ use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, Tag};
 use tiff::{TiffError, TiffResult};
 
-/// The least bytes of a strip, if there are so many rows.
+/// The least bytes of a strip but the last.
 const STRIP_BYTES: usize = 1 << 20;
 
 /// A writer in a thread, which takes the parts of a picture.

@@ -17,7 +17,7 @@ pub struct Interleaved<'a, E: Element> {
 }
 
 impl<'a, E: Element> Interleaved<'a, E> {
-    /// The tracer of a picture of so many columns with these parts.
+    /// The tracer of a picture `width` pixels wide with these parts.
     pub fn new(width: u32, parts: Vec<TileTracer<'a, E>>) -> Self {
         Interleaved { width: width as usize, parts }
     }

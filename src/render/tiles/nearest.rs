@@ -20,8 +20,8 @@ const DEEP: u32 = 4;
 /// The most layers of a tile: beyond these the rest is about equally near.
 const MOST_LAYERS: usize = 24;
 
-/// So many of the objects in many tiles are traced with the tile's own, the nearest of them; then, while pixels may be
-/// open to farther ones, each time so many times as many as before.
+/// Of the objects in many tiles, the nearest 64 are traced with the tile's own; then, while pixels may be open to farther
+/// ones, each time 4 times as many as before.
 const LARGE_AT_FIRST: usize = 64;
 const LARGE_MORE: usize = 4;
 

@@ -9,7 +9,7 @@ use crate::kernels::{
 use crate::plan::{Omission, Weighted};
 use crate::reference::geometry;
 
-/// A scene of at most so many spheres has their shading records made once, before its first tile. In scenes of more,
+/// A scene of at most this many spheres has their shading records made once, before its first tile. In scenes of more,
 /// each tile makes those of the spheres that own a pixel there.
 const MOST_RECORDS: usize = 4096;
 

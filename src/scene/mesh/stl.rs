@@ -12,7 +12,7 @@ use crate::kernels::sys::room;
 const TITLE: usize = 80;
 const FACET: usize = 50;
 
-/// Whether a file of so many bytes that begins like this is binary: its title may begin as a text does.
+/// Whether a file of this length and beginning is binary: its title may begin as a text does.
 fn is_binary(source: &[u8], length: usize) -> bool {
     let body = length.saturating_sub(TITLE + 4);
     let fits = claimed(source).is_some_and(|claimed| claimed as usize == body / FACET && body.is_multiple_of(FACET));
