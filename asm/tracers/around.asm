@@ -17,7 +17,7 @@
 ;   registers   rdi sphere, rsi near, edx blocks left in a row, ecx rows of blocks left; v0 the columns and v10 the rows
 ;               of pixels' centres in the picture, number + 1/2; v2 and v1 those of the first block of a row
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
-;   equals      reference::tile::around
+;   equals      kernels::portable::spheres::around
 
 ; AROUND - a function that writes elements of `out` bytes; a block of them is %%parts registers of f64.
 %macro AROUND 2

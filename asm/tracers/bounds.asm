@@ -17,10 +17,10 @@
 ;               BoundsFound, by which the plan judges their numbers; faces have no colours
 ;   requires    the CPUID features of the ISA; count >= 1 triangles, or faces with valid vertices; 4 readable bytes
 ;               after the vertices
-;   equals      reference::tile::BoundsView::of_triangle, to the last bit
+;   equals      kernels::portable::set_up::bounds, to the last bit
 
 ; FIRST_AND_PAST - from coordinates v<f> to v<p>: w<f> = the first pixel and w<p> = one past the last, << 16.
-;   equals      reference::tile::first_and_past
+;   equals      kernels::portable::set_up::bounds_of
 %macro FIRST_AND_PAST 3
 %define %%f %1          ; [in/out]   number of a register
 %define %%p %2          ; [in/out]   number of a register
@@ -37,7 +37,7 @@
 %endmacro
 
 ; PROJECT - d = x / z to_pixels, which replaces x, and the running minimum and maximum over three vertices.
-;   equals      reference::tile::project
+;   equals      kernels::portable::set_up::bounds_of
 %macro PROJECT 4
 %define %%low %1        ; [out]      vreg
 %define %%high %2       ; [out]      vreg
@@ -67,7 +67,7 @@
 
 ; EDGES_HERE - v3 = max(v3, the least of the edges v9, v10, v11 at a pixel), v5 = min(v5, the greatest of them).
 ;              Clobbers v7.
-;   equals      reference::tile::edges_here
+;   equals      kernels::portable::set_up::bounds_of
 %macro EDGES_HERE 0
     VMIN    v7, v9, v10
     VMIN    v7, v7, v11
@@ -78,7 +78,7 @@
 %endmacro
 
 ; CROSS2 - d = ax*by - ay*bx. Clobbers v1.
-;   equals      reference::tile::cross2
+;   equals      kernels::portable::set_up::bounds_of
 %macro CROSS2 5
 %define %%d %1          ; [out]      vreg, not one of the inputs
 %define %%ax %2         ; [in]       vreg
@@ -91,7 +91,7 @@
 %endmacro
 
 ; LENGTH - v<n> = the number of pixels in the bounds in w<b>. Clobbers v8.
-;   equals      reference::tile::length
+;   equals      kernels::portable::set_up::lengths
 %macro LENGTH 2
 %define %%n %1          ; [out]      number of a register
 %define %%b %2          ; [in]       number of a register

@@ -31,7 +31,7 @@
 ;               rax lanes of the packet that are already written
 ;               v0 j, v1 v2 v3 the colour, v11 black, the LIT_ constants
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
-;   equals      reference::packet, to the last bit without estimates
+;   equals      kernels::portable::rows::shade_rows, to the last bit without estimates
 
 ; BEGIN_LIT - begins a function: loads the constants that the rows of the LitSphere at rdi share, reserves SCRATCH for
 ;             one packet of pixels, and saves rbx, r12 and r13; until END_LIT rbp is in use.

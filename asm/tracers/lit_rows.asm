@@ -17,7 +17,7 @@
 ;
 ;   registers   rdi setup, rsi first, rdx rows left, rcx the rows' elements, v0 the rows' numbers
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
-;   equals      reference::packet::LitSetup::row, to the last bit
+;   equals      kernels::portable::rows::lit_rows, to the last bit
 
 ; ROW - stores a field of the rows. Clobbers v10.
 %macro ROW 2

@@ -12,7 +12,7 @@
 ;               the middle, as bits; v2, v3 the minimum and the maximum of each field; with masks v2 later the middle
 ;   writes      both halves, each with room for all objects
 ;   requires    the CPUID features of the ISA; count >= 1
-;   equals      Iterator::partition, at reference::tile::middle
+;   equals      kernels::portable::nearest::nearer_half
 
 %assign CANDIDATE_LANES VBYTES / Candidate_size ; records in a register
 

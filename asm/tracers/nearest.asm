@@ -20,7 +20,7 @@
 ;   rayo_<p>_nearest_spheres    unsafe extern "sysv64" fn(planes: *const SpherePlanes, task: *const NearestTask)
 ;
 ;   requires    the CPUID features of the ISA; memory as tile_layout.inc says
-;   equals      reference::tile, to the last bit
+;   equals      kernels::portable::nearest::nearest, to the last bit
 
 %assign SMALL_SIDE 4                    ; pixels: a triangle whose bounds have no longer side is small
 

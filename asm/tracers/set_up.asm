@@ -13,7 +13,7 @@
 ;   writes      planes and shades of count triangles, rounded up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are triangles, or faces with valid
 ;               vertices, 4 readable bytes after these, and colours in the arrays
-;   equals      reference::tile::set_up and shade, rounded once
+;   equals      kernels::portable::set_up::set_up, to the last bit
 
 ; CANDIDATE_OBJECT - r = the address of the object, in the list at rdx, of candidate i from r8 on, or of candidate 0 if
 ;               fewer than i + 1 are left (rcx); its bounds go to the arrays at r9. Clobbers r14.
@@ -162,7 +162,7 @@
 %endmacro
 
 ; WEIGHT - v<i> = the colour times the radiance of the light at r11. Clobbers v15.
-;   equals      reference::tile::weights
+;   equals      kernels::portable::set_up::set_up
 %macro WEIGHT 2
 %define %%i %1          ; [out]      number of a register
 %define %%channel %2    ; [in]       red, green or blue

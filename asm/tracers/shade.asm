@@ -10,7 +10,7 @@
 ;
 ;   <output>    f32x4, rgba8; f32x4_fast with estimates in place of roots and divisions
 ;   requires    the CPUID features of the ISA; memory as tile_layout.inc says
-;   equals      reference::tile, to the last bit where there is no estimate
+;   equals      kernels::portable::shade::shade, to the last bit where there is no estimate
 
 ; The stack of the shading functions, from rsp on.
 %assign PIXELS_AT 0                     ; a block of floats, or a row of blocks of bytes

@@ -13,10 +13,10 @@
 ;               v12, v13 the greatest and the least size so far, v14 the brightest colour, as bits of f32
 ;   writes      as bounds.asm does; the greatest size is of the radii and |coordinates|, the least of the radii alone
 ;   requires    the CPUID features of the ISA; count >= 1 spheres
-;   equals      reference::tile::SphereView::of_sphere, to the last bit
+;   equals      kernels::portable::spheres::bounds, to the last bit
 
 ; PIXELS_BETWEEN - v<f>, v<p> = the first pixel and one past the last between two coordinates.
-;   equals      reference::tile::InFront::pixels
+;   equals      kernels::portable::spheres::bounds_of
 %macro PIXELS_BETWEEN 3
 %define %%f %1          ; [in/out]   vreg
 %define %%p %2          ; [in/out]   vreg

@@ -16,7 +16,7 @@
 ;   writes      planes or records of count spheres, rounded up to a multiple of LANES
 ;   requires    the CPUID features of the ISA; count from 1 to CHUNK; candidates that are spheres. The results for one
 ;               that is not wholly in front, or that the camera is inside of, are meaningless
-;   equals      reference::tile::InFront and lit, rounded once
+;   equals      kernels::portable::spheres::set_up and kernels::portable::spheres::shading, to the last bit
 
 ; The work of a packet: a register each. Names are those of the records; cc is c.c, over is scale / (k radius), per is
 ; scale / radius, sx and sy are step cx and step cy, reach_x and reach_y the outline's greatest distance from the
@@ -65,7 +65,7 @@
 %define W(name) [r15 + VBYTES * (W_ %+ name)]
 
 ; NEAREST_PIXEL - d = the middle of a and b, rounded to an integer, half away from 0, and clamped to the picture.
-;   equals      reference::tile::nearest_pixel
+;   equals      kernels::portable::spheres::InFront
 %macro NEAREST_PIXEL 5
 %define %%d %1          ; [out]      vreg
 %define %%a %2          ; [in]       vreg
@@ -85,7 +85,7 @@
 
 ; REACH - d = the greatest distance from the origin o of the part of the outline, from a to b, that is in the picture,
 ;         plus one pixel.
-;   equals      reference::tile::reach
+;   equals      kernels::portable::spheres::InFront
 %macro REACH 5
 %define %%a %1          ; [clobbered] vreg
 %define %%b %2          ; [in/out]   vreg: d
@@ -106,7 +106,7 @@
 ;   D = d.d - |c x d|^2, divided by k and the radius: quadratic in the pixel, and without cancellation for a far sphere.
 ;   Pixels count from an origin in the picture, so that the terms are no larger than D is within the picture: where that
 ;   shows only a piece of the limb, D is small and keeps all its digits.
-;   equals      reference::tile::sphere_d
+;   equals      kernels::portable::spheres::InFront
 %macro SPHERE_D 0
     WIDEN   v3, [r8 + SphereArrays.radius]
     WIDEN   v0, [r8 + SphereArrays.x]
@@ -218,7 +218,7 @@ ENDFUNC
 %endmacro
 
 ; TERM - adds |d times a times b| to v3 and stores d.
-;   equals      reference::tile::rounding
+;   equals      kernels::portable::spheres::set_up
 %macro TERM 5
 %define %%out %1        ; [in]       4 or 8
 %define %%field %2      ; [in]       of SpherePlanes
@@ -301,7 +301,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 
 ; NORMAL - W(m<axis>), W(m<axis>x), W(m<axis>y) = (d - t c) / radius with d the ray at the origin, and its increments
 ;          for a column and a row; t = d . c / k, which is in v0, v1 and minus v2; scale / radius is in v3.
-;   equals      reference::tile::normal
+;   equals      kernels::portable::spheres::shading
 %macro NORMAL 4
 %define %%axis %1       ; [in]       x, y or z
 %define %%ray %2        ; [in]       aligned memory or K: d at the origin, the others being ...
@@ -329,7 +329,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endmacro
 
 ; TO_LIGHT - v0, v1, v2 = from the centre to the light at r11, in units of the radii in v3.
-;   equals      reference::tile::to_light
+;   equals      kernels::portable::spheres::shading
 %macro TO_LIGHT 0
     WIDEN   v3, [r8 + SphereArrays.x]
     VSPREAD v0, [r11 + 8 * TileLight.x]
@@ -347,7 +347,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 %endmacro
 
 ; LENGTH_OF - d = |x, y, z|.
-;   equals      reference::packet::norm, unfused
+;   equals      kernels::portable::lanes::dot_unfused
 %macro LENGTH_OF 5
 %define %%d %1          ; [out]      vreg
 %define %%x %2          ; [in]       vreg
@@ -362,7 +362,7 @@ FUNC ISA %+ _ %+ %%precision %+ _sphere_set_up
 ;
 ;   A weight beyond f32 is clamped: no kernel in f32 shades that sphere, but in blocks that it shares with others 0
 ;   times its weight is added to them, which must not be NaN.
-;   equals      reference::tile::weights
+;   equals      kernels::portable::spheres::shading
 %macro SPHERE_WEIGHT 4
 %define %%d %1          ; [out]      vreg
 %define %%channel %2    ; [in]       red, green or blue

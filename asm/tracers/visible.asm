@@ -16,7 +16,7 @@
 ;               v0 to v3 the records; v4, v6 the first and the last of their parts across, v5, v8 down; v7 most
 ;   writes      the visible objects; the list after them is overwritten
 ;   requires    the CPUID features of the ISA; count >= 1; room for a multiple of LANES, filled up with hidden objects
-;   equals      Iterator::filter, by reference::tile::hides
+;   equals      kernels::portable::nearest::visible
 
 ; PARTS - v<first> and v<last> = the first and the last part that bounds meet, across or down; last < first if none.
 ;

@@ -6,6 +6,7 @@ pub use super::guarded::{Guarded, Side, survives};
 pub use super::kernel::without_denormals;
 use super::kernel::{Kernel, kernel};
 use super::paper::Op;
+pub use super::portable::packets as portable_packets;
 use super::types::Vec4;
 
 /// A kernel without arguments that breaks one rule on purpose.

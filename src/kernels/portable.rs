@@ -44,20 +44,13 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         single: elements::<Packet<f32, N, FUSED>, Packet<f64, HALF, FUSED>, f32>(),
         double: elements::<Packet<f64, HALF, FUSED>, Packet<f64, HALF, FUSED>, f64>(),
         fill: Fill::in_rust(|out, pattern| out.fill(pattern), "fill"),
-        narrow_rgb8: Narrow::<Rgba8, Rgb8>::in_rust(
-            |four, three| narrow(four, three, |[r, g, b, _]| [r, g, b]),
-            "narrow",
-        ),
-        narrow_f32x3: Narrow::<Vec4, F32x3>::in_rust(|four, three| narrow(four, three, |v| [v.x, v.y, v.z]), "narrow"),
+        narrow_rgb8: Narrow::<Rgba8, Rgb8>::in_rust(rows::narrow_rgb8, "narrow_rgb8"),
+        narrow_f32x3: Narrow::<Vec4, F32x3>::in_rust(rows::narrow_f32x3, "narrow_f32x3"),
         bounds: Bounds::<Triangle>::in_rust(set_up::bounds::<Packet<f32, N, FUSED>>, "bounds"),
         sphere_bounds: Bounds::<Sphere>::in_rust(spheres::bounds::<Packet<f64, HALF, FUSED>>, "sphere_bounds"),
         nearer_half: NearerHalf::in_rust(nearest::nearer_half, "nearer_half"),
         visible: Visible::in_rust(nearest::visible, "visible"),
     }
-}
-
-fn narrow<Four: Copy, Three>(four: &[Four], three: &mut [Three], of: impl Fn(Four) -> Three) {
-    four.iter().zip(three).for_each(|(four, three)| *three = of(*four));
 }
 
 /// Those on one type of elements, of which blocks of pixels are L; what is set up is so in W.

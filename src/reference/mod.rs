@@ -2,8 +2,8 @@
 //!
 //! [`geometry`] is the truth in f64 that every engine is held against, and `shapes` the one that it is held against itself, in
 //! the 256 bits of `exact`, or in the fewer ones of `bounded` where these are sure; [`aos`] is the twin of the paper's macros, the same
-//! operations in the same order, [`paper_c`] that of the paper's C, [`packet`] that of the packet macros, and [`tile`] that
-//! of the tile macros.
+//! operations in the same order, [`paper_c`] that of the paper's C, [`packet`] that of the operations on packets. The twins of
+//! packet kernels are kernels themselves.
 
 pub mod aos;
 #[cfg(feature = "lab")]
@@ -16,6 +16,5 @@ pub mod paper_c;
 mod real;
 #[cfg(feature = "lab")]
 pub mod shapes;
-pub mod tile;
 
 pub use real::Real;

@@ -1,5 +1,6 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
+use rayo::kernels::harness::portable_packets;
 use rayo::kernels::{
     self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, PaperSphere, PaperTriangle,
     Surface, Vec4,
@@ -41,6 +42,21 @@ pub fn lit_row<E: Element>(numbers: Numbers, width: usize, rng: &mut Rng) -> Lit
     let [start, end, middle] = [start, end, middle].map(|column| column as f64);
     let [m, a, h0, q0] = [0; 4].map(|_| numbers.next(rng).into());
     LitRow { start, end, j: start - middle, stop: end - middle, m, a, h0, q0 }.round()
+}
+
+/// So many rows as [`lit_row`] has them.
+pub fn lit_rows<E: Element>(numbers: Numbers, width: usize, count: usize, rng: &mut Rng) -> Vec<LitRow<E>> {
+    (0..count).map(|_| lit_row(numbers, width, rng)).collect()
+}
+
+/// The packet kernels of each ISA that runs here, and their twins: those in Rust of the same lanes and rounding.
+pub fn twins() -> Vec<(Isa, &'static PacketKernels, &'static PacketKernels)> {
+    let twin = |isa| match isa {
+        Isa::Sse41 => portable_packets::<4, 2, false>(),
+        Isa::Avx2 => portable_packets::<8, 4, true>(),
+        Isa::Avx512 => portable_packets::<16, 8, true>(),
+    };
+    packet_kernels().into_iter().map(|(isa, kernels)| (isa, kernels, &*Box::leak(Box::new(twin(isa))))).collect()
 }
 
 /// The seed of this run: RAYO_SEED, or a fixed one. It is printed, and so shown where a test fails.

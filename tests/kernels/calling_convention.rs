@@ -6,18 +6,17 @@
 use std::fmt::Debug;
 use std::ops::Range;
 
-use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels, seed};
+use crate::kernel_cases::{self, Input, Numbers, implementations, packet_kernels, seed, twins};
 use glam::Vec3;
 use rayo::kernels::harness::{self, BROKEN, Guarded, Side, broken_read, broken_write, without_denormals};
 use rayo::kernels::{
     BoundsView, CHUNK, Candidate, ColourRun, Element, ElementKernels, Extremes, F32x3, FacePart, Fault, Fill, Frame,
     Hits, LIT_ROWS, Light, LitRow, LitRows, LitSetup, LitSphere, Narrow, Objects, Op, OpRef, PART_SIDE, PacketKernels,
     PaperSphere, PaperTriangle, Parts, Plain, Rgb8, Rgba8, RowSetup, ShadeRows, ShadeTile, ShadingRecords, SphereChunk,
-    SphereRecords, SphereView, Surface, TILE_PARTS, TILE_WIDTH, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
+    SphereRecords, SphereView, Surface, TILE_PARTS, TileBuffers, TileOut, TileShade, TileWindow, Triangle,
     TriangleChunk, TriangleList, Vec4, hits_of_c, hits_of_paper,
 };
 use rayo::plan::{Keep, Raster, TilePlace, Tiles};
-use rayo::reference::tile::{hides, middle, parts};
 use rayo::scene::{self, Rng};
 
 const SIDES: [Side; 2] = [Side::Before, Side::After];
@@ -658,18 +657,18 @@ fn check_tiles<E: Element>(packets: &'static PacketKernels, kernels: &ElementKer
 #[test]
 fn every_tile_kernel_keeps_the_calling_convention_and_writes_its_own_pixels_alone() {
     let seed = seed();
-    for (_, kernels) in packet_kernels() {
+    for (_, kernels, twins) in twins() {
         check_tiles(kernels, &kernels.single, seed);
         check_tiles(kernels, &kernels.double, seed);
         check_bounds(kernels, seed);
         check_sphere_bounds(kernels, seed);
-        check_nearer_half(kernels, seed);
-        check_visible(kernels, seed);
+        check_nearer_half(kernels, twins, seed);
+        check_visible(kernels, twins, seed);
     }
 }
 
 /// Cuts in two what lies between guard pages, checked and not, and holds the halves against their twin.
-fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
+fn check_nearer_half(kernels: &PacketKernels, twins: &PacketKernels, seed: u64) {
     let kernel = &kernels.nearer_half;
     let mut rng = Rng::new(seed);
     for count in [1, 2, 3, 17, 64, 200] {
@@ -680,9 +679,10 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
         };
         let candidates = |id| Candidate { id, columns: !id, rows: u32::MAX, most: near() };
         let candidates: Vec<_> = (0..count as u32).map(candidates).collect();
-        let middle = middle(candidates.iter().map(|candidate| candidate.most));
-        let (nearer, farther): (Vec<_>, Vec<_>) =
-            candidates.iter().copied().partition(|candidate: &Candidate| candidate.most >= middle);
+        let (mut nearer, mut farther) = (candidates.clone(), candidates.clone());
+        let near = twins.nearer_half.call(&candidates, &mut nearer, &mut farther);
+        nearer.truncate(near);
+        farther.truncate(count - near);
         let what = format!("{} of {count}", kernel.symbol());
         for side in SIDES {
             let candidates = Guarded::new(&candidates, side).unwrap();
@@ -698,10 +698,9 @@ fn check_nearer_half(kernels: &PacketKernels, seed: u64) {
 }
 
 /// Looks for the visible among what lies between guard pages, checked and not, and holds them against their twin.
-fn check_visible(kernels: &PacketKernels, seed: u64) {
+fn check_visible(kernels: &PacketKernels, twins: &PacketKernels, seed: u64) {
     let kernel = &kernels.visible;
     let mut rng = Rng::new(seed);
-    let (across, side) = ((TILE_WIDTH / PART_SIDE) as u32, PART_SIDE as u32);
     for (count, rows) in [1_usize, 2, 3, 16, 17, 200].into_iter().flat_map(|count| [(count, 0..32), (count, 9..11)]) {
         let window = TileWindow { column: 128, row: 64, columns: if count == 17 { 5 } else { 64 }, rows };
         let mut from = |numbers: Range<u32>| numbers.start + rng.next_u64() as u32 % numbers.len() as u32;
@@ -716,13 +715,10 @@ fn check_visible(kernels: &PacketKernels, seed: u64) {
         candidates
             .iter_mut()
             .for_each(|candidate| candidate.most = [0.0, 0.5, 1.0, 1.5, f32::MAX][from(0..5) as usize]);
-        let range = |bounds: u32| (bounds & 0xffff)..(bounds >> 16);
-        let hidden = |candidate: &Candidate| {
-            let columns = parts(range(candidate.columns), window.column, 0..window.columns, side);
-            let rows = parts(range(candidate.rows), window.row, window.rows.clone(), side);
-            hides(&farthest, across, [columns, rows], candidate.most)
-        };
-        let visible: Vec<_> = candidates.iter().copied().filter(|candidate| !hidden(candidate)).collect();
+        let mut visible = candidates.clone();
+        visible.resize(count.next_multiple_of(16), Candidate::default());
+        let left = twins.visible.call(&mut visible, count, &Parts::new(farthest), &window);
+        visible.truncate(left);
         let what = format!("{} of {count}, {window:?}", kernel.symbol());
         for guarded in SIDES {
             let parts = Parts::new(farthest);

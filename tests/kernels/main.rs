@@ -15,9 +15,8 @@ mod calling_convention;
 mod formats;
 #[cfg(feature = "lab")]
 mod operations;
+mod packets;
 #[cfg(unix)]
 mod safe_calls;
 #[cfg(feature = "lab")]
 mod step_model;
-mod tile_spheres;
-mod tile_twins;

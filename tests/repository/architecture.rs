@@ -216,7 +216,7 @@ fn comments_and_strings_are_no_code() {
 /// What is added takes the place of something, or argues for more here.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 58_640;
+    const LINES: usize = 58_080;
     const KERNELS: usize = 45;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));
@@ -341,8 +341,10 @@ fn equals(comment: &[String]) -> Vec<String> {
 /// Whether src/ has what a path names: a module, or something in one.
 fn is_there(path: &str, sources: &BTreeMap<String, String>) -> bool {
     let parts: Vec<_> = path.split("::").collect();
-    let &[layer, module, ref inner @ ..] = &parts[..] else { return false };
-    let text = sources.get(&format!("src/{layer}/{module}.rs"));
+    // The longest path that is a file is the module.
+    let file = |length: usize| sources.get(&format!("src/{}.rs", parts[..length].join("/")));
+    let module = (2..=parts.len()).rev().find(|length| file(*length).is_some()).unwrap_or(parts.len());
+    let (text, inner) = (file(module), &parts[module..]);
     let defined = |text: &String, name: &str| {
         let tokens = tokens(text);
         tokens.windows(2).any(|pair| ["fn", "struct"].contains(&pair[0]) && pair[1] == name)
@@ -372,10 +374,7 @@ fn every_formula_and_every_tracer_names_the_twin_that_it_equals() {
             formulas += 1;
             let twins = equals(&comment);
             assert!(!twins.is_empty(), "{place}: no twin is named");
-            assert!(
-                twins.iter().all(|twin| twin.starts_with("reference::") && is_there(twin, &rust)),
-                "{place}: {twins:?}"
-            );
+            assert!(twins.iter().all(|twin| twin.contains("::") && is_there(twin, &rust)), "{place}: {twins:?}");
         }
     }
     assert!(formulas > 50, "{formulas}");
@@ -383,7 +382,8 @@ fn every_formula_and_every_tracer_names_the_twin_that_it_equals() {
         let head: Vec<_> = text.lines().take_while(|line| line.starts_with(';')).map(str::to_owned).collect();
         let twins = equals(&head);
         assert!(!twins.is_empty(), "{path}: no twin is named");
-        for twin in twins.iter().filter(|twin| twin.starts_with("reference::") || twin.starts_with("plan::")) {
+        let ours = ["reference::", "plan::", "kernels::"];
+        for twin in twins.iter().filter(|twin| ours.iter().any(|layer| twin.starts_with(layer))) {
             assert!(is_there(twin, &rust), "{path}: there is no {twin}");
         }
     }

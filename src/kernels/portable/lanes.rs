@@ -30,7 +30,7 @@ pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output
     /// Rounded to f32, and clamped to the largest f32, also for a NaN.
     fn to_float(self) -> f32;
     /// Rounded down and clamped to 0 to 255; 255 for a NaN.
-    fn to_level(self) -> u8;
+    fn to_level(self) -> u32;
 }
 
 macro_rules! number {
@@ -79,11 +79,11 @@ macro_rules! number {
                 $float
             }
             #[inline(always)]
-            fn to_level(self) -> u8 {
+            fn to_level(self) -> u32 {
                 let level = if self < 255.0 { self } else { 255.0 };
                 let level = if level > 0.0 { level } else { 0.0 };
                 // SAFETY: it is no NaN, and from 0 to 255: a cast that asked once more would take longer than all the rest.
-                unsafe { level.to_int_unchecked::<i32>() as u8 }
+                unsafe { level.to_int_unchecked::<i32>() as u32 }
             }
         }
     };
@@ -137,7 +137,9 @@ pub trait Lanes:
     #[inline(always)]
     fn store<E: Element>(self, to: &mut [E]) {
         let to = &mut to[..Self::COUNT];
-        (0..Self::COUNT).for_each(|i| to[i] = E::from_f64(self.lane(i).to_f64()));
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = E::from_f64(self.lane(i).to_f64());
+        }
     }
     /// The results of a function of each number.
     #[inline(always)]
@@ -177,7 +179,11 @@ pub trait Lanes:
     /// Whether any bit is set in any lane.
     #[inline(always)]
     fn any(self) -> bool {
-        (0..Self::COUNT).fold(Self::Number::ZERO, |all, i| all.or(self.lane(i))).is_set()
+        let mut any = Self::Number::ZERO;
+        for i in 0..Self::COUNT {
+            any = any.or(self.lane(i));
+        }
+        any.is_set()
     }
     /// `a` in the lanes of this mask and `b` in the others.
     #[inline(always)]
@@ -252,8 +258,12 @@ impl<E: Number, const N: usize, const FUSED: bool> Lanes for Packet<E, N, FUSED>
     const COUNT: usize = N;
     const FUSED: bool = FUSED;
     #[inline(always)]
-    fn from_fn(number: impl FnMut(usize) -> E) -> Self {
-        Packet(std::array::from_fn(number))
+    fn from_fn(mut number: impl FnMut(usize) -> E) -> Self {
+        let mut lanes = [E::ZERO; N];
+        for (i, lane) in lanes.iter_mut().enumerate() {
+            *lane = number(i);
+        }
+        Packet(lanes)
     }
     #[inline(always)]
     fn lane(&self, at: usize) -> E {
@@ -289,11 +299,28 @@ pub fn dot_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
 /// a x b, every product rounded separately: CROSS3_UNFUSED.
 #[inline(always)]
 pub fn cross_unfused<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [(1, 2), (2, 0), (0, 1)].map(|(i, j)| a[i] * b[j] - a[j] * b[i])
+    [(1, 2), (2, 0), (0, 1)].each(|(i, j)| a[i] * b[j] - a[j] * b[i])
 }
 
 /// The results of a function of each component of two vectors.
 #[inline(always)]
-pub fn each<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
-    [0, 1, 2].map(|i| f(a[i], b[i]))
+pub fn zip<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
+    [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
+}
+
+/// An array's `map` that is part of who calls it, which the compiler does not make of the standard library's in large functions.
+pub trait Each<T, const K: usize> {
+    /// What a function makes of each.
+    fn each<U: Copy>(self, f: impl FnMut(T) -> U) -> [U; K];
+}
+
+impl<T: Copy, const K: usize> Each<T, K> for [T; K] {
+    #[inline(always)]
+    fn each<U: Copy>(self, mut f: impl FnMut(T) -> U) -> [U; K] {
+        let mut of = [f(self[0]); K];
+        for i in 1..K {
+            of[i] = f(self[i]);
+        }
+        of
+    }
 }

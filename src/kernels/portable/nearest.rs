@@ -12,7 +12,7 @@ use super::super::records::{
     TriangleArrays, TrianglePlanes,
 };
 use super::super::tiles::{TILE_PARTS, TILE_PIXELS, TileGrid, TileWindow};
-use super::lanes::{Lanes, Number};
+use super::lanes::{Each, Lanes, Number};
 use super::spheres;
 
 /// The division of a tile into blocks, each of as many pixels as there are lanes.
@@ -69,7 +69,7 @@ pub trait Planes<L: Lanes> {
 
 /// As a DVec3.
 fn wide(numbers: [&[u32]; 3], at: usize) -> DVec3 {
-    DVec3::from_array(numbers.map(|numbers| f32::from_bits(numbers[at]).into()))
+    DVec3::from_array(numbers.each(|numbers| f32::from_bits(numbers[at]).into()))
 }
 
 impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
@@ -96,7 +96,7 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
         let along = |(origin, across, down): (&[_; _], &[_; _], &[_; _])| {
             [L::all(origin[at]).fma(L::all(down[at]), y), L::all(across[at])]
         };
-        (planes.map(along), L::all(self.most[at]))
+        (planes.each(along), L::all(self.most[at]))
     }
     #[inline(always)]
     fn measure(([a, b, c, _], _): Self::Row, x: L) -> L {
@@ -108,7 +108,7 @@ impl<L: Lanes> Planes<L> for TrianglePlanes<L::Number> {
     }
     fn hits(&self, of: &TriangleArrays, at: usize, d: DVec3) -> bool {
         let [a, b, c] = [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
-            .map(|corner| wide(corner.map(|numbers| &numbers[..]), at));
+            .each(|corner| wide(corner.each(|numbers| &numbers[..]), at));
         let side = 1f64.copysign(self.side[at].to_f64());
         [(a, b), (b, c), (c, a)].into_iter().all(|(v, w)| d.dot(v.cross(w)) * side >= 0.0)
     }
@@ -168,7 +168,7 @@ pub fn nearest<L: Lanes, P: Planes<L>>(
 ) {
     let [block_x, block_y] = Blocks::<L>::pixels();
     let (width, height) = (Blocks::<L>::WIDTH, Blocks::<L>::HEIGHT);
-    let middle = [window.column as usize + TILE_WIDTH / 2, window.row as usize + TILE_HEIGHT / 2].map(|x| x as f64);
+    let middle = [window.column as usize + TILE_WIDTH / 2, window.row as usize + TILE_HEIGHT / 2].each(|x| x as f64);
     for object in 0..count {
         let ([columns, rows], id) = planes.place(of, object);
         let (columns, rows) =
@@ -234,7 +234,7 @@ pub fn around<L: Lanes, W: Lanes<Number = f64>>(
 ) {
     for first in (0..TILE_PIXELS).step_by(W::COUNT) {
         let [x, y] = [(0, column), (1, row)]
-            .map(|(axis, tile)| W::of(tile.into()) + W::from_fn(|lane| Blocks::<L>::pixel(first + lane)[axis] as f64));
+            .each(|(axis, tile)| W::of(tile.into()) + W::from_fn(|lane| Blocks::<L>::pixel(first + lane)[axis] as f64));
         spheres::around(sphere, x, y).store(&mut near[first..]);
     }
 }
@@ -270,9 +270,11 @@ pub fn visible(candidates: &mut [Candidate], count: usize, farthest: &[f32; TILE
     let mut left = 0;
     for i in 0..count {
         let Candidate { columns, rows, most, .. } = candidates[i];
+        // What is beside the window is taken to be at its edge.
         let parts = |bounds: u32, tile: u32, window: Range<u32>| {
-            let Range { start, end } = within(bounds, tile, window);
-            start / PART_SIDE..end.div_ceil(PART_SIDE)
+            let first = (bounds & 0xffff).max(tile + window.start) - tile;
+            let last = (bounds >> 16).min(tile + window.end).saturating_sub(tile + 1);
+            first as usize / PART_SIDE..=last as usize / PART_SIDE
         };
         let columns = parts(columns, window.column, 0..window.columns);
         let mut rows = parts(rows, window.row, window.rows.clone());

@@ -1,9 +1,9 @@
 //! Whole rows of a picture of one sphere under one light: asm/tracers/lit_rows.asm and lit.asm.
 
 use super::super::packet::{F32x3, Rgb8, Rgba8};
-use super::super::records::{Element, LitRows, LitSetup, LitSphere};
+use super::super::records::{Element, LitRows, LitSetup, LitSphere, MOST_LANES};
 use super::super::types::Vec4;
-use super::lanes::{Lanes, Number};
+use super::lanes::{Each, Lanes, Number};
 
 /// A pixel of a picture.
 pub trait Pixel: Copy {
@@ -15,15 +15,39 @@ pub trait Pixel: Copy {
     /// Whether full light is 255.
     const LEVELS: bool;
 
-    /// Makes pixels of the lanes from number `first` on: of as many as there are mostly at once.
+    /// Makes pixels of as many lanes from number `first` on.
     #[inline(always)]
-    fn put<L: Lanes>(pixels: &mut [Self], colour: [L; 3], first: usize, mostly: usize) {
-        let pixel = |i: usize| Self::of(colour.map(|channel| channel.lane(first + i)));
-        if pixels.len() == mostly {
-            (0..mostly).for_each(|i| pixels[i] = pixel(i));
-        } else {
-            pixels.iter_mut().enumerate().for_each(|(i, to)| *to = pixel(i));
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = Self::of(colour.each(|channel| channel.lane(first + i)));
         }
+    }
+
+    /// Makes the pixels of a span from number `first` on.
+    #[inline]
+    fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
+        let mut j = L::all(of.j) + L::of(first as f64) + L::natural();
+        let mut next = || {
+            let light = of.light(j);
+            j = j + L::of(L::COUNT as f64);
+            [of.sphere.red, of.sphere.green, of.sphere.blue].each(|weight| light * L::all(weight))
+        };
+        let mut packets = to.chunks_exact_mut(L::COUNT);
+        for pixels in &mut packets {
+            Self::put(pixels, next(), 0);
+        }
+        Self::put_some(packets.into_remainder(), next(), 0, L::COUNT);
+    }
+
+    /// Makes pixels of so many lanes, of which the first alone may have some.
+    #[inline(always)]
+    fn put_some<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize, lanes: usize) {
+        if to.len() == lanes {
+            return Self::put(&mut to[..lanes], colour, first);
+        }
+        let mut all = [Self::BLACK; MOST_LANES];
+        Self::put(&mut all[..lanes], colour, first);
+        to.copy_from_slice(&all[..to.len()]);
     }
 }
 
@@ -41,16 +65,22 @@ impl Pixel for F32x3 {
     const LEVELS: bool = false;
     #[inline(always)]
     fn of<E: Number>(colour: [E; 3]) -> Self {
-        colour.map(E::to_float)
+        colour.each(E::to_float)
     }
+}
+
+/// The levels of a colour as one number, of which registers hold as many as of colours; above them 0.
+#[inline(always)]
+fn levels<E: Number>([red, green, blue]: [E; 3]) -> u32 {
+    red.to_level() | green.to_level() << 8 | blue.to_level() << 16
 }
 
 impl Pixel for Rgba8 {
     const BLACK: Self = [0, 0, 0, 255];
     const LEVELS: bool = true;
     #[inline(always)]
-    fn of<E: Number>([red, green, blue]: [E; 3]) -> Self {
-        [red.to_level(), green.to_level(), blue.to_level(), 255]
+    fn of<E: Number>(colour: [E; 3]) -> Self {
+        (levels(colour) | 255 << 24).to_le_bytes()
     }
 }
 
@@ -59,8 +89,40 @@ impl Pixel for Rgb8 {
     const LEVELS: bool = true;
     #[inline(always)]
     fn of<E: Number>(colour: [E; 3]) -> Self {
-        colour.map(E::to_level)
+        colour.each(|channel| channel.to_level() as u8)
     }
+    fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
+        // By way of four channels: one number of 32 bits a pixel.
+        let mut room = [Rgba8::BLACK; 256];
+        for (i, to) in to.chunks_mut(room.len()).enumerate() {
+            let four = &mut room[..to.len()];
+            Pixel::span(of, first + 256 * i, four);
+            narrow_rgb8(four, to);
+        }
+    }
+}
+
+/// The lower three bytes of each of four numbers, of which the highest is 0.
+#[inline(always)]
+fn side_by_side([a, b, c, d]: [u32; 4]) -> [Rgb8; 4] {
+    let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
+    let mut pixels = [Rgb8::BLACK; 4];
+    pixels.as_flattened_mut().copy_from_slice(words.each(u32::to_le_bytes).as_flattened());
+    pixels
+}
+
+/// Leaves out the fourth channel.
+pub fn narrow_rgb8(four: &[Rgba8], three: &mut [Rgb8]) {
+    let ((fours, rest), (threes, others)) = (four.as_chunks::<4>(), three.as_chunks_mut::<4>());
+    for (four, three) in fours.iter().zip(threes) {
+        *three = side_by_side((*four).each(|pixel| u32::from_le_bytes(pixel) & 0xff_ffff));
+    }
+    rest.iter().zip(others).for_each(|([red, green, blue, _], to)| *to = [*red, *green, *blue]);
+}
+
+/// The same in floats.
+pub fn narrow_f32x3(four: &[Vec4], three: &mut [F32x3]) {
+    four.iter().zip(three).for_each(|(four, three)| *three = [four.x, four.y, four.z]);
 }
 
 /// The rows from number `first` on.
@@ -119,24 +181,32 @@ pub fn shade_rows<L: Lanes, P: Pixel>(
         let end = (rows.end[row].to_f64() as usize).max(start);
         out[..start].fill(P::BLACK);
         out[end..].fill(P::BLACK);
-        let mut j = L::all(rows.j[row]) + L::natural();
-        let [m, a, h0, q0] = [rows.m[row], rows.a[row], rows.h0[row], rows.q0[row]].map(L::all);
-        for pixels in out[start..end].chunks_mut(L::COUNT) {
-            let light = sphere_lit(sphere, [m, a, h0, q0], j);
-            let colour = [sphere.red, sphere.green, sphere.blue].map(|weight| light * L::all(weight));
-            P::put(pixels, colour, 0, L::COUNT);
-            j = j + L::of(L::COUNT as f64);
-        }
+        let [m, a, h0, q0] = [rows.m[row], rows.a[row], rows.h0[row], rows.q0[row]].each(L::all);
+        P::span(&Span { sphere, j: rows.j[row], m, a, h0, q0 }, 0, &mut out[start..end]);
     }
 }
 
-/// SPHERE_LIT of a packet with an end of the span in it: inside of one p is above 0.
-#[inline(always)]
-fn sphere_lit<L: Lanes>(sphere: &LitSphere<L::Number>, [m, a, h0, q0]: [L; 4], j: L) -> L {
-    let u = j - m;
-    let root = a.fnma(u, u).max(L::of(0.0)).sqrt();
-    let den = h0.fma(j, L::all(sphere.h1)) + root;
-    let n = q0.fma(j, L::all(sphere.q1)).fma(root, L::all(sphere.kn));
-    let e = den.fms(L::all(sphere.ke), n) * den;
-    (n / e.sqrt()).max(L::of(0.0))
+/// The pixels of a row that see the sphere.
+pub struct Span<'a, L: Lanes> {
+    sphere: &'a LitSphere<L::Number>,
+    /// Of the first.
+    j: L::Number,
+    m: L,
+    a: L,
+    h0: L,
+    q0: L,
+}
+
+impl<L: Lanes> Span<'_, L> {
+    /// SPHERE_LIT of a packet with an end of the span in it: inside of one p is above 0.
+    #[inline(always)]
+    fn light(&self, j: L) -> L {
+        let LitSphere { h1, q1, kn, ke, .. } = *self.sphere;
+        let u = j - self.m;
+        let root = self.a.fnma(u, u).max(L::of(0.0)).sqrt();
+        let den = self.h0.fma(j, L::all(h1)) + root;
+        let n = self.q0.fma(j, L::all(q1)).fma(root, L::all(kn));
+        let e = den.fms(L::all(ke), n) * den;
+        (n / e.sqrt()).max(L::of(0.0))
+    }
 }

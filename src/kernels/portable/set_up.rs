@@ -6,7 +6,7 @@ use super::super::records::{
 };
 use super::super::tiles::{Extremes, TriangleChunk, above};
 use super::super::types::Plain;
-use super::lanes::{Lanes, Number, cross_unfused, dot, each};
+use super::lanes::{Each, Lanes, Number, cross_unfused, dot, zip};
 
 /// A volume below this share of the sum of its terms is 0 but for rounding.
 const PLANE: f64 = 4.0 * f64::EPSILON;
@@ -25,7 +25,7 @@ impl<L: Lanes> Bounds<L> {
     /// The number of pixels across and down: LENGTH.
     #[inline(always)]
     pub fn lengths(&self) -> [L; 2] {
-        [self.columns, self.rows].map(|[first, past]| past - first)
+        [self.columns, self.rows].each(|[first, past]| past - first)
     }
 
     /// Adds the candidates among the lanes, at most as many as `ids`, after the first `count`.
@@ -60,7 +60,7 @@ fn transpose(triangles: TriangleList<'_>, ids: impl Iterator<Item = usize>, to: 
 #[inline(always)]
 fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
     [[&of.ax, &of.ay, &of.az], [&of.bx, &of.by, &of.bz], [&of.cx, &of.cy, &of.cz]]
-        .map(|corner| corner.map(|numbers| L::load_bits(&numbers[at..])))
+        .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
 /// The bounds of triangles.
@@ -113,17 +113,17 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let (all, zero) = (L::all, L::of(0.0));
     let least = |[a, b, c]: [L; 3]| a.min(b).min(c);
     let most = |[a, b, c]: [L; 3]| a.max(b).max(c);
-    let z = corners.map(|corner| corner[2]);
+    let z = corners.each(|corner| corner[2]);
     let (nearest, farthest) = (least(z), most(z));
-    let over = z.map(|z| all(view.to_pixels) / z);
-    let [(across, [left, right]), (up, [bottom, top])] = [0, 1].map(|axis| {
-        let along = [0, 1, 2].map(|i| over[i] * corners[i][axis]);
+    let over = z.each(|z| all(view.to_pixels) / z);
+    let [(across, [left, right]), (up, [bottom, top])] = [0, 1].each(|axis| {
+        let along = [0, 1, 2].each(|i| over[i] * corners[i][axis]);
         let [a, b, c] = along;
         (along, [a.min(b).min(c), b.max(a).max(c)])
     });
     let pixels = |[from, to]: [L; 2], side: f32| {
         let [first, past] = [from + all(view.low), to + all(view.high)];
-        [first, past].map(|x| x.max(zero).min(all(side)).floor())
+        [first, past].each(|x| x.max(zero).min(all(side)).floor())
     };
     let columns = pixels([left + all(view.column), right + all(view.column)], view.width);
     let rows = pixels([all(view.row) - top, all(view.row) - bottom], view.height);
@@ -131,29 +131,29 @@ pub fn bounds_of<L: Lanes<Number = f32>>(view: &BoundsView<f32>, corners: [[L; 3
     let cannot_exceed = ahead.select(all(view.most) / nearest, L::all(f32::MAX));
 
     // Edges at the first pixel within the bounds, and their increments for a column and a row.
-    let x = across.map(|x| x - (columns[0] - all(view.column)));
-    let y = up.map(|y| y - (all(view.row) - rows[0]));
+    let x = across.each(|x| x - (columns[0] - all(view.column)));
+    let y = up.each(|y| y - (all(view.row) - rows[0]));
     let next = [(0, 1), (1, 2), (2, 0)];
-    let mut edges = next.map(|(v, w)| x[v] * y[w] - y[v] * x[w]);
-    let (column, row) = (next.map(|(v, w)| y[v] - y[w]), next.map(|(v, w)| x[v] - x[w]));
+    let mut edges = next.each(|(v, w)| x[v] * y[w] - y[v] * x[w]);
+    let (column, row) = (next.each(|(v, w)| y[v] - y[w]), next.each(|(v, w)| x[v] - x[w]));
     // The greatest over the pixels of the least edge, and the least of the greatest edge: EDGES_HERE.
     let (mut low, mut high) = (least(edges), most(edges));
     let there = |(low, high): (L, L), edges| (low.max(least(edges)), high.min(most(edges)));
-    edges = each(edges, column, |edge, more| edge + more);
+    edges = zip(edges, column, |edge, more| edge + more);
     (low, high) = there((low, high), edges);
-    edges = each(edges, row, |edge, more| edge + more);
+    edges = zip(edges, row, |edge, more| edge + more);
     (low, high) = there((low, high), edges);
-    edges = each(edges, column, |edge, more| edge - more);
+    edges = zip(edges, column, |edge, more| edge - more);
     (low, high) = there((low, high), edges);
     let has_no_pixel = all(view.outside).greater(low.max(high.negated()));
-    let [width, height] = [right - left, top - bottom].map(|length| ahead.select(length, L::all(f32::MAX)));
+    let [width, height] = [right - left, top - bottom].each(|length| ahead.select(length, L::all(f32::MAX)));
     let is_small = all(view.reach).greater(width).and(all(view.reach).greater(height));
     let nowhere = has_no_pixel.and(is_small);
 
     let whole = |[first, past]: [L; 2], side: f32| {
-        [ahead.select(first, zero), ahead.select(past, all(side))].map(|x| in_part.and(x))
+        [ahead.select(first, zero), ahead.select(past, all(side))].each(|x| in_part.and(x))
     };
-    let columns = whole(columns, view.width).map(|x| nowhere.select(zero, x));
+    let columns = whole(columns, view.width).each(|x| nowhere.select(zero, x));
     let bounds = Bounds { columns, rows: whole(rows, view.height), most: cannot_exceed };
     (bounds, in_part.and(cannot_exceed))
 }
@@ -176,16 +176,16 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
     let all = W::all;
     for at in (0..past).step_by(W::COUNT) {
         let [a, b, c] = corners::<W>(of, at);
-        let normal = cross_unfused(each(a, b, W::sub), each(a, c, W::sub));
-        let [x, y, z] = each(a, normal, W::mul);
+        let normal = cross_unfused(zip(a, b, W::sub), zip(a, c, W::sub));
+        let [x, y, z] = zip(a, normal, W::mul);
         let volume = x + y + z;
         let seen_from_a_side = volume.abs().greater((x.abs() + y.abs() + z.abs()) * W::of(PLANE));
         let side = W::of(0.0).with_sign_of(volume);
 
         // 1/t is (n . d) / (n . v), affine over the pixels; 0, which is never nearest, if it is never hit.
         let over = all(view.scale) / volume;
-        let n = normal.map(|n| seen_from_a_side.and(n * over));
-        let ray = [view.dx, view.dy, view.dz].map(all);
+        let n = normal.each(|n| seen_from_a_side.and(n * over));
+        let ray = [view.dx, view.dy, view.dz].each(all);
         dot(n, ray).store(&mut planes.t0[at..]);
         (n[0] * all(view.step)).store(&mut planes.tx[at..]);
         (n[1] * all(view.down)).store(&mut planes.ty[at..]);
@@ -195,20 +195,20 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
 
         // The effect of each light: |n . (l - v)| / |n|, and the weights.
         let per = W::of(1.0) / (dot(normal, normal).sqrt() * all(view.scale));
-        let colour = [&of.red, &of.green, &of.blue].map(|channel| W::load_bits(&channel[at..]));
+        let colour = [&of.red, &of.green, &of.blue].each(|channel| W::load_bits(&channel[at..]));
         for (number, light) in lights.iter().enumerate() {
-            let along = dot(each([light.x, light.y, light.z].map(all), a, W::sub), normal).abs() * per;
+            let along = dot(zip([light.x, light.y, light.z].each(all), a, W::sub), normal).abs() * per;
             let cosine = along.min(W::of(f64::INFINITY));
-            let weights = each(colour, [light.red, light.green, light.blue].map(all), W::mul);
+            let weights = zip(colour, [light.red, light.green, light.blue].each(all), W::mul);
             for lane in 0..W::COUNT {
-                let [red, green, blue] = weights.map(|weight| E::from_f64(weight.lane(lane)));
+                let [red, green, blue] = weights.each(|weight| E::from_f64(weight.lane(lane)));
                 shades[(at + lane) * lights.len() + number] =
                     TileShade { cosine: E::from_f64(cosine.lane(lane)), red, green, blue };
             }
         }
 
         // The edges divided by their rounding bounds, with the sign of the volume: TRIANGLE_EDGE.
-        let bound = [view.bound_x, view.bound_y, view.bound_z].map(all);
+        let bound = [view.bound_x, view.bound_y, view.bound_z].each(all);
         let edges = [
             (a, b, &mut planes.e10, &mut planes.e1x, &mut planes.e1y),
             (b, c, &mut planes.e20, &mut planes.e2x, &mut planes.e2y),
@@ -217,7 +217,7 @@ pub fn set_up<W: Lanes<Number = f64>, E: Element>(
         for (v, w, origin, across, down) in edges {
             let e = cross_unfused(v, w);
             let at_origin = dot(e, ray);
-            let bound = dot(e.map(W::abs), bound).fma(at_origin.abs(), all(view.bound_0));
+            let bound = dot(e.each(W::abs), bound).fma(at_origin.abs(), all(view.bound_0));
             let over = W::of(1.0) / bound;
             let over = side.zip(over, |side, over| if side.is_set() { over.negated() } else { over });
             (at_origin * over).store(&mut origin[at..]);

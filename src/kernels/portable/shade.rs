@@ -5,7 +5,7 @@ use super::super::records::{
 };
 use super::super::tiles::{ShadingRecords, TileOut, TileWindow};
 use super::super::types::Plain;
-use super::lanes::{Lanes, Number, dot, each};
+use super::lanes::{Each, Lanes, Number, dot, zip};
 use super::nearest::Blocks;
 use super::rows::Pixel;
 
@@ -18,7 +18,7 @@ fn cosine<L: Lanes>(n: L, q: L) -> L {
 /// The vector from the hit to a light, divided by t: l w - d.
 #[inline(always)]
 fn to_light<L: Lanes>([x, y, z, _]: &TilePoint<L::Number>, w: L, d: [L; 3]) -> [L; 3] {
-    each([*x, *y, *z].map(L::all), d, |l, d| l.fms(w, d))
+    zip([*x, *y, *z].each(L::all), d, |l, d| l.fms(w, d))
 }
 
 /// The cosine for n . (l - v): TRIANGLE_COSINE.
@@ -40,8 +40,8 @@ pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L
         [sphere.my, sphere.myx, sphere.myy, sphere.uy],
         [sphere.mz, sphere.mzx, sphere.mzy, sphere.uz],
     ];
-    planes.map(|plane| {
-        let [m, mx, my, u] = plane.map(all);
+    planes.each(|plane| {
+        let [m, mx, my, u] = plane.each(all);
         m.fma(mx, x).fma(my, y).fnma(u, root)
     })
 }
@@ -49,8 +49,8 @@ pub fn normal_over_t<L: Lanes>(sphere: &TileSphere<L::Number>, x: L, y: L) -> [L
 /// SPHERE_COSINE.
 #[inline(always)]
 fn sphere_cosine<L: Lanes>(m: [L; 3], w: L, light: &ObjectLight<L::Number>) -> L {
-    let l = [light.x, light.y, light.z].map(L::all);
-    let to_light = each(l, m, |l, m| l.fms(w, m));
+    let l = [light.x, light.y, light.z].each(L::all);
+    let to_light = zip(l, m, |l, m| l.fms(w, m));
     cosine(dot(l, m) - w, dot(to_light, to_light))
 }
 
@@ -80,11 +80,11 @@ impl<L: Lanes> Block<L> {
         let sphere = &records.spheres[record];
         let lights = record * records.lights.len()..(record + 1) * records.lights.len();
         let [x, y] = [self.pixel[0] - all(sphere.column), self.pixel[1] - all(sphere.row)];
-        let mut light = |cosine: L, weights: [L::Number; 3]| add(colour, mask.and(cosine), weights.map(all));
+        let mut light = |cosine: L, weights: [L::Number; 3]| add(colour, mask.and(cosine), weights.each(all));
         if sphere.around != L::Number::ZERO {
             let t = L::of(1.0) / self.w;
-            let centre = [sphere.ux, sphere.uy, sphere.uz].map(all);
-            let n = each(self.ray, centre, |d, c| (d * t - c) * all(sphere.mx));
+            let centre = [sphere.ux, sphere.uy, sphere.uz].each(all);
+            let n = zip(self.ray, centre, |d, c| (d * t - c) * all(sphere.mx));
             for (lit, point) in records.lits[lights].iter().zip(records.lights) {
                 let l = to_light(point, self.w, self.ray);
                 light(cosine(dot(n, l), dot(l, l)), [lit.red, lit.green, lit.blue]);
@@ -105,7 +105,7 @@ impl<L: Lanes> Block<L> {
 /// Adds a cosine times weights.
 #[inline(always)]
 fn add<L: Lanes>(colour: &mut [L; 3], cosine: L, weights: [L; 3]) {
-    *colour = each(*colour, weights, |colour, weight| colour.fma(cosine, weight));
+    *colour = zip(*colour, weights, |colour, weight| colour.fma(cosine, weight));
 }
 
 /// SHORT_COSINE.
@@ -152,7 +152,7 @@ pub fn shade<L: Lanes, P: Pixel>(
                     id if id <= spheres => block.add_sphere::<P>(id, whole, &records, &mut colour),
                     _ => block.add_triangles(records.lights, &mut colour, |number| {
                         let TileShade { cosine, red, green, blue } = *shade(owner, number);
-                        [cosine, red, green, blue].map(all)
+                        [cosine, red, green, blue].each(all)
                     }),
                 }
             } else if count > 0 {
@@ -182,7 +182,7 @@ pub fn shade<L: Lanes, P: Pixel>(
             for row in (down * height..(down + 1) * height).filter(|row| rows.contains(row)) {
                 let line = first + (row - rows.start) * pitch;
                 let to = &mut pixels[line + columns.start..line + columns.end];
-                P::put(to, colour, (row - down * height) * width, width);
+                P::put_some(to, colour, (row - down * height) * width, width);
             }
         }
     }

@@ -8,7 +8,7 @@ use super::super::records::{
 };
 use super::super::tiles::{Extremes, SphereChunk, SphereRecords, above};
 use super::super::types::Plain;
-use super::lanes::{Lanes, Number, cross_unfused, dot_unfused, each};
+use super::lanes::{Each, Lanes, Number, cross_unfused, dot_unfused, zip};
 use super::set_up::Bounds;
 
 /// A sphere is in front if its centre is at least so many radii in front of the camera's plane.
@@ -36,7 +36,7 @@ fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArray
 /// Centres and radii of spheres from index `at` on.
 #[inline(always)]
 fn numbers<W: Lanes>(of: &SphereArrays, at: usize) -> ([W; 3], W) {
-    ([&of.x, &of.y, &of.z].map(|numbers| W::load_bits(&numbers[at..])), W::load_bits(&of.radius[at..]))
+    ([&of.x, &of.y, &of.z].each(|numbers| W::load_bits(&numbers[at..])), W::load_bits(&of.radius[at..]))
 }
 
 /// The ends of silhouettes along one axis at distance 1: SILHOUETTE.
@@ -60,7 +60,7 @@ fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3])
     let [bottom, top] = silhouette(cy, cz, m);
     let column = |x: W| (x * all(view.focal) + all(view.half_width)) / all(view.step) - half;
     let row = |y: W| (all(view.half_height) - y * all(view.focal)) / all(view.step) - half;
-    [silhouette(cx, cz, m).map(column), [row(top), row(bottom)]]
+    [silhouette(cx, cz, m).each(column), [row(top), row(bottom)]]
 }
 
 /// The bounds of spheres.
@@ -100,12 +100,12 @@ pub fn bounds<W: Lanes<Number = f64>>(
 pub fn bounds_of<W: Lanes<Number = f64>>(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Bounds<W> {
     let (all, zero, one) = (W::all, W::of(0.0), W::of(1.0));
     let most = all(view.most) / (centre[2] - radius);
-    let c = centre.map(|x| x / radius);
+    let c = centre.each(|x| x / radius);
     let (cz, squared) = (c[2], dot_unfused(c, c));
     let [columns, rows] = outline(view, c);
     let pixels = |[low, high]: [W; 2], side: f64| {
         let (first, past) = ((low - W::of(OUTLINE)).ceil(), (high + W::of(OUTLINE)).floor() + one);
-        [first, past].map(|x| x.max(zero).min(all(side)))
+        [first, past].each(|x| x.max(zero).min(all(side)))
     };
     let in_front = cz.not_less(W::of(FRONT)).and(W::of(f64::INFINITY).greater(squared));
     let in_part = cz.greater(W::of(-1.0));
@@ -143,19 +143,19 @@ impl<W: Lanes<Number = f64>> InFront<W> {
     fn new(view: &SphereView<f64>, centre: [W; 3], radius: W) -> Self {
         let (all, half, one) = (W::all, W::of(0.5), W::of(1.0));
         let step = all(view.step);
-        let c = centre.map(|x| x / radius);
+        let c = centre.each(|x| x / radius);
         let squared = dot_unfused(c, c);
         let k = squared - one;
         let over = all(view.scale) / (k * radius);
         let outline = outline(view, c);
-        let sides = [view.width, view.height].map(all);
+        let sides = [view.width, view.height].each(all);
         // The middle, rounded half away from 0, within the picture: NEAREST_PIXEL; and REACH.
-        let origin = [0, 1].map(|axis| {
+        let origin = [0, 1].each(|axis| {
             let [a, b] = outline[axis];
             let middle = (a + b) * half;
             (middle.abs() + W::of(BELOW_HALF)).floor().with_sign_of(middle).min(sides[axis]).max(W::of(0.0))
         });
-        let reach = [0, 1].map(|axis| {
+        let reach = [0, 1].each(|axis| {
             let ([a, b], origin) = (outline[axis], origin[axis]);
             (b.min(sides[axis]) - origin).max(origin - a.max(W::of(0.0))) + one
         });
@@ -163,7 +163,7 @@ impl<W: Lanes<Number = f64>> InFront<W> {
         let y = all(view.half_height) - (origin[1] + half) * step;
         let ray = [x, y, all(view.focal)];
         let across = cross_unfused(c, ray);
-        let [sx, sy, sz] = c.map(|c| c * step);
+        let [sx, sy, sz] = c.each(|c| c * step);
         let square = over * over;
         let twice = |x: W| x + x;
         let d = [
@@ -174,7 +174,7 @@ impl<W: Lanes<Number = f64>> InFront<W> {
             twice(sy * sx).negated(),
             step * step - (sx * sx + sz * sz),
         ];
-        let d = d.map(|x| x * square);
+        let d = d.each(|x| x * square);
         InFront { c, squared, k, over, origin, reach, ray, h: [dot_unfused(c, ray), sx, sy], d }
     }
 }
@@ -240,20 +240,20 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
     for at in (0..chunk::<W>(spheres, &mut of)).step_by(W::COUNT) {
         let (centre, radius) = numbers::<W>(&of, at);
         let InFront { c, squared, k, origin, ray, h, d, .. } = InFront::new(view, centre, radius);
-        let t = h.map(|h| h / k);
+        let t = h.each(|h| h / k);
         let per = all(view.scale) / radius;
         // The first part of n / t = (d - h c / k) - sqrt(D) c / k over the radius, and its increments: NORMAL.
         let normal = |axis: usize, column: W, row: W| {
-            let t = t.map(|t| t * c[axis]);
-            [ray[axis] - t[0], column - t[1], t[2] - row].map(|x| x * per)
+            let t = t.each(|t| t * c[axis]);
+            [ray[axis] - t[0], column - t[1], t[2] - row].each(|x| x * per)
         };
         let [mx, my, mz] = [normal(0, step, zero), normal(1, zero, step), normal(2, zero, zero)];
         let to_light =
-            |light: &TileLight<f64>| each([light.x, light.y, light.z].map(all), centre, |l, c| (l - c) / radius);
-        let colour = [&of.red, &of.green, &of.blue].map(|channel| W::load_bits(&channel[at..]));
+            |light: &TileLight<f64>| zip([light.x, light.y, light.z].each(all), centre, |l, c| (l - c) / radius);
+        let colour = [&of.red, &of.green, &of.blue].each(|channel| W::load_bits(&channel[at..]));
         let weights = |light: &TileLight<f64>, white: f64| {
-            let radiance = [light.red, light.green, light.blue].map(all);
-            each(colour, radiance, |colour, light| {
+            let radiance = [light.red, light.green, light.blue].each(all);
+            zip(colour, radiance, |colour, light| {
                 let weight = colour * all(white) * light;
                 if most.is_finite() { weight.min(all(most)) } else { weight }
             })
@@ -268,17 +268,17 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
             let from_centre = to_light(light);
             let distance = dot_unfused(from_centre, from_centre).sqrt();
             let (gap, products) = (distance - one, distance * length);
-            let l = [light.x, light.y, light.z].map(|x| all(x) / radius);
+            let l = [light.x, light.y, light.z].each(|x| all(x) / radius);
             let (kn, ke) = (k - dot_unfused(l, c), dot_unfused(l, l) - k);
             let loss = ((kn.abs() + products) / gap).max((ke.abs() + (products + products)) / (gap * gap));
-            let [near, far, most] = SHORT.map(W::of);
+            let [near, far, most] = SHORT.each(W::of);
             accurate = accurate.and(gap.greater(near)).and(far.greater(gap)).and(most.greater(loss));
-            let q = from_centre.map(|x| x * per);
+            let q = from_centre.each(|x| x * per);
             let [red, green, blue] = weights(light, 255.0);
             let (q0, qx, qy) = (dot_unfused(q, ray), q[0] * step, (q[1] * step).negated());
             for lane in 0..lanes {
                 let [q0, qx, qy, kn, ke, red, green, blue] =
-                    [q0, qx, qy, kn, ke, red, green, blue].map(|x| x.lane(lane));
+                    [q0, qx, qy, kn, ke, red, green, blue].each(|x| x.lane(lane));
                 records.shorts[place(lane, number)] = ShortLight { q0, qx, qy, kn, ke, red, green, blue }.round();
             }
         }
@@ -290,10 +290,10 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
             let distance = dot_unfused(from_centre, from_centre).sqrt();
             let is_far = distance.greater(all(view.far));
             let over = all(view.far) / distance;
-            let [x, y, z] = from_centre.map(|x| is_far.select(x * over, x));
+            let [x, y, z] = from_centre.each(|x| is_far.select(x * over, x));
             let [red, green, blue] = weights(light, view.white);
             for lane in 0..lanes {
-                let [x, y, z, red, green, blue] = [x, y, z, red, green, blue].map(|x| x.lane(lane));
+                let [x, y, z, red, green, blue] = [x, y, z, red, green, blue].each(|x| x.lane(lane));
                 records.lits[place(lane, number)] =
                     ObjectLight { x, y, z, cosine: 0.0, red, green, blue, padding: 0.0 }.round();
             }
@@ -301,9 +301,9 @@ pub fn shading<W: Lanes<Number = f64>, E: Element>(
         let shorts = accurate.and(one);
         for lane in 0..lanes {
             let number = |x: W| x.lane(lane);
-            let [[mx, mxx, mxy], [my, myx, myy], [mz, mzx, mzy]] = [mx, my, mz].map(|m| m.map(number));
-            let ([d0, dx, dy, dxx, dxy, dyy], [ux, uy, uz]) = (d.map(number), c.map(number));
-            let [column, row, short] = [origin[0], origin[1], shorts].map(number);
+            let [[mx, mxx, mxy], [my, myx, myy], [mz, mzx, mzy]] = [mx, my, mz].each(|m| m.each(number));
+            let ([d0, dx, dy, dxx, dxy, dyy], [ux, uy, uz]) = (d.each(number), c.each(number));
+            let [column, row, short] = [origin[0], origin[1], shorts].each(number);
             records.spheres[first + at + lane] = TileSphere {
                 column,
                 row,

@@ -1,14 +1,11 @@
 //! The shade of the closed form by the worst estimates of roots that any CPU may give: the twin, fed with them.
 
 use rayo::experiments::accuracy::{ESTIMATES, errors::Expected, expect};
-use rayo::kernels::LitRow;
+use rayo::kernels::{LitRow, LitRows, LitSphere};
 use rayo::plan::{Keep, LitForm, Scale};
-use rayo::reference::packet::Rounding;
 use rayo::render::level;
 use rayo::scene::families::FAMILIES;
 use rayo::scene::{Camera, Light, Scene, Sphere, many};
-
-use super::{setup_of, twin_of_lit};
 
 /// The documented error of `rsqrtps`, of what it should be.
 const ERROR: f64 = 1.5 / 4096.0;
@@ -29,6 +26,25 @@ fn adversary(error: f64, signs: [f64; 2]) -> impl FnMut(f32) -> f32 {
     move |x| ((1.0 + error * turns.next().expect("they come again")) / f64::from(x).sqrt()) as f32
 }
 
+/// SPHERE_LIT in f32 with estimates, which `rsqrt` gives. An edge packet takes p for `least` where it is less.
+fn lit_by_estimates(
+    fused: bool,
+    sphere: &LitSphere<f32>,
+    row: &LitRow<f32>,
+    (j, edge): (f32, bool),
+    mut rsqrt: impl FnMut(f32) -> f32,
+) -> [f32; 3] {
+    let fma = |a: f32, b: f32, c: f32| if fused { a.mul_add(b, c) } else { c + a * b };
+    let u = j - row.m;
+    let p = fma(-u, u, row.a);
+    let over_root = rsqrt(if edge { p.max(sphere.least) } else { p });
+    let den = fma(fma(sphere.h1, j, row.h0), over_root, 1.0);
+    let n = fma(fma(sphere.q1, j, row.q0), over_root, sphere.kn);
+    let e = fma(den, sphere.ke, -n) * den;
+    let light = (n * rsqrt(e)).max(0.0);
+    [sphere.red, sphere.green, sphere.blue].map(|weight| light * weight)
+}
+
 /// What came of it.
 #[derive(Default)]
 struct Found {
@@ -39,32 +55,32 @@ struct Found {
 }
 
 impl Found {
-    fn check(&mut self, (scene, name): (&Scene, &str), expected: &[Expected], rounding: Rounding, error: f64) {
+    fn check(&mut self, (scene, name): (&Scene, &str), expected: &[Expected], fused: bool, error: f64) {
         let Some(form) = LitForm::of::<f32>(scene, Keep::NOTHING) else { return };
-        let (setup, sphere) = (setup_of(&form, Scale::Levels), form.sphere(Scale::Levels).round());
+        let sphere = form.sphere(Scale::Levels).round();
         // An error of so much more or less than rsqrtps's.
         let most = ESTIMATES * error / ERROR + ROUNDING;
+        let mut rows = LitRows::default();
         for row in 0..scene.camera.height() {
-            let [start, end, j, stop, m, a, h0, q0] = setup.row(row);
-            let record = LitRow { start, end, j, stop, m, a, h0, q0 }.round();
-            let twin = twin_of_lit(&sphere, &record);
-            for col in start as u32..end as u32 {
+            rayo::kernels::portable().single.lit_rows.call(form.setup(Scale::Levels), row, 1, &mut rows);
+            let record = rows.row(0);
+            for col in record.start as u32..record.end as u32 {
                 let Expected { hit, margin } = expected[(row * scene.camera.width() + col) as usize];
                 let Some(truth) = hit.filter(|_| margin > MARGIN).and_then(|hit| hit.colour) else { continue };
                 self.pixels += 1;
-                let j = (f64::from(col) - start + j) as f32;
+                let j = col as f32 - record.start + record.j;
                 let edge = j == record.j || j == record.stop - 1.0;
                 let mut off = false;
                 for signs in ADVERSARIES {
                     let estimates = adversary(error, signs);
-                    let colour = rounding.lit_by_estimates((&twin, sphere.least), j, edge, estimates);
+                    let colour = lit_by_estimates(fused, &sphere, &record, (j, edge), estimates);
                     for (found, truth) in colour.into_iter().zip(truth.to_array()) {
                         let found = f64::from(found).clamp(0.0, 255.0);
                         let apart = (found - 255.0 * truth.clamp(0.0, 1.0)).abs();
                         let levels = (found as u8).abs_diff(level(truth));
                         let what = || {
                             format!(
-                                "{name}, row {row}, column {col}, {rounding:?}, estimates off by {signs:?} of {error}: {found} \
+                                "{name}, row {row}, column {col}, fused: {fused}, estimates off by {signs:?} of {error}: {found} \
                                 and not {}",
                                 255.0 * truth
                             )
@@ -107,11 +123,11 @@ fn no_estimate_that_any_cpu_may_give_puts_a_pixel_off_by_two_levels_or_more_than
         (scene, format!("sphere {i}"))
     }));
     let expected: Vec<_> = scenes.iter().map(|(scene, _)| expect(scene)).collect();
-    for (error, roundings) in [(ERROR, &[Rounding::Unfused, Rounding::Fused][..]), (ERROR_14, &[Rounding::Fused][..])] {
+    for (error, fused) in [(ERROR, &[false, true][..]), (ERROR_14, &[true][..])] {
         let mut found = Found::default();
         for ((scene, name), expected) in scenes.iter().zip(&expected) {
-            for rounding in roundings {
-                found.check((scene, name), expected, *rounding, error);
+            for fused in fused {
+                found.check((scene, name), expected, *fused, error);
             }
         }
         let Found { worst, pixels, off_by_1 } = found;
