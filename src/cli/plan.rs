@@ -174,7 +174,7 @@ fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<A
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         };
-        let ablation = ablation::run((engine, purpose), &scene, lines, ticks, &mut clock, &mut progress);
+        let ablation = ablation::run(engine, purpose, &scene, lines, ticks, &mut clock, &mut progress);
         bar.finish_and_clear();
         Some(ablation.map_err(Failure::input)?)
     } else {

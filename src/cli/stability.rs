@@ -13,11 +13,10 @@ use clap::Args;
 use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
 use super::party::Party;
 use super::{Failure, print_result, say};
-use crate::experiments::accuracy::{self, Contender};
 use crate::experiments::stability::limits::{self, Limits};
 use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot};
 use crate::render::Engine;
-use crate::scene::families::{FAMILIES, Family, family};
+use crate::scene::families::{FAMILIES, family};
 use crate::scene::{shown, text_within};
 
 /// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
@@ -121,33 +120,30 @@ fn verdict(document: &StabilityReport) -> ExitCode {
 }
 
 fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
-    let families: Vec<&'static Family> = match &args.family {
-        None => FAMILIES.iter().collect(),
-        Some(name) => vec![family(name).ok_or_else(|| {
+    let mut settings = Settings { seed: args.seed, case: args.case, ..Settings::all(args.quick) };
+    if let Some(name) = &args.family {
+        let family = family(name).ok_or_else(|| {
             let ids: Vec<_> = FAMILIES.iter().map(|family| family.id).collect();
             Failure::input(format!("there is no family `{name}`; there are: {}", ids.join(", ")))
-        })?],
-    };
-    if let (Some(case), [family]) = (args.case, &families[..])
-        && case >= family.cases()
-    {
-        let last = family.cases() - 1;
-        return Err(Failure::input(format!("the cases of family {} are 0 to {last}, not {case}", family.id)));
+        })?;
+        if let Some(case) = args.case.filter(|case| *case >= family.cases()) {
+            let last = family.cases() - 1;
+            return Err(Failure::input(format!("the cases of family {} are 0 to {last}, not {case}", family.id)));
+        }
+        settings.families = vec![family];
     }
-    let mut contenders: Vec<Contender> = accuracy::contenders();
     if let Some(name) = &args.engine {
         let engine: Engine = name.parse().map_err(Failure::input)?;
-        contenders.retain(|contender| contender.engine == engine);
-        if contenders.is_empty() {
+        settings.contenders.retain(|contender| contender.engine == engine);
+        if settings.contenders.is_empty() {
             return Err(Failure::input(format!("this CPU does not run the engine `{engine}`")));
         }
     }
-    let limits = match &args.limits {
-        None => Limits::checked_in(),
-        Some(path) => text_within(path, 1 << 20, "too many for limits")
+    if let Some(path) = &args.limits {
+        settings.limits = text_within(path, 1 << 20, "too many for limits")
             .map_err(|error| error.to_string())
             .and_then(|text| Limits::parse(&text))
-            .map_err(|error| Failure::input(format!("{}: {error}", shown(path))))?,
-    };
-    Ok(Settings { families, contenders, seed: args.seed, case: args.case, quick: args.quick, limits })
+            .map_err(|error| Failure::input(format!("{}: {error}", shown(path))))?;
+    }
+    Ok(settings)
 }

@@ -88,7 +88,8 @@ enum Part {
 /// # Errors
 /// An engine that is not there, and no memory for two pictures.
 pub fn run(
-    (engine, purpose): (Engine, Purpose),
+    engine: Engine,
+    purpose: Purpose,
     scene: &Scene,
     lines: &[LeftOut],
     ticks: u64,
@@ -154,10 +155,7 @@ pub fn run(
     let films = std::cell::RefCell::new((out, floats));
     let (one, two) = (few(1), few(2));
     let mut works: Vec<Work<'_>> = Vec::new();
-    // For each contestant, the place of its first work.
-    let mut firsts = Vec::with_capacity(contestants.len());
     for (contestant, part) in contestants.iter().zip(&parts) {
-        firsts.push(works.len());
         let bands: &[&[Range<u32>]] = match part {
             Part::Bands => &[&chosen],
             Part::Rows => &[from_ref(&one), from_ref(&two)],
@@ -180,24 +178,27 @@ pub fn run(
     let runs = interleave(clock, &mut works, 0..rounds, &mut proceed).expect("nobody stops it");
     let estimate = |own: &Runs| Pairs::of(own, &runs[0]).estimate(1);
     let planned = median(&runs[0].ticks);
-    let against_plan = |index: usize| match (parts[index], &runs[firsts[index]..]) {
-        (Part::Bands, [own, ..]) => Timed::Ratio(estimate(own)),
-        (Part::Rows, [one, two, ..]) => {
+    let mut in_turn = runs.iter();
+    let mut next = || in_turn.next().expect("every contestant has the works of its part");
+    let against_plan = |part: &Part| match part {
+        Part::Bands => Timed::Ratio(estimate(next())),
+        Part::Rows => {
+            let (one, two) = (next(), next());
             let all = |(one, two): (&f64, &f64)| share as f64 * (one + (two - one).max(0.0) * (band_rows - 1) as f64);
             let taken = one.taken.iter().zip(&two.taken).map(|(one, two)| *one || *two).collect();
             let ticks = one.ticks.iter().zip(&two.ticks).map(all).collect();
             Timed::Extrapolated(estimate(&Runs { ticks, taken, migrations: 0 }))
         }
-        (Part::Nothing(band), _) => Timed::Once(share as f64 * band as f64 / planned),
-        _ => unreachable!("every contestant has the works of its part"),
+        Part::Nothing(band) => Timed::Once(share as f64 * *band as f64 / planned),
     };
+    let timed: Vec<Timed> = parts.iter().map(against_plan).collect();
     Ok(Ablation {
         rounds,
         rows,
         cycles_per_pixel: planned / (rows as f64 * f64::from(camera.width())),
-        control: against_plan(1),
-        keep_all: against_plan(2),
-        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, against_plan)).collect(),
+        control: timed[1],
+        keep_all: timed[2],
+        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, |place| timed[place])).collect(),
     })
 }
 
@@ -271,7 +272,7 @@ mod tests {
         let mut told = Vec::new();
         let mut progress = |done, all| told.push((done, all));
         let mut clock = clock(timed);
-        let found = run((engine, purpose), &scene, &lines, ticks, &mut clock, &mut progress).unwrap();
+        let found = run(engine, purpose, &scene, &lines, ticks, &mut clock, &mut progress).unwrap();
         assert_eq!((found.rounds, found.rows), (ROUNDS, 48));
         assert!(clock.0.next().is_none(), "all of the script was used");
         assert!(told.is_sorted() && told.last() == Some(&(3 + timed + ROUNDS, 3 + timed + ROUNDS)), "{told:?}");

@@ -15,7 +15,7 @@ use super::lab::LabError;
 use crate::measure::Machine;
 use crate::measure::Name;
 use crate::render::{EngineError, Film, Precision};
-use crate::scene::families::{Case, Family};
+use crate::scene::families::{Case, FAMILIES, Family};
 use crate::scene::{Camera, Scene, many};
 use limits::{Broken, Figures, Limits};
 
@@ -35,6 +35,14 @@ pub struct Settings {
     pub case: Option<usize>,
     pub quick: bool,
     pub limits: Limits,
+}
+
+impl Settings {
+    /// Every engine on every family, held to the limits that are checked in.
+    pub fn all(quick: bool) -> Self {
+        let (families, contenders) = (FAMILIES.iter().collect(), accuracy::contenders());
+        Settings { families, contenders, seed: 1, case: None, quick, limits: Limits::checked_in() }
+    }
 }
 
 /// One engine at one level of a family, all variants together. The field names are those of the JSON document.

@@ -15,13 +15,11 @@ use crate::cli::{self, Failure};
 use crate::experiments::accuracy::subjects;
 use crate::experiments::ops::{self, Options};
 use crate::experiments::report::{Left, Planned, Results, Stage, Told};
-use crate::experiments::stability::limits::Limits;
 use crate::experiments::step::{self, Ray};
 use crate::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
 use crate::measure::TscClock;
 use crate::plan::on_all_cores;
 use crate::render::{Engine, Plan, Purpose};
-use crate::scene::families::FAMILIES;
 
 /// Seconds that a stage may take, quick and not: how the bar is divided.
 fn seconds(stage: Stage) -> (f64, f64) {
@@ -157,14 +155,7 @@ fn measure(
             complete
         }
         Stage::Stability => {
-            let settings = stability::Settings {
-                families: FAMILIES.iter().collect(),
-                contenders: accuracy::contenders(),
-                seed: 1,
-                case: None,
-                quick,
-                limits: Limits::checked_in(),
-            };
+            let settings = stability::Settings::all(quick);
             let all = settings.families.iter().map(|family| family.levels.len() as u64).sum();
             let proceed = || course.done(1, all);
             let document = cli::stability::sweep(&Party::ALONE, &settings, proceed)?;
@@ -230,7 +221,7 @@ fn plan(name: &str, quick: bool, clock: &mut TscClock) -> Result<Planned, Failur
     let patience = 0.5 * if quick { few } else { many } / PLANNED.len() as f64;
     let ticks = crate::measure::tsc_hz().map_or(TICKS, |hz| (patience * hz) as u64);
     let lines = &report.left_out;
-    let measured = ablation::run((engine, purpose), &scene, lines, ticks, clock, &mut |_, _| ());
+    let measured = ablation::run(engine, purpose, &scene, lines, ticks, clock, &mut |_, _| ());
     let measured = measured.map_err(Failure::input)?;
     let worth: Vec<_> = measured.worth.iter().map(|timed| timed.ratio()).collect();
     Ok(Planned {
