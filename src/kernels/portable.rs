@@ -1,7 +1,7 @@
-//! The packet kernels in Rust, for any CPU: what those of asm/tracers do, to the same bits where these have no estimates.
+//! The packet kernels in Rust, for any CPU: the twins of those in asm/tracers, to the last bit unless these estimate.
 //!
-//! A formula stands once in assembly and once here, where it is the assembly's twin. With as many lanes and the rounding of an
-//! instruction set a table is that of its twins.
+//! Each formula is written once in assembly and once here. A table with the lanes and the rounding of an instruction set has
+//! the twins of its kernels.
 
 mod lanes;
 mod nearest;
@@ -20,9 +20,9 @@ use super::tiles::{
 };
 use super::types::Vec4;
 
-/// Whether the compiler has an instruction that adds a product and rounds once.
+/// Whether the compiler may use an instruction that adds a product and rounds once.
 pub const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
-/// The numbers of f32 that a register has for the compiler, or that are in order without one.
+/// The number of f32 in a register that the compiler may use; 4 if it knows of none.
 const LANES: usize = if cfg!(target_feature = "avx512f") {
     16
 } else if cfg!(target_feature = "avx2") {
@@ -33,12 +33,12 @@ const LANES: usize = if cfg!(target_feature = "avx512f") {
 
 static PACKETS: PacketKernels = packets::<LANES, { LANES / 2 }, FUSED>();
 
-/// The packet kernels in Rust, for what this build may ask of the CPU.
+/// The packet kernels in Rust, with the CPU features that this build assumes.
 pub fn portable() -> &'static PacketKernels {
     &PACKETS
 }
 
-/// Packet kernels in Rust of so many lanes in f32, and half as many in f64, with one rounding of a product and a sum or with two.
+/// Packet kernels in Rust of `N` lanes in f32, and half as many in f64; a product and a sum are rounded once if `FUSED`.
 pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> PacketKernels {
     PacketKernels {
         single: elements::<Packet<f32, N, FUSED>, Packet<f64, HALF, FUSED>, f32>(),
@@ -53,7 +53,7 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
     }
 }
 
-/// Those on one type of elements, of which blocks of pixels are L; what is set up is so in W.
+/// The kernels for one type of elements: L is a packet of pixels, W the packet in which objects are set up.
 const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> ElementKernels<E> {
     // With true roots where kernels in assembly have estimates, and with all three weights where they are equal.
     let lit = LitBodies {
@@ -85,8 +85,8 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
     }
 }
 
-/// n / t at a pixel so far from a sphere's own origin, by the operations of kernels in f32 (`single`) or f64, with one rounding of
-/// a product and a sum or with two.
+/// n / t at a pixel that is `x`, `y` from a sphere's own origin, by the operations of kernels in f32 (`single`) or f64, with a
+/// product and a sum rounded once (`fused`) or twice.
 pub fn normal_over_t([single, fused]: [bool; 2], sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
     fn of<L: Lanes>(sphere: &TileSphere<f64>, x: f64, y: f64) -> [f64; 3] {
         shade::normal_over_t(&sphere.round(), L::of(x), L::of(y)).map(|n| n.lane(0).to_f64())

@@ -5,16 +5,16 @@
 
 use super::Real;
 
-/// What a product that is added to something is rounded to.
+/// How a product that is added to something is rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rounding {
-    /// Together with the sum, once: `HAS_FMA` of the assembly.
+    /// Once, together with the sum: `HAS_FMA` in assembly.
     Fused,
-    /// By itself, and then the sum.
+    /// Separately, before the sum.
     Unfused,
 }
 
-/// A sphere that rays of any direction may meet.
+/// A sphere, for rays of any direction.
 #[derive(Clone, Copy, Debug)]
 #[expect(missing_docs, reason = "layout.inc says what each field of SphereHit is")]
 pub struct SphereHit<T> {
@@ -23,14 +23,14 @@ pub struct SphereHit<T> {
     pub k: T,
 }
 
-/// A triangle that rays of any direction may meet.
+/// A triangle, for rays of any direction.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleHit<T> {
     /// n.
     pub normal: [T; 3],
     /// v1 . n.
     pub k: T,
-    /// The normal of the plane through the origin and each edge, and what rounding may make of a ray in it.
+    /// The normal of the plane through the origin and each edge, and the bound of rounding for a ray in it.
     pub edges: [([T; 3], T); 3],
 }
 

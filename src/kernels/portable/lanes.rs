@@ -1,4 +1,4 @@
-//! Packets of numbers as plain arrays: each operation is on every lane, of which compilers make vector instructions.
+//! Packets of numbers as plain arrays: each operation is on every lane, and compilers make vector instructions of it.
 
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -7,7 +7,7 @@ use super::super::types::Plain;
 
 /// The number of a lane. In a mask, all of its bits are set or none.
 pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// From here on all numbers are integers.
+    /// From this magnitude on all numbers are integers.
     const INTEGERS: Self;
     /// The square root, NaN below 0.
     fn sqrt(self) -> Self;
@@ -127,7 +127,7 @@ pub trait Lanes:
         let from = &from[..Self::COUNT];
         Self::from_fn(|i| from[i])
     }
-    /// The same from f32 as bits.
+    /// The same from the bits of f32.
     #[inline(always)]
     fn load_bits(from: &[u32]) -> Self {
         let from = &from[..Self::COUNT];
@@ -308,9 +308,9 @@ pub fn zip<L: Lanes>(a: [L; 3], b: [L; 3], f: impl Fn(L, L) -> L) -> [L; 3] {
     [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
 }
 
-/// An array's `map` that is part of who calls it, which the compiler does not make of the standard library's in large functions.
+/// An array's `map` that is always inlined; in large functions the compiler does not inline the standard library's.
 pub trait Each<T, const K: usize> {
-    /// What a function makes of each.
+    /// The results of a function of each.
     fn each<U: Copy>(self, f: impl FnMut(T) -> U) -> [U; K];
 }
 

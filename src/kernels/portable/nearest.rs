@@ -48,16 +48,16 @@ fn at<L: Lanes>([row, factor]: Row<L>, x: L) -> L {
 
 /// Objects of a kind as functions of a tile's pixels. All lanes have the same object.
 pub trait Planes<L: Lanes> {
-    /// Their bounds, and the data that decide where the functions cannot.
+    /// Their bounds, and the data that decide a hit where the functions cannot.
     type Transposed;
-    /// An object along a row.
+    /// The function of an object along a row.
     type Row: Copy;
 
     /// The columns and rows where an object may be, and its id in the tile.
     fn place(&self, of: &Self::Transposed, at: usize) -> ([u32; 2], L::Number);
     /// The values of its measure from which it may be hit, within rounding, and from which it surely is.
     fn bounds(&self, at: usize) -> [L; 2];
-    /// An object along a row of blocks, with pixels y from the tile's middle, which is at `middle` in the picture.
+    /// The function along a row of blocks, with pixels y from the tile's middle, which is at `middle` in the picture.
     fn row(&self, at: usize, y: L, middle: [f64; 2]) -> Self::Row;
     /// Its measure at x.
     fn measure(row: Self::Row, x: L) -> L;
@@ -265,12 +265,12 @@ pub fn nearer_half(candidates: &[Candidate], nearer: &mut [Candidate], farther: 
     near
 }
 
-/// Moves those of the first `count` to the front that some part where they may be does not hide by its depth.
+/// Moves to the front those of the first `count` that the depth of some square within their bounds does not hide.
 pub fn visible(candidates: &mut [Candidate], count: usize, farthest: &[f32; TILE_PARTS], window: &TileWindow) -> usize {
     let mut left = 0;
     for i in 0..count {
         let Candidate { columns, rows, most, .. } = candidates[i];
-        // What is beside the window is taken to be at its edge.
+        // Bounds beside the window are moved to its edge.
         let parts = |bounds: u32, tile: u32, window: Range<u32>| {
             let first = (bounds & 0xffff).max(tile + window.start) - tile;
             let last = (bounds >> 16).min(tile + window.end).saturating_sub(tile + 1);

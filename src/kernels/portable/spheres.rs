@@ -11,7 +11,7 @@ use super::super::types::Plain;
 use super::lanes::{Each, Lanes, Number, cross_unfused, dot_unfused, zip};
 use super::set_up::Bounds;
 
-/// A sphere is in front if its centre is at least so many radii in front of the camera's plane.
+/// A sphere is in front if its centre is at least this many radii in front of the camera's plane.
 const FRONT: f64 = 1.001;
 /// Pixels by which the bounds of a sphere are widened.
 const OUTLINE: f64 = 1e-3;
@@ -19,8 +19,8 @@ const OUTLINE: f64 = 1e-3;
 const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
 /// The f64 below 1/2.
 const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
-/// The short form is accurate enough if the light is further than the first from the sphere and nearer than the second,
-/// in radii, and if the terms cancel to no less than one part in the third.
+/// The short form is accurate enough if the light's distance from the sphere, in radii, is between the first two, and
+/// cancellation leaves no less than one part in the third of the terms.
 const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
 
 /// Transposes spheres.
