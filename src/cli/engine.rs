@@ -6,7 +6,9 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::Failure;
-use crate::render::{Engine, EngineError, Precision};
+use crate::plan::Keep;
+use crate::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose};
+use crate::scene::Scene;
 
 /// What `--engine` is where it is not given.
 const VARIABLE: &str = "RAYO_ENGINE";
@@ -39,5 +41,22 @@ impl EngineArgs {
         })?;
         let precision = precision.as_deref().map(Precision::from_str).transpose().map_err(Failure::input)?;
         Ok((chosen, precision))
+    }
+}
+
+/// By what pictures are traced.
+#[derive(Clone, Copy)]
+pub(super) struct Tracing {
+    pub engine: Engine,
+    pub precision: Option<Precision>,
+    pub keep: Keep,
+    pub threads: usize,
+}
+
+impl Tracing {
+    /// The plan of a scene for one format, or for any, whose rows come band by band.
+    pub(super) fn plan(self, scene: &Scene, format: Option<PixelFormat>) -> Result<Plan<'_>, Failure> {
+        let Tracing { engine, precision, keep, threads } = self;
+        Plan::new(engine, scene, Purpose { precision, format, keep, threads, in_bands: true }).map_err(Failure::input)
     }
 }

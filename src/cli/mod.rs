@@ -52,7 +52,7 @@ use terminal_size::{Height, Width, terminal_size_of};
 use self::party::Party;
 use crate::kernels::sys::is_standard_output_open;
 use crate::kernels::{Isa, memory};
-use crate::render::remove_unfinished;
+use crate::render::{RenderError, remove_unfinished};
 use crate::scene::shown;
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
@@ -98,6 +98,18 @@ impl Failure {
     fn tell(&self) -> ExitCode {
         say(&with_prefix(&self.message));
         ExitCode::from(self.status)
+    }
+}
+
+impl From<RenderError> for Failure {
+    /// Disk full and the like are the output's fault; what cannot be set up is not.
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Image(_) => Failure::output(error),
+            #[cfg(feature = "mpi")]
+            RenderError::Rank(_) => Failure::output(error),
+            RenderError::Memory { .. } | RenderError::Size(_) | RenderError::Threads { .. } => Failure::input(error),
+        }
     }
 }
 

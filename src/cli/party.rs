@@ -16,7 +16,6 @@ use indicatif::ProgressDrawTarget;
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::measuring::{start_threads_and_pin, stop_on_signals};
-use super::render::failure;
 use super::{Failure, remove_part_files_on_signals};
 #[cfg(feature = "mpi")]
 use super::{say, silence};
@@ -151,7 +150,7 @@ impl Party {
         image: Option<&mut ImageWriter>,
         done: &(dyn Fn(u32) + Sync),
     ) -> Result<Stats, Failure> {
-        render(frame, image.expect("who is alone has the file"), done).map_err(failure)
+        render(frame, image.expect("who is alone has the file"), done).map_err(Failure::from)
     }
 }
 
@@ -345,9 +344,9 @@ impl Party {
         done: &(dyn Fn(u32) + Sync),
     ) -> Result<Stats, Failure> {
         let Some(ranks) = self.ranks() else {
-            return render(frame, image.expect("who is alone has the file"), done).map_err(failure);
+            return render(frame, image.expect("who is alone has the file"), done).map_err(Failure::from);
         };
-        self.agree(render_by_ranks(ranks, frame, (format, rows), image, done).map_err(failure))
+        self.agree(render_by_ranks(ranks, frame, (format, rows), image, done).map_err(Failure::from))
     }
 }
 

@@ -7,7 +7,7 @@ use anstyle::{Color, Reset, RgbColor, Style};
 use anstyle_lossy::rgb_to_xterm;
 
 use super::development::sampled;
-use super::render::{Tracing, failure};
+use super::engine::Tracing;
 use super::{Failure, colour_on_stdout, say, terminal_size, write_out};
 use crate::render::{Developed, Development, Film, Frame, PixelFormat, Settings};
 use crate::scene::{Camera, Scene, printable};
@@ -53,10 +53,10 @@ impl Preview {
             plan.report().lines().iter().for_each(|line| say(line));
         }
         let developed = Developed::new(plan.tracer(), camera, development);
-        let frame = Frame::new(&developed, *camera, Settings { threads: tracing.threads }).map_err(failure)?;
-        let mut film = frame.film(PixelFormat::Rgb8, rows.len() as u32).map_err(failure)?;
+        let frame = Frame::new(&developed, *camera, Settings { threads: tracing.threads }).map_err(Failure::from)?;
+        let mut film = frame.film(PixelFormat::Rgb8, rows.len() as u32).map_err(Failure::from)?;
         let clock = Instant::now();
-        frame.trace(rows.clone(), film.as_mut(), &|_| ()).map_err(failure)?;
+        frame.trace(rows.clone(), film.as_mut(), &|_| ()).map_err(Failure::from)?;
         if !self.quiet {
             let (name, width, height, samples) =
                 (printable(&scene.name), camera.width(), rows.len(), development.samples);

@@ -6,7 +6,7 @@ use std::collections::TryReserveError;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
-/// The system's allocator. [`try_reserve`] returns an error ; any other failed allocation ends the process.
+/// The system's allocator. [`try_reserve`] returns an error; any other failed allocation ends the process.
 pub struct Memory;
 
 static LAST_WORK: OnceLock<fn()> = OnceLock::new();

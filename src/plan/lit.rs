@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
+use super::frustum::Frustum;
 use super::light::{is_dark, lights, reaches};
 use super::omission::{Keep, Omission};
-use super::tile_report::Frustum;
 use super::unit_rays;
 use crate::kernels::{Element, LitSetup, LitSphere};
 use crate::reference::geometry;

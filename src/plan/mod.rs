@@ -1,5 +1,6 @@
 //! From a scene to a plan: the packed arrays that kernels read, and which work is omitted.
 
+mod frustum;
 mod hits;
 mod light;
 mod lit;

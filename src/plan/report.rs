@@ -5,10 +5,10 @@ use std::ops::Range;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::frustum::never_hit;
 use super::lit::LitForm;
 use super::omission::{Omission, Switch};
 use super::team::on_all_cores;
-use super::tile_report::never_hit;
 use crate::reference::geometry;
 use crate::scene::{Grid, Scene};
 

@@ -7,19 +7,22 @@
 mod bins;
 mod bounds;
 mod forms;
+mod place;
 
 use std::borrow::Cow;
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use self::bins::{Bins, tiles_of};
-use self::bounds::{Picture, Planned, Planning, Widening, bounds_view, sphere_view};
+use self::bins::{Bins, MOST_SORTED, tiles_of};
+use self::bounds::{Planned, Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
+use self::place::Picture;
+pub use self::place::TilePlace;
+pub(super) use self::place::covered;
+use super::frustum::Frustum;
 use super::omission::{Keep, Omission};
 use super::team::Team;
-use super::tile_report::Frustum;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
     AroundSphere, Candidate, Element, Extremes, Faces, ObjectList, PacketKernels, PixelBounds, SphereView, TILE_HEIGHT,
@@ -41,10 +44,6 @@ const MOST_AT_ONCE: usize = 1 << 14;
 
 /// Spheres are fewer.
 const MOST_TILES_OF_A_SPHERE: usize = 64;
-
-/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
-/// reject the others before their roots. Sorting more costs more than it gains.
-const MOST_SORTED: usize = 1 << 11;
 
 /// Bounds have 16 bits.
 const LONGEST_SIDE: u32 = u16::MAX as u32;
@@ -184,22 +183,6 @@ impl ExactPlane {
     /// The distance of a light from it, divided by the scale.
     pub fn height(&self, light: &TileLight<f64>) -> f64 {
         self.normal.dot(DVec3::new(light.x, light.y, light.z) - self.corner).abs()
-    }
-}
-
-/// One tile of the picture.
-#[derive(Clone, Copy, Debug)]
-pub struct TilePlace {
-    /// Index from the left.
-    pub across: u32,
-    /// Index from the top.
-    pub down: u32,
-}
-
-impl TilePlace {
-    /// Its first column and row.
-    pub fn first(self) -> (u32, u32) {
-        (self.across * TILE_WIDTH as u32, self.down * TILE_HEIGHT as u32)
     }
 }
 
@@ -679,14 +662,4 @@ fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
         bounds.rows[candidate.id as usize] = candidate.rows;
     }
     bounds
-}
-
-/// The number of pixels within bounds.
-pub(super) fn covered(columns: u32, rows: u32) -> u64 {
-    range(columns).len() as u64 * range(rows).len() as u64
-}
-
-/// The pair in 32 bits as a range.
-fn range(bounds: u32) -> Range<u32> {
-    (bounds & 0xffff)..(bounds >> 16)
 }

@@ -5,8 +5,8 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::exact::{Exact, Split};
-use super::shapes::Number;
+use super::exact::Exact;
+use super::number::{Number, Split};
 
 /// A bound of the relative rounding error of one operation: 64 u² of f64, several times those of Joldes, Muller and
 /// Popescu (2017).

@@ -8,7 +8,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use dashu_float::FBig;
 use dashu_float::round::mode::HalfEven;
 
-use super::shapes::Number;
+use super::number::{Number, Split};
 
 /// Bits of a number.
 pub const BITS: usize = 256;
@@ -63,22 +63,6 @@ impl Number for Exact {
 
     fn is_within(&self, _: f64) -> bool {
         true
-    }
-}
-
-/// A number to about 106 bits, as the sum of two f64: for fast comparisons with an [`Exact`] one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Split {
-    /// The number rounded to nearest.
-    pub high: f64,
-    /// The rest, rounded to nearest.
-    pub low: f64,
-}
-
-impl Split {
-    /// x - self; to full f64 accuracy if x is near.
-    pub fn error_of(self, x: f64) -> f64 {
-        (x - self.high) - self.low
     }
 }
 

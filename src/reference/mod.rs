@@ -11,6 +11,8 @@ pub mod bounded;
 #[cfg(feature = "lab")]
 pub mod exact;
 pub mod geometry;
+#[cfg(feature = "lab")]
+pub mod number;
 pub mod packet;
 pub mod paper_c;
 mod real;

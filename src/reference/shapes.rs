@@ -4,39 +4,8 @@
 //! ones, which are a hundred times as fast and fail to decide in one of some thousand pixels. The results carry their
 //! own margin: by how much the input would have to change for another answer.
 
-use std::fmt::Debug;
-use std::ops::{Add, Div, Mul, Neg, Sub};
-
-use super::exact::{Exact, Split};
-
-/// The arithmetic of the truth.
-pub trait Number: Clone + Debug {
-    /// `x` itself.
-    fn new(x: f64) -> Self;
-    /// Rounded to the nearest f64.
-    fn to_f64(&self) -> f64;
-    /// Rounded to the sum of two f64.
-    fn split(&self) -> Split;
-    /// -1, 0 or 1; None if it is not known.
-    fn sign(&self) -> Option<i8>;
-    /// The square root of a number that is not less than 0.
-    fn sqrt(&self) -> Self;
-    /// Its magnitude.
-    fn abs(&self) -> Self;
-    /// Whether its error is certainly no more than this.
-    fn is_within(&self, error: f64) -> bool;
-}
-
-/// Operations on references to such numbers.
-pub trait Operations<N>:
-    Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
-{
-}
-
-impl<'a, N> Operations<N> for &'a N where
-    &'a N: Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
-{
-}
+use super::exact::Exact;
+use super::number::{Number, Operations};
 
 /// A vector.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,6 +3,7 @@
 mod deflate;
 mod encode;
 mod exr;
+mod parts;
 mod pfm;
 mod png;
 mod read;
@@ -11,8 +12,8 @@ mod threaded;
 use super::output::{self, Destination, Existing, OutputError};
 use super::{Film, PixelFormat};
 use crate::scene::shown;
-pub(super) use encode::Split;
-use encode::{Encode, Join};
+pub(super) use parts::Split;
+use parts::{Encode, Join};
 pub use read::{ImageFile, read};
 use std::borrow::Cow;
 use std::io;

@@ -4,9 +4,8 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::film::with_pixels;
-use super::plan::PacketPlan;
 use super::tiles::{Interleaved, TileTracer};
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Purpose, Tracer, Wanted};
 use crate::kernels::{
     Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4, sys,
 };

@@ -45,6 +45,7 @@ pub use truth::{TrueHit, TruePixel, Truth};
 use std::ops::Range;
 
 use crate::kernels::Vec4;
+use crate::plan::Report;
 
 /// Why no lock of this layer is poisoned.
 const UNPOISONED: &str = "nothing panics while it is locked";
@@ -98,6 +99,12 @@ pub trait Tracer: Sync {
         self.rows(rows, out);
         None
     }
+}
+
+/// A tracer of packets, with its plan.
+trait PacketPlan: Tracer {
+    /// The kept and the omitted work; `bytes` says whether 8 bits are written.
+    fn report(&self, bytes: bool) -> Report;
 }
 
 /// The range of these rows, from the first to the last, that have wanted pixels in these columns.

@@ -5,7 +5,7 @@ use super::lit::LitTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 use super::tiles::{Interleaved, TileTracer};
-use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
+use super::{Engine, EngineError, PacketPlan, PixelFormat, Precision, Purpose, Tracer};
 use crate::kernels::{self, Element, ElementKernels, PacketKernels};
 use crate::plan::{Raster, Report};
 use crate::scene::Scene;
@@ -25,12 +25,6 @@ enum Way<'a> {
     Rays(Box<dyn Tracer + 'a>),
     /// Packets of rays: in the rows of one sphere under one light, or in tiles.
     Packets(Box<dyn PacketPlan + 'a>),
-}
-
-/// A tracer of packets, with its plan.
-pub(super) trait PacketPlan: Tracer {
-    /// The kept and the omitted work; `bytes` says whether 8 bits are written.
-    fn report(&self, bytes: bool) -> Report;
 }
 
 impl<'a> Plan<'a> {

@@ -11,8 +11,7 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use self::nearest::{Scratch, SoFar, TileObjects};
-use super::plan::PacketPlan;
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
     Element, ElementKernels, Fill, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4, sys,

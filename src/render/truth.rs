@@ -9,9 +9,10 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 
 use crate::reference::bounded::Bounded;
-use crate::reference::exact::{Exact, Split};
+use crate::reference::exact::Exact;
 use crate::reference::geometry;
-use crate::reference::shapes::{self, Meeting, Number, Operations, Ray, Rays, Vector};
+use crate::reference::number::{Number, Operations, Split};
+use crate::reference::shapes::{self, Meeting, Ray, Rays, Vector};
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
 /// An object further than this from being hit, in units of the margin, is not examined closely. Requested margins are

@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3};
 use super::log::is_line_end;
 use super::number::{number, whole};
 use super::opened::{NoArea, Opened};
-use super::parse::{FILM, is_space};
 use super::pieces::{PIECE, Pieces};
+use super::token::{FILM, is_space};
 use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
 use crate::kernels::sys::room;
 

@@ -1,6 +1,8 @@
 //! Triangle meshes: the content of their files, and their place in a scene.
 
 #[cfg(feature = "files")]
+mod fault;
+#[cfg(feature = "files")]
 mod materials;
 #[cfg(feature = "files")]
 mod obj;

@@ -3,7 +3,7 @@
 //! If a count and its lines disagree, the mistake is there, and the error shows further down.
 
 use super::log::is_line_end;
-use super::parse::{Kind, next_token};
+use super::token::{Kind, next_token};
 
 /// A list whose count has been read.
 pub(super) struct List {

@@ -17,6 +17,7 @@ mod pieces;
 mod random;
 #[cfg(feature = "files")]
 mod tables;
+mod token;
 mod validity;
 mod view;
 mod write;

@@ -10,7 +10,8 @@ use glam::Vec3;
 use super::bulk;
 use super::diagnostic::shown;
 use super::log::is_line_end;
-use super::parse::{next_token, opened_with_care, parse_with_warnings};
+use super::parse::{opened_with_care, parse_with_warnings};
+use super::token::next_token;
 use super::{Camera, Faces, Mesh, MeshError, MeshFormat, Opened, Scene, SceneError, Setting, parse_toml};
 use crate::kernels::sys::room;
 

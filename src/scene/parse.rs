@@ -6,14 +6,12 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::bulk;
-use super::log::{Log, is_line_end};
+use super::log::Log;
 use super::misfit::{List, first_misfit};
 use super::opened::{NoArea, Opened};
+use super::token::{FILM, Kind, next_token};
 use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
-
-/// The film diagonal of Algorithm 1; the format cannot give another.
-pub(super) const FILM: f32 = 1.0;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
 ///
@@ -53,32 +51,6 @@ pub(super) fn opened_with_care(source: &[u8], name: &str) -> Result<Opened, Scen
     Ok(Opened { scene, up: DVec3::Y, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 
-/// The first token at or after a place.
-pub(super) fn next_token(bytes: &[u8], mut at: usize) -> Option<Range<usize>> {
-    let comment = |at: usize| bytes[at] == b'#' || bytes[at..].starts_with(b"//");
-    while at < bytes.len() {
-        if is_space(bytes[at]) {
-            at += 1;
-        } else if comment(at) {
-            while at < bytes.len() && !is_line_end(bytes[at]) {
-                at += 1;
-            }
-        } else {
-            let start = at;
-            while at < bytes.len() && !is_space(bytes[at]) && !comment(at) {
-                at += 1;
-            }
-            return Some(start..at);
-        }
-    }
-    None
-}
-
-/// Whether `byte` separates tokens.
-pub(super) fn is_space(byte: u8) -> bool {
-    matches!(byte, b' ' | b'\t' | 0x0b | 0x0c) || is_line_end(byte)
-}
-
 /// Nothing more can be read; the reason has been noted.
 struct Stop;
 
@@ -108,15 +80,6 @@ struct Field {
 struct Owner {
     one: &'static str,
     number: u64,
-}
-
-/// The three lists of a scene.
-pub(super) struct Kind {
-    pub(super) one: &'static str,
-    many: &'static str,
-    count: &'static str,
-    /// The number of tokens of an item.
-    pub(super) tokens: usize,
 }
 
 const LIGHTS: Kind = Kind { one: "light", many: "lights", count: "the light count", tokens: 7 };

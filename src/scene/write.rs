@@ -4,7 +4,7 @@ use std::fmt::{self, Write};
 
 use glam::Vec3;
 
-use super::parse::is_space;
+use super::token::is_space;
 use super::{Scene, Sphere, Triangle};
 
 impl Scene {

@@ -212,7 +212,7 @@ fn allowed(cosine: f64, intensity: f32, precision: Precision) -> Allowed {
     scene.spheres[0].colour = glam::Vec3::ONE;
     scene.lights.truncate(1);
     scene.lights[0] = Light { intensity, colour: glam::Vec3::ONE, ..scene.lights[0] };
-    let zero = rayo::reference::exact::Split { high: 0.0, low: 0.0 };
+    let zero = rayo::reference::number::Split { high: 0.0, low: 0.0 };
     let colour = Some(DVec3::splat(cosine.max(0.0) * f64::from(intensity)));
     let hit = TrueHit {
         object: Object::Sphere(0),

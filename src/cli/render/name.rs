@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 
-use super::RenderArgs;
+use super::args::RenderArgs;
 use crate::cli::{Failure, say};
 use crate::render::{Format, is_standard_output};
 use crate::scene::{Scene, printable};

@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 
+use super::args::RenderArgs;
 use super::name::numbered;
-use super::{RenderArgs, Tracing, failure};
+use crate::cli::engine::Tracing;
 use crate::cli::measuring::bar_style;
 use crate::cli::party::Party;
 use crate::cli::{Failure, keep_apart, say};
@@ -60,7 +61,7 @@ impl Picture<'_> {
         // Another thread would be awake too late for one picture, unless it has a file to encode.
         let alone = args.orbit.is_none() && tracer.is_quick() && matches!(format, Format::Ppm | Format::Pfm);
         let threads = if alone { 1 } else { tracing.threads };
-        let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(failure))?;
+        let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(Failure::from))?;
         let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
         let setup = clock.elapsed();
 

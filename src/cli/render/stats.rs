@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::cli::engine::Tracing;
 use crate::render::{Counted, Stats};
-
-use super::Tracing;
 
 /// The names are those of the JSON document.
 #[derive(Serialize)]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::reference::exact::Split;
+use crate::reference::number::Split;
 use crate::render::{Colour, Distance, Found, Precision, TruePixel, level};
 use crate::scene::Object;
 

@@ -14,7 +14,7 @@ use iced_x86::{InstructionInfoFactory, OpAccess};
 use super::model::{self, Check, Element, Float, Number, Operation, Place, Unknown, What, check, logic, model};
 use crate::kernels::step::Step;
 use crate::reference::exact::Exact;
-use crate::reference::shapes::Number as _;
+use crate::reference::number::Number as _;
 use exact::{binary_digits_lost, of_bits, of_integer};
 
 /// The shadows of registers and memory.

@@ -3,9 +3,12 @@
 use std::cmp::Reverse;
 use std::ops::Range;
 
-use super::bounds::Picture;
-use super::{MOST_SORTED, TilePlace, range};
+use super::place::{Picture, TilePlace, range, tile_range};
 use crate::kernels::{Candidate, TILE_HEIGHT, TILE_WIDTH, sys};
+
+/// Up to this many spheres are sorted by distance: the nearer ones of a tile then come first, and most blocks of pixels
+/// reject the others before their roots. Sorting more costs more than it gains.
+pub(super) const MOST_SORTED: usize = 1 << 11;
 
 /// A block that is made ahead has room for at most this many objects, 16 MiB.
 const MOST_IN_BLOCK: usize = 1 << 20;
@@ -229,11 +232,6 @@ pub(super) fn tiles_of(candidates: &[Candidate], picture: Picture) -> Vec<bool> 
     let mut tiles = vec![false; (across * picture.height.div_ceil(TILE_HEIGHT as u32)) as usize];
     candidates.iter().for_each(|candidate| TileRanges::of(candidate).each(across, |tile| tiles[tile] = true));
     tiles
-}
-
-/// From pixels to tiles; `pixels` is not empty.
-pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
-    pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
 }
 
 /// Columns and rows of tiles.

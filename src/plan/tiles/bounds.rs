@@ -3,12 +3,13 @@
 use std::cmp::Reverse;
 
 use super::bins::Bins;
-use super::forms::{Form, LONG};
-use super::{covered, range};
+use super::forms::{Form, LONG, near_of_sphere};
+use super::place::{Picture, covered, range};
 use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Candidate, Extremes, ObjectList, SphereView};
 use crate::plan::Team;
+use crate::plan::frustum::Frustum;
 use crate::plan::omission::{Keep, Omission};
-use crate::plan::tile_report::Frustum;
+
 use crate::scene::Grid;
 
 /// A thread that plans fewer objects costs more than it gains.
@@ -32,20 +33,6 @@ const MOST_LOOKED_AT: usize = 1 << 12;
 
 /// Kernels count objects in f32, which has every integer up to this.
 const MOST_COUNTED: usize = 1 << 24;
-
-/// The size of the picture.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Picture {
-    pub(super) width: u32,
-    pub(super) height: u32,
-}
-
-impl Picture {
-    /// The bounds of an object that may be anywhere.
-    pub(super) fn whole(self) -> [u32; 2] {
-        [self.width << 16, self.height << 16]
-    }
-}
 
 /// The view of the kernel that computes bounds of triangles in a picture.
 pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> BoundsView<f32> {
@@ -89,12 +76,6 @@ pub(super) fn sphere_view(grid: &Grid<f64>, scale: f64, picture: Picture, far: f
         far,
         white,
     }
-}
-
-/// The upper bound of a sphere's 1/t times the distance of its nearest point from the camera's plane, in a scene of
-/// that extent. D cancels at the outline, where that matters least; near that point it loses a few roundings.
-pub(super) fn near_of_sphere(extent: f64) -> f64 {
-    extent * (1.0 + 1.0 / 1024.0)
 }
 
 /// Finds the objects of a kind, and bins them into tiles.

@@ -21,9 +21,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::bins::tile_range;
-use super::bounds::{Picture, near_of_sphere};
-use super::{TilePlace, range};
+use super::place::{Picture, TilePlace, range, tile_range};
 use crate::kernels::{Candidate, Extremes, TILE_HEIGHT, TILE_WIDTH};
 use crate::plan::light;
 use crate::reference::geometry;
@@ -265,6 +263,12 @@ fn bounded(near: f64) -> f32 {
     } else {
         f32::INFINITY
     }
+}
+
+/// The upper bound of a sphere's 1/t times the distance of its nearest point from the camera's plane, in a scene of
+/// that extent. D cancels at the outline, where that matters least; near that point it loses a few roundings.
+pub(super) fn near_of_sphere(extent: f64) -> f64 {
+    extent * (1.0 + 1.0 / 1024.0)
 }
 
 #[cfg(test)]

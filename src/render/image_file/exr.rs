@@ -1,5 +1,6 @@
 //! OpenEXR block by block: a header's claims are checked against the length of the file before memory is allocated.
 
+use super::deflate::DEFLATE_EXPANSION;
 use exr::math::RoundingMode;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{LevelMode, TileDescription};
@@ -312,12 +313,12 @@ impl Packing {
             [0] => (Compression::Uncompressed, 1),
             // Two bytes repeat one up to 128 times.
             [1] => (Compression::RLE, 64),
-            [2] => (Compression::ZIP1, super::read::DEFLATE_EXPANSION),
-            [3] => (Compression::ZIP16, super::read::DEFLATE_EXPANSION),
+            [2] => (Compression::ZIP1, DEFLATE_EXPANSION),
+            [3] => (Compression::ZIP16, DEFLATE_EXPANSION),
             // Nine bits repeat two bytes up to 255 times; the wavelets leave that many zeros of a smooth picture.
             [4] => (Compression::PIZ, 512),
             // Deflate gets three of four bytes.
-            [5] => (Compression::PXR24, super::read::DEFLATE_EXPANSION * 4 / 3),
+            [5] => (Compression::PXR24, DEFLATE_EXPANSION * 4 / 3),
             [6 | 7] => return Err(unsupported("compression by B44")),
             [8 | 9] => return Err(unsupported("compression by DWA")),
             _ => return Err(unsupported("an unknown compression")),

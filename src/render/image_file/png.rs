@@ -2,7 +2,7 @@
 
 use super::Extent;
 use super::deflate;
-use super::encode::{Encode, Join, Split};
+use super::parts::{Encode, Join, Split};
 use crate::render::output::Sink;
 use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};

@@ -1,6 +1,7 @@
 //! Image files read into memory, whoever wrote them: nothing in a file is trusted before it is checked.
 
 use super::ImageError;
+use super::deflate::DEFLATE_EXPANSION;
 use super::exr::ExrDecoder;
 use super::pfm::PfmDecoder;
 use super::png::PngDecoder;
@@ -21,8 +22,6 @@ use tiff::tags::Tag;
 /// The most memory that the pixels of one picture may take, and the longest file that is read from a pipe.
 pub(super) const MAX_BYTES: u64 = 2 << 30;
 
-/// The most bytes that one byte of deflate can stand for: two bits can repeat 258 bytes.
-pub(super) const DEFLATE_EXPANSION: u64 = 1032;
 /// The same for LZW in TIFF: twelve bits can repeat as many bytes as its table has words.
 const LZW_EXPANSION: u64 = 4096 * 8 / 12;
 /// The same for TIFF's runs: two bytes can repeat one up to 128 times.

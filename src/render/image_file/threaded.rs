@@ -1,7 +1,7 @@
 //! TIFF and EXR: parts compressed independently, and the libraries' writers, which take them in threads of their own.
 
 use super::Extent;
-use super::encode::{Encode, Join, Split};
+use super::parts::{Encode, Join, Split};
 use crate::render::output::Sink;
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::enumerate_ordered_header_block_indices;

@@ -6,8 +6,7 @@ use super::TileTracer;
 use crate::kernels::Element;
 use crate::plan::{Report, TileSurvey};
 use crate::render::film::with_pixels;
-use crate::render::plan::PacketPlan;
-use crate::render::{FilmMut, Found, Pixel, PixelFormat, Tracer};
+use crate::render::{FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer};
 
 /// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
 pub struct Interleaved<'a, E: Element> {

@@ -5,9 +5,9 @@ use std::io::Read;
 use glam::Vec3;
 
 use super::Mesh;
+use super::fault::{Fault, counted, not_finite};
 use super::materials::{Materials, colour};
 use super::polygon::Fan;
-use super::read::{Fault, counted, not_finite};
 use crate::kernels::sys::room;
 use crate::scene::number::{number, whole};
 use crate::scene::pieces::Pieces;

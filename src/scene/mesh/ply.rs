@@ -9,8 +9,8 @@ use ply_rs_bw::ply::{
 };
 
 use super::Mesh;
+use super::fault::{Fault, counted, not_finite};
 use super::polygon::Fan;
-use super::read::{Fault, counted, not_finite};
 use crate::kernels::sys::room;
 use crate::scene::pieces::Pieces;
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::read::{Fault, counted};
+use super::fault::{Fault, counted};
 
 /// The most corners that one of a face is compared with, on average: enough for some two thousand corners.
 const PATIENCE: usize = 1000;

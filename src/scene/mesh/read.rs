@@ -3,32 +3,11 @@
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
+use super::fault::Fault;
 use super::materials::Materials;
 use super::polygon::{self, Fan};
 use super::{Mesh, MeshError, MeshFormat, obj, ply, stl};
 use crate::scene::open;
-
-/// An error of a mesh, before the name of its file is known.
-#[derive(Debug)]
-pub(super) struct Fault {
-    line: Option<usize>,
-    message: String,
-    expected: Option<String>,
-}
-
-impl Fault {
-    pub(super) fn new(message: impl Into<String>) -> Self {
-        Fault { line: None, message: message.into(), expected: None }
-    }
-
-    pub(super) fn line(self, line: usize) -> Self {
-        Fault { line: Some(line), ..self }
-    }
-
-    pub(super) fn expected(self, expected: impl Into<String>) -> Self {
-        Fault { expected: Some(expected.into()), ..self }
-    }
-}
 
 impl Mesh {
     /// Reads a mesh file in the format of its extension.
@@ -102,14 +81,4 @@ fn parse(file: impl Read, length: usize, format: MeshFormat) -> Option<Result<(M
 
 fn parse_all(source: &[u8], format: MeshFormat) -> Result<(Mesh, Materials), Fault> {
     parse(source, source.len(), format).expect("memory can be read")
-}
-
-/// The message for a vertex that is not finite.
-pub(super) fn not_finite(vertex: &str) -> Fault {
-    Fault::new(format!("{vertex} is not finite")).expected("numbers that f32 holds, within 3.4e38")
-}
-
-/// "1 vertex", "8 vertices" and so on.
-pub(super) fn counted(count: usize, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
 }

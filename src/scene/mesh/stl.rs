@@ -5,7 +5,7 @@ use std::io::{Cursor, ErrorKind, Read};
 use glam::Vec3;
 
 use super::Mesh;
-use super::read::{Fault, not_finite};
+use super::fault::{Fault, not_finite};
 use crate::kernels::sys::room;
 
 /// A binary file: a title of this many bytes, a count of 4 bytes, and the facets.

@@ -2,7 +2,7 @@
 
 use crate::experiments::step::model::{Float, Number, Rounding};
 use crate::reference::exact::Exact;
-use crate::reference::shapes::Number as _;
+use crate::reference::number::Number as _;
 
 /// A number as it is; None where it is not finite.
 pub fn of_bits(format: Number, bits: u64) -> Option<Exact> {

@@ -1,0 +1,130 @@
+//! The arguments of `rayo render`.
+
+use std::cell::Cell;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use glam::DVec3;
+
+use crate::cli::Failure;
+use crate::cli::development::DevelopmentArgs;
+use crate::cli::engine::EngineArgs;
+use crate::cli::party::Party;
+use crate::cli::view::{ViewArgs, tell};
+use crate::scene::{Camera, Scene};
+
+/// No machine has more cores than this.
+const MAX_THREADS: usize = 4096;
+/// An hour of them, and more.
+const MOST_PICTURES: u32 = 100_000;
+
+/// Render a scene file to a picture
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  rayo render scenes/sphere.in -o sphere.png
+  rayo render scenes/many.in --size 1600x1200 --engine paper --stats
+  rayo render scenes/island.toml --preview --srgb")]
+pub struct RenderArgs {
+    /// The scene: in the paper's format (.in), in TOML (.toml), or a mesh alone (.obj, .ply, .stl); - for a scene from
+    /// standard input. Several are rendered one after the other, and one that fails does not keep the others from it
+    #[arg(value_name = "SCENE", required = true)]
+    pub scenes: Vec<PathBuf>,
+    /// The picture: .png, .ppm (P6), .pgm (P3 text, as old scenes name it), .tiff or .qoi with 8 bits; .pfm, .exr or .hdr
+    /// with linear floats. Replaces what is there; - is standard output, as PNG, and ppm:- and the like in another format.
+    /// Of several scenes: the directory of their pictures. Default: the name in the scene, in this directory
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Show the picture in the terminal, two pixels in each character, and write a file only if -o is given too. It is traced
+    /// at as many pixels as fit, at most at those of the picture, with 4 x 4 samples of each unless --samples says otherwise.
+    /// Where standard output is no terminal, or NO_COLOR is set, it is made of letters from dark to bright; where it is no
+    /// terminal, in 80 columns and 24 lines
+    #[arg(long)]
+    pub preview: bool,
+    /// Go round the scene once in N steps and write a picture from each place, as many as N: -o has a number in its name, as
+    /// in frames/%04d.png. The camera stays as far from the middle of all objects as it is, and begins where it is
+    #[arg(long, value_name = "N", value_parser = pictures, allow_negative_numbers = true, requires = "output",
+        conflicts_with_all = ["preview", "explain", "stats", "json"])]
+    pub orbit: Option<u32>,
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    #[command(flatten)]
+    pub view: ViewArgs,
+    #[command(flatten)]
+    pub development: DevelopmentArgs,
+    /// Only the rows from A on, the first being 0, up to B, which is not among them: an .exr has its place in the whole
+    /// picture (data window and display window), and any other format is a picture of these rows
+    #[arg(long, value_name = "A..B", value_parser = rows)]
+    pub rows: Option<Range<u32>>,
+    /// Threads that read, trace and encode. Default: one for each core
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
+    pub threads: Option<usize>,
+    /// Print what is left out, and why, before the first ray
+    #[arg(long)]
+    pub explain: bool,
+    /// Leave nothing out that can be kept with the same arithmetic: brute force, for the same picture
+    #[arg(long)]
+    pub keep_all: bool,
+    /// Print where the time went
+    #[arg(long)]
+    pub stats: bool,
+    /// Print it as one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Let the name in the scene replace a file that exists
+    #[arg(long)]
+    pub force: bool,
+    /// Of several processes that MPI started, let the first alone read the scene and send it to the others
+    #[cfg(feature = "mpi")]
+    #[arg(long)]
+    pub broadcast: bool,
+    /// No progress and no summary; warnings and errors remain
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+fn threads(text: &str) -> Result<usize, String> {
+    let threads = text.parse().ok().filter(|threads| (1..=MAX_THREADS).contains(threads));
+    threads.ok_or_else(|| format!("expected a whole number from 1 to {MAX_THREADS}"))
+}
+
+fn pictures(text: &str) -> Result<u32, String> {
+    let pictures = text.parse().ok().filter(|pictures| (1..=MOST_PICTURES).contains(pictures));
+    pictures.ok_or_else(|| format!("expected a whole number from 1 to {MOST_PICTURES}"))
+}
+
+/// Rows as Rust writes a range of them.
+fn rows(text: &str) -> Result<Range<u32>, String> {
+    let ends = text.split_once("..").and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
+    ends.filter(|rows: &Range<u32>| !rows.is_empty())
+        .ok_or_else(|| "expected the first row and the one after the last, as in 0..100".into())
+}
+
+impl RenderArgs {
+    /// The scene, with what is to be told of it told, and what points upwards in it.
+    pub(super) fn open(&self, path: &Path, party: &Party) -> Result<(Scene, DVec3), Failure> {
+        let up = Cell::new(DVec3::Y);
+        let open = || -> Result<Scene, Failure> {
+            let opened = self.view.open(path, self.threads)?;
+            up.set(opened.up);
+            let mut scene = tell(opened, self.quiet);
+            scene.camera = self.view.camera(&scene.camera)?;
+            Ok(scene)
+        };
+        #[cfg(feature = "mpi")]
+        let scene = party.scene(path, self.broadcast, open)?;
+        #[cfg(not(feature = "mpi"))]
+        let (scene, _) = (open()?, party);
+        Ok((scene, up.get()))
+    }
+
+    /// The rows that are asked for, of a camera's picture.
+    pub(super) fn rows_of(&self, camera: &Camera) -> Result<Range<u32>, Failure> {
+        let (rows, height) = (self.rows.clone().unwrap_or(0..camera.height()), camera.height());
+        if rows.end > height {
+            let Range { start, end } = rows;
+            return Err(Failure::input(format!("--rows {start}..{end}: the picture has the rows 0..{height}")));
+        }
+        Ok(rows)
+    }
+}

@@ -1,0 +1,50 @@
+//! Where objects are: bounds in pixels, and tiles.
+
+use std::ops::Range;
+
+use crate::kernels::{TILE_HEIGHT, TILE_WIDTH};
+
+/// The size of the picture.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Picture {
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+impl Picture {
+    /// The bounds of an object that may be anywhere.
+    pub(super) fn whole(self) -> [u32; 2] {
+        [self.width << 16, self.height << 16]
+    }
+}
+
+/// One tile of the picture.
+#[derive(Clone, Copy, Debug)]
+pub struct TilePlace {
+    /// Index from the left.
+    pub across: u32,
+    /// Index from the top.
+    pub down: u32,
+}
+
+impl TilePlace {
+    /// Its first column and row.
+    pub fn first(self) -> (u32, u32) {
+        (self.across * TILE_WIDTH as u32, self.down * TILE_HEIGHT as u32)
+    }
+}
+
+/// From pixels to tiles; `pixels` is not empty.
+pub(super) fn tile_range(pixels: Range<u32>, side: usize) -> Range<u32> {
+    pixels.start / side as u32..(pixels.end - 1) / side as u32 + 1
+}
+
+/// The number of pixels within bounds.
+pub fn covered(columns: u32, rows: u32) -> u64 {
+    range(columns).len() as u64 * range(rows).len() as u64
+}
+
+/// The pair in 32 bits as a range.
+pub(super) fn range(bounds: u32) -> Range<u32> {
+    (bounds & 0xffff)..(bounds >> 16)
+}

@@ -1,0 +1,49 @@
+//! What the truth is computed with: numbers that know their sign, or know that they do not.
+
+use std::fmt::Debug;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// The arithmetic of the truth.
+pub trait Number: Clone + Debug {
+    /// `x` itself.
+    fn new(x: f64) -> Self;
+    /// Rounded to the nearest f64.
+    fn to_f64(&self) -> f64;
+    /// Rounded to the sum of two f64.
+    fn split(&self) -> Split;
+    /// -1, 0 or 1; None if it is not known.
+    fn sign(&self) -> Option<i8>;
+    /// The square root of a number that is not less than 0.
+    fn sqrt(&self) -> Self;
+    /// Its magnitude.
+    fn abs(&self) -> Self;
+    /// Whether its error is certainly no more than this.
+    fn is_within(&self, error: f64) -> bool;
+}
+
+/// Operations on references to such numbers.
+pub trait Operations<N>:
+    Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
+{
+}
+
+impl<'a, N> Operations<N> for &'a N where
+    &'a N: Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>
+{
+}
+
+/// A number to about 106 bits, as the sum of two f64: for fast comparisons with an [`Exact`] one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// The number rounded to nearest.
+    pub high: f64,
+    /// The rest, rounded to nearest.
+    pub low: f64,
+}
+
+impl Split {
+    /// x - self; to full f64 accuracy if x is near.
+    pub fn error_of(self, x: f64) -> f64 {
+        (x - self.high) - self.low
+    }
+}

@@ -1,0 +1,44 @@
+//! Parts of a picture, which are encoded by themselves, and what joins them to a file.
+
+use std::borrow::Cow;
+use std::io;
+
+/// Encodes parts of a picture, which are whole rows, independently: in any order, and from any thread or process.
+pub(super) trait Encode: Send + Sync {
+    /// The number of rows in a part.
+    fn split(&self) -> Split {
+        Split::Any
+    }
+
+    /// Rows of R, G, B; called for 8-bit formats.
+    fn rgb8<'a>(&self, _rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        unreachable!("not an 8-bit format")
+    }
+
+    /// Rows of R, G, B; called for float formats.
+    fn f32x3<'a>(&self, _rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
+        unreachable!("not a float format")
+    }
+}
+
+/// How many rows an encoder takes for a part. The file does not depend on where `Bytes` and `Any` are cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) enum Split {
+    /// Any number, without a gain from several parts: pixels are written as they are.
+    Bytes,
+    /// Any number.
+    Any,
+    /// So many, and the rest in the last part.
+    Strips(u32),
+}
+
+/// Makes a file of the parts, from the top and never too many.
+pub(super) trait Join: Send {
+    /// Writes the next part.
+    fn append(&mut self, part: Cow<'_, [u8]>) -> io::Result<()>;
+
+    /// Writes the end of the file after the last part.
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        Ok(())
+    }
+}
