@@ -1,4 +1,4 @@
-//! The engines of packets: the nearest of each pixel tile by tile, then shaded once.
+//! The packet engines: the nearest hit of each pixel, tile by tile, then shaded once.
 
 mod found;
 mod interleaved;
@@ -19,7 +19,7 @@ use crate::kernels::{
 use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
 
-/// So many objects, in a picture of so many pixels, are traced by one thread before another one has the memory for its part.
+/// One thread has traced this many objects, in a picture of this many pixels, before another one has memory for its part.
 const FEW: usize = 8;
 const QUICK: u64 = 1 << 21;
 
@@ -27,20 +27,19 @@ const QUICK: u64 = 1 << 21;
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
     kernels: &'static ElementKernels<E>,
-    /// Whether the shade may come from estimates in floats too.
+    /// Whether shades may come from estimates in floats too.
     fast: bool,
     plan: Tiles<'a, E>,
     /// The records of all spheres, if they are few, in linear floats and in levels.
     records: [OnceLock<SphereRecords<E>>; 2],
-    /// For the tiles that have an object whose numbers are beyond f32.
+    /// Traces the tiles that have an object whose numbers are beyond f32.
     wide: Option<Box<TileTracer<'a, f64>>>,
-    /// What threads needed for the rows that they have done, for those to come.
+    /// The memory of threads that are done with their rows, to be reused.
     free: Mutex<Vec<Scratches<E>>>,
 }
 
 impl<'a, E: Element> TileTracer<'a, E> {
-    /// Plans `scene` for kernels, of which `kernels` are those for one element type, with estimates where `fast`; see
-    /// [`Tiles::new`].
+    /// Plans `scene` for `kernels` of one element type, with estimates if `fast`; see [`Tiles::new`].
     pub fn new(
         packets: &'static PacketKernels,
         (kernels, fast): (&'static ElementKernels<E>, bool),
@@ -70,7 +69,7 @@ impl<'a, E: Element> TileTracer<'a, E> {
     }
 }
 
-/// What differs between the outputs of four channels; of three there are none but by way of these.
+/// The differences between the outputs of four channels, from which those of three are made.
 trait Output<E: Element>: Pixel + Plain {
     fn weighted<'a>(plan: &'a Tiles<'_, E>) -> &'a Weighted;
     fn fill(tracer: &TileTracer<'_, E>, out: &mut [Self]);
@@ -101,25 +100,25 @@ impl<E: Element> Output<E> for Rgba8 {
     }
 }
 
-/// What a thread needs beside the plan, for its own tiles and for those in f64.
+/// The memory of a thread beside the plan, for its own tiles and for those in f64.
 type Scratches<E> = (Scratch<E>, Option<Scratch<f64>>);
 
-/// What there is to do about pixels that nobody has, and about the others.
+/// What to do with pixels without a hit, and with the others.
 struct Misses<P> {
-    /// What those pixels become; None: black.
+    /// The background; None: black.
     rest: Option<P>,
-    /// How many the others are so far, if they are counted.
+    /// The number of hits so far, if they are counted.
     hits: Option<u64>,
 }
 
-/// Tiles side by side that have nobody: they are filled together, since memory takes long pieces sooner.
+/// Adjacent tiles without objects: they are filled together, since long stretches of memory are written faster.
 struct Nobody {
     rows: Range<u32>,
     columns: Range<u32>,
 }
 
 impl Nobody {
-    /// Adds a window, and gives those that it is not beside.
+    /// Adds a window; returns those collected so far if it is not adjacent to them.
     fn add(those: &mut Option<Nobody>, window: &TileWindow) -> Option<Nobody> {
         let rows = window.row + window.rows.start..window.row + window.rows.end;
         let columns = window.column..window.column + window.columns;
@@ -132,7 +131,7 @@ impl Nobody {
         }
     }
 
-    /// Says of each row where its pixels are in a film of `rows` of so many pixels.
+    /// Calls `say` for each row with the places of its pixels in a film of `rows` that are `width` pixels wide.
     fn each_row(self, rows: &Range<u32>, width: usize, mut say: impl FnMut(Range<usize>)) {
         for row in self.rows {
             let first = (row - rows.start) as usize * width;
@@ -142,7 +141,7 @@ impl Nobody {
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Traces rows; at how many pixels there is something, where that is to be `counted`.
+    /// Traces rows; returns the number of hits, if they are to be `counted`.
     fn trace_film(&self, rows: Range<u32>, out: FilmMut<'_>, counted: bool) -> Option<u64> {
         let (wanted, hits): (&Wanted<'_>, _) = (&|rows, _| rows, counted.then_some(0));
         match out {
@@ -155,7 +154,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Traces the tiles of rows that are `wanted`; the hits, if they are counted.
+    /// Traces the `wanted` tiles of rows; returns the number of hits, if they are counted.
     fn trace<P: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
@@ -185,7 +184,7 @@ impl<E: Element> TileTracer<'_, E> {
         misses.hits
     }
 
-    /// Three channels, a tile of four channels after another.
+    /// Traces in four channels, tile by tile, and narrows them to three.
     fn trace_three<P, Four: Output<E> + Output<f64>>(
         &self,
         rows: Range<u32>,
@@ -227,7 +226,7 @@ impl<E: Element> TileTracer<'_, E> {
         self.free.lock().unwrap_or_else(PoisonError::into_inner).push(scratches);
     }
 
-    /// A tile in the elements that hold its objects; false, and nothing written, where nobody can be in it.
+    /// Traces a tile in the elements that hold its objects; false, and nothing written, if no object can be in it.
     fn trace_tile<P: Output<E> + Output<f64>>(
         &self,
         tile: TilePlace,
@@ -244,7 +243,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Says of all tiles of `rows` what of them is in these.
+    /// Calls `say` for all tiles of `rows` with their windows within these.
     fn each_tile(&self, rows: Range<u32>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         let (width, height) = (self.plan.size()[0], TILE_HEIGHT as u32);
         if rows.is_empty() {
@@ -266,7 +265,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// The same of those in which pixels are `wanted`, and of no other rows of theirs than these need.
+    /// The same for tiles with `wanted` pixels, and only for the rows of them that these need.
     fn each_wanted(&self, rows: Range<u32>, wanted: &Wanted<'_>, mut say: impl FnMut(TilePlace, &TileWindow)) {
         self.each_tile(rows, |tile, window| {
             let TileWindow { column, row, columns, .. } = *window;
@@ -319,8 +318,7 @@ impl<E: Element> TileTracer<'_, E> {
     }
 }
 
-/// Has the memory fetched of the pixels to the right of a window: they are written next, and in pieces of a row each, which a
-/// core does not foresee.
+/// Prefetches the pixels to the right of a window: they are written next, in a piece of each row, which a core cannot predict.
 fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
     let left = width - window.column as usize - window.columns as usize;
     for row in 0..window.rows.len() {
@@ -329,7 +327,7 @@ fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
     }
 }
 
-/// Where the first pixel of a window is in a film of these rows.
+/// The index of a window's first pixel in a film of these rows.
 fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
     (window.row + window.rows.start - rows.start) as usize * width + window.column as usize
 }
