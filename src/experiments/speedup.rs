@@ -500,11 +500,15 @@ mod tests {
             };
             Speedup::of(&settings, &(0..5).map(run).collect::<Vec<_>>()).unwrap()
         };
-        for (disturbed, c, enough) in [(0, 6000.0, true), (2, 6000.0, true), (3, 24_000.0, false), (5, 24_000.0, false)]
-        {
+        for (disturbed, c, mean, enough) in [
+            (0, 6000.0, 6000.0, true),
+            (2, 6000.0, 6000.0, true),
+            (3, 24_000.0, 16_800.0, false),
+            (5, 24_000.0, 24_000.0, false),
+        ] {
             let measured = measured(disturbed);
             let (row, simd) = (&measured.rows[0], &measured.rows[1]);
-            assert_eq!((row.cycles_median, row.taken, simd.taken), (c, disturbed, disturbed));
+            assert_eq!((row.cycles_median, row.cycles_mean, row.taken, simd.taken), (c, mean, disturbed, disturbed));
             assert_eq!((simd.ratio_to_c, measured.c_by_simd.value, row.samples.len()), (c / 1000.0, c / 1000.0, 5));
             assert_eq!(measured.taken, Taken { taken: 2 * disturbed, of: 10 });
             assert_eq!(measured.taken.leaves_enough(), enough);
