@@ -9,34 +9,22 @@ use super::lanes::{Each, Lanes, Number};
 pub trait Pixel: Copy {
     /// That of no light.
     const BLACK: Self;
-    /// That of a colour.
-    fn of<E: Number>(colour: [E; 3]) -> Self;
-
     /// Whether full light is 255.
     const LEVELS: bool;
 
     /// Makes pixels of as many lanes from number `first` on.
-    #[inline(always)]
-    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
-        for (i, to) in to.iter_mut().enumerate() {
-            *to = Self::of(colour.each(|channel| channel.lane(first + i)));
-        }
-    }
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize);
 
     /// Makes the pixels of a span from number `first` on.
     #[inline]
     fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
         let mut j = L::all(of.j) + L::of(first as f64) + L::natural();
-        let mut next = || {
-            let light = of.light(j);
-            j = j + L::of(L::COUNT as f64);
-            [of.sphere.red, of.sphere.green, of.sphere.blue].each(|weight| light * L::all(weight))
-        };
         let mut packets = to.chunks_exact_mut(L::COUNT);
         for pixels in &mut packets {
-            Self::put(pixels, next(), 0);
+            Self::put(pixels, of.colour(j), 0);
+            j = j + L::of(L::COUNT as f64);
         }
-        Self::put_some(packets.into_remainder(), next(), 0, L::COUNT);
+        Self::put_some(packets.into_remainder(), of.colour(j), 0, L::COUNT);
     }
 
     /// Makes pixels of so many lanes, of which the first alone may have some.
@@ -55,8 +43,11 @@ impl Pixel for Vec4 {
     const BLACK: Self = Vec4 { x: 0.0, y: 0.0, z: 0.0, w: 0.0 };
     const LEVELS: bool = false;
     #[inline(always)]
-    fn of<E: Number>([red, green, blue]: [E; 3]) -> Self {
-        Vec4 { x: red.to_float(), y: green.to_float(), z: blue.to_float(), w: 0.0 }
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
+        for (i, to) in to.iter_mut().enumerate() {
+            let [x, y, z] = colour.each(|channel| channel.lane(first + i).to_float());
+            *to = Vec4 { x, y, z, w: 0.0 };
+        }
     }
 }
 
@@ -64,32 +55,39 @@ impl Pixel for F32x3 {
     const BLACK: Self = [0.0; 3];
     const LEVELS: bool = false;
     #[inline(always)]
-    fn of<E: Number>(colour: [E; 3]) -> Self {
-        colour.each(E::to_float)
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = colour.each(|channel| channel.lane(first + i).to_float());
+        }
     }
-}
-
-/// The levels of a colour as one number, of which registers hold as many as of colours; above them 0.
-#[inline(always)]
-fn levels<E: Number>([red, green, blue]: [E; 3]) -> u32 {
-    red.to_level() | green.to_level() << 8 | blue.to_level() << 16
 }
 
 impl Pixel for Rgba8 {
     const BLACK: Self = [0, 0, 0, 255];
     const LEVELS: bool = true;
     #[inline(always)]
-    fn of<E: Number>(colour: [E; 3]) -> Self {
-        (levels(colour) | 255 << 24).to_le_bytes()
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
+        // A channel after another, each in numbers of 32 bits.
+        let [red, green, blue] = colour.each(|channel| {
+            let mut levels = [0; MOST_LANES];
+            for (i, level) in levels[..to.len()].iter_mut().enumerate() {
+                *level = channel.lane(first + i).to_level();
+            }
+            levels
+        });
+        for (i, to) in to.iter_mut().enumerate() {
+            *to = (red[i] | green[i] << 8 | blue[i] << 16 | 255 << 24).to_le_bytes();
+        }
     }
 }
 
 impl Pixel for Rgb8 {
     const BLACK: Self = [0; 3];
     const LEVELS: bool = true;
-    #[inline(always)]
-    fn of<E: Number>(colour: [E; 3]) -> Self {
-        colour.each(|channel| channel.to_level() as u8)
+    fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize) {
+        let mut four = [Rgba8::BLACK; MOST_LANES];
+        Pixel::put(&mut four[..to.len()], colour, first);
+        narrow_rgb8(&four[..to.len()], to);
     }
     fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
         // By way of four channels: one number of 32 bits a pixel.
@@ -198,6 +196,13 @@ pub struct Span<'a, L: Lanes> {
 }
 
 impl<L: Lanes> Span<'_, L> {
+    /// The colours of pixels j.
+    #[inline(always)]
+    fn colour(&self, j: L) -> [L; 3] {
+        let light = self.light(j);
+        [self.sphere.red, self.sphere.green, self.sphere.blue].each(|weight| light * L::all(weight))
+    }
+
     /// SPHERE_LIT of a packet with an end of the span in it: inside of one p is above 0.
     #[inline(always)]
     fn light(&self, j: L) -> L {

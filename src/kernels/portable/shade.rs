@@ -80,23 +80,24 @@ impl<L: Lanes> Block<L> {
         let sphere = &records.spheres[record];
         let lights = record * records.lights.len()..(record + 1) * records.lights.len();
         let [x, y] = [self.pixel[0] - all(sphere.column), self.pixel[1] - all(sphere.row)];
-        let mut light = |cosine: L, weights: [L::Number; 3]| add(colour, mask.and(cosine), weights.each(all));
         if sphere.around != L::Number::ZERO {
             let t = L::of(1.0) / self.w;
             let centre = [sphere.ux, sphere.uy, sphere.uz].each(all);
             let n = zip(self.ray, centre, |d, c| (d * t - c) * all(sphere.mx));
             for (lit, point) in records.lits[lights].iter().zip(records.lights) {
                 let l = to_light(point, self.w, self.ray);
-                light(cosine(dot(n, l), dot(l, l)), [lit.red, lit.green, lit.blue]);
+                add(colour, mask.and(cosine(dot(n, l), dot(l, l))), [lit.red, lit.green, lit.blue].each(all));
             }
         } else if P::LEVELS && sphere.short != L::Number::ZERO {
             for lit in &records.shorts[lights] {
-                light(short_cosine(lit, self.w, [x, y]), [lit.red, lit.green, lit.blue]);
+                let cosine = short_cosine(lit, self.w, [x, y]);
+                add(colour, mask.and(cosine), [lit.red, lit.green, lit.blue].each(all));
             }
         } else {
             let m = normal_over_t(sphere, x, y);
             for lit in &records.lits[lights] {
-                light(sphere_cosine(m, self.w, lit), [lit.red, lit.green, lit.blue]);
+                let cosine = sphere_cosine(m, self.w, lit);
+                add(colour, mask.and(cosine), [lit.red, lit.green, lit.blue].each(all));
             }
         }
     }
