@@ -402,7 +402,7 @@ fn a_run_writes_its_files_and_its_document_keeps_to_the_schema() {
             assert_eq!(planned[figure], row[figure], "{figure} of {row}");
         }
     }
-    assert_eq!(kept.count() > 0, cfg!(rayo_asm));
+    assert!(kept.count() > 0);
     assert_eq!(document["against_plain"].as_array().unwrap().is_empty(), cfg!(not(rayo_asm)));
     // Each scene and output has a front, and nothing is faster than what is fastest on it.
     for (scene, output) in rows.iter().map(|row| (&row["scene"], &row["output"])) {

@@ -27,7 +27,7 @@ pub trait Pixel: Copy {
         Self::put_some(packets.into_remainder(), of.colour(j), 0, L::COUNT);
     }
 
-    /// Makes pixels of so many lanes, of which the first alone may have some.
+    /// Writes the pixels of the first of `lanes` lanes, as many as `to` has room for.
     #[inline(always)]
     fn put_some<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize, lanes: usize) {
         if to.len() == lanes {
