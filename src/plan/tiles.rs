@@ -639,7 +639,17 @@ fn faces_near_corner_first(faces: &Faces) -> Cow<'_, Faces> {
 }
 
 fn is_edge_on(triangle: &Triangle) -> bool {
-    geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
+    !is_plainly_seen(triangle.vertices) && geometry::triangle_volume(triangle.vertices.map(|v| v.as_dvec3())).is_none()
+}
+
+/// Whether a triangle is surely not edge-on. Nearly all span so large a volume with the camera that f32 tells: its error is a few
+/// times 1e-7 of the terms on the right, each of which has room for f32's smallest numbers.
+fn is_plainly_seen([v1, v2, v3]: [Vec3; 3]) -> bool {
+    let (a, b) = (v1 - v2, v1 - v3);
+    let [v, w, a_size, b_size] = [v1, v2.abs().max(v3.abs()), a, b].map(|v| v.abs().max_element());
+    let size = a_size * b_size + v.max(w) * (a_size + b_size);
+    let volume = v1.dot(a.cross(b)).abs();
+    volume > 1e-5 * v * size && volume > 1e-30
 }
 
 /// The corner that is to come first.
@@ -662,4 +672,36 @@ fn bounds_in(bins: &Bins, objects: usize) -> PixelBounds {
         bounds.rows[candidate.id as usize] = candidate.rows;
     }
     bounds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Rng;
+
+    #[test]
+    fn what_is_plainly_seen_is_not_edge_on() {
+        let mut rng = Rng::new(11);
+        let mut number = |from: f32, to: f32| from + (to - from) * rng.next_f32();
+        let (mut plain, mut edge_on) = (0, 0);
+        for i in 0..200_000 {
+            let [far, near] = [number(-38.0, 38.0), number(-8.0, 0.0)].map(|exponent| 10f32.powf(exponent));
+            let mut vector = || Vec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 1.0));
+            let (v1, v2) = (far * vector(), far * vector());
+            // In a plane with the camera but for rounding, near to one, far from it, and a small triangle far away.
+            let v3 = match i % 4 {
+                0 => 0.3 * v1 + 0.6 * v2,
+                1 => 0.3 * v1 + 0.6 * v2 + near * far * vector(),
+                2 => far * vector(),
+                _ => v1 + near * far * vector(),
+            };
+            let vertices = [v1, v2, v3];
+            if is_plainly_seen(vertices) {
+                assert!(geometry::triangle_volume(vertices.map(|v| v.as_dvec3())).is_some(), "{vertices:?}");
+                plain += usize::from(i % 4 == 2);
+            }
+            edge_on += usize::from(is_edge_on(&Triangle { colour: Vec3::ONE, vertices }));
+        }
+        assert!(plain > 10_000 && edge_on > 1_000, "{plain} plain, {edge_on} edge-on");
+    }
 }
