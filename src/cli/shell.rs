@@ -17,7 +17,6 @@ use super::{Cli, Failure, write_out};
   rayo completions zsh > ~/.zfunc/_rayo
   rayo completions fish > ~/.config/fish/completions/rayo.fish")]
 pub struct CompletionsArgs {
-    /// The shell
     shell: Shell,
 }
 

@@ -130,7 +130,6 @@ pub struct Growth {
 }
 
 impl Growth {
-    /// Pixels.
     pub fn pixels(&self) -> f64 {
         f64::from(self.width) * f64::from(self.height)
     }

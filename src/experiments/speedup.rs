@@ -26,7 +26,6 @@ pub struct PaperRow {
 }
 
 impl PaperRow {
-    /// Pixels.
     pub fn pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
     }

@@ -97,7 +97,6 @@ pub(super) enum Mark {
     Square,
     /// Two strokes.
     Cross,
-    /// A line.
     Line,
 }
 

@@ -15,7 +15,6 @@ use crate::render::{Engine, Film, FilmMut, Frame, PixelFormat, Plan, Purpose, Se
 use crate::scene::mesh::shapes;
 use crate::scene::{MeshFormat, Scene, Setting, many};
 
-/// One size for all.
 const SIZE: (u32, u32) = (1632, 1224);
 const RUNS: usize = 9;
 const QUICK_RUNS: usize = 5;

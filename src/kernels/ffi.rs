@@ -92,7 +92,6 @@ tables! { $
     struct TileKernels<E: Element> {
         /// Finds the nearest triangles.
         set_up: SetUp<E> = "set_up";
-        /// The nearest of triangles.
         nearest_triangles: Nearest<TrianglePlanes<E>> = "nearest_triangles";
         /// The hierarchical depth of a tile.
         around: Around<E> = "around";

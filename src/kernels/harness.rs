@@ -72,7 +72,6 @@ pub unsafe fn broken_write() -> Op<Vec4, Vec4, Vec4> {
 
 /// A function without arguments, and its instruction counts.
 pub struct Known {
-    /// Its symbol.
     pub symbol: &'static str,
     kernel: Kernel<()>,
     /// Instructions between its labels `.body` and `.body_end`.
@@ -84,13 +83,11 @@ pub struct Known {
 }
 
 impl Known {
-    /// Calls it.
     pub fn call(&self) {
         // SAFETY: it takes nothing and keeps to the convention; it needs no more than x86-64 has.
         unsafe { self.kernel.enter([0; 6]) };
     }
 
-    /// Its address.
     pub fn address(&self) -> usize {
         self.kernel.address()
     }

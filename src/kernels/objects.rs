@@ -73,11 +73,9 @@ pub enum TriangleList<'a> {
 /// At the first address are [`ObjectList::len`] objects, as the kernels of this kind read them; if these are faces, the
 /// second is that of their vertices, followed by 4 readable bytes, and otherwise 0.
 pub unsafe trait ObjectList: Copy + Send + Sync {
-    /// An object.
     type Object;
     /// The number of objects.
     fn len(self) -> usize;
-    /// A part of them.
     fn part(self, range: Range<usize>) -> Self;
     /// The object at an index.
     fn get(self, at: usize) -> Self::Object;
@@ -86,7 +84,6 @@ pub unsafe trait ObjectList: Copy + Send + Sync {
     /// Colours that kernels do not read.
     fn colours(self) -> impl Iterator<Item = Vec3>;
 
-    /// Whether it is empty.
     fn is_empty(self) -> bool {
         self.len() == 0
     }

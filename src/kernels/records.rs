@@ -167,7 +167,6 @@ pub struct Candidate {
     pub id: u32,
     /// The columns of the picture where it may be: the first, and one past the last in the upper 16 bits.
     pub columns: u32,
-    /// The rows.
     pub rows: u32,
     /// Upper bound of its 1/t: [`Candidate::ANY`] if it has none, infinity if that is beyond f32.
     pub most: f32,
@@ -209,12 +208,10 @@ macro_rules! lit_row {
         }
 
         impl<E: Element> LitRows<E> {
-            /// A row.
             pub fn row(&self, row: usize) -> LitRow<E> {
                 LitRow { $($field: self.$field[row]),* }
             }
 
-            /// Sets a row.
             pub fn set_row(&mut self, row: usize, of: &LitRow<E>) {
                 $(self.$field[row] = of.$field;)*
             }

@@ -87,7 +87,6 @@ impl std::error::Error for Unavailable {}
 /// The instructions that the calls of one function executed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Visits {
-    /// The number of calls.
     pub calls: u64,
     /// Instructions from its entry to its return, both included, with those of all functions that it called.
     pub instructions: u64,

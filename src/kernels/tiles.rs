@@ -12,7 +12,6 @@ use super::records::{
 };
 use super::types::Plain;
 
-/// Pixels of a tile.
 pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
 /// Its squares that keep a hierarchical depth.
@@ -442,9 +441,7 @@ impl BoundsFound {
 /// The pixels of each of many objects: the first column (row), and one past the last in the upper 16 bits.
 #[derive(Clone, Debug, Default)]
 pub struct PixelBounds {
-    /// Columns.
     pub columns: Vec<u32>,
-    /// Rows.
     pub rows: Vec<u32>,
 }
 
@@ -694,7 +691,6 @@ impl Bounded for Sphere {
 pub struct TriangleChunk<'a> {
     /// All triangles of the scene with shared corners, or all with their own.
     pub triangles: TriangleList<'a>,
-    /// The lights.
     pub lights: &'a [TileLight<f64>],
     /// The first [`CHUNK`] of them, or as many as there are, are the chunk; the next ones are prefetched.
     pub candidates: &'a [Candidate],

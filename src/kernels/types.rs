@@ -59,11 +59,8 @@ pub struct Light {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(16))]
 pub struct PaperSphere {
-    /// Its centre.
     pub centre: Vec4,
-    /// Its colour.
     pub colour: Vec4,
-    /// Its radius.
     pub radius: f32,
     /// Unused; makes the size a multiple of 16.
     pub padding: [f32; 3],
@@ -79,7 +76,6 @@ pub struct PaperTriangle {
     pub v2: Vec4,
     /// Third vertex.
     pub v3: Vec4,
-    /// Its colour.
     pub colour: Vec4,
 }
 
@@ -98,11 +94,9 @@ pub struct Surface {
 /// The lights and objects of a scene, in its order.
 #[derive(Clone, Copy, Debug)]
 pub struct Objects<'a> {
-    /// All lights.
     pub lights: &'a [Light],
     /// All spheres; they come before the triangles.
     pub spheres: &'a [PaperSphere],
-    /// All triangles.
     pub triangles: &'a [PaperTriangle],
 }
 

@@ -70,7 +70,6 @@ pub struct Instruction {
 pub struct Function {
     /// The object, named after its source.
     pub object: &'static str,
-    /// Its symbol.
     pub symbol: String,
     /// Its length.
     pub bytes: usize,
@@ -138,7 +137,6 @@ fn undecorated<'a>(file: &object::File<'_>, symbol: &'a str) -> &'a str {
 /// The instructions of a function.
 #[derive(Clone, Debug)]
 pub struct Code {
-    /// Its symbol.
     pub symbol: String,
     /// In the order of their addresses.
     pub instructions: Vec<Instruction>,

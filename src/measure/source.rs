@@ -90,7 +90,6 @@ pub struct Unit {
     pub isa: Isa,
     /// The addresses of their code.
     pub code: Range<usize>,
-    /// The macros.
     pub macros: Vec<Macro>,
     /// Their calls, each after the enclosing one.
     pub calls: Vec<Call>,

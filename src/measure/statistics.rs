@@ -94,7 +94,6 @@ pub fn median_with_interval<'a>(
 /// A line through points, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Line {
-    /// The slope.
     pub slope: f64,
     /// The value at 0.
     pub intercept: f64,

@@ -58,7 +58,6 @@ pub struct LeftOut {
     pub omission: Omission,
     /// [`Omission::what`].
     pub what: &'static str,
-    /// Its count.
     pub count: u64,
     /// [`Omission::unit`].
     pub unit: &'static str,

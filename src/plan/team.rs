@@ -17,7 +17,6 @@ const LINGER: Duration = Duration::from_millis(2);
 pub struct Team {
     /// The other threads, if there are any, and the thread that created the team, unless it belongs to another pool.
     pool: Option<ThreadPool>,
-    /// The number of others.
     others: usize,
 }
 
@@ -49,7 +48,6 @@ impl Team {
         Ok(team)
     }
 
-    /// The number of its threads.
     pub fn threads(&self) -> usize {
         1 + self.others
     }

@@ -131,7 +131,6 @@ struct Binned<'a> {
 pub struct Weighted {
     /// For triangles.
     pub lights: Vec<TileLight<f64>>,
-    /// For spheres.
     pub spheres: SphereView<f64>,
     /// Whether white is that of bytes: spheres may have the short form.
     pub bytes: bool,
@@ -387,7 +386,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.planes.as_ref().map(|planes| &planes[kind][..])
     }
 
-    /// All spheres.
     pub fn spheres(&self) -> &[Sphere] {
         &self.scene.spheres
     }

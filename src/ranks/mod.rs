@@ -104,7 +104,6 @@ impl Ranks {
         (world.size() > 1).then(|| Ranks { tasks: world.duplicate(), world, _universe: universe })
     }
 
-    /// The number of this rank.
     pub fn rank(&self) -> usize {
         self.world.rank() as usize
     }

@@ -10,7 +10,6 @@ use dashu_float::round::mode::HalfEven;
 
 use super::number::{Number, Split};
 
-/// Bits of a number.
 pub const BITS: usize = 256;
 
 /// A number of [`BITS`] bits, finite, its exponent without limits. Operations round to nearest.

@@ -79,7 +79,6 @@ pub trait Pixel: Copy + Send + 'static {
     fn of_colour(colour: DVec3) -> Self;
     /// The pixel of one in four floats.
     fn of_linear(linear: &Vec4) -> Self;
-    /// Its colour.
     fn colour(self) -> Colour;
     /// A slice of them, to write to.
     fn film(pixels: &mut [Self]) -> FilmMut<'_>;

@@ -42,7 +42,6 @@ pub struct TruePixel {
 /// The truth of a hit.
 #[derive(Clone, Debug)]
 pub struct TrueHit {
-    /// The object.
     pub object: Object,
     /// The point t r_d.
     pub t: Split,

@@ -23,7 +23,6 @@ pub const MAX_TOML: u64 = 32 << 20;
 const MAX_STREAM: u64 = 64 << 20;
 /// The message for a longer scene.
 const FOR_A_SCENE: &str = "too many for a scene";
-/// The name of standard input.
 const STANDARD_INPUT: &str = "-";
 
 /// The formats of scene files.
@@ -31,7 +30,6 @@ const STANDARD_INPUT: &str = "-";
 pub enum SceneFormat {
     /// The paper's.
     In,
-    /// TOML.
     Toml,
     /// A mesh, which is not a whole scene.
     Mesh(MeshFormat),

@@ -40,7 +40,6 @@ pub fn text(document: &StabilityReport) -> String {
     text.trim_end().to_owned() + "\n"
 }
 
-/// What the families are.
 fn families() -> String {
     let mut table = Table::new(usize::MAX, ["id", "family", "parameter", "from, to", "correct"]);
     for Family { id, name, parameter, levels, correct, .. } in FAMILIES {

@@ -125,7 +125,6 @@ impl Sum {
 pub struct Tally {
     /// The engine's unit roundoff.
     u: f64,
-    /// That of its camera.
     camera_u: f64,
     /// How many levels its estimates may be off by.
     estimates: f64,

@@ -29,7 +29,6 @@ pub struct Cost {
     pub output: Name,
     /// Nanoseconds of a ray of the ordinary picture, the median run.
     pub ordinary_ns_per_ray: f64,
-    /// Of the stiff one.
     pub stiff_ns_per_ray: f64,
     /// The stiff picture's time by the ordinary one's, pair by pair.
     pub ratio: Estimate,

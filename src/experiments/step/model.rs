@@ -59,7 +59,6 @@ impl Element {
         Element { place, at: 8 * byte, bits: 8 * bytes }
     }
 
-    /// A bit.
     pub fn bit(place: Place, at: u32) -> Self {
         Element { place, at: at.into(), bits: 1 }
     }
@@ -145,7 +144,6 @@ pub enum Unknown {
     Instruction {
         /// Its name, as in Intel's manual.
         name: String,
-        /// Its bytes.
         bytes: Vec<u8>,
     },
     /// It touches memory that was not recorded.

@@ -12,7 +12,6 @@ use crate::measure::source::{Call, Macro, Parameter, Unit};
 #[derive(Clone, Debug)]
 pub enum Node {
     Kernel {
-        /// Its symbol.
         symbol: String,
         /// What it does, in the words of its macro.
         says: &'static str,
@@ -31,14 +30,12 @@ pub enum Node {
         comment: &'static str,
         /// What it was called with.
         arguments: Vec<Argument>,
-        /// Instructions in it.
         instructions: usize,
         /// What it executed.
         children: Vec<Node>,
     },
     /// What a row needs once.
     Once {
-        /// Instructions in it.
         instructions: usize,
         /// What it executed.
         children: Vec<Node>,
@@ -51,7 +48,6 @@ pub enum Node {
     Others {
         /// Rounds of a loop, or calls of a kernel.
         rounds: usize,
-        /// Instructions in them.
         instructions: usize,
     },
 }

@@ -103,7 +103,6 @@ pub trait Lanes:
     const FUSED: bool;
     /// The results of a function of each lane's index.
     fn from_fn(number: impl FnMut(usize) -> Self::Number) -> Self;
-    /// The number in a lane.
     fn lane(&self, at: usize) -> Self::Number;
 
     /// The same number in all lanes.

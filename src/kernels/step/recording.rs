@@ -23,11 +23,9 @@ pub struct State {
 pub struct Touched {
     /// The address of its first byte.
     pub address: u64,
-    /// Bytes of it.
     pub bytes: u8,
     /// Before the instruction.
     pub before: [u8; 64],
-    /// After it.
     pub after: [u8; 64],
 }
 

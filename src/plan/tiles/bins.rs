@@ -75,7 +75,6 @@ impl Bins {
         self.pieces.len()
     }
 
-    /// The number of tiles.
     pub(super) fn tiles(&self) -> usize {
         let Picture { width, height } = self.picture;
         (width.div_ceil(TILE_WIDTH as u32) * height.div_ceil(TILE_HEIGHT as u32)) as usize

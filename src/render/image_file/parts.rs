@@ -26,7 +26,6 @@ pub(super) trait Encode: Send + Sync {
 pub(in crate::render) enum Split {
     /// Any number, without a gain from several parts: pixels are written as they are.
     Bytes,
-    /// Any number.
     Any,
     /// So many, and the rest in the last part.
     Strips(u32),

@@ -23,7 +23,6 @@ pub struct Family {
     pub id: &'static str,
     /// A description in a few words.
     pub name: &'static str,
-    /// The parameter.
     pub parameter: &'static str,
     /// The correct result, in words.
     pub correct: &'static str,
