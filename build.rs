@@ -21,7 +21,7 @@ fn main() {
     if cfg!(feature = "lab") {
         // Those of a build without kernels.
         fs::write(out.join("objects.rs"), "&[]").unwrap();
-        fs::write(out.join("rungs.rs"), format!("rungs! {{ most {LADDER_MOST}; }}")).unwrap();
+        fs::write(out.join("rungs.rs"), format!("rungs! {{ most {LADDER_MOST}; }} closed! {{}}")).unwrap();
         for unit in ["sse41", "avx2", "avx512"] {
             fs::write(out.join(format!("{unit}.lines")), "").unwrap();
         }
@@ -79,7 +79,7 @@ mod native {
     const C_LEVELS: [(&str, u32, bool); 5] =
         [("O0", 0, false), ("O1", 1, false), ("O2", 2, false), ("O3", 3, false), ("native", 3, true)];
     /// The ladder's rungs in C: each differs from the previous one by a definition, a flag, or the source.
-    const RUNGS: [Rung; 14] = [
+    const RUNGS: [Rung; 23] = [
         Rung { name: "calls", source: "trace", level: Level::Base, flags: &["-DCALLS"] },
         Rung {
             name: "calls_scalar",
@@ -99,7 +99,21 @@ mod native {
         Rung { name: "turned_sse41", source: "turned", level: Level::Sse41, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
         Rung { name: "turned_v3", source: "turned", level: Level::V3, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
         Rung { name: "turned_v4", source: "turned", level: Level::V4, flags: &["-DSQRTF", FAST, NO_BRANCHES] },
+        Rung { name: "closed_sse41", source: CLOSED, level: Level::Sse41, flags: &PLAIN },
+        Rung { name: "closed_v3", source: CLOSED, level: Level::V3, flags: &PLAIN },
+        Rung { name: "closed_v4", source: CLOSED, level: Level::V4, flags: &PLAIN },
+        Rung { name: "clang_sse41", source: CLOSED, level: Level::Sse41, flags: &PLAIN },
+        Rung { name: "clang_v3", source: CLOSED, level: Level::V3, flags: &PLAIN },
+        Rung { name: "clang_v4", source: CLOSED, level: Level::V4, flags: &PLAIN },
+        Rung { name: "intrinsics_sse41", source: CLOSED, level: Level::Sse41, flags: &INTRINSICS },
+        Rung { name: "intrinsics_v3", source: CLOSED, level: Level::V3, flags: &INTRINSICS },
+        Rung { name: "intrinsics_v4", source: CLOSED, level: Level::V4, flags: &INTRINSICS },
     ];
+    /// The source of rungs that are kernels of rows. Those named after Clang are compiled by it, where it is installed.
+    const CLOSED: &str = "lit";
+    /// With these gcc vectorises roots and selections.
+    const PLAIN: [&str; 3] = ["-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast"];
+    const INTRINSICS: [&str; 2] = ["-DINTRINSICS", "-ffp-contract=fast"];
     const EVERY_HIT: &str = "-DNEAREST_ONLY=0";
     const NEAREST: &str = "-DNEAREST_ONLY=1";
     const PER_RAY: &str = "-DHOISTED=0";
@@ -316,10 +330,17 @@ mod native {
     /// Compiles each rung, and lists them for `rungs!` in src/kernels/ladder.rs.
     fn compile_rungs(out: &Path) -> Vec<PathBuf> {
         let mut objects = Vec::new();
-        let mut list = String::from("rungs! {\n");
-        writeln!(list, "    most {LADDER_MOST};").unwrap();
+        let mut list = format!("rungs! {{\n    most {LADDER_MOST};\n");
+        let mut closed = String::new();
+        let clang = !first_line("clang", "--version").is_empty();
         for Rung { name, source, level, flags } in RUNGS {
             let mut c = compiler(out);
+            if name.starts_with("clang") {
+                if !clang {
+                    continue;
+                }
+                c.compiler("clang");
+            }
             let supported = |flag: &&str| c.is_flag_supported(flag).unwrap_or(false);
             let machine: &[&str] = match level {
                 Level::Base => &[],
@@ -342,9 +363,10 @@ mod native {
             objects.extend(c.try_compile_intermediates().unwrap_or_else(|error| {
                 fail(&format!("the C compiler refused the rung `{name}` of the ladder"), &error.to_string())
             }));
+            let list = if source == CLOSED { &mut closed } else { &mut list };
             writeln!(list, "    {name:?}, {level:?}, \"-O3 {}\";", flags.join(" ")).unwrap();
         }
-        fs::write(out.join("rungs.rs"), list + "}\n").unwrap();
+        fs::write(out.join("rungs.rs"), list + "}\nclosed! {\n" + &closed + "}\n").unwrap();
         objects
     }
 

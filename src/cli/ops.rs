@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::{Failure, colour_on_stdout, convert, print_result, require_assembly, terminal_width};
-use crate::experiments::ops::{self, IMPLEMENTATIONS, Options, Report};
+use crate::experiments::ops::{self, IMPLEMENTATIONS, IMPLEMENTATIONS_OF_LIT, LIT, Options, Report};
 use crate::experiments::svg::Screen;
 use crate::measure::Machine;
 use crate::measure::instructions::functions;
@@ -24,14 +24,15 @@ use crate::measure::instructions::functions;
 #[command(after_help = "Examples:
   rayo ops --op dot,cross
   rayo ops --op sphere --engine c-O3,paper --asm
+  rayo ops --op lit --engine avx2,portable --asm
   rayo ops --kernel rayo_paper_trace")]
 pub struct OpsArgs {
     /// Some operations, separated by commas, with the kinds of their instructions: add, sub, scale, dot, norm, cross,
-    /// normalise, sphere, triangle, lambert
+    /// normalise, sphere, triangle, lambert; with --asm also lit, the rows of a sphere, of portable and the packets
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     op: Vec<String>,
     /// Some implementations, separated by commas: printed-c, printed-simd, c-O0 to c-O3, c-native, rust, glam, paper, aos,
-    /// sse41, avx2, avx512; `c` is all of C, `printed` both of the paper's columns
+    /// sse41, avx2, avx512, portable; `c` is all of C, `printed` both of the paper's columns
     #[arg(long, value_name = "E", value_delimiter = ',')]
     engine: Vec<String>,
     /// Print the listings side by side, in Intel's syntax; of one implementation beside the source
@@ -87,6 +88,9 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
         print_result(args.json, &kernels, || listing::kernels(&kernels.kernels, width, colour))?;
         return Ok(ExitCode::SUCCESS);
     }
+    if !args.asm && args.op.iter().any(|op| op == LIT) {
+        return Err(Failure::input(format!("the rows of a sphere, {LIT}, are listed and not counted: add --asm")));
+    }
     let options = Options {
         wanted: args.op.clone(),
         implementations: implementations(&args.engine)?,
@@ -124,11 +128,11 @@ fn implementations(engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
         let prefix = format!("{engine}-");
         let group = ["c", "printed"].contains(&engine.as_str());
         let before = wanted.len();
-        wanted.extend(
-            IMPLEMENTATIONS.iter().filter(|i| *i == engine || group && i.starts_with(&prefix)).map(|i| i.to_string()),
-        );
+        let mut all = IMPLEMENTATIONS.to_vec();
+        all.extend(IMPLEMENTATIONS_OF_LIT.iter().filter(|name| !IMPLEMENTATIONS.contains(name)));
+        wanted.extend(all.iter().filter(|i| *i == engine || group && i.starts_with(&prefix)).map(|i| i.to_string()));
         if wanted.len() == before {
-            let list = IMPLEMENTATIONS.join(", ");
+            let list = all.join(", ");
             return Err(Failure::input(format!(
                 "there is no implementation `{engine}` of single operations; there are: {list}; and c, printed for groups"
             )));

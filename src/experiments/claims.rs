@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::in_size;
 use super::jumps::Jumps;
 use super::lab::{Bench, Case, LabError, Progress, Taken, Timed};
-use super::ladder::{self, Rung};
+use super::ladder::{self, AgainstCompiler, Rung};
 use super::speedup::{self, BASELINE, CONTROL, PAPER, Speedup, Timing};
 use crate::measure::Name;
 use crate::measure::statistics::{Estimate, Line, fit_line, median, minimum};
@@ -214,6 +214,7 @@ pub fn judge(evidence: &Evidence<'_>) -> Vec<Claim> {
             &[Ladder, Table],
             macros_explain(evidence),
         ),
+        claim("Written by hand it is faster than compiled (section 5)", &[Ladder], by_hand(evidence)),
         claim("The jumps in time are the cache", &[Jumps, Table], jumps(evidence)),
     ]
 }
@@ -413,6 +414,33 @@ fn macros_explain(evidence: &Evidence<'_>) -> (Verdict, String) {
     );
     let explained = beyond > 1.0 && c.ln() / beyond.ln() > 0.5;
     (if explained { Verdict::Reproduced } else { Verdict::NotReproduced }, figure)
+}
+
+/// The paper's own form, its SIMD beside its C compiled without what the SIMD omits; and the packets' kernel beside the same
+/// closed form compiled.
+fn by_hand(evidence: &Evidence<'_>) -> (Verdict, String) {
+    let Some(rungs) = evidence.rungs else { return not_measured() };
+    let Some(paper) = ladder::ratio(rungs, "lean", "paper") else { return not_measured() };
+    let against = ladder::against_compiler(rungs);
+    let closed: Vec<_> = against.iter().filter(|of| of.engine == "rgba8").collect();
+    let told = |value: f64, low: f64, high: f64| format!("{value:.2} [{low:.2}, {high:.2}]");
+    let mut figure = format!(
+        "the paper's SIMD is {} times as fast as its C, compiled with the same omissions",
+        told(paper.value, paper.low, paper.high)
+    );
+    for AgainstCompiler { compiled, ratio, low, high, .. } in &closed {
+        figure += &format!("; the fastest packets {} times as fast as the {compiled}", told(*ratio, *low, *high));
+    }
+    let lows = closed.iter().map(|of| of.low).chain([paper.low]).fold(f64::INFINITY, f64::min);
+    let highs = closed.iter().map(|of| of.high).chain([paper.high]).fold(f64::INFINITY, f64::min);
+    let floor = 1.0 + evidence.speedup.noise_floor;
+    let verdict = match (closed.is_empty(), lows > floor, highs < floor) {
+        (true, ..) => return (Verdict::NotTestable, format!("{figure}; no kernel of packets was compiled")),
+        (_, true, _) => Verdict::Reproduced,
+        (_, _, true) => Verdict::NotReproduced,
+        _ => return (Verdict::NotTestable, format!("{figure}; one of the intervals contains the noise floor")),
+    };
+    (verdict, figure)
 }
 
 /// What the paper expects of three lanes in use.
@@ -652,6 +680,26 @@ mod tests {
             let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
             assert_eq!(verdict(&evidence, "matter little"), little, "{calls} {paper_called}");
             assert_eq!(verdict(&evidence, "explain"), explain, "{calls} {paper_called}");
+        }
+    }
+
+    #[test]
+    fn the_hand_is_judged_by_the_same_algorithm_compiled() {
+        let machine = machine(true);
+        let closed = "closed form in C, avx2";
+        for (paper, compiled, floor, expected) in [
+            (10.0, Some(1.5), 0.01, Verdict::Reproduced),
+            (10.0, Some(0.9), 0.01, Verdict::NotReproduced),
+            (30.0, Some(1.5), 0.01, Verdict::NotReproduced),
+            (10.0, Some(1.5), 0.6, Verdict::NotReproduced),
+            (10.0, None, 0.01, Verdict::NotTestable),
+        ] {
+            let speedup = table(6.3, 0.01, floor);
+            let mut cycles = vec![("lean", 20.0), ("paper", paper), ("rgba8", 1.0)];
+            cycles.extend(compiled.map(|cycles| (closed, cycles)));
+            let rungs = rungs(&cycles);
+            let evidence = Evidence { rungs: Some(&rungs), ..alone(&speedup, &machine) };
+            assert_eq!(verdict(&evidence, "by hand"), expected, "{paper} {compiled:?} {floor}");
         }
     }
 

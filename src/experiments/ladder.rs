@@ -8,12 +8,12 @@ use super::in_size;
 use super::lab::{Bench, Case, LabError, Pairs, Progress, Taken, Turn, judged, kept};
 use super::speedup::{self, Truth};
 use crate::kernels::ladder::{self, Rung as Variant};
-use crate::kernels::{self, Vec4, step, sys};
+use crate::kernels::{self, ElementKernels, Isa, LaneTracer, Vec4, step, sys};
 use crate::measure::statistics::{Estimate, median};
 use crate::measure::{Clock, Name};
-use crate::plan::Packed;
-use crate::render::{Engine, Film, FilmMut, Frame, PixelFormat, Settings, Tracer};
-use crate::scene::{Camera, Scene};
+use crate::plan::{Packed, in_lanes};
+use crate::render::{Engine, Film, FilmMut, Frame, LitTracer, PixelFormat, Purpose, Settings, Tracer};
+use crate::scene::Scene;
 
 /// The size that all rungs but the last two trace: small enough for the picture to stay in a second-level cache, and for a run to
 /// be over before the operating system thinks of giving the core to another program.
@@ -54,7 +54,7 @@ pub struct Rung {
     pub samples_per_run: usize,
 }
 
-/// A packet engine beside the best C of the ladder, compiled for the same instruction set; both write floats.
+/// A packet engine beside what a compiler made for the same instruction set, to the same output.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct AgainstCompiler {
     pub engine: Name,
@@ -96,10 +96,31 @@ pub(super) const TURNED: [(&str, &str, &str); 3] = [
     ("avx512", "turned, avx512", "turned_v4"),
 ];
 
+/// The same levels: how rungs of a closed form are named after them, how their variants are, and the rung by hand where it is not
+/// the widest.
+const LEVELS: [(&str, &str, &str); 3] =
+    [("sse41", "sse41", "rgba8, sse41"), ("avx2", "v3", "rgba8, avx2"), ("avx512", "v4", "rgba8, avx512")];
+
+/// The closed form of the experiment's sphere in bytes, compiled: the rung, the variant, and what is different from the kernel in
+/// assembly.
+const CLOSED: [(&str, &str, &str); 4] = [
+    ("closed form in C", "closed", "the same rows in C, which the compiler vectorises"),
+    ("closed form in C by Clang", "clang", "the same, by Clang"),
+    ("closed form in Rust", "rust", "the same rows in Rust, which the compiler vectorises"),
+    ("closed form in intrinsics", "intrinsics", "the same rows in C by intrinsics, with estimates of roots"),
+];
+
+/// The rung with a ray in each lane, in four of them; with more it is an aside.
+const LANES: &str = "lanes";
+
 /// What traces the picture of a rung.
 enum Tracing {
     Variant(&'static Variant),
     Engine(Engine, PixelFormat),
+    /// A ray in each lane.
+    Lanes(&'static LaneTracer),
+    /// Rows in closed form, to bytes.
+    Rows(&'static Variant<ElementKernels<f32>>),
     /// The paper's macros in the best forms we know.
     Aos(&'static kernels::AosKernels),
     Threads(Engine, PixelFormat, usize),
@@ -107,7 +128,7 @@ enum Tracing {
 
 /// A rung before it is measured.
 struct Planned {
-    rung: &'static str,
+    rung: String,
     change: String,
     /// The rung that this one is an aside to, if it is an aside.
     aside_of: Option<&'static str>,
@@ -120,8 +141,8 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     // The widest level that this CPU runs stands for -march=native.
     let native = |names: &[&'static str]| names.iter().map(|name| variant(name)).find(|rung| rung.usable());
     let mut rungs = Vec::new();
-    let mut rung = |rung, change: &str, aside_of, tracing| {
-        rungs.push(Planned { rung, change: change.into(), aside_of, tracing });
+    let mut rung = |rung: &str, change: &str, aside_of, tracing| {
+        rungs.push(Planned { rung: rung.into(), change: change.into(), aside_of, tracing });
     };
     let c = |name| Tracing::Variant(variant(name));
     rung("c, called", "the paper's C with every small function called", None, c("calls"));
@@ -159,22 +180,45 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
         Some("paper"),
         Tracing::Variant(&ladder::PAPER_CALLS),
     );
-    if !whole {
-        return rungs;
-    }
-    if let Some(kernels) = kernels::aos() {
+    if whole && let Some(kernels) = kernels::aos() {
         rung("paper, best forms", "the same without haddps", Some("paper"), Tracing::Aos(kernels));
     }
-    let packets = Engine::ALL.iter().copied().filter(|engine| engine.usable() && engine.is_packet());
-    for packet in packets {
-        rung(packet.name(), "packets of rays", None, Tracing::Engine(packet, PixelFormat::F32x4));
+    if whole && let Some(tracer) = kernels::lane_tracer(Isa::Sse41) {
+        rung(LANES, "a ray in each lane, which asks every object", None, Tracing::Lanes(tracer));
     }
-    let fastest = Engine::fastest();
-    if fastest.is_packet() {
-        rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
-        let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
+    let isas: Vec<_> = Isa::ALL.into_iter().filter(|isa| isa.usable()).collect();
+    for isa in isas.iter().filter(|_| whole) {
+        let change = if *isa == Isa::Sse41 { "packets of rays, in closed form" } else { "packets of more rays" };
+        rung(isa.name(), change, None, Tracing::Engine(Engine::Packet(*isa), PixelFormat::F32x4));
+    }
+    for isa in isas.iter().skip(1).filter(|_| whole) {
+        let tracer = kernels::lane_tracer(*isa).expect("the CPU supports it");
+        let change = "a ray in each lane, which asks every object";
+        rung(&format!("{LANES}, {isa}"), change, Some(isa.name()), Tracing::Lanes(tracer));
+    }
+    let Some(&widest) = isas.last() else { return rungs };
+    let fastest = Engine::Packet(widest);
+    rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
+    for (isa, (name, level, narrower)) in isas.iter().zip(LEVELS).rev() {
+        let by_hand = if *isa == widest { "rgba8" } else { narrower };
+        if *isa != widest {
+            if !whole {
+                break;
+            }
+            let tracing = Tracing::Engine(Engine::Packet(*isa), PixelFormat::Rgba8);
+            rung(by_hand, "the same for fewer lanes", Some("rgba8"), tracing);
+        }
+        for (way, of, change) in CLOSED {
+            let variant = ladder::CLOSED.iter().find(|rung| rung.name == format!("{of}_{level}") && rung.usable());
+            if let Some(variant) = variant {
+                rung(&format!("{way}, {name}"), change, Some(by_hand), Tracing::Rows(variant));
+            }
+        }
+    }
+    if whole {
         let large = format!("a picture of {}×{}, which leaves that cache", LARGE.0, LARGE.1);
         rung("large", &large, None, Tracing::Engine(fastest, PixelFormat::Rgba8));
+        let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
         rung("threads", "the same by all cores", None, tracing);
     }
     rungs
@@ -182,7 +226,7 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
 
 impl Planned {
     fn size(&self) -> (u32, u32) {
-        if ["large", "threads"].contains(&self.rung) { LARGE } else { SIZE }
+        if ["large", "threads"].contains(&&*self.rung) { LARGE } else { SIZE }
     }
 
     fn threads(&self) -> usize {
@@ -194,7 +238,9 @@ impl Planned {
     fn instructions(&self, scene: &Scene, cores: &sys::Cores) -> Result<Option<f64>, LabError> {
         let Counted { size: (width, height), step_by, call: (call_size, twice) } = match &self.tracing {
             Tracing::Threads(..) => return Ok(None),
+            Tracing::Rows(_) => COUNTED_BY_SPANS,
             Tracing::Engine(engine, _) if engine.is_packet() => COUNTED_BY_SPANS,
+            Tracing::Lanes(_) => COUNTED_BY_ROWS,
             Tracing::Variant(variant) if variant.name.starts_with("turned") => COUNTED_BY_ROWS,
             _ => COUNTED_ONE_BY_ONE,
         };
@@ -221,7 +267,7 @@ impl Planned {
         let scene = in_size(scene, size.0, size.1);
         let packed = Packed::new(&scene);
         let tracer = self.tracer(&scene)?;
-        let case = self.case(tracer.as_deref(), &packed, scene.camera, cores)?;
+        let case = self.case(tracer.as_deref(), &packed, &scene, cores)?;
         let mut film = Film::new(case.output, 2 * size.0 as usize)?;
         let count = |rows: Range<u32>| {
             let film = film.as_mut().part(0..rows.len() * size.0 as usize);
@@ -231,14 +277,23 @@ impl Planned {
     }
 
     fn flags(&self) -> &'static str {
-        if let Tracing::Variant(variant) = self.tracing { variant.flags } else { "" }
+        match self.tracing {
+            Tracing::Variant(variant) => variant.flags,
+            Tracing::Rows(variant) => variant.flags,
+            _ => "",
+        }
     }
 
     /// The tracer of an engine, where it is one.
     fn tracer<'a>(&self, scene: &'a Scene) -> Result<Option<Box<dyn Tracer + 'a>>, LabError> {
         Ok(match self.tracing {
             Tracing::Engine(engine, _) | Tracing::Threads(engine, ..) => Some(engine.prepare(None, scene)?),
-            Tracing::Variant(_) | Tracing::Aos(_) => None,
+            Tracing::Rows(variant) => {
+                let packets = Engine::fastest().packets().expect("kernels of rows stand beside those of packets");
+                let tracer = LitTracer::new(packets, (variant.kernel(), false), scene, Purpose::default());
+                Some(Box::new(tracer.expect("the experiment's sphere has the form")))
+            }
+            Tracing::Variant(_) | Tracing::Aos(_) | Tracing::Lanes(_) => None,
         })
     }
 
@@ -246,9 +301,10 @@ impl Planned {
         &self,
         tracer: Option<&'a dyn Tracer>,
         packed: &'a Packed,
-        camera: Camera,
+        scene: &Scene,
         cores: &sys::Cores,
     ) -> Result<Case<'a>, LabError> {
+        let camera = scene.camera;
         let engine = || tracer.expect("an engine has one");
         Ok(match self.tracing {
             Tracing::Variant(variant) => Case::new(camera, PixelFormat::F32x4, move |rows, film| {
@@ -257,7 +313,14 @@ impl Planned {
             Tracing::Aos(kernels) => Case::new(camera, PixelFormat::F32x4, move |rows, film| {
                 kernels.trace.call(packed.frame(), packed.objects(), rows, floats(film));
             }),
-            Tracing::Engine(_, output) => {
+            Tracing::Lanes(tracer) => {
+                let objects = in_lanes(scene, tracer);
+                Case::new(camera, PixelFormat::F32x4, move |rows, film| {
+                    tracer.call(packed.frame(), &objects, rows, floats(film));
+                })
+            }
+            Tracing::Engine(..) | Tracing::Rows(_) => {
+                let output = if let Tracing::Engine(_, output) = self.tracing { output } else { PixelFormat::Rgba8 };
                 let tracer = engine();
                 Case::new(camera, output, move |rows, film| tracer.rows(rows, film))
             }
@@ -307,7 +370,7 @@ pub fn check(
     let packed = Packed::new(scene);
     for rung in &planned {
         let tracer = rung.tracer(scene)?;
-        truth.check(rung.rung, &rung.case(tracer.as_deref(), &packed, scene.camera, cores)?)?;
+        truth.check(&rung.rung, &rung.case(tracer.as_deref(), &packed, scene, cores)?)?;
     }
     let mut instructions = Vec::new();
     for rung in &planned {
@@ -336,7 +399,7 @@ pub fn measure_run(
     let tracers = planned.iter().zip(&scenes).map(|(rung, scene)| rung.tracer(scene));
     let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
     let cases = planned.iter().zip(&tracers).zip(&scenes);
-    let cases = cases.map(|((rung, tracer), scene)| rung.case(tracer.as_deref(), &packed, scene.camera, cores));
+    let cases = cases.map(|((rung, tracer), scene)| rung.case(tracer.as_deref(), &packed, scene, cores));
     let cases = cases.collect::<Result<Vec<_>, _>>()?;
     let measured = Bench::default().time(clock, &cases, rounds, &mut || true)?.expect("nobody stops it");
     Ok(measured.iter().map(|runs| Turn::each(runs).collect()).collect())
@@ -366,10 +429,10 @@ pub fn of(whole: bool, cores: &sys::Cores, instructions: &[Option<f64>], runs: &
         };
         let gain = over_rung(&measured[over.unwrap_or(index)]);
         rungs.push(Rung {
-            rung: rung.rung.into(),
+            rung: rung.rung.clone(),
             change: rung.change.clone(),
             flags: rung.flags().into(),
-            over: over.map(|over| planned[over].rung.into()),
+            over: over.map(|over| planned[over].rung.clone()),
             aside: rung.aside_of.is_some(),
             threads: rung.threads(),
             cycles_per_pixel: median(&kept(ticks, &judged(taken))) / pixels(SIZE),
@@ -417,20 +480,29 @@ pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
     Some(Pairs::new((&a.samples, &a.taken), (&b.samples, &b.taken)).estimate(a.samples_per_run))
 }
 
-/// Each packet engine that is a rung, against what the compiler made for its instruction set.
+/// Each packet engine that is a rung, against what the compiler made for its instruction set: of the algorithm with a ray in
+/// each lane, and of the same closed form.
 pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
     let there = |name: &str| rungs.iter().any(|rung| rung.rung == name);
+    let compiled = |(name, _, narrower)| {
+        let by_hand = if there(narrower) { narrower } else { "rgba8" };
+        CLOSED.map(|(way, ..)| (by_hand, format!("{way}, {name}")))
+    };
+    let closed = LEVELS.into_iter().flat_map(compiled).filter_map(|(engine, compiled)| {
+        let Estimate { value: ratio, low, high } = ratio(rungs, &compiled, engine)?;
+        Some(AgainstCompiler { engine: engine.into(), compiled: compiled.into(), ratio, low, high })
+    });
     let against = |(engine, narrower, variant): (&'static str, &'static str, &str)| {
         let widest = || ladder::C.iter().any(|rung| rung.name == variant && rung.usable()).then_some(WIDEST);
         let compiled = if there(narrower) { narrower } else { widest()? };
         let Estimate { value: ratio, low, high } = ratio(rungs, compiled, engine)?;
         Some(AgainstCompiler { engine: engine.into(), compiled: compiled.into(), ratio, low, high })
     };
-    TURNED.into_iter().filter_map(against).collect()
+    TURNED.into_iter().filter_map(against).chain(closed).collect()
 }
 
-/// The two factors that the paper's explanations are about, taken apart: from the C that calls its functions, and from
-/// the engine `c`, whose functions the compiler inlines.
+/// Factors taken apart: the two that the paper's explanations are about, from the C that calls its functions and from the engine
+/// `c`, whose functions the compiler inlines; and from the best of that C to packets, by hand and by algorithm.
 pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
     let apart = |steps: &[(&'static str, &'static str, &'static str)]| {
         let factor = |a, b| Some(ratio(rungs, a, b)?.value);
@@ -457,6 +529,7 @@ pub fn explain(rungs: &[Rung]) -> Vec<Explanation> {
             ("lanes", "lean", "paper"),
         ]),
         apart(&[("pow", "c", "inlined"), ("leaving things out", "inlined", "lean"), ("lanes", "lean", "paper")]),
+        apart(&[("by hand", "turned, sse41", LANES), ("algorithm", LANES, "sse41")]),
     ]
     .into_iter()
     .flatten()

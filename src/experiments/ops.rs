@@ -22,6 +22,11 @@ use subjects::{Subject, subject};
 pub const OPS: [&str; 10] =
     ["add", "sub", "scale", "dot", "norm", "cross", "normalise", "sphere", "triangle", "lambert"];
 
+/// What is listed beside them if it is asked for: the rows of a grey sphere, as the packets make their bytes.
+pub const LIT: &str = "lit";
+/// The implementations of [`LIT`]; `portable` is that in Rust, compiled for the widest packets that this CPU has.
+pub const IMPLEMENTATIONS_OF_LIT: [&str; 4] = ["sse41", "avx2", "avx512", "portable"];
+
 /// The implementations, in the order of the table's columns.
 pub const IMPLEMENTATIONS: [&str; 14] = [
     "printed-c",
@@ -64,7 +69,7 @@ const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 /// What to count.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Some of [`OPS`]; none for all.
+    /// Some of [`OPS`], or [`LIT`]; none for all of the former.
     pub wanted: Vec<String>,
     /// Some of [`IMPLEMENTATIONS`]; None for all.
     pub implementations: Option<Vec<String>>,
@@ -273,7 +278,7 @@ pub struct FrameRow {
 
 /// An operation that does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no operation `{0}`; there are: {list}", list = OPS.join(", "))]
+#[error("there is no operation `{0}`; there are: {list}; and {LIT}, the rows of a sphere", list = OPS.join(", "))]
 pub struct UnknownOp(pub String);
 
 /// Is told how much is done, of how much.
@@ -284,7 +289,8 @@ const FRAME_WORK: usize = 25;
 
 /// Counts, and measures where that is asked for, with the calling thread on one core.
 pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, UnknownOp> {
-    if let Some(op) = options.wanted.iter().find(|op| !OPS.contains(&op.as_str())) {
+    let every = || OPS.into_iter().chain([LIT]);
+    if let Some(op) = options.wanted.iter().find(|wanted| every().all(|op| op != *wanted)) {
         return Err(UnknownOp(op.clone()));
     }
     let mut executed_unavailable = None;
@@ -305,10 +311,11 @@ pub fn run(options: &Options, progress: &mut Progress<'_>) -> Result<Report, Unk
         Some(wanted) => wanted.iter().any(|w| w == implementation),
         None => true,
     };
-    let ops =
-        OPS.into_iter().filter(|op| options.wanted.is_empty() || options.wanted.iter().any(|wanted| wanted == op));
+    let is_wanted = |op: &&str| options.wanted.iter().any(|wanted| wanted == op);
+    let ops = every().filter(|op| if options.wanted.is_empty() { *op != LIT } else { is_wanted(op) });
+    let implementations = |op| if op == LIT { &IMPLEMENTATIONS_OF_LIT[..] } else { &IMPLEMENTATIONS[..] };
     let cells: Vec<_> =
-        ops.flat_map(|op| IMPLEMENTATIONS.into_iter().filter(wanted).map(move |name| (op, name))).collect();
+        ops.flat_map(|op| implementations(op).iter().copied().filter(wanted).map(move |name| (op, name))).collect();
     let engines: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).collect();
     let engines = if step && options.wanted.is_empty() { &engines[..] } else { &[] };
     let work = cells.len() + FRAME_WORK * engines.len();
@@ -339,6 +346,11 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
     let printed = OPS.iter().zip(PRINTED).find(|(name, _)| **name == op).map(|(_, printed)| printed);
     let mut row = Counts { op: op.into(), implementation: implementation.into(), ..Counts::default() };
     match (implementation, printed) {
+        _ if op == LIT => {
+            if let Some(code) = code(op, implementation, None) {
+                row.count(&code);
+            }
+        }
         // What the paper counted as C looks like whole functions, its SIMD is its macros.
         ("printed-c", printed) => row.function = printed.map(|(c, _)| c),
         ("printed-simd", printed) => row.body = printed.map(|(_, simd)| simd),
@@ -386,6 +398,11 @@ fn lanes(implementation: &str) -> Option<usize> {
 /// The code of an operation: out of the objects, or for Rust out of this process.
 fn code(op: &str, implementation: &str, subject: Option<&Subject>) -> Option<Code> {
     match implementation {
+        "portable" if op == LIT => {
+            let widest = Isa::ALL.into_iter().rfind(|isa| isa.usable())?;
+            Code::of_function(&format!("{op} for {widest}"), kernels::ladder::rows_in_rust(widest))
+        }
+        _ if op == LIT => Code::of_symbol(&format!("rayo_{implementation}_single_grey_rgba8")),
         "rust" | "glam" => Code::of_function(&format!("{implementation} {op}"), subject?.address),
         _ => Code::of_symbol(&symbol(op, implementation)),
     }

@@ -147,7 +147,7 @@ tables! { $
 }
 
 /// By [`Isa`], with the lanes of f32.
-static PACKETS: [PacketKernels; 3] = [
+pub(super) static PACKETS: [PacketKernels; 3] = [
     PacketKernels!("rayo_sse41_", "", "", (4, false)),
     PacketKernels!("rayo_avx2_", "", "", (8, true)),
     PacketKernels!("rayo_avx512_", "", "", (16, true)),

@@ -1,10 +1,14 @@
-//! The rungs of the ladder that are variants of the paper's C and of its SIMD, for the experiment alone.
+//! The rungs of the ladder that are variants of the paper's code and of the packets' closed form, for the experiment alone.
 
 use std::ops::Range;
 
+use super::ffi::{ElementKernels, LitBodies, PACKETS};
 use super::isa::{Isa, psabi_level};
 use super::kernel::kernel;
+use super::packet::{Rgba8, ShadeRows};
 use super::paper::Trace;
+use super::portable;
+use super::records::{LitRows, LitSphere};
 use super::types::{Frame, Objects, Vec4};
 
 /// A level of x86-64 that a rung was compiled for.
@@ -32,31 +36,41 @@ impl Level {
     }
 }
 
-/// A variant of a tracer.
+/// A variant of a tracer, or of the kernels that one calls.
 #[derive(Clone, Copy)]
-pub struct Rung {
+pub struct Rung<K = Trace> {
     /// Its name in build.rs.
     pub name: &'static str,
     /// The level it was compiled for.
     pub flags: &'static str,
     level: Level,
-    trace: Trace,
+    kernel: K,
 }
 
-impl Rung {
+impl<K> Rung<K> {
     /// Whether this CPU runs it.
     pub fn usable(&self) -> bool {
         self.level.usable()
     }
 
+    /// What it is, if this CPU runs it.
+    ///
+    /// # Panics
+    /// If it is not [`Rung::usable`].
+    pub fn kernel(&self) -> &K {
+        assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
+        &self.kernel
+    }
+}
+
+impl Rung {
     /// As [`Trace::call`].
     ///
     /// # Panics
     /// As [`Trace::call`]; if there are more than [`MOST`] objects of a kind; if it is not [`Rung::usable`].
     pub fn call(&self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>, out: &mut [Vec4]) {
-        assert!(self.usable(), "this CPU does not run the rung `{}`", self.name);
         assert!(objects.spheres.len().max(objects.triangles.len()) <= MOST, "a rung takes {MOST} objects of a kind");
-        self.trace.call(frame, objects, rows, out);
+        self.kernel().call(frame, objects, rows, out);
     }
 }
 
@@ -70,12 +84,66 @@ macro_rules! rungs {
             name: $name,
             flags: $flags,
             level: Level::$level,
-            trace: kernel!(rayo_c, concat!("rayo_ladder_", $name)),
+            kernel: kernel!(rayo_c, concat!("rayo_ladder_", $name)),
         }),*];
     };
 }
+
+/// The packet kernels of a level, but for the grey bytes of a sphere's rows, which `kernel` makes.
+const fn with_rows(level: Level, kernel: ShadeRows<f32, Rgba8>) -> ElementKernels<f32> {
+    let isa = match level {
+        Level::Base | Level::Sse41 => Isa::Sse41,
+        Level::V3 => Isa::Avx2,
+        Level::V4 => Isa::Avx512,
+    };
+    let kernels = PACKETS[isa as usize].single;
+    ElementKernels { grey: LitBodies { rgba8: kernel, ..kernels.grey }, ..kernels }
+}
+
+macro_rules! closed {
+    ($($name:literal, $level:ident, $flags:literal;)*) => {
+        /// The closed form of one grey sphere in bytes, compiled: from C if this build has it, and from Rust.
+        pub static CLOSED: &[Rung<ElementKernels<f32>>] = &[
+            $(Rung {
+                name: $name,
+                flags: $flags,
+                level: Level::$level,
+                kernel: with_rows(Level::$level, kernel!(rayo_c, concat!("rayo_ladder_", $name))),
+            },)*
+            in_rust!("rust_sse41", Sse41, portable::grey_sse41),
+            in_rust!("rust_v3", V3, portable::grey_v3),
+            in_rust!("rust_v4", V4, portable::grey_v4),
+        ];
+    };
+}
+
+macro_rules! in_rust {
+    ($name:literal, $level:ident, $rows:path) => {
+        Rung {
+            name: $name,
+            flags: "",
+            level: Level::$level,
+            kernel: with_rows(
+                Level::$level,
+                ShadeRows::<f32, Rgba8>::in_rust(
+                    // SAFETY: Rung::kernel() hands it out, and only where the CPU is of its level.
+                    |sphere, rows, out, width| unsafe { $rows(sphere, rows, out, width) },
+                    $name,
+                ),
+            ),
+        }
+    };
+}
+
+/// The address of the code from Rust among [`CLOSED`], for the level of an ISA.
+pub fn rows_in_rust(isa: Isa) -> usize {
+    type Rows = unsafe fn(&LitSphere<f32>, &LitRows<f32>, &mut [Rgba8], usize);
+    let rows: [Rows; 3] = [portable::grey_sse41, portable::grey_v3, portable::grey_v4];
+    rows[isa as usize] as usize
+}
+
 include!(concat!(env!("OUT_DIR"), "/rungs.rs"));
 
 /// The paper's SIMD with calls in place of macros: the same instructions on the same registers, out of line.
 pub static PAPER_CALLS: Rung =
-    Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, trace: kernel!("rayo_calls_trace") };
+    Rung { name: "paper_calls", flags: "AOS_CALLS 1", level: Level::Sse41, kernel: kernel!("rayo_calls_trace") };

@@ -18,6 +18,8 @@ mod isa;
 mod kernel;
 #[cfg(feature = "lab")]
 pub mod ladder;
+#[cfg(feature = "lab")]
+mod lanes;
 pub mod memory;
 mod objects;
 mod packet;
@@ -44,6 +46,8 @@ pub use ffi::{
 };
 pub use isa::Isa;
 pub use kernel::Kernel;
+#[cfg(feature = "lab")]
+pub use lanes::{LaneObjects, LaneTracer, lane_symbols, lane_tracer};
 pub use objects::{FacePart, ObjectList, TriangleList};
 pub use packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 pub use paper::{Hits, Op, OpRef, RowsOf, Trace};

@@ -15,6 +15,8 @@ use lanes::{Lanes, Number, Packet};
 use super::ffi::{ElementKernels, LitBodies, PacketKernels, TileKernels};
 use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::records::{Element as _, Sphere, SpherePlanes, TileSphere, Triangle, TrianglePlanes};
+#[cfg(feature = "lab")]
+use super::records::{LitRows, LitSphere};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -53,23 +55,26 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
     }
 }
 
+/// Those of rows, with true roots where kernels in assembly have estimates.
+const fn lit<L: Lanes<Number = E>, E: Number, const GREY: bool>() -> LitBodies<E> {
+    LitBodies {
+        f32x4: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x4"),
+        f32x4_fast: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x4"),
+        f32x3: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x3"),
+        f32x3_fast: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_f32x3"),
+        rgba8: ShadeRows::<E, Rgba8>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_rgba8"),
+        rgb8: ShadeRows::<E, Rgb8>::in_rust(rows::shade_rows::<L, _, GREY>, "lit_rgb8"),
+    }
+}
+
 /// The kernels for one type of elements: L is a packet of pixels, W the packet in which objects are set up.
 const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> ElementKernels<E> {
-    // With true roots where kernels in assembly have estimates, and with all three weights where they are equal.
-    let lit = LitBodies {
-        f32x4: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _>, "lit_f32x4"),
-        f32x4_fast: ShadeRows::<E, Vec4>::in_rust(rows::shade_rows::<L, _>, "lit_f32x4"),
-        f32x3: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _>, "lit_f32x3"),
-        f32x3_fast: ShadeRows::<E, F32x3>::in_rust(rows::shade_rows::<L, _>, "lit_f32x3"),
-        rgba8: ShadeRows::<E, Rgba8>::in_rust(rows::shade_rows::<L, _>, "lit_rgba8"),
-        rgb8: ShadeRows::<E, Rgb8>::in_rust(rows::shade_rows::<L, _>, "lit_rgb8"),
-    };
     ElementKernels {
         lanes: L::COUNT,
         fused: L::FUSED,
         lit_rows: RowSetup::<E>::in_rust(rows::lit_rows::<W, E>, "lit_rows"),
-        lit,
-        grey: lit,
+        lit: lit::<L, E, false>(),
+        grey: lit::<L, E, true>(),
         tiles: TileKernels {
             set_up: SetUp::<E>::in_rust(set_up::set_up::<W, E>, "set_up"),
             nearest_triangles: Nearest::<TrianglePlanes<E>>::in_rust(nearest::nearest::<L, _>, "nearest_triangles"),
@@ -83,6 +88,25 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
             rgba8: ShadeTile::<E, Rgba8>::in_rust(shade::shade::<L, _>, "tile_rgba8"),
         },
     }
+}
+
+/// [`rows::shade_rows`] to the bytes of a grey sphere, compiled for a level of x86-64.
+#[cfg(feature = "lab")]
+macro_rules! compiled {
+    ($($name:ident, $features:literal, $lanes:literal, $fused:literal;)*) => {$(
+        /// # Safety
+        /// The CPU is of the level.
+        #[cfg_attr(target_arch = "x86_64", target_feature(enable = $features))]
+        pub unsafe fn $name(sphere: &LitSphere<f32>, rows: &LitRows<f32>, out: &mut [Rgba8], width: usize) {
+            rows::shade_rows::<Packet<f32, $lanes, $fused>, Rgba8, true>(sphere, rows, out, width);
+        }
+    )*};
+}
+#[cfg(feature = "lab")]
+compiled! {
+    grey_sse41, "sse4.1", 4, false;
+    grey_v3, "avx2,fma,bmi1,bmi2,lzcnt,movbe,popcnt,f16c", 8, true;
+    grey_v4, "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,fma", 16, true;
 }
 
 /// n / t at a pixel that is `x`, `y` from a sphere's own origin, by the operations of kernels in f32 (`single`) or f64, with a

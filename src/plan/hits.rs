@@ -3,9 +3,13 @@
 //! Everything is computed in f64 and rounded once, so that no operand of the kernels has lost digits by cancellation.
 
 use glam::DVec3;
+use glam::Vec3;
 
+use super::light::lights;
 use crate::kernels::{Element, SphereHit, TriangleHit};
+use crate::kernels::{LaneObjects, LaneTracer, ObjectLight};
 use crate::reference::geometry;
+use crate::scene::{Light, Scene};
 
 /// A record in a unit of length of the object's own, so that no product leaves the range of an f32 or an f64.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +18,40 @@ pub struct InUnits<R> {
     pub record: R,
     /// The unit, a power of two: t is that many times the operation's result.
     pub unit: f64,
+}
+
+/// The objects of a scene whose numbers, squared, are in the range of f32, for a tracer with a ray in each lane.
+pub fn in_lanes(scene: &Scene, tracer: &LaneTracer) -> LaneObjects {
+    let lights = lights(scene);
+    let grid = scene.camera.grid();
+    let reach = [grid.half_width, grid.half_height, grid.focal];
+    let light = |position: DVec3, cosine, light: &Light, colour: Vec3| {
+        let [x, y, z] = position.to_array();
+        let [red, green, blue] = (light.radiance() * colour.as_dvec3()).to_array();
+        ObjectLight { x, y, z, cosine, red, green, blue, padding: 0.0 }.round()
+    };
+    let mut objects = tracer.objects(lights.len());
+    for sphere in &scene.spheres {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let InUnits { record: SphereHit { cx, cy, cz, square, k }, unit } = sphere_hit::<f64>(centre.into(), radius);
+        let area = unit * unit;
+        let record = SphereHit { cx: cx * unit, cy: cy * unit, cz: cz * unit, square: square * area, k: k * area };
+        let lit = |of: &&Light| light((of.position.as_dvec3() - centre) / radius, 0.0, of, sphere.colour);
+        let place = centre.extend(1.0 / radius).as_vec4().to_array();
+        objects.sphere(&record.round(), place, &lights.iter().map(lit).collect::<Vec<_>>());
+    }
+    for triangle in scene.all_triangles() {
+        let vertices = triangle.vertices.map(|v| v.as_dvec3());
+        let InUnits { record, unit } = triangle_hit::<f32>(vertices.map(DVec3::into), reach);
+        let normal = geometry::triangle_plane(vertices).normalize_or_zero();
+        let lit = |of: &&Light| {
+            let position = of.position.as_dvec3();
+            light(position, normal.dot(position - vertices[0]).abs(), of, triangle.colour)
+        };
+        let record = TriangleHit { k: record.k * unit as f32, ..record };
+        objects.triangle(&record, &lights.iter().map(lit).collect::<Vec<_>>());
+    }
+    objects
 }
 
 /// The power of two next to the largest of some lengths; 1 if there is none.

@@ -1,6 +1,7 @@
 //! From a scene to a plan: the packed arrays that kernels read, and which work is omitted.
 
 mod frustum;
+#[cfg(feature = "lab")]
 mod hits;
 mod light;
 mod lit;
@@ -11,7 +12,8 @@ mod team;
 mod tile_report;
 mod tiles;
 
-pub use hits::{InUnits, sphere_hit, triangle_hit};
+#[cfg(feature = "lab")]
+pub use hits::{InUnits, in_lanes, sphere_hit, triangle_hit};
 pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;

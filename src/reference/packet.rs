@@ -114,10 +114,10 @@ impl Rounding {
         self.fma(a[2], b[2], self.fma(a[1], b[1], a[0] * b[0]))
     }
 
-    /// LAMBERT3 on black: the colour of the point o of a sphere of radius 1 about the origin.
-    pub fn lambert<T: Real>(self, light: &Light<T>, o: [T; 3]) -> [T; 3] {
+    /// LAMBERT3: a colour, and what the light adds to it at the point o of a sphere of radius 1 about the origin.
+    pub fn lambert<T: Real>(self, light: &Light<T>, o: [T; 3], colour: [T; 3]) -> [T; 3] {
         let l = [0, 1, 2].map(|i| light.position[i] - o[i]);
         let cosine = cosine(self.dot(o, l), self.dot(l, l));
-        light.weights.map(|weight| self.fma(cosine, weight, T::ZERO))
+        [0, 1, 2].map(|i| self.fma(cosine, light.weights[i], colour[i]))
     }
 }

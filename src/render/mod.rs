@@ -32,6 +32,8 @@ pub use frame::{Frame, RenderError, Settings};
 pub use hits::{Counted, Distance, Found, Hit};
 #[cfg(feature = "files")]
 pub use image_file::{Format, ImageError, ImageFile, ImageWriter, read};
+#[cfg(feature = "lab")]
+pub use lit::LitTracer;
 #[cfg(feature = "mpi")]
 pub use output::Unfinished;
 #[cfg(feature = "files")]

@@ -57,11 +57,11 @@ fn a_quick_run_writes_every_file_and_its_document_keeps_to_the_schema() {
         let of_engine = rows.iter().filter(|row| row["engine"] == engine.name() && row["output"] == "f32x4");
         assert_eq!(of_engine.count(), 5, "{engine}");
     }
-    assert_eq!(document["verdicts"].as_array().unwrap().len(), 8);
+    assert_eq!(document["verdicts"].as_array().unwrap().len(), 9);
     assert_eq!(document["conditions"]["complete"], true);
     let rungs: Vec<_> =
         document["ladder"].as_array().unwrap().iter().map(|rung| rung["rung"].as_str().unwrap()).collect();
-    for rung in ["c, called", "c", "sqrtf", "inlined", "lean", "hoisted", "turned", "paper", "paper, called"] {
+    for rung in ["c, called", "c", "sqrtf", "inlined", "lean", "hoisted", "turned", "paper", "paper, called", "lanes"] {
         assert!(rungs.contains(&rung), "{rung} in {rungs:?}");
     }
 }

@@ -157,7 +157,7 @@ fn machines_stand_side_by_side() {
     let heads: Vec<_> = all(&html, "#factor thead th").iter().map(text).collect();
     assert_eq!(heads.len(), 3, "{heads:?}");
     assert_eq!(heads[2], "2: Another CPU");
-    assert_eq!(all(&html, "#factor tbody tr").len(), 8, "claims");
+    assert_eq!(all(&html, "#factor tbody tr").len(), 9, "claims");
     // What was cut short is shown as that.
     let notes: Vec<_> = all(&html, "p.note").iter().map(text).collect();
     assert!(notes.iter().any(|note| note == "Another CPU: ended before the end: experiment."), "{notes:?}");

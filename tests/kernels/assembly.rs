@@ -319,6 +319,7 @@ fn every_kernel_of_the_list_has_a_symbol_and_every_symbol_is_in_the_list() {
     }
     expected.extend(kernels::packet_symbols().into_iter().map(str::to_owned));
     expected.extend(kernels::packet_op_symbols().map(str::to_owned));
+    expected.extend(kernels::lane_symbols().map(str::to_owned));
     // Chains of those in f32, which are timed.
     for symbol in kernels::packet_op_symbols().filter(|symbol| symbol.contains("_single_")) {
         expected.extend(["latency", "throughput"].map(|chain| format!("{symbol}_{chain}")));

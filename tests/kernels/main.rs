@@ -14,6 +14,8 @@ mod calling_convention;
 #[cfg(feature = "lab")]
 mod formats;
 #[cfg(feature = "lab")]
+mod lanes;
+#[cfg(feature = "lab")]
 mod operations;
 mod packets;
 #[cfg(unix)]

@@ -176,7 +176,7 @@ fn against_compiler(document: &Experiment) -> String {
     if lines.is_empty() {
         lines
     } else {
-        format!("Packets against the best C, compiled for their instructions:\n\n{lines}")
+        format!("Packets against compiled code for the same instructions:\n\n{lines}")
     }
 }
 

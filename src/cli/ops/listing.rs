@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use crate::cli::styled;
-use crate::experiments::ops::{Counts, Kernel, Line, OPS, Report, Source};
+use crate::experiments::ops::{Counts, Kernel, LIT, Line, OPS, Report, Source};
 use crate::measure::instructions::Function;
 
 /// The fewest columns beside each other.
@@ -52,7 +52,7 @@ fn shown(listing: &[Line]) -> Vec<Shown<'_>> {
 pub fn text(report: &Report, width: usize, colour: bool) -> String {
     let mut text = String::new();
     let mut side_by_side = false;
-    for op in OPS {
+    for op in OPS.into_iter().chain([LIT]) {
         let rows: Vec<_> = report.rows.iter().filter(|row| row.op == op && !row.listing.is_empty()).collect();
         // What the others are held against: the paper's macros, or else the first.
         let Some(base) = rows.iter().find(|row| row.implementation == "paper").or(rows.first()) else { continue };

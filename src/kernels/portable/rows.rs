@@ -16,8 +16,8 @@ pub trait Pixel: Copy {
     fn put<L: Lanes>(to: &mut [Self], colour: [L; 3], first: usize);
 
     /// Makes the pixels of a span from number `first` on.
-    #[inline]
-    fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
+    #[inline(always)]
+    fn span<L: Lanes, const GREY: bool>(of: &Span<'_, L, GREY>, first: usize, to: &mut [Self]) {
         let mut j = L::all(of.j) + L::of(first as f64) + L::natural();
         let mut packets = to.chunks_exact_mut(L::COUNT);
         for pixels in &mut packets {
@@ -89,7 +89,8 @@ impl Pixel for Rgb8 {
         Pixel::put(&mut four[..to.len()], colour, first);
         narrow_rgb8(&four[..to.len()], to);
     }
-    fn span<L: Lanes>(of: &Span<'_, L>, first: usize, to: &mut [Self]) {
+    #[inline(always)]
+    fn span<L: Lanes, const GREY: bool>(of: &Span<'_, L, GREY>, first: usize, to: &mut [Self]) {
         // By way of four channels: one number of 32 bits a pixel.
         let mut room = [Rgba8::BLACK; 256];
         for (i, to) in to.chunks_mut(room.len()).enumerate() {
@@ -167,8 +168,9 @@ pub fn lit_rows<W: Lanes<Number = f64>, E: Element>(
     }
 }
 
-/// The pixels of rows.
-pub fn shade_rows<L: Lanes, P: Pixel>(
+/// The pixels of rows, whose three weights are equal if `GREY`. Inlined, it has the instructions that its caller may use.
+#[inline(always)]
+pub fn shade_rows<L: Lanes, P: Pixel, const GREY: bool>(
     sphere: &LitSphere<L::Number>,
     rows: &LitRows<L::Number>,
     out: &mut [P],
@@ -180,12 +182,12 @@ pub fn shade_rows<L: Lanes, P: Pixel>(
         out[..start].fill(P::BLACK);
         out[end..].fill(P::BLACK);
         let [m, a, h0, q0] = [rows.m[row], rows.a[row], rows.h0[row], rows.q0[row]].each(L::all);
-        P::span(&Span { sphere, j: rows.j[row], m, a, h0, q0 }, 0, &mut out[start..end]);
+        P::span(&Span::<L, GREY> { sphere, j: rows.j[row], m, a, h0, q0 }, 0, &mut out[start..end]);
     }
 }
 
 /// The pixels of a row that see the sphere.
-pub struct Span<'a, L: Lanes> {
+pub struct Span<'a, L: Lanes, const GREY: bool> {
     sphere: &'a LitSphere<L::Number>,
     /// Of the first.
     j: L::Number,
@@ -195,11 +197,14 @@ pub struct Span<'a, L: Lanes> {
     q0: L,
 }
 
-impl<L: Lanes> Span<'_, L> {
+impl<L: Lanes, const GREY: bool> Span<'_, L, GREY> {
     /// The colours of pixels j.
     #[inline(always)]
     fn colour(&self, j: L) -> [L; 3] {
         let light = self.light(j);
+        if GREY {
+            return [light; 3];
+        }
         [self.sphere.red, self.sphere.green, self.sphere.blue].each(|weight| light * L::all(weight))
     }
 

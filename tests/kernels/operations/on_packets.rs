@@ -30,7 +30,9 @@ fn twin<E: Real>(op: &str, rounding: Rounding, a: [E; 3], b: &[E]) -> Vec<E> {
             let edges = [4, 8, 12].map(|i| (three(i), b[i + 3]));
             vec![rounding.triangle_hit(&packet::TriangleHit { normal: three(0), k: b[3], edges }, a)]
         }
-        "lambert" => rounding.lambert(&packet::Light { position: three(0), weights: three(4) }, a).to_vec(),
+        "lambert" => {
+            rounding.lambert(&packet::Light { position: three(0), weights: three(4) }, a, [E::ZERO; 3]).to_vec()
+        }
         _ => panic!("the operation `{op}` on packets needs a twin"),
     }
 }
