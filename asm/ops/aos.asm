@@ -21,111 +21,62 @@
 ;
 ; The labels .body and .body_end enclose the operation itself, without its loads and stores.
 
-; LAMBERT_FUNC - the two functions of the Lambert term.
-%macro LAMBERT_FUNC 2
-%define %%name %1       ; [in]       the function's name
-%define %%sides %2      ; [in]       as in LAMBERT
-FUNC AOS_NAME(%%name)
+; AOS_OPERATIONS - the list of all operations but lambert2: a line for each, which is what AOS_OP takes, and CHAINS of
+;                  chains.asm.
+%macro AOS_OPERATIONS 1
+%define %%each %1       ; [in]  the macro that takes the lines
+    %%each add, vector, other, xmm0, {movaps xmm1, [rdx]}, {}, xmm0, movaps, {VEC_ADD xmm0, xmm1}
+    %%each sub, vector, other, xmm0, {movaps xmm1, [rdx]}, {}, xmm0, movaps, {VEC_SUB xmm0, xmm1}
+    %%each scale, vector, scalar, xmm0, {movss xmm1, [rdx]}, {}, xmm0, movaps, {VEC_SCALE xmm0, xmm1}
+    %%each dot, vector, other, xmm0, {movaps xmm1, [rdx]}, {}, xmm0, movss, {VEC_DOT xmm0, xmm1, xmm2}
+    %%each norm, vector, other, xmm0, {}, {}, xmm0, movss, {VEC_NORM xmm0, xmm1}
+    %%each cross, vector, other, xmm1, {movaps xmm2, [rdx]}, {}, xmm0, movaps, {VEC_CROSS xmm0, xmm1, xmm2, xmm3, xmm4}
+    %%each normalise, vector, other, xmm0, {}, {}, xmm0, movaps, {VEC_NORMALISE xmm0, xmm1, xmm2}
+    %%each sphere, ray, sphere, xmm0, {}, {xorps xmm6, xmm6}, xmm1, movss, \
+        {SPHERE_HIT xmm1, xmm0, rdx, .miss, xmm2, xmm3, xmm4, xmm5, xmm6}
+    %%each triangle, ray, triangle, xmm0, {}, {xorps xmm4, xmm4}, xmm1, movss, \
+        {TRIANGLE_HIT xmm1, xmm2, xmm3, xmm0, rdx, .miss, xmm4, xmm5, xmm6, xmm7, xmm8, xmm9, xmm10}
+    %%each lambert, surface, light, xmm1, {movaps xmm2, [rsi + Surface.normal]}, {BLACK}, xmm0, movaps, \
+        {LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], 1, xmm3, xmm4, xmm5, xmm6}
+%endmacro
+
+; BLACK - the colour that the light is added to, and the zero that LAMBERT takes.
+%macro BLACK 0
     xorps   xmm0, xmm0
-    movaps  xmm1, [rsi + Surface.point]
-    movaps  xmm2, [rsi + Surface.normal]
     xorps   xmm3, xmm3
+%endmacro
+
+; AOS_OP - the function of an operation.
+%macro AOS_OP 9
+%define %%name %1       ; [in]  its name
+%define %%a %2          ; [in]  what a is, as the label of one in chains.asm; a ray may miss
+%define %%b %3          ; [in]  the same of b
+%define %%of_a %4       ; [in]  the register that a, or its first vector, is loaded into
+%define %%load_b %5     ; [in]  the instruction that loads b, or the second vector of a, if any
+%define %%zeros %6      ; [in]  what sets to 0 the registers that have to be, if any
+%define %%result %7     ; [in]  register of the result
+%define %%store %8      ; [in]  the instruction that stores it: movaps, or movss for a scalar
+%define %%operation %9  ; [in]  the macro with its arguments
+FUNC AOS_NAME(%%name)
+    movaps  %%of_a, [rsi]
+    %%load_b
+    %%zeros
 .body:
-    LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], %%sides, xmm3, xmm4, xmm5, xmm6
+    %%operation
 .body_end:
-    movaps  [rdi], xmm0
+    %%store [rdi], %%result
+%ifidn %%a, ray
+    ret
+.miss:
+    movss   %%result, [infinity]
+    movss   [rdi], %%result
+%endif
 ENDFUNC
 %endmacro
 
 ; AOS_OPS - the functions of this file, for one form.
 %macro AOS_OPS 0
-FUNC AOS_NAME(add)
-    movaps  xmm0, [rsi]
-    movaps  xmm1, [rdx]
-.body:
-    VEC_ADD xmm0, xmm1
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(sub)
-    movaps  xmm0, [rsi]
-    movaps  xmm1, [rdx]
-.body:
-    VEC_SUB xmm0, xmm1
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(scale)
-    movaps  xmm0, [rsi]
-    movss   xmm1, [rdx]
-.body:
-    VEC_SCALE xmm0, xmm1
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(dot)
-    movaps  xmm0, [rsi]
-    movaps  xmm1, [rdx]
-.body:
-    VEC_DOT xmm0, xmm1, xmm2
-.body_end:
-    movss   [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(norm)
-    movaps  xmm0, [rsi]
-.body:
-    VEC_NORM xmm0, xmm1
-.body_end:
-    movss   [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(cross)
-    movaps  xmm1, [rsi]
-    movaps  xmm2, [rdx]
-.body:
-    VEC_CROSS xmm0, xmm1, xmm2, xmm3, xmm4
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(normalise)
-    movaps  xmm0, [rsi]
-.body:
-    VEC_NORMALISE xmm0, xmm1, xmm2
-.body_end:
-    movaps  [rdi], xmm0
-ENDFUNC
-
-FUNC AOS_NAME(sphere)
-    movaps  xmm0, [rsi]
-    xorps   xmm6, xmm6
-.body:
-    SPHERE_HIT xmm1, xmm0, rdx, .miss, xmm2, xmm3, xmm4, xmm5, xmm6
-.body_end:
-    movss   [rdi], xmm1
-    ret
-.miss:
-    movss   xmm1, [infinity]
-    movss   [rdi], xmm1
-ENDFUNC
-
-FUNC AOS_NAME(triangle)
-    movaps  xmm0, [rsi]
-    xorps   xmm4, xmm4
-.body:
-    TRIANGLE_HIT xmm1, xmm2, xmm3, xmm0, rdx, .miss, xmm4, xmm5, xmm6, xmm7, xmm8, xmm9, xmm10
-.body_end:
-    movss   [rdi], xmm1
-    ret
-.miss:
-    movss   xmm1, [infinity]
-    movss   [rdi], xmm1
-ENDFUNC
-
-LAMBERT_FUNC lambert, 1
-LAMBERT_FUNC lambert2, 2
+    AOS_OPERATIONS AOS_OP
+    AOS_OP  lambert2, surface, light, xmm1, {movaps xmm2, [rsi + Surface.normal]}, {BLACK}, xmm0, movaps, \
+        {LAMBERT xmm0, rdx, xmm1, xmm2, [rsi + Surface.colour], 2, xmm3, xmm4, xmm5, xmm6}
 %endmacro

@@ -49,15 +49,49 @@
 %endif
 %endmacro
 
-; PACKET_OP - an operation over n packets.
-%macro PACKET_OP 6
+; PACKET_OPERATIONS - the list of all operations: a line for each, which is what PACKET_OP takes.
+%macro PACKET_OPERATIONS 1
+%define %%each %1       ; [in]  the macro that takes the lines
+    %%each add3, a, none, 0, 3, {}, v0, v1, v2, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
+    %%each sub3, a, none, 0, 3, {}, v0, v1, v2, v0, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
+    %%each scale3, a, none, 0, 1, {}, v0, v1, v2, v0, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
+    %%each dot3, a, none, 0, 3, {}, v6, none, none, v6, {DOT3 v6, v0, v1, v2, v3, v4, v5, v7}
+    %%each norm3, a, none, 0, 0, {}, v6, none, none, v6, {NORM3 v6, v0, v1, v2, v7}
+    %%each cross3, a, none, 0, 3, {}, v6, v7, v8, v8, {CROSS3 v6, v7, v8, v0, v1, v2, v3, v4, v5, v9}
+    %%each normalise3, a, none, 0, 0, {}, v0, v1, v2, v0, {NORMALISE3 v0, v1, v2, v6, v7}
+    %%each sphere3, ray, sphere, SphereHit_size, 0, {}, v3, none, none, v3, \
+        {SPHERE_HIT3 v3, v0, v1, v2, v4, v5, v6, v7, v8, v9}
+    %%each triangle3, ray, triangle, TriangleHit_size, 0, {}, v3, none, none, v3, \
+        {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
+    %%each lambert3, normal, light, 0, 0, {BLACK3}, v3, v4, v5, v3, \
+        {LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, v6, v7, v8, v9, v10, v11}
+%endmacro
+
+; BLACK3 - the colour that LAMBERT3 adds to.
+%macro BLACK3 0
+    VZERO   v3
+    VZERO   v4
+    VZERO   v5
+%endmacro
+
+; PACKET_OP - the function of an operation. One that has constants intersects rays with an object, and gives a mask too.
+%macro PACKET_OP 11
 %define %%name %1       ; [in]  the operation's name
-%define %%reads %2      ; [in]  registers in a packet of b: 0, 1 or 3
-%define %%x %3          ; [in]  register of the result, or of its x
-%define %%y %4          ; [in]  register of its y, or none
-%define %%z %5          ; [in]  register of its z, or none
-%define %%operation %6  ; [in]  the macro with its arguments
+%define %%a %2          ; [in]  as in CHAINS
+%define %%record %3     ; [in]  as in CHAINS
+%define %%constants %4  ; [in]  number of fields of the object's record that are kept as constants
+%define %%reads %5      ; [in]  registers in a packet of b: 0, 1 or 3
+%define %%before %6     ; [in]  a macro for what the operation takes beside its operands, if any
+%define %%x %7          ; [in]  register of the result, or of its x
+%define %%y %8          ; [in]  register of its y, or none
+%define %%z %9          ; [in]  register of its z, or none
+%define %%led_back %10  ; [in]  as in CHAINS
+%define %%operation %11 ; [in]  the macro with its arguments
 FUNC ISA_NAME %+ _ %+ %%name
+%if %%constants
+    xchg    rdi, rdx
+    CONSTANTS %%constants
+%endif
     test    rcx, rcx
     jz      .done
 .packet:
@@ -69,74 +103,33 @@ FUNC ISA_NAME %+ _ %+ %%name
     VLOAD   v4, [rdx + VBYTES]
     VLOAD   v5, [rdx + 2 * VBYTES]
 %endif
+    %%before
 .body:
     %%operation
 .body_end:
+%if %%constants
+    VMOV    v4, [PACKET(infinite)]
+    VSELECT v4, %%x
+    STORE_RESULT rdx, v4, none, none
+%else
     STORE_RESULT rdi, %%x, %%y, %%z
+%endif
 %if %%reads > 0
     add     rdx, %%reads * VBYTES
 %endif
     dec     rcx
     jnz     .packet
 .done:
-    CLEAN_UPPER
-ENDFUNC
-%endmacro
-
-; HIT_OP - intersects n packets of rays with one object: t in v3, and the mask.
-%macro HIT_OP 3
-%define %%name %1       ; [in]  the operation's name
-%define %%constants %2  ; [in]  number of fields of the object's record
-%define %%operation %3  ; [in]  the macro with its arguments
-FUNC ISA_NAME %+ _ %+ %%name
-    xchg    rdi, rdx
-    CONSTANTS %%constants
-    test    rcx, rcx
-    jz      .done
-.packet:
-    LOAD_RAY
-.body:
-    %%operation
-.body_end:
-    VMOV    v4, [PACKET(infinite)]
-    VSELECT v4, v3
-    STORE_RESULT rdx, v4, none, none
-    dec     rcx
-    jnz     .packet
-.done:
+%if %%constants
     UNCONSTANTS
+%else
+    CLEAN_UPPER
+%endif
 ENDFUNC
 %endmacro
 
 ; PACKET_OPS - the functions of this file, for one element type.
 %macro PACKET_OPS 0
 %assign ESTIMATE 0
-PACKET_OP add3, 3, v0, v1, v2, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
-PACKET_OP sub3, 3, v0, v1, v2, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
-PACKET_OP scale3, 1, v0, v1, v2, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
-PACKET_OP dot3, 3, v6, none, none, {DOT3 v6, v0, v1, v2, v3, v4, v5, v7}
-PACKET_OP norm3, 0, v6, none, none, {NORM3 v6, v0, v1, v2, v7}
-PACKET_OP cross3, 3, v6, v7, v8, {CROSS3 v6, v7, v8, v0, v1, v2, v3, v4, v5, v9}
-PACKET_OP normalise3, 0, v0, v1, v2, {NORMALISE3 v0, v1, v2, v6, v7}
-HIT_OP sphere3, SphereHit_size, {SPHERE_HIT3 v3, v0, v1, v2, v4, v5, v6, v7, v8, v9}
-HIT_OP triangle3, TriangleHit_size, {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
-
-; LAMBERT3 adds to a colour, here black.
-FUNC ISA_NAME %+ _lambert3
-    test    rcx, rcx
-    jz      .done
-.packet:
-    LOAD_RAY
-    VZERO   v3
-    VZERO   v4
-    VZERO   v5
-.body:
-    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, v6, v7, v8, v9, v10, v11
-.body_end:
-    STORE_RESULT rdi, v3, v4, v5
-    dec     rcx
-    jnz     .packet
-.done:
-    CLEAN_UPPER
-ENDFUNC
+    PACKET_OPERATIONS PACKET_OP
 %endmacro

@@ -48,6 +48,7 @@
     VLOAD   v4, [PACKET(chain_b) + VBYTES]
     VLOAD   v5, [PACKET(chain_b) + 2 * VBYTES]
 align 32
+.round:
 %endmacro
 
 ; END_CHAIN - ends a chain.
@@ -60,44 +61,40 @@ align 32
 ENDFUNC
 %endmacro
 
-; CHAINS - the two chains of an operation.
-%macro CHAINS 6
-%define %%name %1       ; [in]  the operation
-%define %%value %2      ; [in]  label of the first operand, whose x LEAD_BACK makes depend on the result
-%define %%record %3     ; [in]  label of the record
-%define %%constants %4  ; [in]  how many of its elements are constants
-%define %%result %5     ; [in]  register of the result, or of its x
-%define %%operation %6  ; [in]  the macro with its arguments
+; CHAINS - the two chains of an operation, which takes what PACKET_OP takes.
+%macro CHAINS 11
+%define %%name %1       ; [in]  as in PACKET_OP
+%define %%a %2          ; [in]  first operand, by its label below, whose x LEAD_BACK makes depend on the result
+%define %%record %3     ; [in]  record, by its label below
+%define %%constants %4  ; [in]  as in PACKET_OP
+%define %%reads %5      ; [in]  as in PACKET_OP; b is loaded once
+%define %%before %6     ; [in]  as in PACKET_OP
+%define %%x %7          ; [in]  as in PACKET_OP; nothing is stored here
+%define %%y %8          ; [in]  as in PACKET_OP
+%define %%z %9          ; [in]  as in PACKET_OP
+%define %%led_back %10  ; [in]  register of the result, or of its part, that depends on the x of a
+%define %%operation %11 ; [in]  as in PACKET_OP
+%define %%value PACKET(chain_ %+ %%a)
 FUNC ISA_NAME %+ _ %+ %%name %+ _latency
-    BEGIN_CHAIN %%value, %%record, %%constants
-.round:
+    BEGIN_CHAIN %%value, PACKET(chain_ %+ %%record), %%constants
 %rep CHAIN_LINKS
     VLOAD   v1, [%%value + VBYTES]
     VLOAD   v2, [%%value + 2 * VBYTES]
+    %%before
     %%operation
-    LEAD_BACK v0, %%result, [%%value]
+    LEAD_BACK v0, %%led_back, [%%value]
 %endrep
 END_CHAIN CHAIN_LINKS
 
 FUNC ISA_NAME %+ _ %+ %%name %+ _throughput
-    BEGIN_CHAIN %%value, %%record, %%constants
-.round:
+    BEGIN_CHAIN %%value, PACKET(chain_ %+ %%record), %%constants
 %rep CHAIN_LINKS
     FIRST   %%value
+    %%before
     %%operation
 %endrep
 END_CHAIN CHAIN_LINKS
 %endmacro
-
-; ON_BLACK - LAMBERT3 on black.
-%macro ON_BLACK 0
-    VZERO   v3
-    VZERO   v4
-    VZERO   v5
-    LAMBERT3 v3, v4, v5, v0, v1, v2, rdx, v6, v7, v8, v9, v10, v11
-%endmacro
-
-%define NONE PACKET(chain_sphere), 0
 
 ; PACKET_CHAINS - the functions of this file, and their operands.
 %macro PACKET_CHAINS 0
@@ -121,6 +118,7 @@ PACKET(chain_normal):
     times LANES DE 0.0
     times LANES DE 0.6
     times LANES DE -0.8
+PACKET(chain_none):                     ; of operations without a record
 PACKET(chain_sphere):                   ; centre (0.25, -0.5, 4), radius 1.5
     DE 0.25, -0.5, 4.0, 2.25, 14.0625
 PACKET(chain_triangle):                 ; (-1, -1, 3), (1, -1, 3.5) and (0.25, 1, 4)
@@ -132,18 +130,15 @@ PACKET(chain_light):
     DE 3.0, 5.0, -2.0, 0.0, 0.75, 0.5, 0.25, 0.0
 
 FUNC ISA_NAME %+ _feedback_latency
-    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
-.round:
+    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_none), 0
 %rep CHAIN_LINKS
     LEAD_BACK v0, v0, [PACKET(chain_a)]
 %endrep
 END_CHAIN CHAIN_LINKS
 
-; d = d / 2 + 1.5 converges to 3 from any start.
+; d = d / 2 - 0.75 converges to -1.5 from any start.
 FUNC ISA_NAME %+ _muladd_throughput
-    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_sphere), 0
-    VLOAD   v1, [PACKET(chain_b)]
-.round:
+    BEGIN_CHAIN PACKET(chain_a), PACKET(chain_none), 0
 %assign SUM 2
 %rep SUMS
     VFMADD  v %+ SUM, v0, v1
@@ -151,16 +146,5 @@ FUNC ISA_NAME %+ _muladd_throughput
 %endrep
 END_CHAIN SUMS
 
-CHAINS add3, PACKET(chain_a), NONE, v0, {ADD3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
-CHAINS sub3, PACKET(chain_a), NONE, v0, {SUB3 v0, v1, v2, v0, v1, v2, v3, v4, v5}
-CHAINS scale3, PACKET(chain_a), NONE, v0, {SCALE3 v0, v1, v2, v0, v1, v2, v3}
-CHAINS dot3, PACKET(chain_a), NONE, v6, {DOT3 v6, v0, v1, v2, v3, v4, v5, v7}
-CHAINS norm3, PACKET(chain_a), NONE, v6, {NORM3 v6, v0, v1, v2, v7}
-CHAINS cross3, PACKET(chain_a), NONE, v8, {CROSS3 v6, v7, v8, v0, v1, v2, v3, v4, v5, v9}
-CHAINS normalise3, PACKET(chain_a), NONE, v0, {NORMALISE3 v0, v1, v2, v6, v7}
-CHAINS sphere3, PACKET(chain_ray), PACKET(chain_sphere), SphereHit_size, v3, \
-    {SPHERE_HIT3 v3, v0, v1, v2, v4, v5, v6, v7, v8, v9}
-CHAINS triangle3, PACKET(chain_ray), PACKET(chain_triangle), TriangleHit_size, v3, \
-    {TRIANGLE_HIT3 v3, v0, v1, v2, v4, v5, v6}
-CHAINS lambert3, PACKET(chain_normal), PACKET(chain_light), 0, v3, {ON_BLACK}
+    PACKET_OPERATIONS CHAINS
 %endmacro

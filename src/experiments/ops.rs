@@ -16,11 +16,10 @@ use crate::measure::source::{Origin, Unit};
 use crate::measure::{core_cycles, core_cycles_per_tick};
 use crate::render::{Engine, Film, PixelFormat};
 pub use model::Model;
-use subjects::{Subject, subject};
+use subjects::Subject;
 
 /// The operations: the six of the paper, and what its tracer makes of them.
-pub const OPS: [&str; 10] =
-    ["add", "sub", "scale", "dot", "norm", "cross", "normalise", "sphere", "triangle", "lambert"];
+pub use crate::kernels::OPERATIONS as OPS;
 
 /// What is listed beside them if it is asked for: the rows of a grey sphere, as the packets make their bytes.
 pub const LIT: &str = "lit";
@@ -66,7 +65,6 @@ const IMPOSSIBLE: &str =
 const FRAME: (u32, u32) = (16, 12);
 const FRAME_OF_PACKETS: (u32, u32) = (64, 48);
 
-/// What to count.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Some of [`OPS`], or [`LIT`]; none for all of the former.
@@ -170,7 +168,6 @@ pub struct Path {
     pub body: Option<u64>,
 }
 
-/// A line of a listing.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Line {
     /// Bytes from the beginning of the function.
@@ -375,6 +372,27 @@ fn row(op: &'static str, implementation: &'static str, step: bool, feedback_cycl
     row
 }
 
+/// The operation `op` of an implementation, ready to be called; else why there is none, or none that runs here.
+fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
+    match implementation {
+        "rust" => Ok(kept::rust::subject(op)),
+        "glam" => Ok(kept::glam::subject(op)),
+        "paper" => subjects::assembly(op, kernels::paper().ok_or("this CPU lacks SSE4.1")?),
+        "aos" => subjects::assembly(op, kernels::aos().ok_or("this CPU lacks SSE4.1")?),
+        _ => match implementation.strip_prefix("c-") {
+            Some(level) => {
+                let functions = kernels::by_value(level)
+                    .ok_or("this build has no C, or this CPU lacks what its compiler was allowed to use")?;
+                Ok(subjects::c(op, functions))
+            }
+            None => {
+                let unknown = || format!("there is no implementation `{implementation}`");
+                subjects::packet(op, isa(implementation).ok_or_else(unknown)?)
+            }
+        },
+    }
+}
+
 /// The symbol of an operation in the objects.
 fn symbol(op: &str, implementation: &str) -> String {
     match implementation.strip_prefix("c-") {
@@ -391,8 +409,7 @@ fn isa(implementation: &str) -> Option<Isa> {
 
 /// Vectors in a packet of an ISA.
 fn lanes(implementation: &str) -> Option<usize> {
-    // Each is twice as wide as the one before.
-    Some(4 << isa(implementation)? as usize)
+    isa(implementation).map(Isa::lanes)
 }
 
 /// The code of an operation: out of the objects, or for Rust out of this process.
@@ -466,7 +483,7 @@ impl Counts {
         let chains = match &*self.implementation {
             "paper" => kernels::chains_of_paper(),
             "aos" => kernels::chains_of_aos(),
-            _ => packets.map(|packets| &packets.chains[..]),
+            _ => packets.map(|packets| packets.chains),
         };
         let Some(Chains { latency, throughput, .. }) = chains.and_then(|c| c.iter().find(|c| c.op == self.op)) else {
             return;

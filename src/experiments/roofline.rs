@@ -59,7 +59,6 @@ pub struct Point {
     pub cycles_per_pixel: f64,
 }
 
-/// What was measured.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Roofline {
     pub peaks: Vec<Peak>,
@@ -102,10 +101,6 @@ fn usable() -> impl Iterator<Item = Isa> {
     Isa::ALL.into_iter().filter(|isa| isa.usable())
 }
 
-fn lanes(isa: Isa) -> f64 {
-    f64::from(4_u32 << isa as usize)
-}
-
 /// Measures multiplications with an addition, as many at a time as the core takes.
 fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
     let of = |isa: Isa| {
@@ -115,7 +110,7 @@ fn peaks(clock: &mut dyn Clock) -> Vec<Peak> {
             chain.run(ROUNDS);
         })];
         let runs = interleave(clock, &mut work, 0..RUNS, &mut || true)?;
-        let flops = 2.0 * lanes(isa) * operations as f64;
+        let flops = 2.0 * (isa.lanes() as u64 * operations) as f64;
         Some(Peak { isa: isa.name().into(), flops_per_cycle: flops / minimum(&runs[0].ticks) })
     };
     usable().filter_map(of).collect()

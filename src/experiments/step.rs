@@ -23,7 +23,7 @@ use crate::kernels::Isa;
 use crate::kernels::step::{self, Step, Unavailable, Visit};
 use crate::measure::instructions::Mix;
 use crate::measure::source::Unit;
-use crate::render::{Distance, Engine, EngineError, Film, FilmMut, Found, PixelFormat, Precision};
+use crate::render::{Engine, EngineError, Film, FilmMut, Found, PixelFormat, Precision};
 use crate::scene::{Object, Scene};
 use model::{Element, Operation, Place};
 use parts::{Part, parts_of_call, range_of};
@@ -138,10 +138,7 @@ pub struct Hit {
 
 impl Hit {
     fn new(found: &Found, direction: DVec3) -> Self {
-        let t = match found.distance {
-            Distance::T(t) => t,
-            Distance::Inverse(inverse) => 1.0 / inverse,
-        };
+        let t = found.distance.t();
         let object = match found.object {
             Object::Sphere(index) => format!("sphere {index}"),
             Object::Triangle(index) => format!("triangle {index}"),
@@ -169,8 +166,8 @@ fn isa(engine: Engine) -> Result<Isa, WatchError> {
 /// Rays of a packet; 1 for an engine that traces one by one.
 fn lanes(engine: Engine, precision: Option<Precision>) -> usize {
     match engine {
-        Engine::Packet(isa) if precision == Some(Precision::Double) => 2 << isa as usize,
-        Engine::Packet(isa) => 4 << isa as usize,
+        Engine::Packet(isa) if precision == Some(Precision::Double) => isa.lanes() / 2,
+        Engine::Packet(isa) => isa.lanes(),
         _ => 1,
     }
 }

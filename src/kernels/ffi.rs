@@ -11,7 +11,7 @@ use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
 use super::types::{Light, PaperSphere, PaperTriangle, Surface, Vec4};
-use super::vec3::{Chain, Chains, OPS, PacketChains, PacketOp, Shape};
+use super::vec3::{Chain, Chains, PacketChains, PacketOp, Shape};
 
 /// Declares tables of kernels, and macros of the same names that make one. Such a macro takes the prefix of all
 /// symbols, the suffix of those with estimates, the name of those for equal channels, the lanes of a packet, and
@@ -129,15 +129,12 @@ tables! { $
         single: ElementKernels<f32> = "single_" single;
         /// On f64.
         double: ElementKernels<f64> = "double_" double;
-        /// Fills with a background.
         fill: Fill = "fill";
         /// From four bytes a pixel to three.
         narrow_rgb8: Narrow<Rgba8, Rgb8> = "narrow_rgb8";
         /// From four floats a pixel to three.
         narrow_f32x3: Narrow<Vec4, F32x3> = "narrow_f32x3";
-        /// The bounds of triangles.
         bounds: Bounds<Triangle> = "bounds";
-        /// The bounds of spheres.
         sphere_bounds: Bounds<Sphere> = "sphere_bounds";
         /// Partitions the objects of a tile into nearer and farther ones.
         nearer_half: NearerHalf = "nearer_half";
@@ -163,9 +160,18 @@ pub fn packet_symbols() -> BTreeSet<&'static str> {
     PACKETS.iter().flat_map(PacketKernels::symbols).collect()
 }
 
-/// Declares the table of kernels that hold one vector in one register, and makes one from its symbols' prefix.
+/// The number of elements in a record.
+const fn numbers<R>() -> usize {
+    size_of::<R>() / size_of::<f32>()
+}
+
+/// Declares the table of kernels that hold one vector in one register, and macros that make one, and tables of the
+/// operations on packets and of chains, from their symbols' prefix.
 macro_rules! operations {
-    ($d:tt $($(#[$doc:meta])* $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty;)*) => {
+    ($d:tt $(
+        $(#[$doc:meta])*
+        $name:ident: $kind:ident($a:ty, $b:ty) -> $out:ty $(, packets of $numbers:literal, $record:expr => $results:literal)?;
+    )*) => {
         /// Kernels that hold one vector in one register: the paper's operations, its intersections, its tracer.
         pub struct AosKernels {
             $($(#[$doc])* pub $name: Op<$a, $b, $out>,)*
@@ -180,6 +186,9 @@ macro_rules! operations {
             }
         }
 
+        /// The operations that packets have too, by name.
+        pub const OPERATIONS: [&str; [$($($numbers,)?)*].len()] = [$($(operations!(@name $name $numbers),)?)*];
+
         macro_rules! aos_kernels {
             ($d built:ident, $d prefix:literal) => {
                 AosKernels {
@@ -188,30 +197,56 @@ macro_rules! operations {
                 }
             };
         }
+
+        /// From the lanes of a packet too.
+        macro_rules! packet_ops {
+            ($d prefix:literal, $d lanes:literal) => {
+                [$($(PacketOp {
+                    name: stringify!($name),
+                    lanes: $d lanes,
+                    shape: Shape { b_numbers: $numbers, record: $record, out_numbers: $results },
+                    kernel: kernel!(concat!($d prefix, stringify!($name), "3")),
+                },)?)*]
+            };
+        }
+
+        /// From the suffix after the operation's name too.
+        macro_rules! chains {
+            ($d prefix:expr, $d after:literal) => {
+                [$($(Chains {
+                    op: operations!(@name $name $numbers),
+                    latency: kernel!(concat!($d prefix, stringify!($name), $d after, "_latency")),
+                    throughput: kernel!(concat!($d prefix, stringify!($name), $d after, "_throughput")),
+                },)?)*]
+            };
+        }
     };
+    (@name $name:ident $numbers:literal) => { stringify!($name) };
 }
 
+// After the kind of an operation: the elements of b in a packet for each vector, and of its record; and the elements of
+// the result for each vector.
 operations! { $
     /// a + b.
-    add: Vector(Vec4, Vec4) -> Vec4;
+    add: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
     /// a - b.
-    sub: Vector(Vec4, Vec4) -> Vec4;
+    sub: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
     /// a times the scalar b.
-    scale: Scale(Vec4, f32) -> Vec4;
+    scale: Scale(Vec4, f32) -> Vec4, packets of 1, 0 => 3;
     /// a . b.
-    dot: Scalar(Vec4, Vec4) -> f32;
+    dot: Scalar(Vec4, Vec4) -> f32, packets of 3, 0 => 1;
     /// ||a||; b is not read.
-    norm: Scalar(Vec4, Vec4) -> f32;
+    norm: Scalar(Vec4, Vec4) -> f32, packets of 0, 0 => 1;
     /// a x b, with w = 0 where a and b have it.
-    cross: Vector(Vec4, Vec4) -> Vec4;
+    cross: Vector(Vec4, Vec4) -> Vec4, packets of 3, 0 => 3;
     /// a / ||a||; b is not read.
-    normalise: Vector(Vec4, Vec4) -> Vec4;
+    normalise: Vector(Vec4, Vec4) -> Vec4, packets of 0, 0 => 3;
     /// The smallest t > 0 at which the ray a from the origin meets the sphere b, infinity for none: eq. 5.
-    sphere: Sphere(Vec4, PaperSphere) -> f32;
+    sphere: Sphere(Vec4, PaperSphere) -> f32, packets of 0, numbers::<SphereHit<f32>>() => 1;
     /// The t > 0 at which the ray a from the origin meets the triangle b, infinity for none: eq. 6, 9, 10.
-    triangle: Triangle(Vec4, PaperTriangle) -> f32;
+    triangle: Triangle(Vec4, PaperTriangle) -> f32, packets of 0, numbers::<TriangleHit<f32>>() => 1;
     /// The light that b adds to the surface a on the side of its normal: eq. 11.
-    lambert: Lambert(Surface, Light) -> Vec4;
+    lambert: Lambert(Surface, Light) -> Vec4, packets of 0, numbers::<ObjectLight<f32>>() => 3;
     /// The same for a two-sided surface.
     lambert2: Lambert(Surface, Light) -> Vec4;
 }
@@ -247,62 +282,16 @@ pub fn hits_of_paper() -> Option<Hits> {
     Isa::Sse41.usable().then_some(PAPER_HITS)
 }
 
-/// The number of elements in a record.
-const fn numbers<R>() -> usize {
-    size_of::<R>() / size_of::<f32>()
-}
-
-/// Makes macros for tables of operations: `packet_ops`, from the prefix of their symbols and the lanes of a packet, and
-/// `chains`, from the prefix of theirs and the suffix after the operation's name.
-macro_rules! operations_on_packets {
-    ($d:tt $($name:literal: $b:literal, $record:expr => $out:literal;)*) => {
-        macro_rules! packet_ops {
-            ($d prefix:literal, $d lanes:literal) => {
-                [$(PacketOp {
-                    name: $name,
-                    lanes: $d lanes,
-                    shape: Shape { b_numbers: $b, record: $record, out_numbers: $out },
-                    kernel: kernel!(concat!($d prefix, $name, "3")),
-                }),*]
-            };
-        }
-
-        macro_rules! chains {
-            ($d prefix:expr, $d after:literal) => {
-                [$(Chains {
-                    op: $name,
-                    latency: kernel!(concat!($d prefix, $name, $d after, "_latency")),
-                    throughput: kernel!(concat!($d prefix, $name, $d after, "_throughput")),
-                }),*]
-            };
-        }
-    };
-}
-
-// Their names; the elements of b for each vector, and of its record; and the elements of the result for each vector.
-operations_on_packets! { $
-    "add": 3, 0 => 3;
-    "sub": 3, 0 => 3;
-    "scale": 1, 0 => 3;
-    "dot": 3, 0 => 1;
-    "norm": 0, 0 => 1;
-    "cross": 3, 0 => 3;
-    "normalise": 0, 0 => 3;
-    "sphere": 0, numbers::<SphereHit<f32>>() => 1;
-    "triangle": 0, numbers::<TriangleHit<f32>>() => 1;
-    "lambert": 0, numbers::<ObjectLight<f32>>() => 3;
-}
-
 /// By [`Isa`].
-static SINGLE: [[PacketOp<f32>; OPS]; 3] =
+static SINGLE: [[PacketOp<f32>; OPERATIONS.len()]; 3] =
     [packet_ops!("rayo_sse41_single_", 4), packet_ops!("rayo_avx2_single_", 8), packet_ops!("rayo_avx512_single_", 16)];
-static DOUBLE: [[PacketOp<f64>; OPS]; 3] =
+static DOUBLE: [[PacketOp<f64>; OPERATIONS.len()]; 3] =
     [packet_ops!("rayo_sse41_double_", 2), packet_ops!("rayo_avx2_double_", 4), packet_ops!("rayo_avx512_double_", 8)];
 
 macro_rules! packet_chains {
     ($prefix:literal) => {
         PacketChains {
-            chains: chains!($prefix, "3"),
+            chains: &chains!($prefix, "3"),
             feedback: kernel!(concat!($prefix, "feedback_latency")),
             muladd: kernel!(concat!($prefix, "muladd_throughput")),
         }
@@ -311,8 +300,8 @@ macro_rules! packet_chains {
 
 static PACKET_CHAINS: [PacketChains; 3] =
     [packet_chains!("rayo_sse41_single_"), packet_chains!("rayo_avx2_single_"), packet_chains!("rayo_avx512_single_")];
-static PAPER_CHAINS: [Chains; OPS] = chains!("rayo_paper_", "");
-static AOS_CHAINS: [Chains; OPS] = chains!("rayo_aos_", "");
+static PAPER_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_paper_", "");
+static AOS_CHAINS: [Chains; OPERATIONS.len()] = chains!("rayo_aos_", "");
 
 /// The feedback of the latency chains of one vector, alone. It needs no more than x86-64.
 pub static FEEDBACK: Chain = kernel!("rayo_feedback_latency");

@@ -50,6 +50,11 @@ impl Isa {
         }
     }
 
+    /// Elements of f32 in a register: each is twice as wide as the one before.
+    pub fn lanes(self) -> usize {
+        4 << self as usize
+    }
+
     /// Whether this build has its kernels.
     pub fn built(self) -> bool {
         cfg!(rayo_asm)

@@ -36,7 +36,6 @@ impl<E: Element> PacketOp<E> {
         self.kernel.symbol()
     }
 
-    /// The address of its code.
     pub fn address(&self) -> usize {
         self.kernel.address()
     }
@@ -86,7 +85,6 @@ kinds! {
 
 /// The two chains of an operation.
 pub struct Chains {
-    /// The operation.
     pub op: &'static str,
     /// Each operation needs the previous result, led back by as many feedbacks.
     pub latency: Chain,
@@ -94,13 +92,9 @@ pub struct Chains {
     pub throughput: Chain,
 }
 
-/// The packet operations with chains.
-pub(super) const OPS: usize = 10;
-
 /// Chains of the operations on packets of f32.
 pub struct PacketChains {
-    /// The chains of each operation.
-    pub chains: [Chains; OPS],
+    pub chains: &'static [Chains],
     /// Their feedback alone.
     pub feedback: Chain,
     /// Multiply-adds of packets that are independent of each other.

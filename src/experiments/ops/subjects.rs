@@ -5,9 +5,8 @@ use std::rc::Rc;
 
 use ::glam::Vec3A;
 
-use super::kept;
 use crate::kernels::{
-    self, ByValue, Isa, Light, ObjectLight, Op, OpRef, PaperSphere, PaperTriangle, Plain, Ray, Surface, Vec4, by_value,
+    self, ByValue, Isa, Light, ObjectLight, Op, OpRef, PaperSphere, PaperTriangle, Plain, Ray, Surface, Vec4,
     packet_ops,
 };
 use crate::measure::core_cycles;
@@ -192,36 +191,15 @@ operands! {
 }
 
 operands! {
-    Vec3A, kept::glam::Sphere, kept::glam::Triangle, kept::glam::Surface, kept::glam::Light;
+    Vec3A, (Vec3A, f32), [Vec3A; 3], [Vec3A; 3], [Vec3A; 2];
     |centre| (centre, RADIUS),
     |vertices| vertices,
     |point, normal| [point, normal, Value::of(COLOUR)],
     |position| [position, Value::of(COLOUR)]
 }
 
-/// The operation `op` of an implementation, ready to be called; else why there is none, or none that runs here.
-pub fn subject(op: &str, implementation: &str) -> Result<Subject, String> {
-    match implementation {
-        "rust" => Ok(kept::rust::subject(op)),
-        "glam" => Ok(kept::glam::subject(op)),
-        "paper" => assembly(op, kernels::paper().ok_or("this CPU lacks SSE4.1")?),
-        "aos" => assembly(op, kernels::aos().ok_or("this CPU lacks SSE4.1")?),
-        _ => match implementation.strip_prefix("c-") {
-            Some(level) => {
-                let functions = by_value(level)
-                    .ok_or("this build has no C, or this CPU lacks what its compiler was allowed to use")?;
-                Ok(c(op, functions))
-            }
-            None => packet(
-                op,
-                super::isa(implementation).ok_or_else(|| format!("there is no implementation `{implementation}`"))?,
-            ),
-        },
-    }
-}
-
 /// An operation on one packet of f32, all lanes alike.
-fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
+pub(super) fn packet(op: &str, isa: Isa) -> Result<Subject, String> {
     let ops = packet_ops::<f32>(isa).ok_or_else(|| format!("this CPU does not run {isa}"))?;
     let op = ops.iter().find(|o| o.name == op).ok_or("there is no such operation on packets")?;
     let lanes = op.lanes;
@@ -269,7 +247,7 @@ where
 }
 
 /// A function in NASM.
-fn assembly(name: &str, kernels: &'static kernels::AosKernels) -> Result<Subject, String> {
+pub(super) fn assembly(name: &str, kernels: &'static kernels::AosKernels) -> Result<Subject, String> {
     let op = kernels.ops().find(|(n, _)| *n == name).ok_or("there is no such operation")?.1;
     Ok(match op {
         OpRef::Vector(op) => kernel(op),
@@ -282,7 +260,7 @@ fn assembly(name: &str, kernels: &'static kernels::AosKernels) -> Result<Subject
 }
 
 /// A function in C, its vectors by value.
-fn c(op: &str, functions: &'static ByValue) -> Subject {
+pub(super) fn c(op: &str, functions: &'static ByValue) -> Subject {
     let address = functions.address(op).expect("the functions are those of the table");
     let vectors = |f: fn(&ByValue, Vec4, Vec4) -> u32| {
         Subject::new(address, Operands::paths(), move |(a, b): &(Vec4, Vec4)| f(functions, *a, *b))

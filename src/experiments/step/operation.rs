@@ -7,11 +7,6 @@ use crate::render::Engine;
 /// More than any operation executes.
 pub const MOST: usize = 1000;
 
-/// Those that take vectors and nothing else, and whether they take a second one.
-const NAMES: [(&str, usize); 7] =
-    [("add", 3), ("sub", 3), ("scale", 1), ("dot", 3), ("norm", 0), ("cross", 3), ("normalise", 0)];
-
-/// An operation with its operands.
 pub struct Operation {
     of: Of,
     a: [f32; 3],
@@ -26,19 +21,21 @@ enum Of {
 impl Operation {
     pub fn new(name: &str, engine: Engine, isa: Isa, a: Vec<f32>, b: Option<Vec<f32>>) -> Result<Self, WatchError> {
         let error = |what: String| Err(WatchError::Operation(what));
-        let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
-        let Some((name, numbers)) = NAMES.iter().find(|(known, _)| *known == name) else {
-            let list = names.join(", ");
+        let unusable = || WatchError::Prepare(crate::render::EngineError::Unusable(engine));
+        // Those that take vectors and nothing else.
+        let ops = kernels::packet_ops::<f32>(isa).ok_or_else(unusable)?.iter().filter(|op| op.shape.record == 0);
+        let Some(op) = ops.clone().find(|op| op.name == name) else {
+            let list = ops.map(|op| op.name).collect::<Vec<_>>().join(", ");
             return error(format!(
                 "there is no operation `{name}` on vectors alone; there are: {list}; what takes objects is seen with a scene"
             ));
         };
         let Ok(a) = <[f32; 3]>::try_from(a) else {
             // What else is missing is told at once.
-            let second = ["", " and a number: --b 0.5", "", " and a second one: --b 4,5,6"][*numbers];
+            let second = ["", " and a number: --b 0.5", "", " and a second one: --b 4,5,6"][op.shape.b_numbers];
             return error(format!("`{name}` takes a vector of three numbers: --a 1,2,3{second}"));
         };
-        let b = match (b.as_deref(), numbers) {
+        let b = match (b.as_deref(), op.shape.b_numbers) {
             (Some(&[x, y, z]), 3) => [x, y, z],
             (Some(&[factor]), 1) => [factor; 3],
             (None, 0) => [0.0; 3],
@@ -46,13 +43,11 @@ impl Operation {
             (_, 1) => return error(format!("`{name}` takes a number to scale by: --b 0.5")),
             _ => return error(format!("`{name}` takes one vector, and no --b")),
         };
-        let unusable = || WatchError::Prepare(crate::render::EngineError::Unusable(engine));
         let of = if engine == Engine::Paper {
             let kernels = kernels::paper().ok_or_else(unusable)?;
-            Of::Paper(kernels.ops().find(|(known, _)| known == name).expect("the names are its own").1)
+            Of::Paper(kernels.ops().find(|(known, _)| *known == name).expect("the names are its own").1)
         } else {
-            let kernels = kernels::packet_ops::<f32>(isa).ok_or_else(unusable)?;
-            Of::Packet(kernels.iter().find(|op| op.name == *name).expect("the names are its own"))
+            Of::Packet(op)
         };
         Ok(Operation { of, a, b })
     }
