@@ -15,7 +15,7 @@ use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
 use crate::experiments::accuracy::summary::off_every_front;
 use crate::experiments::accuracy::{self, AccuracyReport, Measured, Rate, plot, subjects};
-use crate::measure::{Clock, Machine, TscClock, WallClock};
+use crate::measure::{Clock, Machine, MachineClock};
 
 /// Scenes so few that each is shown row by row.
 const FEW: usize = 8;
@@ -96,7 +96,9 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     party.agree(party.leads().then(|| create_directory(&args.out)).transpose())?;
     let stop = party.agree(party.stop_on_signals())?;
     let machine = Machine::this();
-    let (tsc, mut wall) = (TscClock::new(), WallClock::new());
+    let wall = (MachineClock::wall(), Rate { hz: MachineClock::WALL_HZ, of_counter: false });
+    let counter = MachineClock::counter().zip(machine.tsc_hz);
+    let (mut clock, rate) = counter.map_or(wall, |(clock, hz)| (clock, Rate { hz, of_counter: true }));
     party.start_threads_and_pin();
 
     let seconds = accuracy::forecast_of_measure(&subjects, contenders.len(), args.quick) / party.count() as f64;
@@ -107,16 +109,7 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
         bar.inc(subjects);
         !stop.load(Ordering::Relaxed)
     };
-    let document = match (tsc, machine.tsc_hz) {
-        (Some(mut clock), Some(hz)) => {
-            let rate = Rate { hz, of_counter: true };
-            measure(party, &subjects, args.quick, machine, &mut clock, rate, proceed)
-        }
-        _ => {
-            let rate = Rate { hz: WallClock::HZ, of_counter: false };
-            measure(party, &subjects, args.quick, machine, &mut wall, rate, proceed)
-        }
-    }?;
+    let document = measure(party, &subjects, args.quick, machine, &mut clock, rate, proceed)?;
     if !party.leads() {
         return Ok(ExitCode::SUCCESS);
     }

@@ -12,6 +12,7 @@ use clap::Args;
 
 use super::party::Party;
 use super::{Failure, for_one_process};
+use crate::experiments::speedup::Settings;
 use crate::render::Engine;
 
 /// No run of this experiment says more after so many.
@@ -68,6 +69,11 @@ impl ExperimentArgs {
     /// All of it, for those that measure more than that; they write their own files.
     pub fn whole(quick: bool) -> Self {
         ExperimentArgs { quick, ladder: true, ..ExperimentArgs::default() }
+    }
+
+    pub fn settings(&self) -> Result<Settings, Failure> {
+        let runs = self.runs.map(|runs| runs as usize);
+        Settings::new(self.quick, runs, self.engines.as_deref()).map_err(Failure::input)
     }
 }
 

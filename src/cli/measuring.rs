@@ -10,6 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use super::{Failure, convert, json, listen_once, say, signals};
+#[cfg(feature = "cli")]
+use crate::experiments::lab::LabError;
 use crate::kernels::sys;
 use crate::plan::on_all_cores;
 use crate::scene::shown;
@@ -31,6 +33,12 @@ pub fn write_results<const N: usize>(
     Ok(())
 }
 
+/// The cores that threads may run on.
+pub fn cores() -> Result<sys::Cores, Failure> {
+    let failed = |error| Failure::output(format!("cannot ask for the cores of this thread: {error}"));
+    sys::Cores::of_this_thread().map_err(failed)
+}
+
 /// Pins this thread to its core, which is returned; warns if that cannot be done.
 pub fn pin() -> Option<usize> {
     let refused = |error: &std::io::Error| say(&format!("warning: the thread is not pinned to a core: {error}"));
@@ -41,6 +49,18 @@ pub fn pin() -> Option<usize> {
 pub fn start_threads_and_pin() {
     on_all_cores(0, drop);
     pin();
+}
+
+pub fn no_clock() -> Failure {
+    Failure::input("this machine has no time-stamp counter")
+}
+
+#[cfg(feature = "cli")]
+pub fn failure(error: LabError) -> Failure {
+    match error {
+        LabError::Engine(_) | LabError::Memory { .. } | LabError::Threads(_) => Failure::input(error),
+        LabError::Picture { .. } | LabError::System { .. } | LabError::Nothing => Failure::output(error),
+    }
 }
 
 /// Says that a measurement was stopped early.

@@ -8,11 +8,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::engine::EngineArgs;
-use super::measuring::{bar, pin};
+use super::measuring::{bar, no_clock, pin};
 use super::view::{ViewArgs, tell};
 use super::{Failure, convert, keep_apart, print_result};
 use crate::experiments::ablation::{self, Ablation, Timed, plot};
-use crate::measure::{TscClock, cpu_name, tsc_hz};
+use crate::measure::{MachineClock, cpu_name, tsc_hz};
 use crate::plan::{Report, Switch};
 use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
 use crate::scene::{Camera, shown};
@@ -166,7 +166,7 @@ fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<A
     let report = Plan::new(engine, &scene, purpose).map_err(Failure::input)?.report();
 
     let ablation = if args.measure {
-        let mut clock = TscClock::new().ok_or_else(|| Failure::input("this machine has no time-stamp counter"))?;
+        let mut clock = MachineClock::counter().ok_or_else(no_clock)?;
         pin();
         let ticks = tsc_hz().map_or(PATIENCE_TICKS, |hz| (PATIENCE * hz) as u64);
         let (lines, bar) = (&report.left_out, bar(1));

@@ -30,88 +30,49 @@ pub trait Clock {
     }
 }
 
-/// The time-stamp counter.
+/// A clock of this machine, which knows whether others had the core.
 #[derive(Clone, Copy, Debug)]
-pub struct TscClock {
+pub struct MachineClock {
+    of_counter: bool,
     taken: bool,
-}
-
-impl TscClock {
-    /// None if there is no counter to read.
-    pub fn new() -> Option<Self> {
-        Cycles::available().then_some(TscClock { taken: false })
-    }
-}
-
-impl Clock for TscClock {
-    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-        let watch = Watch::start();
-        let start = Cycles::start();
-        work();
-        let ticks = start.stop();
-        self.taken = watch.taken();
-        ticks
-    }
-
-    fn taken(&mut self) -> bool {
-        self.taken
-    }
-}
-
-/// The operating system's clock, for machines without a counter: its ticks are nanoseconds.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct WallClock {
-    taken: bool,
-}
-
-impl WallClock {
-    /// Ticks in a second.
-    pub const HZ: f64 = 1e9;
-
-    /// Every machine has one.
-    pub fn new() -> Self {
-        WallClock::default()
-    }
-}
-
-impl Clock for WallClock {
-    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-        let watch = Watch::start();
-        let start = Instant::now();
-        work();
-        let ticks = start.elapsed().as_nanos() as u64;
-        self.taken = watch.taken();
-        ticks
-    }
-
-    fn taken(&mut self) -> bool {
-        self.taken
-    }
-}
-
-/// A clock that adds up all times that it takes.
-pub struct Totalled<'a> {
-    clock: &'a mut dyn Clock,
     /// Ticks of all work so far.
     pub total: u64,
 }
 
-impl<'a> Totalled<'a> {
-    /// No time so far.
-    pub fn new(clock: &'a mut dyn Clock) -> Self {
-        Totalled { clock, total: 0 }
+impl MachineClock {
+    /// Ticks of [`MachineClock::wall`] in a second.
+    pub const WALL_HZ: f64 = 1e9;
+
+    /// The time-stamp counter; None if there is none to read.
+    pub fn counter() -> Option<Self> {
+        Cycles::available().then_some(MachineClock { of_counter: true, ..MachineClock::wall() })
+    }
+
+    /// The operating system's clock, which every machine has: its ticks are nanoseconds.
+    pub fn wall() -> Self {
+        MachineClock { of_counter: false, taken: false, total: 0 }
     }
 }
 
-impl Clock for Totalled<'_> {
+impl Clock for MachineClock {
     fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
-        let ticks = self.clock.time(work);
+        let watch = Watch::start();
+        let ticks = if self.of_counter {
+            let start = Cycles::start();
+            work();
+            start.stop()
+        } else {
+            let start = Instant::now();
+            work();
+            start.elapsed().as_nanos() as u64
+        };
+        self.taken = watch.taken();
         self.total += ticks;
         ticks
     }
 
     fn taken(&mut self) -> bool {
-        self.clock.taken()
+        self.taken
     }
 }
 
@@ -121,7 +82,6 @@ pub type Work<'a> = Box<dyn FnMut() + 'a>;
 /// The runs of one contestant, in the order of the rounds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Runs {
-    /// Ticks of each run.
     pub ticks: Vec<f64>,
     /// Runs that ended on another core than the one they began on.
     pub migrations: usize,

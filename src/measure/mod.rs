@@ -25,7 +25,7 @@ mod watch;
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
 #[cfg(feature = "lab")]
-pub use interleave::{Clock, OFF_BY_MAD, Runs, Totalled, TscClock, WallClock, Work, enough, interleave};
+pub use interleave::{Clock, MachineClock, OFF_BY_MAD, Runs, Work, enough, interleave};
 pub use machine::{Cache, Machine, caches, cpu_name, set_commit};
 #[cfg(feature = "lab")]
 pub use watch::Watch;

@@ -10,7 +10,7 @@ use crate::extent;
 use crate::program::{in_the_foreground, rayo, signal};
 use rayo::experiments::{gallery, roofline, threads};
 use rayo::kernels::sys::Cores;
-use rayo::measure::{Machine, TscClock};
+use rayo::measure::{Machine, MachineClock};
 use rayo::render::Engine;
 use scraper::{ElementRef, Html, Selector};
 use serde_json::{Value, json};
@@ -275,7 +275,7 @@ fn an_interrupt_leaves_a_page_of_what_is_done() {
 /// What no other command measures, without a look at times.
 #[test]
 fn kernels_threads_and_pictures_are_all_there() {
-    let (machine, mut clock) = (Machine::this(), TscClock::new().unwrap());
+    let (machine, mut clock) = (Machine::this(), MachineClock::counter().unwrap());
     let assembly: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
     let assembly = || assembly.iter().copied().filter(|name| !["reference", "rust", "c", "portable"].contains(name));
     let roofline = roofline::run(&machine.caches, &mut clock, &mut |_| true).unwrap().unwrap();

@@ -4,10 +4,10 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use super::ExperimentArgs;
-use super::run::{Prepared, failure, interrupted, prepare, settings};
+use super::run::{Prepared, interrupted, prepare};
 use super::table::EXPLANATION;
 use crate::cli::essay::{filled, part};
-use crate::cli::measuring::{bar, create_directory, write_results};
+use crate::cli::measuring::{bar, create_directory, failure, write_results};
 use crate::cli::party::Party;
 use crate::cli::table::{self, Column, Table};
 use crate::cli::{Failure, print_result, signals};
@@ -36,7 +36,7 @@ pub fn measure(
 }
 
 pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Failure> {
-    let engines = party.agree(settings(args))?.engines;
+    let engines = party.agree(args.settings())?.engines;
     let settings = Settings::new(args.quick, args.runs.map(|runs| runs as usize), &engines);
     if settings.engines.is_empty() {
         return Err(Failure::input(

@@ -6,13 +6,14 @@ use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
 
 use serde::{Deserialize, Serialize};
 
-use super::{ExperimentArgs, run};
+use super::ExperimentArgs;
 use crate::cli::Failure;
+use crate::cli::measuring::{cores, failure, no_clock};
 use crate::experiments::lab::Turn;
 use crate::experiments::ladder::{self, Rounds};
 use crate::experiments::speedup::{self, Settings};
 use crate::kernels::sys;
-use crate::measure::TscClock;
+use crate::measure::MachineClock;
 
 /// What the process prints, a line of JSON each.
 #[derive(Serialize, Deserialize)]
@@ -36,9 +37,9 @@ pub(super) struct Which<'a> {
 
 /// What the process does: prints each [`Message`] as soon as it is measured.
 pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, Failure> {
-    let settings = run::settings(args)?;
-    let mut clock = TscClock::new().ok_or_else(run::no_clock)?;
-    let cores = run::cores()?;
+    let settings = args.settings()?;
+    let mut clock = MachineClock::counter().ok_or_else(no_clock)?;
+    let cores = cores()?;
     if let Some(core) = args.core {
         // Who started this one knows whether it can be done.
         let _ = sys::pin_to(core);
@@ -52,10 +53,9 @@ pub(super) fn measure(args: &ExperimentArgs, number: usize) -> Result<ExitCode, 
         });
         written.is_ok()
     };
-    speedup::measure_run(&settings, number, &mut clock, &mut |turns| print(&Message::Size(turns)))
-        .map_err(run::failure)?;
+    speedup::measure_run(&settings, number, &mut clock, &mut |turns| print(&Message::Size(turns))).map_err(failure)?;
     let (first, end) = (args.rounds[0], args.rounds[1]);
-    let rounds = ladder::measure_run(args.ladder, first..end, &cores, &mut clock).map_err(run::failure)?;
+    let rounds = ladder::measure_run(args.ladder, first..end, &cores, &mut clock).map_err(failure)?;
     print(&Message::Rungs(rounds));
     written.map_err(|error| Failure::output(format!("cannot write to standard output: {error}")))?;
     Ok(ExitCode::SUCCESS)
@@ -69,7 +69,7 @@ pub(super) fn in_own_process(
 ) -> Result<(), Failure> {
     let failed =
         |error: &dyn std::fmt::Display| Failure::output(format!("run {} in its own process: {error}", which.number));
-    let started = ladder::on_all(cores, || start(which)).map_err(run::failure)?;
+    let started = ladder::on_all(cores, || start(which)).map_err(failure)?;
     let mut process = started.map_err(|error| failed(&error))?;
     for line in (&mut process.messages).lines() {
         let message = serde_json::from_str(&line.map_err(|error| failed(&error))?).map_err(|error| failed(&error))?;

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
-use crate::cli::measuring::{bar, create_directory, pin, write_file, write_results};
+use crate::cli::measuring::{bar, cores, create_directory, failure, no_clock, pin, write_file, write_results};
 use crate::cli::party::Party;
 use crate::cli::{Failure, print_result, say, signals};
 use crate::experiments::claims::{self, Evidence};
@@ -18,7 +18,7 @@ use crate::experiments::speedup::{self, Settings, Speedup};
 use crate::experiments::svg::Screen;
 use crate::experiments::{jumps, ladder, plot};
 use crate::kernels::sys;
-use crate::measure::{Machine, Totalled, TscClock};
+use crate::measure::{Machine, MachineClock};
 use crate::scene::shown;
 
 /// At least so many rounds of the rungs, over all runs: of a ladder, quick or not, and of the few that the claims need.
@@ -26,7 +26,7 @@ const LADDER_ROUNDS: usize = 250;
 const FEW_ROUNDS: usize = 25;
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
-    let settings = settings(args)?;
+    let settings = args.settings()?;
     create_directory(&args.out)?;
     let mut prepared = prepare(&Party::ALONE)?;
     let stop = Arc::clone(&prepared.stop);
@@ -60,7 +60,7 @@ pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
 
 /// What every measurement needs; it is made once the arguments are known to be good.
 pub struct Prepared {
-    pub clock: TscClock,
+    pub clock: MachineClock,
     pub stop: Arc<AtomicBool>,
     pub machine: Machine,
     /// The cores that threads may run on.
@@ -70,26 +70,11 @@ pub struct Prepared {
 }
 
 pub fn prepare(party: &Party) -> Result<Prepared, Failure> {
-    let clock = TscClock::new().ok_or_else(no_clock)?;
+    let clock = MachineClock::counter().ok_or_else(no_clock)?;
     let stop = party.stop_on_signals()?;
     let machine = Machine::this();
     let cores = cores()?;
     Ok(Prepared { clock, stop, machine, cores, core: if party.is_alone() { pin() } else { None } })
-}
-
-pub fn settings(args: &ExperimentArgs) -> Result<Settings, Failure> {
-    let runs = args.runs.map(|runs| runs as usize);
-    Settings::new(args.quick, runs, args.engines.as_deref()).map_err(Failure::input)
-}
-
-pub fn no_clock() -> Failure {
-    Failure::input("this machine has no time-stamp counter")
-}
-
-/// The cores that threads may run on.
-pub(super) fn cores() -> Result<sys::Cores, Failure> {
-    let failed = |error| Failure::output(format!("cannot ask for the cores of this thread: {error}"));
-    sys::Cores::of_this_thread().map_err(failed)
 }
 
 /// Rounds of the rungs in a run.
@@ -118,8 +103,7 @@ pub fn measure(
     let (machine, core) = (machine.clone(), *core);
     let (quick, rounds) = (args.quick, rounds(args, settings));
     let cpu_time = || sys::thread_cpu_time() + sys::children_cpu_time();
-    let (start, cpu) = (Instant::now(), cpu_time());
-    let mut clock = Totalled::new(clock);
+    let (start, cpu, ticks) = (Instant::now(), cpu_time(), clock.total);
     speedup::check(settings).map_err(failure)?;
     let instructions = ladder::check(args.ladder, cores, &mut proceed).map_err(failure)?;
     let measured = runs(args, settings, core, cores, rounds, &mut proceed)?;
@@ -134,10 +118,10 @@ pub fn measure(
     let mut sweeps = None;
     let mut jumps = None;
     if rungs.is_some() {
-        sweeps = claims::sweeps(quick, &mut clock, &mut proceed).map_err(failure)?;
+        sweeps = claims::sweeps(quick, clock, &mut proceed).map_err(failure)?;
     }
     if sweeps.is_some() {
-        jumps = jumps::run(quick, &machine, &mut clock, &mut proceed).map_err(failure)?;
+        jumps = jumps::run(quick, &machine, clock, &mut proceed).map_err(failure)?;
     }
     complete &= jumps.is_some();
 
@@ -147,7 +131,7 @@ pub fn measure(
         runs: measured.runs,
         complete,
         seconds,
-        timed_share: machine.tsc_hz.map(|hz| clock.total as f64 / hz / seconds),
+        timed_share: machine.tsc_hz.map(|hz| (clock.total - ticks) as f64 / hz / seconds),
         taken_share: (cpu > 0.0).then(|| (1.0 - cpu / seconds).max(0.0)),
     };
     let evidence = Evidence {
@@ -234,11 +218,4 @@ fn write_files(directory: &Path, document: &Experiment) -> Result<(), Failure> {
         write_file(directory, "ladder.svg", figure.as_bytes())?;
     }
     Ok(())
-}
-
-pub fn failure(error: LabError) -> Failure {
-    match error {
-        LabError::Engine(_) | LabError::Memory { .. } | LabError::Threads(_) => Failure::input(error),
-        LabError::Picture { .. } | LabError::System { .. } | LabError::Nothing => Failure::output(error),
-    }
 }

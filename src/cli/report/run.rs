@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::experiment::ExperimentArgs;
 use crate::cli::experiment::run::{self, Prepared};
-use crate::cli::measuring::{announce, bar, bar_style};
+use crate::cli::measuring::{announce, bar, bar_style, failure};
 use crate::cli::party::Party;
 use crate::cli::step::text;
 use crate::cli::{self, Failure};
@@ -17,7 +17,7 @@ use crate::experiments::ops::{self, Options};
 use crate::experiments::report::{Left, Planned, Results, Stage, Told};
 use crate::experiments::step::{self, Ray};
 use crate::experiments::{ablation, accuracy, complexity, gallery, in_size, roofline, stability, threads};
-use crate::measure::TscClock;
+use crate::measure::MachineClock;
 use crate::plan::on_all_cores;
 use crate::render::{Engine, Plan, Purpose};
 
@@ -121,7 +121,7 @@ fn measure(
     Ok(match stage {
         Stage::Experiment => {
             let args = ExperimentArgs::whole(quick);
-            let settings = run::settings(&args)?;
+            let settings = args.settings()?;
             let all = run::work(&args, &settings);
             let document = run::measure(&args, &settings, prepared, &mut |work| course.done(work, all))?;
             let complete = document.conditions.complete;
@@ -140,7 +140,7 @@ fn measure(
         }
         Stage::Roofline => {
             let mut proceed = |work| course.done(work, roofline::WORK);
-            let found = roofline::run(&machine.caches, &mut prepared.clock, &mut proceed).map_err(run::failure)?;
+            let found = roofline::run(&machine.caches, &mut prepared.clock, &mut proceed).map_err(failure)?;
             results.roofline = found;
             results.roofline.is_some()
         }
@@ -175,7 +175,7 @@ fn measure(
         Stage::Threads => {
             let mut proceed = |work| course.done(work, threads::WORK);
             results.threads =
-                threads::run(quick, &prepared.cores, &mut prepared.clock, &mut proceed).map_err(run::failure)?;
+                threads::run(quick, &prepared.cores, &mut prepared.clock, &mut proceed).map_err(failure)?;
             results.threads.is_some()
         }
         Stage::Plans => {
@@ -210,7 +210,7 @@ fn measure(
 }
 
 /// The plan of a scene that comes with the program, for the fastest engine and a file of 8 bits.
-fn plan(name: &str, quick: bool, clock: &mut TscClock) -> Result<Planned, Failure> {
+fn plan(name: &str, quick: bool, clock: &mut MachineClock) -> Result<Planned, Failure> {
     let scene = subjects::shipped(name);
     let engine = Engine::fastest();
     let format = engine.format_for(true);

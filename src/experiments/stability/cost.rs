@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::experiments::accuracy::{Contender, subjects};
 use crate::experiments::in_size;
 use crate::experiments::lab::{Bench, Case, LabError, Pairs, Timed};
+use crate::measure::MachineClock;
 use crate::measure::Name;
-use crate::measure::WallClock;
 use crate::measure::statistics::{Estimate, median};
 use crate::render::PixelFormat;
 use crate::scene::families::Family;
@@ -88,7 +88,7 @@ pub fn measure(families: &[&Family], contenders: &[Contender], quick: bool) -> R
                 }
                 let case = |scene| Case::of(Timed::Tracing, scene, contender.engine, contender.purpose(), format);
                 let cases = [case(ordinary)?, case(extreme)?];
-                let runs = Bench::default().time(&mut WallClock::new(), &cases, 0..rounds, &mut || true)?;
+                let runs = Bench::default().time(&mut MachineClock::wall(), &cases, 0..rounds, &mut || true)?;
                 let Some([usual, stiff_runs]) = runs.as_deref() else { continue };
                 let ns = |ticks: &[f64]| median(ticks) / pixels;
                 costs.push(Cost {
