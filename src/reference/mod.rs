@@ -2,7 +2,7 @@
 //!
 //! [`geometry`] is the truth in f64 that every engine is held against, and `shapes` the one that it is held against itself, in
 //! the 256 bits of `exact`, or in the fewer ones of `bounded` where these are sure; [`aos`] is the twin of the paper's macros, the same
-//! operations in the same order, [`paper_c`] that of the paper's C, [`packet`] that of the operations on packets. The twins of
+//! operations in the same order, [`packet`] that of the operations on packets. The twins of
 //! packet kernels are kernels themselves.
 
 pub mod aos;
@@ -14,7 +14,6 @@ pub mod geometry;
 #[cfg(feature = "lab")]
 pub mod number;
 pub mod packet;
-pub mod paper_c;
 mod real;
 #[cfg(feature = "lab")]
 pub mod shapes;

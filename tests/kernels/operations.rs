@@ -6,6 +6,7 @@
 
 mod by_estimates;
 mod on_packets;
+mod paper_c;
 
 use std::ops::Range;
 
@@ -13,7 +14,6 @@ use crate::kernel_cases::{self, Input, Numbers, choose, implementations, seed};
 use rayo::kernels::{Frame, Light, Objects, OpRef, PaperSphere, PaperTriangle, Trace, Vec4};
 use rayo::plan::Packed;
 use rayo::reference::aos::{self, Form, Lanes};
-use rayo::reference::paper_c;
 use rayo::scene::{Camera, Rng, many};
 
 /// What an implementation must equal.
@@ -21,7 +21,7 @@ use rayo::scene::{Camera, Rng, many};
 enum Twin {
     /// `reference::aos`.
     Macros(Form),
-    /// `reference::paper_c`, which says why C equals it to the last bit though it calls `pow`.
+    /// `paper_c`, which says why C equals it to the last bit though it calls `pow`.
     C,
 }
 

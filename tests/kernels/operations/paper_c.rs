@@ -5,7 +5,7 @@
 //! correctly rounded, so the two agree to the last bit. `pow` need not be, but is close enough: where x has 24 bits,
 //! its root is at least 2^-51 (relative) from the middle between two f32, and the error of `pow` is below 2^-52.
 
-use super::aos::{Lanes, Light, Sphere, Surface, Triangle, add, scale, sub};
+use rayo::reference::aos::{Lanes, Light, Sphere, Surface, Triangle, add, scale, sub};
 
 type Vector = Lanes<f32>;
 
