@@ -113,7 +113,7 @@ fn verdict(document: &StabilityReport) -> ExitCode {
         let why: Vec<_> = row.broken.iter().map(|broken| broken.why.as_str()).collect();
         say(&format!("error: {} by {} in {}: {}", row.family, row.engine, row.precision, why.join("; ")));
         for case in row.broken.iter().map(|broken| broken.case).collect::<BTreeSet<_>>() {
-            say(&format!("    {}", row.replay(case, document.seed, document.quick)));
+            say(&format!("    {}", stability::replay(&row.family, &row.engine, case, document.seed, document.quick)));
         }
     }
     if document.rows.iter().all(|row| row.holds) { ExitCode::SUCCESS } else { ExitCode::from(1) }

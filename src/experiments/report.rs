@@ -40,20 +40,11 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in their order.
-    pub const ALL: [Stage; 10] = [
-        Stage::Experiment,
-        Stage::Ops,
-        Stage::Roofline,
-        Stage::Accuracy,
-        Stage::Stability,
-        Stage::Complexity,
-        Stage::Threads,
-        Stage::Plans,
-        Stage::Gallery,
-        Stage::Ray,
-    ];
+    pub const ALL: [Stage; 10] = {
+        use Stage::*;
+        [Experiment, Ops, Roofline, Accuracy, Stability, Complexity, Threads, Plans, Gallery, Ray]
+    };
 
-    /// Its name in the document.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()
     }
@@ -207,7 +198,6 @@ impl Results {
         results.ok_or_else(|| ReadError::Nothing(directory.into()))
     }
 
-    /// Reads one document.
     fn of(text: &str, path: &Path) -> Result<Self, ReadError> {
         let no_document = |error| ReadError::Json { path: path.into(), error };
         let document: Value = serde_json::from_str(text).map_err(no_document)?;

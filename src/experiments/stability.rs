@@ -92,12 +92,6 @@ impl Cell {
         (&self.engine, &self.precision)
     }
 
-    /// The command that repeats its worst case alone.
-    pub fn replay(&self, seed: u64, quick: bool) -> String {
-        replay(&self.family, &self.engine, self.worst_case, seed, quick)
-    }
-
-    /// What has a limit.
     fn figures(&self) -> Figures {
         let share = |count: usize| count as f64 / self.rays.max(1) as f64;
         let counts = [self.wrong_hits, self.holes, self.unexplained, self.off_by_2].map(share);
@@ -457,14 +451,8 @@ fn rows(family: &Family, cells: &[Cell]) -> Vec<Stability> {
     contenders.map(row).collect()
 }
 
-impl Stability {
-    /// The command that repeats one case alone.
-    pub fn replay(&self, case: usize, seed: u64, quick: bool) -> String {
-        replay(&self.family, &self.engine, case, seed, quick)
-    }
-}
-
-fn replay(family: &str, engine: &str, case: usize, seed: u64, quick: bool) -> String {
+/// The command that repeats one case alone.
+pub fn replay(family: &str, engine: &str, case: usize, seed: u64, quick: bool) -> String {
     let quick = if quick { " --quick" } else { "" };
     format!("rayo stability --family {family} --engine {engine} --seed {seed} --case {case}{quick}")
 }

@@ -60,19 +60,10 @@ pub enum Fault {
 
 impl Fault {
     /// Every one, by its bit.
-    pub const ALL: [Fault; 11] = [
-        Fault::Rbx,
-        Fault::Rbp,
-        Fault::R12,
-        Fault::R13,
-        Fault::R14,
-        Fault::R15,
-        Fault::Rsp,
-        Fault::Stack,
-        Fault::Direction,
-        Fault::Mxcsr,
-        Fault::Upper,
-    ];
+    pub const ALL: [Fault; 11] = {
+        use Fault::*;
+        [Rbx, Rbp, R12, R13, R14, R15, Rsp, Stack, Direction, Mxcsr, Upper]
+    };
 }
 
 #[cfg(rayo_asm)]

@@ -13,7 +13,6 @@
 mod recorder;
 mod recording;
 
-use std::fmt;
 use std::ops::Range;
 
 use super::code::code_at;
@@ -23,66 +22,42 @@ use imp::Recorder;
 pub use recording::{Recording, State, Step, Touched, Visit};
 
 /// Why instructions cannot be counted here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unavailable {
-    /// Not Linux on x86-64.
+    #[error("single-stepping is written for Linux on x86-64")]
     Platform,
-    /// Another process traces this one and would receive the traps.
+    #[error("process {by} traces this one (a debugger?) and would get the traps; run without it")]
     Traced {
         /// The tracing process.
         by: u32,
     },
-    /// The flag was set without effect, as in an emulator that does not implement it.
+    #[error("the trap flag has no effect here, as under valgrind and some emulators")]
     NoTrap,
     /// Traps came, but not one for each instruction of a known sequence.
+    #[error("the trap flag is not exact here: {counted} traps for {executed} instructions")]
     Inexact {
         /// Instructions in the sequence.
         executed: u64,
         /// Traps received.
         counted: u64,
     },
-    /// The traps ceased before the end: the code starts a thread or a process, which would inherit the flag and die of
-    /// it, or blocks or handles the signal; or it, or the hypervisor, cleared the flag.
+    /// A thread or a process that the code starts would inherit the flag and die of it; or the code blocks or handles the
+    /// signal; or it, or the hypervisor, cleared the flag.
+    #[error(
+        "the traps ceased before the end: what is counted starts a thread or a process, or something cleared the trap flag"
+    )]
     Lost,
-    /// There is no memory for the record.
+    #[error("there is no memory for {bytes} bytes of what is recorded")]
     Memory {
         /// The memory requested.
         bytes: usize,
     },
-    /// The operating system refused the handler.
+    #[error("the handler of SIGTRAP could not be installed: {}", std::io::Error::from_raw_os_error(*errno))]
     Handler {
         /// Its error number.
         errno: i32,
     },
 }
-
-impl fmt::Display for Unavailable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Unavailable::Platform => f.write_str("single-stepping is written for Linux on x86-64"),
-            Unavailable::Traced { by } => {
-                write!(f, "process {by} traces this one (a debugger?) and would get the traps; run without it")
-            }
-            Unavailable::NoTrap => {
-                f.write_str("the trap flag has no effect here, as under valgrind and some emulators")
-            }
-            Unavailable::Inexact { executed, counted } => {
-                write!(f, "the trap flag is not exact here: {counted} traps for {executed} instructions")
-            }
-            Unavailable::Lost => f.write_str(
-                "the traps ceased before the end: what is counted starts a thread or a process, or something cleared the \
-                 trap flag",
-            ),
-            Unavailable::Memory { bytes } => write!(f, "there is no memory for {bytes} bytes of what is recorded"),
-            Unavailable::Handler { errno } => {
-                let error = std::io::Error::from_raw_os_error(*errno);
-                write!(f, "the handler of SIGTRAP could not be installed: {error}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for Unavailable {}
 
 /// The instructions that the calls of one function executed.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning, pages, prefetching.
 
+use std::ffi::c_void;
 use std::io;
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
@@ -127,11 +128,7 @@ pub fn pin_to(core: usize) -> io::Result<()> {
     }
     // SAFETY: the core is within the set, as just checked.
     unsafe { libc::CPU_SET(core, &mut set) };
-    // SAFETY: 0 is the calling thread, the set is ours and its size is given.
-    match unsafe { libc::sched_setaffinity(0, size_of_val(&set), &set) } {
-        0 => Ok(()),
-        _ => Err(io::Error::last_os_error()),
-    }
+    Cores(set).allow()
 }
 
 /// Pinning is not supported on this system.
@@ -217,7 +214,6 @@ pub struct Cores(());
 
 #[cfg(not(target_os = "linux"))]
 impl Cores {
-    /// All cores.
     pub fn of_this_thread() -> io::Result<Self> {
         Ok(Cores(()))
     }
@@ -233,6 +229,16 @@ impl Cores {
     }
 }
 
+/// What a thread, a process or its children have used.
+#[cfg(unix)]
+fn usage(who: libc::c_int) -> libc::rusage {
+    // SAFETY: numbers, for which all bits 0 are a value.
+    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
+    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
+    unsafe { libc::getrusage(who, &mut usage) };
+    usage
+}
+
 /// The page faults so far of the calling thread (or of its process, if threads are not counted): pages touched for the
 /// first time or read from disk.
 #[cfg(unix)]
@@ -241,10 +247,7 @@ pub fn page_faults() -> u64 {
     const WHO: libc::c_int = libc::RUSAGE_THREAD;
     #[cfg(not(target_os = "linux"))]
     const WHO: libc::c_int = libc::RUSAGE_SELF;
-    // SAFETY: numbers, for which all bits 0 are a value.
-    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
-    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
-    unsafe { libc::getrusage(WHO, &mut usage) };
+    let usage = usage(WHO);
     (usage.ru_minflt + usage.ru_majflt).try_into().unwrap_or(0)
 }
 
@@ -266,10 +269,7 @@ pub struct Switches {
 /// The switches of the calling thread so far; none if they are not counted per thread.
 #[cfg(target_os = "linux")]
 pub fn switches() -> Switches {
-    // SAFETY: numbers, for which all bits 0 are a value.
-    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
-    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
-    unsafe { libc::getrusage(libc::RUSAGE_THREAD, &mut usage) };
+    let usage = usage(libc::RUSAGE_THREAD);
     let count = |n: libc::c_long| n.try_into().unwrap_or(0);
     Switches { forced: count(usage.ru_nivcsw), own: count(usage.ru_nvcsw) }
 }
@@ -292,10 +292,7 @@ pub fn thread_cpu_time() -> std::time::Duration {
 /// The CPU time of the processes that this one has started and waited for.
 #[cfg(unix)]
 pub fn children_cpu_time() -> std::time::Duration {
-    // SAFETY: numbers, for which all bits 0 are a value.
-    let mut usage: libc::rusage = unsafe { std::mem::zeroed() };
-    // SAFETY: the structure is ours to write. It cannot fail with a valid `who`; if it did, the zeros would remain.
-    unsafe { libc::getrusage(libc::RUSAGE_CHILDREN, &mut usage) };
+    let usage = usage(libc::RUSAGE_CHILDREN);
     let seconds = |time: libc::timeval| {
         let (seconds, micros) = (time.tv_sec.try_into().unwrap_or(0), time.tv_usec.try_into().unwrap_or(0));
         std::time::Duration::from_secs(seconds) + std::time::Duration::from_micros(micros)
@@ -349,6 +346,8 @@ pub fn multiply_in_chain(_rounds: u32) {}
 
 /// A slice in untouched pages: the first write to each is a page fault.
 pub struct Fresh<T: Plain> {
+    pub(super) pages: NonNull<c_void>,
+    bytes: usize,
     first: NonNull<T>,
     len: usize,
 }
@@ -357,16 +356,25 @@ impl<T: Plain> Fresh<T> {
     /// Memory for `len` values, at least 1, all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
-        let first = pages::map(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?.cast::<T>();
-        assert!(first.is_aligned(), "a page is aligned for every plain type");
-        Ok(Fresh { first, len })
+        Fresh::within(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?, 0, len)
+    }
+
+    /// The same `skipped` bytes behind the beginning of `bytes` of new pages.
+    pub(super) fn within(bytes: usize, skipped: usize, len: usize) -> io::Result<Self> {
+        assert!(skipped + len * size_of::<T>() <= bytes, "they lie within the pages");
+        let pages = pages::map(bytes)?;
+        // SAFETY: `skipped` is at most `bytes`, as just checked.
+        let first = unsafe { pages.byte_add(skipped) }.cast::<T>();
+        let fresh = Fresh { pages, bytes, first, len };
+        assert!(first.is_aligned(), "a page is aligned for every plain type, and so is what is skipped");
+        Ok(fresh)
     }
 }
 
 impl<T: Plain> Deref for Fresh<T> {
     type Target = [T];
     fn deref(&self) -> &[T] {
-        // SAFETY: new() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
+        // SAFETY: within() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
         // type. They live as long as self.
         unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
     }
@@ -381,8 +389,8 @@ impl<T: Plain> DerefMut for Fresh<T> {
 
 impl<T: Plain> Drop for Fresh<T> {
     fn drop(&mut self) {
-        // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
-        unsafe { pages::unmap(self.first.cast(), self.len * size_of::<T>()) };
+        // SAFETY: the mapping that within() made, whole, and nothing borrows from it any more.
+        unsafe { pages::unmap(self.pages, self.bytes) };
     }
 }
 

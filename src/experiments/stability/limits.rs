@@ -10,7 +10,6 @@ use super::{Stability, Worst};
 /// paper's formulas stop.
 const CHECKED_IN: &str = include_str!("limits.csv");
 
-/// What has a limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Measure {
     /// Its column in `limits.csv`.
@@ -193,6 +192,7 @@ fn two_digits(x: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiments::stability::replay;
     use crate::scene::families::FAMILIES;
 
     /// Where [`MEASURES`] has wrong hits.
@@ -230,7 +230,8 @@ mod tests {
         assert_eq!(broken[1].why, "the share of wrong hits is 0.25 (0.75 of case 5 alone), above 0");
         assert_eq!(limits().broken(&row(f64::NAN, 0.0)).len(), 1, "what is no number keeps no limit");
         assert_eq!(limits().broken(&Stability { engine: "sse41".into(), ..row(1.0, 0.0) }).len(), 1);
-        let replay = row(8.5, 0.25).replay(5, 3, true);
+        let row = row(8.5, 0.25);
+        let replay = replay(&row.family, &row.engine, 5, 3, true);
         assert_eq!(replay, "rayo stability --family S1 --engine avx2 --seed 3 --case 5 --quick");
     }
 

@@ -12,8 +12,6 @@ mod instruction;
 mod integer;
 mod moves;
 
-use std::fmt;
-
 use iced_x86::{Decoder, DecoderOptions};
 
 pub(super) use arithmetic::holds;
@@ -93,7 +91,6 @@ pub enum What {
     Compare(Number, u8),
 }
 
-/// What is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Float {
     Add,
@@ -121,7 +118,6 @@ pub enum Float {
 /// An element that an instruction writes, and what of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Operation {
-    /// What is written.
     pub to: Element,
     /// With what.
     pub what: What,
@@ -138,39 +134,24 @@ impl Operation {
 }
 
 /// Why there is no model of an instruction.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unknown {
     /// The model does not know it, or not with these operands.
+    #[error("{name} with these operands ({bytes:02x?}) is not known")]
     Instruction {
         /// Its name, as in Intel's manual.
         name: String,
         bytes: Vec<u8>,
     },
-    /// It touches memory that was not recorded.
+    #[error("the memory that it touches was not recorded")]
     Memory,
     /// Not rounding to nearest, or denormals as 0.
+    #[error("floating point is not as the model has it: MXCSR is {mxcsr:#x}, not to nearest with denormals")]
     Control {
         /// Control and status of floating point.
         mxcsr: u32,
     },
 }
-
-impl fmt::Display for Unknown {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Unknown::Instruction { name, bytes } => write!(f, "{name} with these operands ({bytes:02x?}) is not known"),
-            Unknown::Memory => f.write_str("the memory that it touches was not recorded"),
-            Unknown::Control { mxcsr } => {
-                write!(
-                    f,
-                    "floating point is not as the model has it: MXCSR is {mxcsr:#x}, not to nearest with denormals"
-                )
-            }
-        }
-    }
-}
-
-impl std::error::Error for Unknown {}
 
 /// What the instruction of `step` writes. All of `from` and `by` is what it finds, also where it writes there.
 ///

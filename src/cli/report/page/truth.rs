@@ -8,7 +8,7 @@ use super::{Section, figure, section};
 use crate::experiments::accuracy::plot;
 use crate::experiments::report::{Results, Stage};
 use crate::experiments::stability::plot::{SHADES, shade};
-use crate::experiments::stability::{Cell, StabilityReport};
+use crate::experiments::stability::{Cell, StabilityReport, replay};
 use crate::experiments::svg::PlotError;
 use crate::scene::families::family;
 
@@ -135,6 +135,6 @@ fn shown(cell: &Cell, document: &StabilityReport, focus: bool) -> Markup {
         (_, None) => "-".to_owned(),
     };
     html! {
-        td.(shade_class(shade)) data-replay=(cell.replay(document.seed, document.quick)) tabindex=[focus.then_some("0")] { (figure) }
+        td.(shade_class(shade)) data-replay=(replay(&cell.family, &cell.engine, cell.worst_case, document.seed, document.quick)) tabindex=[focus.then_some("0")] { (figure) }
     }
 }
