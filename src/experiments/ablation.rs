@@ -23,7 +23,6 @@ const BAND_PIXELS: usize = 1 << 14;
 const BAND_SHARE: u64 = 50;
 const ROWS_SHARE: u64 = 10;
 
-/// What was measured.
 #[derive(Clone, Debug)]
 pub struct Ablation {
     /// Rounds: each traces the scene once as planned, once more so, and once with each omission not made.
@@ -232,7 +231,6 @@ mod tests {
     use super::*;
     use crate::scene::many;
 
-    /// A scripted clock.
     struct Scripted(std::vec::IntoIter<u64>);
 
     impl Scripted {

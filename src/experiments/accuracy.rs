@@ -272,7 +272,6 @@ pub fn forecast_of_measure(subjects: &[Subject], contenders: usize, quick: bool)
     forecast(rays, contenders) + subjects.len() as f64 * ROUNDS[usize::from(!quick)].seconds
 }
 
-/// What was measured of a scene.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Measured {
     pub rows: Vec<Accuracy>,

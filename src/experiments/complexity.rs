@@ -56,7 +56,6 @@ const BUMPS: f64 = 0.3;
 /// The name of the contestant that only fills the film with zeros, by plain stores.
 pub const ZEROS: &str = "zeros";
 
-/// What to measure.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Small pictures, few objects.

@@ -30,7 +30,6 @@ pub struct Shown {
     pub pictures: Vec<Shot>,
 }
 
-/// A picture.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Shot {
     pub engine: Name,

@@ -82,7 +82,6 @@ pub struct Bandwidth {
     pub bytes_per_cycle: f64,
 }
 
-/// What was measured.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct Jumps {
     /// Each engine at each size, touched and untouched.

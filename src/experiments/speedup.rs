@@ -85,7 +85,6 @@ pub(super) fn baseline_and_control() -> [Engine; 2] {
 /// The cost of a round per pixel: `c`, `reference`, `paper` twice, `rust`, and the rest.
 const ROUND_WORK: u64 = 300;
 
-/// What to measure.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Sizes, as places in [`PAPER`].
@@ -187,7 +186,6 @@ pub struct ControlRow {
     pub samples: Vec<f64>,
 }
 
-/// What was measured.
 #[derive(Clone, Debug)]
 pub struct Speedup {
     /// Every engine at every size that was finished.

@@ -86,12 +86,10 @@ pub(super) fn draw(
     Ok(svg)
 }
 
-/// A mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
     /// A filled circle.
     Dot,
-    /// A filled triangle.
     Triangle,
     /// A square's outline.
     Square,

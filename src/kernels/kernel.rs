@@ -55,7 +55,6 @@ impl<K: Kind> Kernel<K> {
         Kernel { way: Way::Code(code), symbol }
     }
 
-    /// A kernel that is a function.
     pub(super) const fn in_rust(function: K::Function, symbol: &'static str) -> Self {
         Kernel { way: Way::Rust(function), symbol }
     }
@@ -116,7 +115,6 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
         code
     }
 
-    /// The address of its code.
     pub fn address(&self) -> usize {
         self.code() as usize
     }

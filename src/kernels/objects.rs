@@ -77,7 +77,6 @@ pub unsafe trait ObjectList: Copy + Send + Sync {
     /// The number of objects.
     fn len(self) -> usize;
     fn part(self, range: Range<usize>) -> Self;
-    /// The object at an index.
     fn get(self, at: usize) -> Self::Object;
     /// The addresses of the objects and of their vertices.
     fn addresses(self) -> [u64; 2];

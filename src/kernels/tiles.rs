@@ -316,7 +316,6 @@ kinds! {
         enter([reads(&**planes), reads(&task), 0, 0, 0, 0]);
     }
 
-    /// Shades a tile.
     ShadeTile<E: Element, P> as fn(
         &TileRays<E>, &Tile<E>, ShadingRecords<'_, E>, &TileWindow, TileOut<'_, P>,
     );
@@ -464,7 +463,6 @@ pub struct TileWindow {
     pub row: u32,
     /// Columns of the tile, from its first on.
     pub columns: u32,
-    /// Rows of the tile.
     pub rows: Range<u32>,
 }
 
@@ -487,7 +485,6 @@ pub struct Chunk<T, P> {
 /// The set-up objects of a kind in a tile. Only kernels may use this, since the owner of a tile could give it another's
 /// objects: the trait has no name outside.
 pub trait InTile: Sized {
-    /// Its element type.
     type Element: Element;
     /// The same objects transposed.
     type Arrays;
@@ -666,7 +663,6 @@ impl<E: Element> TileBuffers<E> {
 
 /// An object whose bounds a kernel computes.
 pub trait Bounded: Plain {
-    /// A list of them.
     type Many<'a>: ObjectList<Object = Self>;
     /// The kernel's view of the picture.
     type View;
@@ -742,7 +738,6 @@ fn chunk_of(candidates: &[Candidate], objects: usize) -> (&[Candidate], [u64; 2]
 /// The shading records of the spheres that own a pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SphereRecords<E> {
-    /// A record for each.
     pub spheres: Vec<TileSphere<E>>,
     /// As many for each as there are lights.
     pub lits: Vec<ObjectLight<E>>,
@@ -770,7 +765,6 @@ impl<E: Element> SphereRecords<E> {
 pub struct ShadingRecords<'a, E> {
     /// As many for each id of the tile, from 0, as there are lights; zeros for the spheres.
     pub shades: &'a [TileShade<E>],
-    /// The positions of the lights.
     pub lights: &'a [TilePoint<E>],
     /// The indices of the records of the tile's spheres, which come before its triangles.
     pub sphere_ids: &'a [u32],

@@ -44,20 +44,16 @@ pub enum Width {
     Packed,
 }
 
-/// A decoded instruction.
 #[derive(Clone, Debug)]
 pub struct Instruction {
     /// Bytes from the beginning of its function.
     pub offset: usize,
-    /// Its length.
     pub bytes: usize,
     /// As text, in Intel's syntax.
     pub text: String,
-    /// Its purpose.
     pub class: Class,
     /// Its operands.
     pub width: Width,
-    /// Whether it reads memory.
     pub reads: bool,
     /// Its jump target, in bytes from the beginning of its function; None for a call, which keeps its text.
     pub target: Option<usize>,
@@ -71,7 +67,6 @@ pub struct Function {
     /// The object, named after its source.
     pub object: &'static str,
     pub symbol: String,
-    /// Its length.
     pub bytes: usize,
 }
 
@@ -149,7 +144,6 @@ pub struct Code {
 pub struct Mix {
     /// All of them.
     pub instructions: usize,
-    /// Their length.
     pub bytes: usize,
     /// Of [`Class::Arithmetic`].
     pub arithmetic: usize,
@@ -259,7 +253,6 @@ impl Code {
         Some(Code { symbol: symbol.into(), instructions, body: None })
     }
 
-    /// Its length.
     pub fn bytes(&self) -> usize {
         self.instructions.last().map_or(0, |last| last.offset + last.bytes)
     }

@@ -7,23 +7,18 @@ use object::{Object, ObjectSection, ObjectSymbol};
 
 use crate::kernels::{self, Isa};
 
-/// A macro, as its definition has it.
 #[derive(Clone, Debug)]
 pub struct Macro {
-    /// Its name.
     pub name: &'static str,
     /// The file that defines it.
     pub file: &'static str,
     /// The first line of its comment: its purpose, or its formula.
     pub says: &'static str,
-    /// Its named parameters.
     pub parameters: Vec<Parameter>,
 }
 
-/// A parameter of a macro.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Its name.
     pub name: &'static str,
     /// Its direction: `in`, `out`, `in/out`, `clobbered`.
     pub kind: &'static str,
@@ -40,9 +35,7 @@ pub struct Call {
     pub of: usize,
     /// The number of the calling line, in the file of the enclosing macro.
     pub line: usize,
-    /// That line.
     pub text: &'static str,
-    /// The comment after it.
     pub comment: &'static str,
     /// Its arguments: registers, addresses, labels.
     pub arguments: Vec<&'static str>,
@@ -57,9 +50,7 @@ pub struct Line {
     pub call: Option<usize>,
     /// The number of its line, in the file of that macro.
     pub number: usize,
-    /// The line.
     pub text: &'static str,
-    /// The comment after it.
     pub comment: &'static str,
 }
 
@@ -71,9 +62,7 @@ pub struct Origin {
     pub calls: Vec<usize>,
     /// The number of its line, in the file of the innermost macro.
     pub number: usize,
-    /// The line.
     pub text: &'static str,
-    /// The comment after it.
     pub comment: &'static str,
 }
 

@@ -80,7 +80,6 @@ impl Packed {
         }
     }
 
-    /// The lights and objects.
     pub fn objects(&self) -> Objects<'_> {
         Objects { lights: &self.lights, spheres: &self.spheres, triangles: &self.triangles }
     }

@@ -361,7 +361,6 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.any_wide() && self.binned.wide[(tile.down * across + tile.across) as usize]
     }
 
-    /// The planned scene.
     pub fn scene(&self) -> &Scene {
         self.scene
     }

@@ -341,7 +341,6 @@ impl Ranks {
     }
 }
 
-/// A result, or an error.
 type Outcome = Result<Vec<u8>, String>;
 
 /// This rank's own tasks.

@@ -19,29 +19,21 @@ pub enum Form {
 /// A point light: its position, and I_L.
 #[derive(Clone, Copy, Debug)]
 pub struct Light<T> {
-    /// Its position.
     pub position: Lanes<T>,
     /// I_L = intensity x colour.
     pub radiance: Lanes<T>,
 }
 
-/// A sphere.
 #[derive(Clone, Copy, Debug)]
 pub struct Sphere<T> {
-    /// Its centre.
     pub centre: Lanes<T>,
-    /// Its colour.
     pub colour: Lanes<T>,
-    /// Its radius.
     pub radius: T,
 }
 
-/// A triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle<T> {
-    /// Its vertices.
     pub vertices: [Lanes<T>; 3],
-    /// Its colour.
     pub colour: Lanes<T>,
 }
 

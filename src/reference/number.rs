@@ -15,7 +15,6 @@ pub trait Number: Clone + Debug {
     fn sign(&self) -> Option<i8>;
     /// The square root of a number that is not less than 0.
     fn sqrt(&self) -> Self;
-    /// Its magnitude.
     fn abs(&self) -> Self;
     /// Whether its error is certainly no more than this.
     fn is_within(&self, error: f64) -> bool;

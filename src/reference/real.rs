@@ -33,7 +33,6 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Its magnitude.
     fn abs(self) -> Self;
     /// Its magnitude with the sign of another.
     fn with_sign_of(self, sign: Self) -> Self;

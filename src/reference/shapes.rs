@@ -7,7 +7,6 @@
 use super::exact::Exact;
 use super::number::{Number, Operations};
 
-/// A vector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vector<N>(pub [N; 3]);
 
@@ -200,7 +199,6 @@ fn bound_of_sphere(kappa: f64, k: f64, slant: f64) -> f64 {
     }
 }
 
-/// A sphere.
 #[derive(Clone, Debug)]
 pub struct Sphere<N> {
     centre: Vector<N>,

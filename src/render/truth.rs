@@ -29,7 +29,6 @@ const AT_THE_TERMINATOR: f64 = 1e-4;
 /// Values of a hit have relative errors below this: less than f64 could tell.
 const SURE: f64 = f64::EPSILON / 64.0;
 
-/// The truth of a pixel.
 #[derive(Clone, Debug)]
 pub struct TruePixel {
     /// The first object that the ray hits.
@@ -39,7 +38,6 @@ pub struct TruePixel {
     pub margin: f64,
 }
 
-/// The truth of a hit.
 #[derive(Clone, Debug)]
 pub struct TrueHit {
     pub object: Object,
@@ -134,7 +132,6 @@ impl Truth {
         Truth { grid: camera.grid(), rays, across, up, focal, lights: lights.collect(), bodies }
     }
 
-    /// The truth of a pixel.
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
         self.quick_pixel(row, col).unwrap_or_else(|| self.exact_pixel(row, col))
     }

@@ -90,7 +90,6 @@ const POSITION: [&str; 3] = ["x", "y", "z"];
 const VERTICES: [[&str; 3]; 3] = [["x1", "y1", "z1"], ["x2", "y2", "z2"], ["x3", "y3", "z3"]];
 
 struct Parser<'a, 'b> {
-    /// The name of the file.
     name: &'b str,
     text: &'a str,
     /// The next byte to be read.

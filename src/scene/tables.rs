@@ -70,7 +70,6 @@ fn visible(text: &str, span: Range<usize>) -> Range<usize> {
     text[..end].rfind(blank).map_or(0, |at| at + 1)..end
 }
 
-/// An error.
 struct Note {
     span: Range<usize>,
     message: String,
@@ -93,7 +92,6 @@ struct Fields<'t> {
     /// "sphere 3" or "the camera".
     owner: String,
     table: &'t DeTable<'t>,
-    /// Its header.
     span: Range<usize>,
 }
 
@@ -488,7 +486,6 @@ impl Reader<'_> {
     }
 }
 
-/// The kind of a value.
 fn kind(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a string",

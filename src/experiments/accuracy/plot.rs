@@ -68,7 +68,6 @@ pub fn figure(rows: &[Accuracy]) -> Result<String, PlotError> {
     })
 }
 
-/// One panel by itself.
 pub fn one_figure((title, rows): &Panel<'_>, screen: Screen) -> Result<String, PlotError> {
     draw(screen.size(LARGE), |area| {
         let area = head(area, title, &entries(rows.iter().copied()))?;

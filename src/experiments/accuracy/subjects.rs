@@ -51,7 +51,6 @@ const SIZES: [Size; 2] =
 /// A scene to measure.
 #[derive(Clone, Debug)]
 pub struct Subject {
-    /// Its name in the tables.
     pub name: String,
     pub family: Option<OfFamily>,
     /// The scene, its camera no larger than there is time for.

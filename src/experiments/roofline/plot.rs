@@ -7,7 +7,6 @@ use crate::experiments::svg::{
 
 const SIZE: (i32, i32) = (960, 560);
 
-/// Draws it.
 pub fn figure(roofline: &Roofline, screen: Screen) -> Result<String, PlotError> {
     let Roofline { peaks, roofs, points, .. } = roofline;
     let at = |point: &super::Point| {

@@ -46,7 +46,6 @@ pub struct Line {
     pub made: bool,
 }
 
-/// A call of a macro.
 #[derive(Clone, Debug, Serialize)]
 pub struct MacroCall {
     pub name: &'static str,
@@ -76,7 +75,6 @@ pub struct Change {
     pub cancelled_bits: Vec<Option<u32>>,
 }
 
-/// An element.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Value {
@@ -475,7 +473,6 @@ fn register_name(of: Place, operations: &[Operation]) -> String {
     format!("{register:?}").to_lowercase()
 }
 
-/// An element of a place.
 fn element(step: &Step<'_>, state: &State, after: bool, of: Place, lane: u64, kind: Kind) -> Value {
     let bytes = (kind.bits() / 8) as usize;
     let from = lane as usize * bytes;

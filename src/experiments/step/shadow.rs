@@ -24,7 +24,6 @@ pub struct Shadow {
     values: BTreeMap<(Place, u64), Value>,
 }
 
-/// A shadow.
 #[derive(Clone, Debug)]
 struct Value {
     format: Number,

@@ -26,7 +26,6 @@ pub enum Node {
         file: &'static str,
         /// The line that calls it, in the file of what is around it.
         line: usize,
-        /// The comment there.
         comment: &'static str,
         /// What it was called with.
         arguments: Vec<Argument>,

@@ -13,9 +13,7 @@ pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output
     fn sqrt(self) -> Self;
     /// `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Its magnitude.
     fn abs(self) -> Self;
-    /// Its negative.
     fn negated(self) -> Self;
     /// Its magnitude with the sign of another.
     fn with_sign_of(self, sign: Self) -> Self;
@@ -23,9 +21,7 @@ pub trait Number: Element + Add<Output = Self> + Sub<Output = Self> + Mul<Output
     fn mask(is_set: bool) -> Self;
     /// Whether any bit is set.
     fn is_set(self) -> bool;
-    /// Bitwise and.
     fn and(self, other: Self) -> Self;
-    /// Bitwise or.
     fn or(self, other: Self) -> Self;
     /// Rounded to f32, and clamped to the largest f32, also for a NaN.
     fn to_float(self) -> f32;
@@ -95,7 +91,6 @@ number!(f64, u64, 4_503_599_627_370_496.0, |x| if x < f32::MAX.into() { x as f32
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + 'static
 {
-    /// The type of a lane.
     type Number: Number;
     /// The number of lanes.
     const COUNT: usize;
@@ -170,7 +165,6 @@ pub trait Lanes:
     fn equal(self, other: Self) -> Self {
         self.mask(other, PartialEq::eq)
     }
-    /// Bitwise and.
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         self.zip(other, Number::and)
@@ -204,12 +198,10 @@ pub trait Lanes:
     fn sqrt(self) -> Self {
         self.map(Number::sqrt)
     }
-    /// Magnitudes.
     #[inline(always)]
     fn abs(self) -> Self {
         self.map(Number::abs)
     }
-    /// Negatives.
     #[inline(always)]
     fn negated(self) -> Self {
         self.map(Number::negated)

@@ -59,7 +59,6 @@ pub trait Planes<L: Lanes> {
     fn bounds(&self, at: usize) -> [L; 2];
     /// The function along a row of blocks, with pixels y from the tile's middle, which is at `middle` in the picture.
     fn row(&self, at: usize, y: L, middle: [f64; 2]) -> Self::Row;
-    /// Its measure at x.
     fn measure(row: Self::Row, x: L) -> L;
     /// Its 1/t at x, where it has this measure.
     fn inverse(row: Self::Row, x: L, measure: L) -> L;

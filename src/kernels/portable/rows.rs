@@ -5,7 +5,6 @@ use super::super::records::{Element, LitRows, LitSetup, LitSphere, MOST_LANES};
 use super::super::types::Vec4;
 use super::lanes::{Each, Lanes, Number};
 
-/// A pixel of a picture.
 pub trait Pixel: Copy {
     /// That of no light.
     const BLACK: Self;

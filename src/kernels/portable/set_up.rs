@@ -42,7 +42,6 @@ impl<L: Lanes> Bounds<L> {
     }
 }
 
-/// Transposes triangles.
 fn transpose(triangles: TriangleList<'_>, ids: impl Iterator<Item = usize>, to: &mut TriangleArrays) {
     for (i, id) in ids.enumerate() {
         let [a, b, c] = triangles.vertices(id);
@@ -63,7 +62,6 @@ fn corners<L: Lanes>(of: &TriangleArrays, at: usize) -> [[L; 3]; 3] {
         .each(|corner| corner.each(|numbers| L::load_bits(&numbers[at..])))
 }
 
-/// The bounds of triangles.
 pub fn bounds<L: Lanes<Number = f32>>(
     view: &BoundsView<f32>,
     triangles: TriangleList<'_>,

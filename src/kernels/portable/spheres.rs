@@ -23,7 +23,6 @@ const BELOW_HALF: f64 = 0.5 - f64::EPSILON / 4.0;
 /// cancellation leaves no less than one part in the third of the terms.
 const SHORT: [f64; 3] = [0.25, (1u64 << 36) as f64, 1024.0];
 
-/// Transposes spheres.
 fn transpose<'a>(spheres: impl Iterator<Item = &'a Sphere>, to: &mut SphereArrays) {
     for (i, sphere) in spheres.enumerate() {
         (to.x[i], to.y[i], to.z[i]) = (sphere.centre.x.to_bits(), sphere.centre.y.to_bits(), sphere.centre.z.to_bits());
@@ -63,7 +62,6 @@ fn outline<W: Lanes<Number = f64>>(view: &SphereView<f64>, [cx, cy, cz]: [W; 3])
     [silhouette(cx, cz, m).each(column), [row(top), row(bottom)]]
 }
 
-/// The bounds of spheres.
 pub fn bounds<W: Lanes<Number = f64>>(
     view: &SphereView<f64>,
     spheres: &[Sphere],

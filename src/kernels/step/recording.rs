@@ -38,14 +38,12 @@ pub(super) struct Moment {
     pub number: Option<u64>,
     /// Its bytes, and those after them.
     pub code: [u8; 16],
-    /// The memory that it touches.
     pub touched: Option<Touched>,
 }
 
 /// An execution of an instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Visit {
-    /// Its address.
     pub rip: u64,
     /// The memory that it reads or writes: the address, and the number of bytes, 0 for none.
     pub address: u64,
@@ -58,9 +56,7 @@ pub struct Visit {
 pub struct Step<'a> {
     /// Its index among the watched instructions, from 0.
     pub number: u64,
-    /// The registers before it.
     pub before: &'a State,
-    /// The registers after it.
     pub after: &'a State,
     /// Its bytes, and those after them.
     pub code: &'a [u8; 16],

@@ -18,7 +18,6 @@ impl Picture {
     }
 }
 
-/// One tile of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct TilePlace {
     /// Index from the left.

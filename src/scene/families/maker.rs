@@ -18,7 +18,6 @@ pub struct Maker {
     pub value: f64,
     /// The variant's number.
     pub variant: usize,
-    /// The side of the picture.
     pub side: u32,
     pub rng: Rng,
 }

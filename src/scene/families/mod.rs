@@ -32,7 +32,6 @@ pub struct Family {
     pub ordinary: usize,
     /// Whether all levels show about as much, so that their times can be compared.
     pub same_work: bool,
-    /// The variants of each level.
     pub variants: &'static [&'static str],
     make: fn(&mut Maker) -> Made,
 }

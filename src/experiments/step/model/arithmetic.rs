@@ -14,7 +14,6 @@ pub enum Number {
 }
 
 impl Number {
-    /// Its size.
     pub fn bytes(self) -> u32 {
         match self {
             Number::Single | Number::Int32 => 4,

@@ -146,7 +146,6 @@ impl<'a> Instruction<'a> {
         }
     }
 
-    /// The memory that it touches.
     pub fn memory(&self, bytes: u32) -> Operand {
         let address = self.step.touched.map_or(0, |touched| touched.address);
         Operand { place: Place::Memory, at: 8 * address, bytes, repeats: false }
