@@ -93,7 +93,7 @@ pub enum WatchError {
 }
 
 /// What was watched: the `step` document without its schema.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub struct Watched {
     pub engine: &'static str,
     pub precision: &'static str,
@@ -427,7 +427,7 @@ impl<'a> Candidate<'a> {
         Candidate { steps: steps.map(|step| (step, shadow.step(&step))).collect() }
     }
 
-    /// What there is to be told of some of them.
+    /// What there is to be told of some of them; what was watched is for the caller to add.
     fn tell(&self, unit: &'static Unit, items: &[Item], slice: &[slice::Part], lane: Option<usize>) -> Watched {
         let mut describer = Describer::new(unit, lane);
         let mut lines = Vec::new();
@@ -446,21 +446,15 @@ impl<'a> Candidate<'a> {
         dearest.sort_by(|&a, &b| lines[b].cost().total_cmp(&lines[a].cost()));
         dearest.truncate(DEAREST);
         Watched {
-            engine: "",
-            precision: "",
-            pixel: None,
             lane,
-            lanes: 1,
             instructions: lines.len(),
             unknown: self.steps.iter().filter(|(_, error)| describe::unknown(error).is_some()).count(),
             bits_compared: self.steps.iter().filter_map(|(_, error)| error.check.as_ref().ok()).map(|c| c.bits).sum(),
             dearest,
             steps: lines,
-            hit: None,
-            colour: None,
-            result: None,
             kinds: Mix::of(&kinds),
             tree,
+            ..Watched::default()
         }
     }
 }
