@@ -108,6 +108,7 @@ macro_rules! words {
         $(#[$doc])*
         #[derive(Default)]
         #[repr(C)]
+        #[cfg_attr(not(feature = "lab"), allow(dead_code, reason = "some are those of the lab's kernels"))]
         pub(super) struct $name {
             $($(#[$field_doc])* pub $field: u64,)*
         }
