@@ -1,10 +1,13 @@
-//! What tests try the kernels and the checks on: kernels that break the rules, functions to count, and guard pages.
+//! What tests try the kernels and the checks on: kernels that break the rules, functions to count, and copies of the process.
+
+#[cfg(unix)]
+use std::io;
+#[cfg(unix)]
+use std::panic::{self, AssertUnwindSafe};
 
 use super::checked::{Fault, vector_bytes};
-#[cfg(unix)]
-pub use super::guarded::{Guarded, Side, survives};
-pub use super::kernel::without_denormals;
 use super::kernel::{Kernel, kernel};
+pub use super::kernel::{checked, without_denormals};
 use super::paper::Op;
 pub use super::portable::packets as portable_packets;
 use super::types::Vec4;
@@ -114,4 +117,29 @@ known! {
     "rayo_known_loop": 3, executed 21, elsewhere 0;
     "rayo_known_repeat": 3, executed 3, elsewhere 0;
     "rayo_known_call": 2, executed 2, elsewhere 9;
+}
+
+/// Whether a copy of this process returns from `action`; false if a fault ends it.
+///
+/// # Safety
+/// `action` only computes: in the copy no other thread runs, so that a lock may never be released.
+#[cfg(unix)]
+pub unsafe fn survives(action: impl FnOnce()) -> io::Result<bool> {
+    // SAFETY: the child does nothing but `action`, which by this function's contract computes only, and _exit.
+    match unsafe { libc::fork() } {
+        -1 => Err(io::Error::last_os_error()),
+        0 => {
+            let fine = panic::catch_unwind(AssertUnwindSafe(action)).is_ok();
+            // SAFETY: ends the child at once, with nothing of the parent's run twice.
+            unsafe { libc::_exit(if fine { 0 } else { 1 }) }
+        }
+        child => {
+            let mut status = 0;
+            // SAFETY: our own child, and a status that is ours to write.
+            if unsafe { libc::waitpid(child, &mut status, 0) } != child {
+                return Err(io::Error::last_os_error());
+            }
+            Ok(libc::WIFEXITED(status) && libc::WEXITSTATUS(status) == 0)
+        }
+    }
 }

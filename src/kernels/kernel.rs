@@ -44,8 +44,8 @@ pub(super) enum Way<C, B> {
 }
 
 thread_local! {
-    /// Whether this thread's calls are checked, with denormal numbers switched off in them: see [`without_denormals`].
-    static WITHOUT_DENORMALS: Cell<bool> = const { Cell::new(false) };
+    /// Whether this thread's calls are checked, and if so whether denormal numbers are switched off in them.
+    static CHECKED: Cell<Option<bool>> = const { Cell::new(None) };
 }
 
 impl<K: Kind> Kernel<K> {
@@ -93,7 +93,7 @@ impl<K: Kind> Kernel<K> {
         match self.way {
             Way::Code(code) => Way::Code(move |registers| {
                 // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-                let (result, found) = unsafe { checked::call(code, registers, WITHOUT_DENORMALS.get()) };
+                let (result, found) = unsafe { checked::call(code, registers, CHECKED.get() == Some(true)) };
                 *kept = Some(found);
                 result
             }),
@@ -135,7 +135,7 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
     /// As that of [`Kernel::enter`].
     pub(super) unsafe fn enter_checked(&self, registers: Registers) -> (u64, Result<(), Vec<Fault>>) {
         // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-        unsafe { checked::call(self.code(), registers, WITHOUT_DENORMALS.get()) }
+        unsafe { checked::call(self.code(), registers, CHECKED.get() == Some(true)) }
     }
 }
 
@@ -145,9 +145,9 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
 /// The registers hold the arguments of its kind.
 #[inline]
 unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
-    if WITHOUT_DENORMALS.get() {
+    if let Some(without_denormals) = CHECKED.get() {
         // SAFETY: as here.
-        return unsafe { enter_without_denormals(code, symbol, registers) };
+        return unsafe { enter_checked(code, symbol, registers, without_denormals) };
     }
     let [a, b, c, d, e, f] = registers;
     // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
@@ -160,24 +160,33 @@ unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
 /// As that of [`enter`].
 #[cold]
 #[inline(never)]
-unsafe fn enter_without_denormals(code: Code, symbol: &'static str, registers: Registers) -> u64 {
+unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, without_denormals: bool) -> u64 {
     // SAFETY: as in enter.
-    let (result, kept) = unsafe { checked::call(code, registers, true) };
+    let (result, kept) = unsafe { checked::call(code, registers, without_denormals) };
     assert_eq!(kept, Ok(()), "{symbol}");
     result
 }
 
-/// Does `work` with all foreign code that this thread calls in it checked, and with denormal numbers switched off in
-/// it, as results and operands (FTZ and DAZ of MXCSR): to show that nothing depends on them.
+/// Does `work` with all foreign code that this thread calls in it checked.
+pub fn checked<R>(work: impl FnOnce() -> R) -> R {
+    checking(false, work)
+}
+
+/// The same, with denormal numbers switched off in that code, as results and operands (FTZ and DAZ of MXCSR): to show that
+/// nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
+    checking(true, work)
+}
+
+fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> R {
     /// Restores the setting, after a panic too.
-    struct Restore(bool);
+    struct Restore(Option<bool>);
     impl Drop for Restore {
         fn drop(&mut self) {
-            WITHOUT_DENORMALS.set(self.0);
+            CHECKED.set(self.0);
         }
     }
-    let _restore = Restore(WITHOUT_DENORMALS.replace(true));
+    let _restore = Restore(CHECKED.replace(Some(without_denormals)));
     work()
 }
 

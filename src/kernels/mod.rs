@@ -10,8 +10,6 @@ mod by_value;
 mod code;
 mod faces;
 mod ffi;
-#[cfg(unix)]
-mod guarded;
 #[doc(hidden)]
 pub mod harness;
 mod isa;

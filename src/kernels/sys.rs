@@ -1,6 +1,5 @@
 //! What measuring and planning need of CPU and operating system: the time-stamp counter, pinning, pages, prefetching.
 
-use std::ffi::c_void;
 use std::io;
 use std::ops::{Deref, DerefMut};
 use std::ptr::NonNull;
@@ -346,8 +345,6 @@ pub fn multiply_in_chain(_rounds: u32) {}
 
 /// A slice in untouched pages: the first write to each is a page fault.
 pub struct Fresh<T: Plain> {
-    pub(super) pages: NonNull<c_void>,
-    bytes: usize,
     first: NonNull<T>,
     len: usize,
 }
@@ -356,25 +353,16 @@ impl<T: Plain> Fresh<T> {
     /// Memory for `len` values, at least 1, all bits 0.
     pub fn new(len: usize) -> io::Result<Self> {
         let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes > 0);
-        Fresh::within(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?, 0, len)
-    }
-
-    /// The same `skipped` bytes behind the beginning of `bytes` of new pages.
-    pub(super) fn within(bytes: usize, skipped: usize, len: usize) -> io::Result<Self> {
-        assert!(skipped + len * size_of::<T>() <= bytes, "they lie within the pages");
-        let pages = pages::map(bytes)?;
-        // SAFETY: `skipped` is at most `bytes`, as just checked.
-        let first = unsafe { pages.byte_add(skipped) }.cast::<T>();
-        let fresh = Fresh { pages, bytes, first, len };
-        assert!(first.is_aligned(), "a page is aligned for every plain type, and so is what is skipped");
-        Ok(fresh)
+        let first = pages::map(bytes.ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?)?.cast::<T>();
+        assert!(first.is_aligned(), "a page is aligned for every plain type");
+        Ok(Fresh { first, len })
     }
 }
 
 impl<T: Plain> Deref for Fresh<T> {
     type Target = [T];
     fn deref(&self) -> &[T] {
-        // SAFETY: within() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
+        // SAFETY: new() mapped `len` aligned values, whose bits are 0 until written: any bits are a value of a plain
         // type. They live as long as self.
         unsafe { std::slice::from_raw_parts(self.first.as_ptr(), self.len) }
     }
@@ -389,8 +377,8 @@ impl<T: Plain> DerefMut for Fresh<T> {
 
 impl<T: Plain> Drop for Fresh<T> {
     fn drop(&mut self) {
-        // SAFETY: the mapping that within() made, whole, and nothing borrows from it any more.
-        unsafe { pages::unmap(self.pages, self.bytes) };
+        // SAFETY: the mapping that new() made, whole, and nothing borrows from it any more.
+        unsafe { pages::unmap(self.first.cast(), self.len * size_of::<T>()) };
     }
 }
 

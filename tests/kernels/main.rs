@@ -4,6 +4,10 @@
 
 #[path = "../common/extent.rs"]
 mod extent;
+#[cfg(unix)]
+#[allow(unsafe_code)]
+#[path = "../common/fences.rs"]
+mod fences;
 #[path = "../common/kernel_cases.rs"]
 mod kernel_cases;
 
@@ -17,6 +21,7 @@ mod formats;
 mod lanes;
 #[cfg(feature = "lab")]
 mod operations;
+#[cfg(unix)]
 mod packets;
 #[cfg(unix)]
 mod safe_calls;
