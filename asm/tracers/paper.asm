@@ -2,9 +2,9 @@
 ;
 ; unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists, row: u64, end: u64, out: *mut Vec4)
 ;
-;   Writes the rows [row, end) to `out`, four floats a pixel: red, green, blue and 0, linear and not clamped. Where
-;   AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the Surface that the nearest hit would
-;   be shaded as, with its t in the point's fourth lane; all 0 where there is no hit.
+;   Writes the rows [row, end) to `out`, four floats a pixel: red, green, blue and 0, linear and not clamped; without a
+;   hit it is the frame's background. Where AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the
+;   Surface that the nearest hit would be shaded as, with its t in the point's fourth lane; all 0 where there is no hit.
 ;
 ;   Everything that Algorithm 1 names stays in a register for the whole of its life:
 ;
@@ -18,7 +18,7 @@
 ;       rbp  r12   lights               xmm7   (col + 1/2, row + 1/2, 0, 0)
 ;       rax  object                     xmm8   to xmm13: temporaries
 ;       r13  light                      xmm14  zero
-;                                       xmm15  (step, -step, 0, 0)
+;       r14  frame                      xmm15  (step, -step, 0, 0)
 ;
 ;   requires       SSE3; addresses aligned to 16; every list as long as its count says; width >= 1; row < end
 ;   equals         reference::aos::trace, to the last bit; hits: the surfaces in it
@@ -72,6 +72,7 @@ FUNC AOS_NAME(trace)
     push    rbp
     push    r12
     push    r13
+    push    r14
 
     xorps   xmm14, xmm14
     movss   xmm15, [rdi + Frame.step]
@@ -84,6 +85,7 @@ FUNC AOS_NAME(trace)
     unpcklps xmm6, xmm8
     movss   xmm8, [rdi + Frame.focal]
     movlhps xmm6, xmm8                  ; (-W/2, H/2, f, 0)
+    mov     r14, rdi
     mov     rdi, [rdi + Frame.width]
     imul    rdi, rdi, PIXEL_SIZE
     LIST    rbp, r12, Lists.light, Light_size
@@ -92,11 +94,13 @@ FUNC AOS_NAME(trace)
 
 .row:                                   ; line 5
     lea     r9, [r8 + rdi]
-    movss   xmm7, [half]
+    xorps   xmm7, xmm7
     xorps   xmm8, xmm8
+    cvtsi2ss xmm7, qword [r14 + Frame.first]
     cvtsi2ss xmm8, rdx
-    addss   xmm8, xmm7
-    unpcklps xmm7, xmm8                 ; (1/2, row + 1/2, 0, 0)
+    addss   xmm7, [half]
+    addss   xmm8, [half]
+    unpcklps xmm7, xmm8                 ; (first + 1/2, row + 1/2, 0, 0)
 
 align 16
 .col:                                   ; line 6
@@ -104,11 +108,13 @@ align 16
     mulps   xmm0, xmm15                 ; (step (col + 1/2), -step (row + 1/2), 0, 0)
     addps   xmm0, xmm6                  ; r_d
     movss   xmm2, [infinity]            ; line 12
-    xorps   xmm1, xmm1
 %if AOS_HITS
+    xorps   xmm1, xmm1
     movaps  [r8 + Surface.point], xmm1
     movaps  [r8 + Surface.normal], xmm1
     movaps  [r8 + Surface.colour], xmm1
+%else
+    movaps  xmm1, [r14 + Frame.background]
 %endif
 
     mov     rax, rsi                    ; line 13, the spheres
@@ -159,6 +165,7 @@ align 16
     cmp     rdx, rcx
     jb      .row
 
+    pop     r14
     pop     r13
     pop     r12
     pop     rbp

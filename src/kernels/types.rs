@@ -29,10 +29,12 @@ pub struct Vec4 {
     pub w: f32,
 }
 
-/// The rays of an image in f32: lines 1 to 4 of Algorithm 1.
+/// The rays of an image in f32: lines 1 to 4 of Algorithm 1; and what its pixels begin as.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Frame {
+    /// The light of a ray that hits nothing. The ladder's variants of Algorithm 1 take it for black, and `first` for 0.
+    pub background: Vec4,
     /// Side of a pixel on the film.
     pub step: f32,
     /// Half of the film's width.
@@ -41,6 +43,8 @@ pub struct Frame {
     pub half_height: f32,
     /// Focal distance.
     pub focal: f32,
+    /// The column of a row's first pixel.
+    pub first: u64,
     /// Pixels in a row.
     pub width: u64,
 }
@@ -148,7 +152,7 @@ plain! {
     [u32; 3] = [0; 3],
     glam::Vec3 = glam::Vec3::ZERO,
     Vec4 = ORIGIN,
-    Frame = Frame { step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, width: 0 },
+    Frame = Frame { background: ORIGIN, step: 0.0, half_width: 0.0, half_height: 0.0, focal: 0.0, first: 0, width: 0 },
     Light = Light { position: ORIGIN, radiance: ORIGIN },
     PaperSphere = PaperSphere { centre: ORIGIN, colour: ORIGIN, radius: 0.0, padding: [0.0; 3] },
     PaperTriangle = PaperTriangle { v1: ORIGIN, v2: ORIGIN, v3: ORIGIN, colour: ORIGIN },

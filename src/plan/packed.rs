@@ -1,6 +1,6 @@
 //! A scene as it is read by the kernels of one vector per register.
 
-use crate::kernels::{Frame, Light, Objects, PaperSphere, PaperTriangle, Vec4};
+use crate::kernels::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Vec4};
 use crate::reference::geometry;
 use crate::scene::{Object, Scene, Triangle};
 
@@ -48,6 +48,7 @@ impl Packed {
                 half_height: grid.half_height,
                 focal: grid.focal,
                 width: scene.camera.width().into(),
+                ..Frame::ZERO
             },
             lights: lights.collect(),
             spheres: spheres.collect(),

@@ -151,19 +151,19 @@ pub fn lambert<T: Real>(form: Form, sides: u32, surface: &Surface<T>, light: &Li
     lanes(scale(light.radiance, cosine), surface.colour, |i, c| i * c)
 }
 
-/// Algorithm 1 for one ray: the colour of its pixel.
+/// Algorithm 1 for one ray: the colour of its pixel, which begins as `pixel`.
 pub fn trace<T: Real>(
     form: Form,
     ray: Lanes<T>,
     lights: &[Light<T>],
     spheres: &[Sphere<T>],
     triangles: &[Triangle<T>],
+    mut pixel: Lanes<T>,
 ) -> Lanes<T> {
     let shade = |sides, surface: Surface<T>| {
         lights.iter().fold([T::ZERO; 4], |sum, light| add(sum, lambert(form, sides, &surface, light)))
     };
     let mut nearest = T::INFINITY;
-    let mut pixel = [T::ZERO; 4];
     for s in spheres {
         let t = sphere(form, ray, s);
         if t < nearest {

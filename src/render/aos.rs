@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Distance, FilmMut, Found, PixelFormat, Tracer};
-use crate::kernels::{AosKernels, Hits, Plain, Surface};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
+use crate::kernels::{AosKernels, Frame, Hits, Plain, Surface, Vec4};
 use crate::plan::Packed;
 use crate::scene::Scene;
 
@@ -31,6 +31,24 @@ impl Tracer for AosTracer {
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let FilmMut::F32x4(out) = out else { panic!("the paper's engines write floats") };
         self.kernels.trace.call(self.packed.frame(), self.packed.objects(), rows, out);
+    }
+
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let width = self.packed.frame().width as usize;
+        for (row, out) in rows.zip(out.chunks_exact_mut(width)) {
+            let is_wanted: Vec<_> = (0..width as u32).map(|column| is_wanted(wanted, row, column)).collect();
+            let mut first = 0;
+            for run in is_wanted.chunk_by(|a, b| a == b) {
+                let columns = first..first + run.len();
+                if run[0] {
+                    let frame =
+                        Frame { background, first: first as u64, width: run.len() as u64, ..*self.packed.frame() };
+                    self.kernels.trace.call(&frame, self.packed.objects(), row..row + 1, &mut out[columns.clone()]);
+                }
+                first = columns.end;
+            }
+        }
+        None
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

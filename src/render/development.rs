@@ -313,6 +313,28 @@ mod tests {
     }
 
     #[test]
+    fn engines_that_trace_ray_by_ray_trace_what_is_wanted_alone() {
+        let (scene, canary) = (scene(), Vec4::from([f32::NAN; 4]));
+        for engine in Engine::ALL.iter().filter(|engine| engine.usable() && !engine.is_packet()) {
+            let tracer = engine.prepare(None, &scene).unwrap();
+            let light = |wanted: &Wanted<'_>| {
+                let mut out = vec![canary; 48 * 36];
+                tracer.light(0..36, wanted, Vec4::new(0.5, 1.0, 2.0), &mut out);
+                out
+            };
+            let is_wanted = |row: u32, column: u32| (row * column) % 5 < 2;
+            let of_one = |rows: Range<u32>, columns: Range<u32>| {
+                if is_wanted(rows.start, columns.start) { rows } else { rows.end..rows.end }
+            };
+            for (i, (some, all)) in light(&of_one).into_iter().zip(light(&|rows, _| rows)).enumerate() {
+                let (row, column) = (i as u32 / 48, i as u32 % 48);
+                let fine = if is_wanted(row, column) { some == all } else { some.x.is_nan() };
+                assert!(fine, "{engine}: {some:?} at row {row}, column {column}");
+            }
+        }
+    }
+
+    #[test]
     fn by_default_nothing_changes_and_rows_are_the_same_alone_and_together() {
         let scene = scene();
         let tracer = Engine::Rust.prepare(None, &scene).unwrap();
@@ -326,47 +348,25 @@ mod tests {
         assert_eq!(light(&scene, development, 7..20), whole[7 * 48..20 * 48]);
     }
 
-    /// A tracer that must not trace twice.
-    struct Once<'a>(&'a dyn Tracer);
-
-    impl Tracer for Once<'_> {
-        fn writes(&self, format: PixelFormat) -> bool {
-            self.0.writes(format)
-        }
-        fn rows_together(&self) -> u32 {
-            self.0.rows_together()
-        }
-        fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-            self.0.rows(rows, out);
-        }
-        fn hits(&self, _: Range<u32>) -> Vec<Option<Found>> {
-            panic!("hits take as long as the picture");
-        }
-        fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-            self.0.light(rows, wanted, background, out)
-        }
-    }
-
     #[test]
     fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
         let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
         let mut seen = [0, 0];
-        // Many objects, darkness, few objects, and one of each kind.
-        for (objects, lit) in [(20, true), (20, false), (3, true), (1, true)] {
+        // Many objects, darkness, few objects, one of each kind, and rows so long that they are interleaved.
+        let lots =
+            [(20, true, 77, 36), (20, false, 77, 36), (3, true, 77, 36), (1, true, 77, 36), (2, true, 65_600, 2)];
+        for (objects, lit, width, height) in lots {
             let scene = many(objects, objects, 3);
             let lights = if lit { scene.lights } else { Vec::new() };
-            let scene = Scene { camera: scene.camera.sized(77, 36).unwrap(), lights, ..scene };
+            let scene = Scene { camera: scene.camera.sized(width, height).unwrap(), lights, ..scene };
             let all = Engine::ALL.iter().filter(|engine| engine.usable());
             for (engine, precision) in all.flat_map(|engine| engine.precisions().iter().map(move |p| (*engine, *p))) {
                 let own = engine.prepare(Some(precision), &scene).unwrap();
-                let hits = own.hits(0..36);
-                let once = Once(own.as_ref());
-                // `c` and `paper` find their hits in a second pass.
-                let tracer: &dyn Tracer = if ["c", "paper"].contains(&engine.name()) { own.as_ref() } else { &once };
+                let hits = own.hits(0..height);
                 let picture = |background: [f32; 3]| {
-                    let mut out = vec![[f32::NAN; 3]; 77 * 36];
+                    let mut out = vec![[f32::NAN; 3]; hits.len()];
                     let development = Development { background, ..development };
-                    Developed::new(tracer, &scene.camera, development).rows(0..36, FilmMut::F32x3(&mut out));
+                    Developed::new(own.as_ref(), &scene.camera, development).rows(0..height, FilmMut::F32x3(&mut out));
                     out
                 };
                 let (black, over) = (picture([0.0; 3]), picture(development.background));

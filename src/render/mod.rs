@@ -77,14 +77,13 @@ pub trait Tracer: Sync {
 
     /// As [`counted_rows`](Self::counted_rows), in four floats, to be developed: a ray without a hit has the light
     /// `background`, and pixels that are not `wanted` may be left as they are.
+    ///
+    /// # Panics
+    /// If there is a background and it has none, as a tracer that is not an engine's.
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
         let _ = wanted;
-        let counted = self.counted_rows(rows.clone(), FilmMut::F32x4(out));
-        if background != Vec4::default() {
-            let missed = self.hits(rows).into_iter().zip(out).filter(|(hit, _)| hit.is_none());
-            missed.for_each(|(_, out)| *out = background);
-        }
-        counted
+        assert_eq!(background, Vec4::default(), "this tracer has no background");
+        self.counted_rows(rows, FilmMut::F32x4(out))
     }
 
     /// Its hits at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
@@ -111,3 +110,8 @@ trait PacketPlan: Tracer {
 
 /// The range of these rows, from the first to the last, that have wanted pixels in these columns.
 pub type Wanted<'a> = dyn Fn(Range<u32>, Range<u32>) -> Range<u32> + 'a;
+
+/// Whether a pixel is wanted.
+fn is_wanted(wanted: &Wanted<'_>, row: u32, column: u32) -> bool {
+    !wanted(row..row + 1, column..column + 1).is_empty()
+}

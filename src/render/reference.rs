@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::film::with_pixels;
-use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
+use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene};
@@ -130,9 +130,11 @@ impl Tracer for ReferenceTracer {
         });
     }
 
-    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour_of_hit(row, col)));
-        out.iter_mut().zip(pixels).for_each(|(out, colour)| *out = colour.map_or(background, Pixel::of_colour));
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| (row, col)));
+        for ((row, col), out) in pixels.zip(out).filter(|((row, col), _)| is_wanted(wanted, *row, *col)) {
+            *out = self.colour_of_hit(row, col).map_or(background, Pixel::of_colour);
+        }
         None
     }
 

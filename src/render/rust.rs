@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{self, Grid, Object, Scene};
@@ -159,10 +159,10 @@ impl RustTracer {
         })
     }
 
-    fn trace(&self, rows: Range<u32>, background: Vec4, out: &mut [Vec4]) {
+    fn trace(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
-            for (col, out) in (0..self.width).zip(out) {
+            for (col, out) in (0..self.width).zip(out).filter(|(col, _)| is_wanted(wanted, row, *col)) {
                 let light = self.pixel(self.grid.ray(row, col).into());
                 *out = light.map_or(background, |light| GlamVec4::from((light, 0.0)).to_array().into());
             }
@@ -182,11 +182,11 @@ impl Tracer for RustTracer {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let FilmMut::F32x4(out) = out else { panic!("the engine `rust` writes floats") };
-        self.trace(rows, Vec4::default(), out);
+        self.trace(rows, &|rows, _| rows, Vec4::default(), out);
     }
 
-    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-        self.trace(rows, background, out);
+    fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        self.trace(rows, wanted, background, out);
         None
     }
 

@@ -43,7 +43,7 @@ fn scenes() -> Vec<(Vec<Light>, Vec<PaperSphere>, Vec<PaperTriangle>)> {
 /// A view of 90 degrees and more.
 fn frame(width: u64, height: u32) -> Frame {
     let step = 2.0 / width as f32;
-    Frame { step, half_width: 1.0, half_height: step * height as f32 / 2.0, focal: 1.0, width }
+    Frame { step, half_width: 1.0, half_height: step * height as f32 / 2.0, focal: 1.0, width, ..Frame::ZERO }
 }
 
 #[test]

@@ -11,7 +11,7 @@ mod paper_c;
 use std::ops::Range;
 
 use crate::kernel_cases::{self, Input, Numbers, choose, implementations, seed};
-use rayo::kernels::{Frame, Light, Objects, OpRef, PaperSphere, PaperTriangle, Trace, Vec4};
+use rayo::kernels::{Frame, Light, Objects, OpRef, PaperSphere, PaperTriangle, Plain, Trace, Vec4};
 use rayo::plan::Packed;
 use rayo::reference::aos::{self, Form, Lanes};
 use rayo::scene::{Camera, Rng, many};
@@ -88,11 +88,12 @@ impl Twin {
         let pixels = rows.flat_map(|row| (0..frame.width).map(move |col| (row, col)));
         let pixel = |(row, col)| {
             let centre = |i: f32| frame.step * (i + 0.5);
-            let (x, y) = (centre(col as f32) - frame.half_width, frame.half_height - centre(row as f32));
+            let (x, y) =
+                (centre((frame.first + col) as f32) - frame.half_width, frame.half_height - centre(row as f32));
             let ray = [x, y, frame.focal, 0.0];
             match self {
-                Twin::Macros(form) => aos::trace(form, ray, &lights, &spheres, &triangles),
-                Twin::C => paper_c::trace(ray, &lights, &spheres, &triangles),
+                Twin::Macros(form) => aos::trace(form, ray, &lights, &spheres, &triangles, frame.background.lanes()),
+                Twin::C => paper_c::trace(ray, &lights, &spheres, &triangles, frame.background.lanes()),
             }
         };
         pixels.map(pixel).collect()
@@ -320,6 +321,7 @@ fn frame(width: u32, height: u32, focal: f32, film: f32) -> Frame {
         half_height: grid.half_height,
         focal: grid.focal,
         width: width.into(),
+        ..Frame::ZERO
     }
 }
 
@@ -351,6 +353,15 @@ fn every_tracer_equals_its_twin_to_the_last_bit_at_any_size() {
                 let frame = frame(width, height, focal, film);
                 for lot in [Lot::default(), Lot::tidy(&mut rng), Lot::tidy(&mut rng), Lot::wild(&mut rng)] {
                     let found = check_trace(implementation, kernels.trace, &frame, &lot, 0..height);
+                    // Some columns of the picture, over a background.
+                    let first = rng.next_u64() % u64::from(width);
+                    let part = Frame {
+                        first,
+                        width: u64::from(width) - first,
+                        background: Vec4::new(0.5, 2.0, 0.25),
+                        ..frame
+                    };
+                    check_trace(implementation, kernels.trace, &part, &lot, 0..height);
                     pixels += found.len();
                     lit += found.iter().filter(|pixel| **pixel != [0.0; 4]).count();
                 }

@@ -20,8 +20,9 @@ typedef struct {
 } ray;
 
 typedef struct {
+    vec4 background;
     float step, half_width, half_height, focal;
-    uint64_t width;
+    uint64_t first, width;
 } frame;
 
 typedef struct {

@@ -9,6 +9,11 @@
 /* A pixel is the surface to be shaded, with the t of the hit in the point's fourth lane. */
 typedef surface pixel_type;
 
+static pixel_type begin(const frame *f) {
+    (void)f;
+    return (surface){0};
+}
+
 static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided, float t) {
     (void)s, (void)two_sided;
     p.w = t;
@@ -16,6 +21,10 @@ static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_si
 }
 #else
 typedef vec4 pixel_type;
+
+static pixel_type begin(const frame *f) {
+    return f->background;
+}
 
 static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_sided, float t) {
     (void)t;
@@ -29,14 +38,14 @@ static pixel_type shade(const lists *s, vec4 p, vec4 n, vec4 colour, bool two_si
 /* Writes the rows [row, end) to `out`, pixel by pixel. */
 KERNEL void TRACE(const frame *f, const lists *s, uint64_t row, uint64_t end, pixel_type *out) {
     for (; row < end; row++) {
-        for (uint64_t col = 0; col < f->width; col++) {
+        for (uint64_t col = f->first; col < f->first + f->width; col++) {
             ray r = {
                 .origin = {0, 0, 0, 0},
                 .direction = {f->step * ((float)col + 0.5f) - f->half_width,
                               -f->step * ((float)row + 0.5f) + f->half_height, f->focal, 0},
             };
             float nearest = INFINITY, t;
-            pixel_type pixel = {0};
+            pixel_type pixel = begin(f);
             for (uint64_t i = 0; i < s->sphere_count; i++) {
                 const sphere *o = &s->spheres[i];
                 if (sphere_hit(r, o, &t)) {

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use super::TileTracer;
-use crate::kernels::Element;
+use crate::kernels::{Element, Vec4};
 use crate::plan::{Report, TileSurvey};
 use crate::render::film::with_pixels;
-use crate::render::{FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer};
+use crate::render::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer, Wanted};
 
 /// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
 pub struct Interleaved<'a, E: Element> {
@@ -66,6 +66,17 @@ impl<E: Element> Tracer for Interleaved<'_, E> {
             part.rows(own, Pixel::film(&mut pixels));
             pixels.into_iter().enumerate().for_each(|(i, pixel)| out[place(i)] = pixel);
         }));
+    }
+
+    fn light(&self, rows: Range<u32>, _: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
+        let mut counted = Some(Counted::default());
+        self.each_part(&rows, |part, own, place| {
+            let mut pixels = vec![Vec4::default(); own.len() * part.plan.size()[0] as usize];
+            let of_part = part.light(own, &|rows, _| rows, background, &mut pixels);
+            counted = counted.zip(of_part).map(|(sum, of_part)| sum + of_part);
+            pixels.into_iter().enumerate().for_each(|(i, pixel)| out[place(i)] = pixel);
+        });
+        counted
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {

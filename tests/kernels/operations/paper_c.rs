@@ -93,14 +93,19 @@ pub fn lambert(sides: u32, surface: &Surface<f32>, light: &Light<f32>) -> Vector
     }
 }
 
-/// Algorithm 1 for one ray: the colour of its pixel.
-pub fn trace(ray: Vector, lights: &[Light<f32>], spheres: &[Sphere<f32>], triangles: &[Triangle<f32>]) -> Vector {
+/// Algorithm 1 for one ray: the colour of its pixel, which begins as `pixel`.
+pub fn trace(
+    ray: Vector,
+    lights: &[Light<f32>],
+    spheres: &[Sphere<f32>],
+    triangles: &[Triangle<f32>],
+    mut pixel: Vector,
+) -> Vector {
     let shade = |sides, surface: Surface<f32>| {
         lights.iter().fold([0.0; 4], |sum, light| add(sum, lambert(sides, &surface, light)))
     };
     let distance = |point| norm(sub(point, ORIGIN));
     let mut nearest = f32::INFINITY;
-    let mut pixel = [0.0; 4];
     for s in spheres {
         let point = point_on(ray, sphere(ray, s));
         if distance(point) < nearest {
