@@ -76,14 +76,16 @@ mod at_start {
 
     static IS_OPEN: AtomicBool = AtomicBool::new(true);
 
+    #[cfg_attr(miri, allow(dead_code))]
     extern "C" fn look() {
         // SAFETY: asks for the flags of a descriptor, which need not exist.
         let flags = unsafe { libc::fcntl(1, libc::F_GETFL) };
         IS_OPEN.store(flags != -1 && flags & libc::O_ACCMODE != libc::O_RDONLY, Ordering::Relaxed);
     }
 
-    /// Called by the system before main; `look` needs nothing that main would have to prepare.
+    /// Called by the system before main; `look` needs nothing that main would have to prepare. Miri has no such descriptors.
     #[used]
+    #[cfg(not(miri))]
     #[cfg_attr(target_vendor = "apple", unsafe(link_section = "__DATA,__mod_init_func"))]
     #[cfg_attr(not(target_vendor = "apple"), unsafe(link_section = ".init_array"))]
     static LOOK: extern "C" fn() = look;
