@@ -1,8 +1,10 @@
 //! The arguments of the packet kernels that make rows of pixels.
 
+use std::ptr;
+
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{Element, LIT_ROWS, LitRows, LitSetup, LitSphere};
-use super::types::{Plain, Vec4};
+use super::types::{Plain, Vec4, bytes};
 
 /// Pixels of four bytes: red, green, blue, and 255.
 pub type Rgba8 = [u8; 4];
@@ -39,11 +41,9 @@ kinds! {
     /// possible.
     ///
     /// # Panics
-    /// If `out` is of 32-bit numbers and not aligned to these, is not a whole number of rows or more than there are, or
-    /// if a span does not lie in its row.
+    /// If `out` is not a whole number of rows or more than there are, or if a span does not lie in its row.
     fn call(sphere: &LitSphere<E>, rows: &LitRows<E>, out: &mut [P], width: usize, streaming: bool); |way| {
         if !out.is_empty() {
-            assert!(is_aligned(out), "pixels must be aligned to 4 bytes");
             let count = out.len() / width;
             assert!(count <= LIT_ROWS && count * width == out.len(), "{} pixels are no rows of {width}", out.len());
             for row in 0..count {
@@ -53,8 +53,18 @@ kinds! {
             }
             match way {
                 Way::Code(enter) => {
-                    let (count, width) = (count as u64, width as u64);
-                    enter([reads(sphere), reads(rows), count, writes(out), width, streaming.into()]);
+                    let call = |out| {
+                        enter([reads(sphere), reads(rows), count as u64, out, width as u64, streaming.into()]);
+                    };
+                    // Rust does not align pixels of four bytes, which kernels write as numbers.
+                    if size_of::<P>() != 4 || out.as_ptr().cast::<u32>().is_aligned() {
+                        call(writes(out));
+                    } else {
+                        let (mut numbers, to) = (vec![0_u32; out.len()], out.as_mut_ptr().cast());
+                        call(writes(&mut *numbers));
+                        // SAFETY: pixels of 32 bits, for which any bits are values, and as many in either.
+                        unsafe { ptr::copy_nonoverlapping(bytes(&numbers).as_ptr(), to, 4 * numbers.len()) };
+                    }
                 }
                 Way::Rust(shade) => shade(sphere, rows, out, width),
             }
@@ -91,11 +101,6 @@ kinds! {
             }
         }
     }
-}
-
-/// Whether pixels of 32-bit numbers are aligned to these; all others are.
-fn is_aligned<P>(out: &[P]) -> bool {
-    !size_of::<P>().is_multiple_of(4) || out.as_ptr().cast::<u32>().is_aligned()
 }
 
 impl Fill {

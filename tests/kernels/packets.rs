@@ -15,6 +15,7 @@ use rayo::kernels::{
     TileBuffers, TileOut, TileShade, TileWindow, TriangleChunk, Vec4, packet_symbols,
 };
 use rayo::plan::{Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
+use rayo::render::{Engine, FilmMut};
 use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
 
 use crate::calling_convention::survives;
@@ -526,4 +527,24 @@ fn found_rows(table: &'static PacketKernels, &(width, height, sphere): &(u32, u3
     found(&mut made, &table.single, &scene);
     found(&mut made, &table.double, &scene);
     made
+}
+
+/// Rust aligns four bytes to one.
+#[test]
+fn pictures_of_four_bytes_may_begin_at_any_address() {
+    for scene in [Scene { lights: many(1, 0, 1).lights[..1].to_vec(), ..many(1, 0, 1) }, many(3, 3, 1)] {
+        let scene = Scene { camera: scene.camera.sized(83, 35).unwrap(), ..scene };
+        let all = Engine::ALL.iter().filter(|engine| engine.usable() && engine.is_packet());
+        for (engine, precision) in all.flat_map(|engine| engine.precisions().iter().map(move |p| (engine, *p))) {
+            let tracer = engine.prepare(Some(precision), &scene).unwrap();
+            let picture = |first: usize| {
+                let mut bytes = vec![7; first + 4 * 83 * 35 + 5];
+                let end = bytes.len() - 5;
+                tracer.rows(0..35, FilmMut::Rgba8(bytes[first..end].as_chunks_mut().0));
+                assert!(bytes[..first].iter().chain(&bytes[end..]).all(|byte| *byte == 7), "{engine} at {first}");
+                bytes[first..end].to_vec()
+            };
+            assert!((1..8).all(|first| picture(first) == picture(0)), "{engine} in {precision}");
+        }
+    }
 }
