@@ -3,8 +3,8 @@
 ; unsafe extern "sysv64" fn(frame: *const Frame, lists: *const Lists, row: u64, end: u64, out: *mut Vec4)
 ;
 ;   Writes the rows [row, end) to `out`, four floats a pixel: red, green, blue and 0, linear and not clamped; without a
-;   hit it is the frame's background. Where AOS_HITS is 1 the function is called hits in place of trace, and a pixel is the
-;   Surface that the nearest hit would be shaded as, with its t in the point's fourth lane; all 0 where there is no hit.
+;   hit it is the frame's background. Where AOS_HITS is 1 the function is called hits in place of trace, and a pixel is
+;   the Surface that the nearest hit would be shaded as, with its t in the point's fourth lane; all 0 without a hit.
 ;
 ;   Everything that Algorithm 1 names stays in a register for the whole of its life:
 ;

@@ -1,5 +1,6 @@
-//! An allocator that puts what a thread allocates next to guard pages where it asks for that: kernels that read or write beside
-//! their arguments fault at once.
+//! An allocator that puts guard pages next to what a thread allocates, where it asks for that.
+//!
+//! Kernels that read or write beside their arguments fault at once.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -1,5 +1,6 @@
-//! The paper's kernels under a checked call and between guard pages, as packets.rs has the others; and kernels that break the
-//! rules, to see that we notice.
+//! The paper's kernels under a checked call and between guard pages, and kernels that break the rules.
+//!
+//! These show that we notice. The packet kernels are in packets.rs.
 
 // Two of the deliberately broken kernels touch memory that is not theirs, in a process of their own.
 #![allow(unsafe_code)]

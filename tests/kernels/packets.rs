@@ -1,5 +1,6 @@
-//! Every packet kernel against its twin in Rust: the same random and odd numbers into both, the same bits out, with every call
-//! checked; and both of them between guard pages. There is a test for each kernel, of its name.
+//! Every packet kernel against its twin in Rust, in a test of the kernel's name: the same numbers into both, the same bits out.
+//!
+//! Every call is checked, and both are tried between guard pages.
 //!
 //! A twin has the same lanes and rounds alike. Only where kernels take estimates of roots there is no one right answer. What a
 //! kernel takes comes from the twins of the others, so that it alone can be wrong.
