@@ -1,9 +1,10 @@
 //! The interleaved runner: contestants take turns, so that whatever changes over time changes for all of them.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 use std::time::Instant;
 
-use super::cycles::Cycles;
+use super::cycles::{Cycles, tsc_hz};
 use super::statistics;
 use super::watch::Watch;
 use crate::kernels::sys;
@@ -30,7 +31,8 @@ pub trait Clock {
     }
 }
 
-/// A clock of this machine, which knows whether others had the core.
+/// A clock of this machine, which knows whether others had the core. Work that they interrupt seldom enough takes the time that the
+/// thread had by its own clock, and then they count as not having had it.
 #[derive(Clone, Copy, Debug)]
 pub struct MachineClock {
     of_counter: bool,
@@ -54,6 +56,12 @@ impl MachineClock {
     }
 }
 
+/// [`tsc_hz`], measured once.
+fn counter_hz() -> Option<f64> {
+    static HZ: OnceLock<Option<f64>> = OnceLock::new();
+    *HZ.get_or_init(tsc_hz)
+}
+
 impl Clock for MachineClock {
     fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
         let watch = Watch::start();
@@ -66,9 +74,12 @@ impl Clock for MachineClock {
             work();
             start.elapsed().as_nanos() as u64
         };
-        self.taken = watch.taken();
+        let (taken, own) = watch.read();
         self.total += ticks;
-        ticks
+        let hz = || if self.of_counter { counter_hz() } else { Some(Self::WALL_HZ) };
+        let by_own = own.and_then(|own| Some((own.as_secs_f64() * hz()?) as u64));
+        self.taken = taken && by_own.is_none();
+        by_own.map_or(ticks, |own| own.min(ticks))
     }
 
     fn taken(&mut self) -> bool {

@@ -26,13 +26,30 @@ impl Watch {
         Watch { switches: sys::switches(), own: sys::thread_cpu_time(), start: Instant::now() }
     }
 
-    /// Whether others have had the core since. A thread that has only waited, for others of its team, has not lost it.
-    pub fn taken(self) -> bool {
+    /// Whether others have had the core since, and how long this thread had it if its own clock can tell. A thread that has only
+    /// waited, for others of its team, has not lost it.
+    pub fn read(self) -> (bool, Option<Duration>) {
         let (all, own) = (self.start.elapsed(), sys::thread_cpu_time() - self.own);
         let now = sys::switches();
-        let waited = now.own > self.switches.own && now.forced == self.switches.forced;
-        !waited && is_taken(all, own)
+        let (waited, forced) = (now.own > self.switches.own, now.forced - self.switches.forced);
+        let taken = !(waited && forced == 0) && is_taken(all, own);
+        (taken, (taken && !waited && tells(own, forced)).then_some(own))
     }
+
+    /// Whether others have had the core since.
+    pub fn taken(self) -> bool {
+        self.read().0
+    }
+}
+
+/// An interruption costs a thread some microseconds of its own time, to begin and to fetch again what its caches have lost: of so
+/// much of it no more than a hundredth.
+const BETWEEN: Duration = Duration::from_millis(1);
+
+/// Whether a thread's own clock tells how long its work takes, although others had the core so many times: it worked long enough
+/// between them.
+fn tells(own: Duration, forced: u64) -> bool {
+    forced > 0 && own.as_secs_f64() >= forced as f64 * BETWEEN.as_secs_f64()
 }
 
 /// Whether a thread that had `own` of `all` of the time lost more of it than allowed. An unknown own time is 0.
@@ -57,6 +74,16 @@ mod tests {
             assert_eq!(is_taken(all, all - lost), taken, "{lost:?} of {all:?}");
         }
         assert!(!is_taken(ms(100), ms(0)), "a time of its own that nobody knows");
+    }
+
+    #[test]
+    fn the_threads_own_clock_tells_of_work_that_is_seldom_interrupted() {
+        let us = Duration::from_micros;
+        for (own, forced, expected) in
+            [(us(5000), 0, false), (us(999), 1, false), (us(1000), 1, true), (us(5000), 5, true), (us(5000), 6, false)]
+        {
+            assert_eq!(tells(own, forced), expected, "{own:?} {forced}");
+        }
     }
 
     #[cfg(target_os = "linux")]

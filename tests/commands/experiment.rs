@@ -134,10 +134,7 @@ fn beside_a_process_that_burns_the_same_core_verdicts_are_those_of_a_quiet_run_o
     let (directory, busy) = quick(&["--engines", "c"]);
     drop(burner);
 
-    let taken = busy["conditions"]["taken_share"].as_f64().unwrap();
     let disturbed = busy["disturbed"].as_array().unwrap();
-    // The largest picture takes longer than any system leaves a core to one of two.
-    assert!(taken < 0.2 || !disturbed.is_empty(), "others had {taken} of the time");
     let none = "not testable here";
     for (quiet, busy) in quiet["verdicts"].as_array().unwrap().iter().zip(busy["verdicts"].as_array().unwrap()) {
         let verdicts = [&quiet["verdict"], &busy["verdict"]];
