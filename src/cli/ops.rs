@@ -23,7 +23,6 @@ use crate::measure::instructions::functions;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   rayo ops --op dot,cross
-  rayo ops --op sphere --engine c-O3,paper --asm
   rayo ops --op lit --engine avx2,portable --asm
   rayo ops --kernel rayo_paper_trace")]
 pub struct OpsArgs {

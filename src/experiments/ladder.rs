@@ -15,13 +15,14 @@ use crate::plan::{Packed, in_lanes};
 use crate::render::{Engine, Film, FilmMut, Frame, LitTracer, PixelFormat, Purpose, Settings, Tracer};
 use crate::scene::Scene;
 
-/// The size that all rungs but the last two trace: small enough for the picture to stay in a second-level cache, and for a run to
+/// The size that most rungs trace: small enough for the picture to stay in a second-level cache, and for a run to
 /// be over before the operating system thinks of giving the core to another program.
 pub const SIZE: (u32, u32) = (256, 192);
-/// The size that those trace, the paper's largest: the smaller one is done in less time than waking another core takes.
+/// The size that the others trace, the paper's largest: by all cores, since the smaller one is done in less time than waking another
+/// takes; and in closed form, by hand and compiled.
 const LARGE: (u32, u32) = (1632, 1224);
 /// Work of a round in a pixel.
-const ROUND_WORK: u64 = 1150;
+const ROUND_WORK: u64 = 2400;
 
 /// A rung. The field names are those of the JSON document.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -99,7 +100,7 @@ pub(super) const TURNED: [(&str, &str, &str); 3] = [
 /// The same levels: how rungs of a closed form are named after them, how their variants are, and the rung by hand where it is not
 /// the widest.
 const LEVELS: [(&str, &str, &str); 3] =
-    [("sse41", "sse41", "rgba8, sse41"), ("avx2", "v3", "rgba8, avx2"), ("avx512", "v4", "rgba8, avx512")];
+    [("sse41", "sse41", "large, sse41"), ("avx2", "v3", "large, avx2"), ("avx512", "v4", "large, avx512")];
 
 /// The closed form of the experiment's sphere in bytes, compiled: the rung, the variant, and what is different from the kernel in
 /// assembly.
@@ -109,6 +110,9 @@ const CLOSED: [(&str, &str, &str); 4] = [
     ("closed form in Rust", "rust", "the same rows in Rust, which the compiler vectorises"),
     ("closed form in intrinsics", "intrinsics", "the same rows in C by intrinsics, with estimates of roots"),
 ];
+
+/// The rung of the widest packets to bytes in the larger picture.
+pub const WIDEST_BY_HAND: &str = "large";
 
 /// The rung with a ray in each lane, in four of them; with more it is an aside.
 const LANES: &str = "lanes";
@@ -197,16 +201,19 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
         rung(&format!("{LANES}, {isa}"), change, Some(isa.name()), Tracing::Lanes(tracer));
     }
     let Some(&widest) = isas.last() else { return rungs };
-    let fastest = Engine::Packet(widest);
-    rung("rgba8", "8-bit output", None, Tracing::Engine(fastest, PixelFormat::Rgba8));
+    let bytes = |isa| Tracing::Engine(Engine::Packet(isa), PixelFormat::Rgba8);
+    if whole {
+        rung("rgba8", "8-bit output", None, bytes(widest));
+    }
+    let change = format!("a picture of {}×{}, which leaves that cache", LARGE.0, LARGE.1);
+    rung(WIDEST_BY_HAND, &change, None, bytes(widest));
     for (isa, (name, level, narrower)) in isas.iter().zip(LEVELS).rev() {
-        let by_hand = if *isa == widest { "rgba8" } else { narrower };
+        let by_hand = if *isa == widest { WIDEST_BY_HAND } else { narrower };
         if *isa != widest {
             if !whole {
                 break;
             }
-            let tracing = Tracing::Engine(Engine::Packet(*isa), PixelFormat::Rgba8);
-            rung(by_hand, "the same for fewer lanes", Some("rgba8"), tracing);
+            rung(by_hand, "the same for fewer lanes", Some(WIDEST_BY_HAND), bytes(*isa));
         }
         for (way, of, change) in CLOSED {
             let variant = ladder::CLOSED.iter().find(|rung| rung.name == format!("{of}_{level}") && rung.usable());
@@ -216,9 +223,7 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
         }
     }
     if whole {
-        let large = format!("a picture of {}×{}, which leaves that cache", LARGE.0, LARGE.1);
-        rung("large", &large, None, Tracing::Engine(fastest, PixelFormat::Rgba8));
-        let tracing = Tracing::Threads(fastest, PixelFormat::Rgba8, cores.count());
+        let tracing = Tracing::Threads(Engine::Packet(widest), PixelFormat::Rgba8, cores.count());
         rung("threads", "the same by all cores", None, tracing);
     }
     rungs
@@ -226,7 +231,8 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
 
 impl Planned {
     fn size(&self) -> (u32, u32) {
-        if ["large", "threads"].contains(&&*self.rung) { LARGE } else { SIZE }
+        let is_large = matches!(self.tracing, Tracing::Rows(_) | Tracing::Threads(..));
+        if is_large || self.rung.starts_with(WIDEST_BY_HAND) { LARGE } else { SIZE }
     }
 
     fn threads(&self) -> usize {
@@ -382,6 +388,25 @@ pub fn check(
     Ok(Some(instructions))
 }
 
+/// A clock by which all work is done once before it is timed: else the first rung of a size or a format would find its film out of
+/// the caches, and not the next one.
+struct Warm<'a>(&'a mut dyn Clock);
+
+impl Clock for Warm<'_> {
+    fn time(&mut self, work: &mut dyn FnMut()) -> u64 {
+        work();
+        self.0.time(work)
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        self.0.core()
+    }
+
+    fn taken(&mut self) -> bool {
+        self.0.taken()
+    }
+}
+
 /// The turns of each rung in `rounds`, in the order of the ladder.
 pub type Rounds = Vec<Vec<Turn>>;
 
@@ -401,7 +426,7 @@ pub fn measure_run(
     let cases = planned.iter().zip(&tracers).zip(&scenes);
     let cases = cases.map(|((rung, tracer), scene)| rung.case(tracer.as_deref(), &packed, scene, cores));
     let cases = cases.collect::<Result<Vec<_>, _>>()?;
-    let measured = Bench::default().time(clock, &cases, rounds, &mut || true)?.expect("nobody stops it");
+    let measured = Bench::default().time(&mut Warm(clock), &cases, rounds, &mut || true)?.expect("nobody stops it");
     Ok(measured.iter().map(|runs| Turn::each(runs).collect()).collect())
 }
 
@@ -485,7 +510,7 @@ pub fn ratio(rungs: &[Rung], a: &str, b: &str) -> Option<Estimate> {
 pub fn against_compiler(rungs: &[Rung]) -> Vec<AgainstCompiler> {
     let there = |name: &str| rungs.iter().any(|rung| rung.rung == name);
     let compiled = |(name, _, narrower)| {
-        let by_hand = if there(narrower) { narrower } else { "rgba8" };
+        let by_hand = if there(narrower) { narrower } else { WIDEST_BY_HAND };
         CLOSED.map(|(way, ..)| (by_hand, format!("{way}, {name}")))
     };
     let closed = LEVELS.into_iter().flat_map(compiled).filter_map(|(engine, compiled)| {

@@ -108,7 +108,7 @@ pub fn ratio(document: &Experiment, screen: Screen) -> Result<String, PlotError>
 /// The height of a rung's bar, and of the gap below it.
 const BAR: (i32, i32) = (18, 8);
 /// Names are at the left of a wide figure, bars behind them, and words behind those. In a narrow one both are above.
-const BARS: std::ops::Range<i32> = 130..500;
+const BARS: std::ops::Range<i32> = 205..570;
 const LADDER_WIDTH: i32 = 1080;
 
 /// The ladder as a waterfall: what each change made of the cycles of a pixel, from the first rung to the last, on a
