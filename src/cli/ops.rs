@@ -92,7 +92,7 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
     }
     let options = Options {
         wanted: args.op.clone(),
-        implementations: implementations(&args.engine)?,
+        implementations: implementations(&args.op, &args.engine)?,
         executed: args.executed,
         cost: !args.asm,
     };
@@ -121,20 +121,22 @@ pub fn run(args: &OpsArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The implementations that are meant; None for all.
-fn implementations(engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
+fn implementations(ops: &[String], engines: &[String]) -> Result<Option<Vec<String>>, Failure> {
     let mut wanted = Vec::new();
     for engine in engines {
         let prefix = format!("{engine}-");
         let group = ["c", "printed"].contains(&engine.as_str());
         let before = wanted.len();
-        let mut all = IMPLEMENTATIONS.to_vec();
-        all.extend(IMPLEMENTATIONS_OF_LIT.iter().filter(|name| !IMPLEMENTATIONS.contains(name)));
+        let all = if ops.iter().any(|op| op == LIT) { &IMPLEMENTATIONS_OF_LIT[..] } else { &IMPLEMENTATIONS };
         wanted.extend(all.iter().filter(|i| *i == engine || group && i.starts_with(&prefix)).map(|i| i.to_string()));
         if wanted.len() == before {
             let list = all.join(", ");
-            return Err(Failure::input(format!(
-                "there is no implementation `{engine}` of single operations; there are: {list}; and c, printed for groups"
-            )));
+            let of = if all.len() == IMPLEMENTATIONS.len() {
+                format!("single operations; there are: {list}; and c, printed for groups")
+            } else {
+                format!("the rows of a sphere, {LIT}; there are: {list}")
+            };
+            return Err(Failure::input(format!("there is no implementation `{engine}` of {of}")));
         }
     }
     Ok((!wanted.is_empty()).then_some(wanted))
