@@ -187,18 +187,18 @@ fn plan(whole: bool, cores: &sys::Cores) -> Vec<Planned> {
     if whole && let Some(kernels) = kernels::aos() {
         rung("paper, best forms", "the same without haddps", Some("paper"), Tracing::Aos(kernels));
     }
-    if whole && let Some(tracer) = kernels::lane_tracer(Isa::Sse41) {
-        rung(LANES, "a ray in each lane, which asks every object", None, Tracing::Lanes(tracer));
-    }
     let isas: Vec<_> = Isa::ALL.into_iter().filter(|isa| isa.usable()).collect();
-    for isa in isas.iter().filter(|_| whole) {
-        let change = if *isa == Isa::Sse41 { "packets of rays, in closed form" } else { "packets of more rays" };
-        rung(isa.name(), change, None, Tracing::Engine(Engine::Packet(*isa), PixelFormat::F32x4));
-    }
-    for isa in isas.iter().skip(1).filter(|_| whole) {
-        let tracer = kernels::lane_tracer(*isa).expect("the CPU supports it");
-        let change = "a ray in each lane, which asks every object";
-        rung(&format!("{LANES}, {isa}"), change, Some(isa.name()), Tracing::Lanes(tracer));
+    for isa in isas.iter().copied().filter(|_| whole) {
+        let lanes = Tracing::Lanes(kernels::lane_tracer(isa).expect("the CPU supports it"));
+        let packets = Tracing::Engine(Engine::Packet(isa), PixelFormat::F32x4);
+        let asked = "a ray in each lane, which asks every object";
+        if isa == Isa::Sse41 {
+            rung(LANES, asked, None, lanes);
+            rung(isa.name(), "packets of rays, in closed form", None, packets);
+        } else {
+            rung(isa.name(), "packets of more rays", None, packets);
+            rung(&format!("{LANES}, {isa}"), asked, Some(isa.name()), lanes);
+        }
     }
     let Some(&widest) = isas.last() else { return rungs };
     let bytes = |isa| Tracing::Engine(Engine::Packet(isa), PixelFormat::Rgba8);

@@ -151,6 +151,7 @@ impl RustTracer {
     }
 
     /// The light of a ray, if it hits something.
+    #[inline(always)]
     fn pixel(&self, d: Vec3A) -> Option<Vec3A> {
         let Hit { object, p, n, colour, .. } = self.hit(d)?;
         Some(match object {
@@ -159,10 +160,10 @@ impl RustTracer {
         })
     }
 
-    fn trace(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) {
+    fn trace(&self, rows: Range<u32>, is_wanted: impl Fn(u32, u32) -> bool, background: Vec4, out: &mut [Vec4]) {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
-            for (col, out) in (0..self.width).zip(out).filter(|(col, _)| is_wanted(wanted, row, *col)) {
+            for (col, out) in (0..self.width).zip(out).filter(|(col, _)| is_wanted(row, *col)) {
                 let light = self.pixel(self.grid.ray(row, col).into());
                 *out = light.map_or(background, |light| GlamVec4::from((light, 0.0)).to_array().into());
             }
@@ -182,11 +183,11 @@ impl Tracer for RustTracer {
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
         let FilmMut::F32x4(out) = out else { panic!("the engine `rust` writes floats") };
-        self.trace(rows, &|rows, _| rows, Vec4::default(), out);
+        self.trace(rows, |_, _| true, Vec4::default(), out);
     }
 
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-        self.trace(rows, wanted, background, out);
+        self.trace(rows, |row, column| is_wanted(wanted, row, column), background, out);
         None
     }
 
