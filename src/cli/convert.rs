@@ -110,6 +110,9 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
             if film != 1.0 {
                 warn(&format!("the format has no place for a film of {film}: render it with --film {film}"));
             }
+            if scene.shadows {
+                warn("the format has no place for shadows: render it with --shadows");
+            }
             write(path, |out| out.write_all(scene.to_text().as_bytes()))
         }
         SceneFormat::Mesh(format) => {
@@ -130,6 +133,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
                 count(scene.spheres.len(), "sphere", "spheres"),
                 count(scene.lights.len(), "light", "lights"),
                 coloured.then(|| "the triangles' colours".to_owned()),
+                scene.shadows.then(|| "shadows".to_owned()),
                 Some("the camera".to_owned()),
             ];
             let parts: Vec<_> = parts.into_iter().flatten().collect();

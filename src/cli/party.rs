@@ -291,17 +291,18 @@ impl Party {
         }
         let opened = self.agree(self.leads().then(open).transpose())?;
         let text = ranks.broadcast(opened.as_ref().map_or_else(Vec::new, |scene| scene.to_text().into_bytes()));
-        let film =
-            ranks.broadcast(opened.as_ref().map_or_else(Vec::new, |scene| scene.camera.film().to_le_bytes().into()));
+        let beside = |scene: &Scene| [&scene.camera.film().to_le_bytes()[..], &[scene.shadows.into()]].concat();
+        let beside = ranks.broadcast(opened.as_ref().map_or_else(Vec::new, beside));
         let name = ranks.broadcast(opened.as_ref().map_or_else(Vec::new, |scene| scene.name.clone().into_bytes()));
         let received = || {
             let mut scene =
                 scene::parse(&text, "the scene of rank 0").map_err(|error| Failure::output(error.render(false)))?;
             let camera = scene.camera;
-            let film = film.first_chunk().map_or(1.0, |film| f32::from_le_bytes(*film));
+            let film = beside.first_chunk().map_or(1.0, |film| f32::from_le_bytes(*film));
             scene.camera =
                 Camera::new(camera.width(), camera.height(), camera.focal(), film).map_err(Failure::output)?;
             scene.name = String::from_utf8_lossy(&name).into_owned();
+            scene.shadows = beside.last() == Some(&1);
             Ok(scene)
         };
         self.agree(opened.map_or_else(received, Ok))
@@ -370,6 +371,7 @@ fn digest(scene: &Scene) -> [u8; 8] {
     let mut hasher = DefaultHasher::new();
     let Scene { camera, lights, spheres, .. } = scene;
     (camera.width(), camera.height(), lights.len(), spheres.len(), scene.triangle_count()).hash(&mut hasher);
+    scene.shadows.hash(&mut hasher);
     let mut hash = |numbers: &[f32]| numbers.iter().for_each(|number| number.to_bits().hash(&mut hasher));
     hash(&[camera.focal(), camera.film()]);
     for light in lights {

@@ -1,4 +1,4 @@
-//! How a scene is read, and the options that replace parts of its camera: the same wherever there is one.
+//! How a scene is read, and the options that change how it is seen: the same wherever there is one.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -63,11 +63,17 @@ impl Size {
 
 impl ViewArgs {
     /// `camera` with what the arguments replace.
-    pub(super) fn camera(&self, camera: &Camera) -> Result<Camera, Failure> {
+    fn camera(&self, camera: &Camera) -> Result<Camera, Failure> {
         let (width, height) = self.size.unwrap_or(Size::Both(camera.width(), camera.height())).of(camera);
         let focal = self.focal.unwrap_or(camera.focal());
         let film = self.film.unwrap_or(camera.film());
         Camera::new(width, height, focal, film).map_err(Failure::input)
+    }
+
+    /// The scene as it is to be seen.
+    pub(super) fn seen(&self, mut scene: Scene) -> Result<Scene, Failure> {
+        scene.camera = self.camera(&scene.camera)?;
+        Ok(scene)
     }
 
     /// The scene of a file, read by so many threads, or one for each core; a mesh alone is seen by a camera with these options.

@@ -14,7 +14,7 @@ use super::number::{number, whole};
 use super::opened::{NoArea, Opened};
 use super::pieces::{PIECE, Pieces};
 use super::token::{FILM, is_space};
-use super::{Camera, Faces, Light, Scene, Sphere, Triangle};
+use super::{Camera, Light, Scene, Sphere, Triangle};
 use crate::kernels::sys::room;
 
 /// The scene of a file of `length` bytes, read with that many threads; warnings call it `name`.
@@ -41,7 +41,7 @@ pub(super) fn read(file: impl Read + Send, length: usize, name: &str, threads: u
     })?;
     let mut no_area = NoArea::default();
     flat.iter().for_each(|(at, line)| no_area.add(name, &format!("triangle {}", at + 1), || *line));
-    let scene = Scene { name: image, camera, lights, spheres, triangles, faces: Faces::default() };
+    let scene = Scene { name: image, lights, spheres, triangles, ..Scene::new(camera) };
     text.is_over().then(|| Opened { scene, up: DVec3::Y, notes: Vec::new(), warnings: no_area.warnings(name) })
 }
 

@@ -189,13 +189,15 @@ pub struct Scene {
     pub triangles: Vec<Triangle>,
     /// Those that share their corners, of which meshes are made; they come after all others.
     pub faces: Faces,
+    /// Whether objects cast shadows on each other.
+    pub shadows: bool,
 }
 
 impl Scene {
-    /// Nothing, seen by a camera: without lights and objects, under the name `picture.png`.
+    /// Nothing, seen by a camera: without lights, objects and shadows, under the name `picture.png`.
     pub fn new(camera: Camera) -> Self {
-        let (lights, spheres, triangles, faces) = Default::default();
-        Scene { name: "picture.png".into(), camera, lights, spheres, triangles, faces }
+        let (lights, spheres, triangles, faces, shadows) = Default::default();
+        Scene { name: "picture.png".into(), camera, lights, spheres, triangles, faces, shadows }
     }
 
     /// How many triangles there are, of both kinds.

@@ -10,7 +10,7 @@ use super::log::Log;
 use super::misfit::{List, first_misfit};
 use super::opened::{NoArea, Opened};
 use super::token::{FILM, Kind, next_token};
-use super::{Camera, Faces, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
+use super::{Camera, Light, MAX_PIXELS, MAX_SIDE, Scene, SceneError, Sphere, Triangle};
 use crate::kernels::sys::room;
 
 /// Reads a scene in the paper's format; `name` is what diagnostics call the file.
@@ -175,7 +175,7 @@ impl<'a> Parser<'a, '_> {
         self.end_of_file();
         // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, FILM).map_err(|_| Stop)?;
-        Ok(Scene { name: name.to_owned(), camera, lights, spheres, triangles, faces: Faces::default() })
+        Ok(Scene { name: name.to_owned(), lights, spheres, triangles, ..Scene::new(camera) })
     }
 
     /// The next token's place in the text, or `None` at the end of the file.

@@ -137,7 +137,7 @@ impl Reader<'_> {
     fn scene(&mut self, root: &DeTable<'_>, name: &str) -> Option<Opened> {
         let root = Fields { owner: "the scene".into(), table: root, span: 0..0 };
         self.known(&root, &["image", "camera", "light", "sphere", "triangle", "mesh"]);
-        let (file, width, height) = self.image(&root, name);
+        let (file, width, height, shadows) = self.image(&root, name);
         let (focal, film, to_camera, up) = self.camera(&root);
 
         let mut lights = Vec::new();
@@ -194,19 +194,19 @@ impl Reader<'_> {
         }
         // Mistakes of the camera have been noted above.
         let camera = Camera::new(width, height, focal, film).ok()?;
-        let scene = Scene { name: file, camera, lights, spheres, triangles, faces };
+        let scene = Scene { name: file, camera, lights, spheres, triangles, faces, shadows };
         Some(Opened { scene, up, notes: told, warnings })
     }
 
-    /// The file name, the width and the height of the picture.
-    fn image(&mut self, root: &Fields<'_>, name: &str) -> (String, u32, u32) {
+    /// The file name, the width and the height of the picture, and whether it has shadows.
+    fn image(&mut self, root: &Fields<'_>, name: &str) -> (String, u32, u32, bool) {
         let stem = Path::new(name).file_stem().unwrap_or("image".as_ref()).to_string_lossy();
         let default = format!("{stem}.png");
-        let Some(fields) = self.table(root, "image", "the image", &["file", "width", "height"]) else {
+        let Some(fields) = self.table(root, "image", "the image", &["file", "width", "height", "shadows"]) else {
             if root.get("image").is_none() {
                 self.note(0..0, "the scene has no image", "[image], with its width and height");
             }
-            return (default, 1, 1);
+            return (default, 1, 1, false);
         };
         let file = match fields.get("file") {
             Some(_) => self.text(&fields, "file", "the name of a picture").unwrap_or_default().to_owned(),
@@ -218,7 +218,7 @@ impl Reader<'_> {
             let expected = format!("a height of at most {} for that width", MAX_PIXELS / u64::from(width));
             self.note(fields.span("height"), &message, &expected);
         }
-        (file, width, height)
+        (file, width, height, self.is_set(&fields, "shadows"))
     }
 
     /// The focal distance, the film's diagonal, the map from the world to the camera's frame, and its up there.
@@ -412,6 +412,16 @@ impl Reader<'_> {
         };
         self.note(value.span(), &format!("{} is {problem}", fields.name(key)), expected);
         None
+    }
+
+    /// True or false, which is the default.
+    fn is_set(&mut self, fields: &Fields<'_>, key: &str) -> bool {
+        let Some(value) = fields.get(key) else { return false };
+        value.get_ref().as_bool().unwrap_or_else(|| {
+            let problem = kind(value.get_ref());
+            self.note(value.span(), &format!("{} are {problem}", fields.name(key)), "true or false");
+            false
+        })
     }
 
     fn colour(&mut self, fields: &Fields<'_>) -> Vec3 {

@@ -296,7 +296,7 @@ impl Setting {
         let faces = mesh.placed(to_camera.of_placed(&self.placement), colour)?;
         let position = to_camera.point(self.light).as_vec3();
         let lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
-        Some(Scene { name, camera, lights, spheres: Vec::new(), triangles: Vec::new(), faces })
+        Some(Scene { name, lights, faces, ..Scene::new(camera) })
     }
 }
 

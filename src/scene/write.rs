@@ -11,8 +11,8 @@ impl Scene {
     /// The scene in the paper's format, with a comment above each section.
     ///
     /// [`parse`](super::parse()) restores the same scene, bit by bit, if it is one that `parse` could have made. The
-    /// format has no place for a film diagonal other than 1 (a comment gives it), nor for white space and comment marks
-    /// in the image name: `_` replaces them, and an empty name is written as `image`.
+    /// format has no place for a film diagonal other than 1 and for shadows (comments give them), nor for white space and
+    /// comment marks in the image name: `_` replaces them, and an empty name is written as `image`.
     pub fn to_text(&self) -> String {
         let mut text = String::new();
         self.write(&mut text).expect("a String takes all that is written to it");
@@ -26,6 +26,9 @@ impl Scene {
         writeln!(out, "\n# focal distance\n{}", Decimal(camera.focal()))?;
         if camera.film() != 1.0 {
             writeln!(out, "# (for a film diagonal of {}, which is not part of this format)", Decimal(camera.film()))?;
+        }
+        if self.shadows {
+            writeln!(out, "\n# (with shadows, which are not part of this format)")?;
         }
 
         writeln!(out, "\n# lights: how many, then of each  intensity  r g b  x y z\n{}", self.lights.len())?;

@@ -19,6 +19,9 @@ impl Scene {
 
     fn write_toml(&self, out: &mut String) -> fmt::Result {
         write_image(out, &self.name, &self.camera)?;
+        if self.shadows {
+            writeln!(out, "shadows = true")?;
+        }
         write_lens(out, &self.camera)?;
         for light in &self.lights {
             write_light(out, light)?;

@@ -1180,6 +1180,10 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     let run = place.run("convert film.toml film.in");
     let warning = "warning: film.in: the format has no place for a film of 35: render it with --film 35";
     assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
+    place.write("shadows.toml", "[image]\nwidth = 9\nheight = 9\nshadows = true\n");
+    let run = place.run("convert shadows.toml film.in");
+    let warning = "warning: film.in: the format has no place for shadows: render it with --shadows";
+    assert_eq!((run.status, run.stderr.trim_end()), (0, warning));
     // Whatever a file is called, an error begins like one.
     let message = "error.stl: the scene has no triangles, and STL holds nothing else: write it as .in or .toml";
     place.refuses("convert film.toml error.stl", 2, &format!("error: {message}"));
@@ -1188,7 +1192,10 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     place.refuses("make torus --triangles 9 -o scene.out", 2, names);
     let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
     place.refuses("convert scene.in none/out.toml", 1, directory);
-    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "out.stl", "scene.in"]);
+    assert_eq!(
+        place.files(),
+        ["film.in", "film.toml", "out.obj", "out.ply", "out.stl", "scene.in", "shadows.toml"]
+    );
 }
 
 #[test]

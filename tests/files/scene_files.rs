@@ -420,13 +420,15 @@ fn many_makes_scenes_of_any_size_that_the_format_can_hold() {
 fn what_the_format_cannot_hold_is_written_as_close_as_it_can_be() {
     let mut scene = accepted(VALID);
     scene.camera = Camera::new(640, 480, 35.0, 35.0).unwrap();
+    scene.shadows = true;
     for (name, written) in [("", "image"), ("a b#c.png", "a_b_c.png"), ("x///y\n", "x/_/y_")] {
         scene.name = name.to_owned();
         let text = scene.to_text();
         assert!(text.contains("# (for a film diagonal of 35, which is not part of this format)"), "{text}");
+        assert!(text.contains("# (with shadows, which are not part of this format)"), "{text}");
         let read = accepted(&text);
         assert_eq!(read.name, written);
-        assert_eq!(read.camera, Camera::new(640, 480, 35.0, 1.0).unwrap());
+        assert_eq!((read.camera, read.shadows), (Camera::new(640, 480, 35.0, 1.0).unwrap(), false));
     }
 }
 

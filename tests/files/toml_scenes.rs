@@ -133,6 +133,7 @@ fn what_is_left_out_has_a_default() {
     assert_eq!(scene.camera, Camera::new(9, 7, 1.0, 1.0).unwrap());
     assert_eq!(scene.lights, [Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(1.0, 2.0, 3.0) }]);
     assert_eq!(scene.triangles[0].colour, Vec3::ONE);
+    assert!(!scene.shadows);
 }
 
 #[test]
@@ -291,6 +292,8 @@ width = 640 -> widht = 640
     3:8: the image's file is a number: found `7`, expected the name of a picture
 "room.png" -> ""
     3:8: the image's file is empty: found `""`, expected the name of a picture
+height = 0x1e0 -> height = 9\nshadows = 1
+    6:11: the image's shadows are a number: found `1`, expected true or false
 focal = 2 -> focal = -2
     8:9: the camera's focal is negative: found `-2`, expected a number greater than 0
 focal = 2 -> focal = 1e-60
@@ -434,6 +437,7 @@ fn a_scene_that_is_written_in_toml_and_read_is_the_same_bit_by_bit() {
     scene.spheres[1].radius = 1.000_000_1;
     for name in ["a.png", "a \"b\"\\c\u{7f}\u{1}\n.png", "図.png"] {
         scene.name = name.to_owned();
+        scene.shadows = !scene.shadows;
         let again = accepted(scene.to_toml());
         assert_eq!(again, scene);
         assert_eq!(bits(&again), bits(&scene));

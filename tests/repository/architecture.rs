@@ -213,10 +213,10 @@ fn comments_and_strings_are_no_code() {
     assert_eq!(tokens(&code(text)), ["a", "b", "c", "d"]);
 }
 
-/// What is added takes the place of something, or argues for more here.
+/// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 58_440;
+    const LINES: usize = 58_490;
     const KERNELS: usize = 45;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));

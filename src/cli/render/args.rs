@@ -107,9 +107,7 @@ impl RenderArgs {
         let open = || -> Result<Scene, Failure> {
             let opened = self.view.open(path, self.threads)?;
             up.set(opened.up);
-            let mut scene = tell(opened, self.quiet);
-            scene.camera = self.view.camera(&scene.camera)?;
-            Ok(scene)
+            self.view.seen(tell(opened, self.quiet))
         };
         #[cfg(feature = "mpi")]
         let scene = party.scene(path, self.broadcast, open)?;
