@@ -17,12 +17,9 @@ use rayo::{Camera, Engine, Faces, Film, Frame, Light, PixelFormat, Scene, Settin
 fn ring(triangles: u64, camera: Camera) -> Scene {
     let mesh = mesh::shapes::torus(triangles);
     Scene {
-        name: "ring.png".into(),
-        camera,
         lights: vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::new(-4.0, 6.0, -3.0) }],
-        spheres: vec![],
-        triangles: vec![],
         faces: Faces::new(mesh.vertices, mesh.triangles, Vec3::new(1.0, 0.6, 0.2)),
+        ..Scene::new(camera)
     }
 }
 

@@ -6,7 +6,11 @@ use super::isa::Isa;
 use super::kernel::kernel;
 use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
 use super::paper::{Hits, Op, OpRef, Trace};
-use super::records::{Element, ObjectLight, Sphere, SphereHit, SpherePlanes, Triangle, TriangleHit, TrianglePlanes};
+use super::records::{
+    Element, ObjectLight, Sphere, SphereCaster, SphereHit, SpherePlanes, Triangle, TriangleCaster, TriangleHit,
+    TrianglePlanes,
+};
+use super::shadows::{Casters, Points};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -103,6 +107,8 @@ tables! { $
         nearest_spheres: Nearest<SpherePlanes<E>> = "nearest_spheres";
         /// Makes the shading records of spheres.
         sphere_shading: SphereShading<E> = "sphere_shading";
+        /// What is visible, to ask for lights there.
+        points: Points<E> = "points";
         /// To linear floats.
         f32x4: ShadeTile<E, Vec4> = "tile_f32x4";
         /// The same with estimates (in f64: as `f32x4`).
@@ -140,6 +146,10 @@ tables! { $
         nearer_half: NearerHalf = "nearer_half";
         /// Culls the hidden objects of a tile.
         visible: Visible = "visible";
+        /// Which points triangles hide from a light.
+        triangle_casters: Casters<TriangleCaster<f64>> = "triangle_casters";
+        /// Which points spheres hide from it.
+        sphere_casters: Casters<SphereCaster<f64>> = "sphere_casters";
     }
 }
 

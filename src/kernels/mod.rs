@@ -24,6 +24,7 @@ mod packet;
 mod paper;
 mod portable;
 mod records;
+mod shadows;
 #[cfg(feature = "lab")]
 pub mod step;
 pub mod sys;
@@ -52,14 +53,16 @@ pub use paper::{Hits, Op, OpRef, RowsOf, Trace};
 pub use portable::{normal_over_t, portable};
 pub use records::{
     AroundSphere, BoundsView, CHUNK, Candidate, Element, LitRow, LitSetup, LitSphere, ObjectLight, PART_SIDE,
-    ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint, TileRays, TileShade,
-    TileSphere, TileView, Triangle, TriangleHit,
+    PointObject, PointView, ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint,
+    TileRays, TileShade, TileSphere, TileView, Triangle, TriangleHit,
 };
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
+pub use records::{SphereCaster, TilePoints, TriangleCaster};
+pub use shadows::{Caster, Casters, GROUP, LitPoints, Points};
 pub use tiles::{
     Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
-    ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TileBuffers, TileGrid, TileOut,
-    TileWindow, TriangleChunk, Visible,
+    ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TILE_PIXELS, TileBuffers,
+    TileGrid, TileOut, TileWindow, TriangleChunk, Visible,
 };
 pub use types::{Frame, Light, Objects, PaperSphere, PaperTriangle, Plain, Surface, Vec4, bytes};
 pub use vec3::{Chain, Chains, PacketChains, PacketOp, Shape};

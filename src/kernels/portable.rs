@@ -8,15 +8,19 @@ mod nearest;
 mod rows;
 mod set_up;
 mod shade;
+mod shadows;
 mod spheres;
 
 use lanes::{Lanes, Number, Packet};
 
 use super::ffi::{ElementKernels, LitBodies, PacketKernels, TileKernels};
 use super::packet::{F32x3, Fill, Narrow, Rgb8, Rgba8, RowSetup, ShadeRows};
-use super::records::{Element as _, Sphere, SpherePlanes, TileSphere, Triangle, TrianglePlanes};
+use super::records::{
+    Element as _, Sphere, SphereCaster, SpherePlanes, TileSphere, Triangle, TriangleCaster, TrianglePlanes,
+};
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
+use super::shadows::{Casters, Points};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -52,6 +56,14 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         sphere_bounds: Bounds::<Sphere>::in_rust(spheres::bounds::<Packet<f64, HALF, FUSED>>, "sphere_bounds"),
         nearer_half: NearerHalf::in_rust(nearest::nearer_half, "nearer_half"),
         visible: Visible::in_rust(nearest::visible, "visible"),
+        triangle_casters: Casters::<TriangleCaster<f64>>::in_rust(
+            shadows::open::<Packet<f64, HALF, FUSED>, _>,
+            "triangle_casters",
+        ),
+        sphere_casters: Casters::<SphereCaster<f64>>::in_rust(
+            shadows::open::<Packet<f64, HALF, FUSED>, _>,
+            "sphere_casters",
+        ),
     }
 }
 
@@ -83,6 +95,7 @@ const fn elements<L: Lanes<Number = E>, W: Lanes<Number = f64>, E: Number>() -> 
             sphere_set_up: SphereSetUp::<E>::in_rust(spheres::set_up::<W, E>, "sphere_set_up"),
             nearest_spheres: Nearest::<SpherePlanes<E>>::in_rust(nearest::nearest::<L, _>, "nearest_spheres"),
             sphere_shading: SphereShading::<E>::in_rust(spheres::shading::<W, E>, "sphere_shading"),
+            points: Points::<E>::in_rust(shadows::points::<L, W>, "points"),
             f32x4: ShadeTile::<E, Vec4>::in_rust(shade::shade::<L, _>, "tile_f32x4"),
             f32x4_fast: ShadeTile::<E, Vec4>::in_rust(shade::shade::<L, _>, "tile_f32x4"),
             rgba8: ShadeTile::<E, Rgba8>::in_rust(shade::shade::<L, _>, "tile_rgba8"),

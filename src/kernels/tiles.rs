@@ -12,7 +12,7 @@ use super::records::{
 };
 use super::types::Plain;
 
-pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
+pub const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 
 /// Its squares that keep a hierarchical depth.
 pub const TILE_PARTS: usize = TILE_PIXELS / (PART_SIDE * PART_SIDE);
@@ -545,6 +545,29 @@ impl<E: Element> TileBuffers<E> {
         (self.triangles.count, self.spheres.count, self.most) = (0, 0, 0);
     }
 
+    /// The ids of the pixels, in blocks; each is below `end`.
+    ///
+    /// # Panics
+    /// If one may not be.
+    pub(super) fn who(&self, end: usize) -> &[E; TILE_PIXELS] {
+        assert!(self.most < end, "ids of {end} objects");
+        &self.tile.who
+    }
+
+    /// The same as numbers.
+    pub(crate) fn ids(&self, ids: &mut [u32; TILE_PIXELS]) {
+        // Converts many to integers at once.
+        ids.iter_mut().zip(&self.tile.who).for_each(|(id, who)| *id = who.to_index());
+    }
+
+    /// Gives every pixel a new id, below `end`, of objects that are not set up.
+    pub(crate) fn set_ids(&mut self, ids: &[u32; TILE_PIXELS], end: usize) {
+        assert!(ids.iter().all(|id| (*id as usize) < end));
+        self.most = last_id(end - 1, 1);
+        (self.triangles.count, self.spheres.count) = (0, 0);
+        self.tile.who.iter_mut().zip(ids).for_each(|(who, id)| *who = E::from_f64((*id).into()));
+    }
+
     /// The triangles that were set up last.
     pub fn planes(&self) -> &TrianglePlanes<E> {
         &self.triangles.planes
@@ -757,6 +780,16 @@ impl<E: Element> SphereRecords<E> {
         let lits = for_each(self.spheres.len(), lights);
         grow(&mut self.lits, lits);
         grow(&mut self.shorts, lits);
+    }
+
+    /// Copies the record at one index to another, without one of the `lights`.
+    pub(crate) fn without(&mut self, from: usize, to: usize, light: usize, lights: usize) {
+        self.spheres[to] = self.spheres[from];
+        self.lits.copy_within(from * lights..(from + 1) * lights, to * lights);
+        self.shorts.copy_within(from * lights..(from + 1) * lights, to * lights);
+        let (lit, short) = (&mut self.lits[to * lights + light], &mut self.shorts[to * lights + light]);
+        (lit.red, lit.green, lit.blue) = (E::ZERO, E::ZERO, E::ZERO);
+        (short.red, short.green, short.blue) = (E::ZERO, E::ZERO, E::ZERO);
     }
 }
 

@@ -22,11 +22,12 @@ pub use self::place::TilePlace;
 pub(super) use self::place::covered;
 use super::frustum::Frustum;
 use super::omission::{Keep, Omission};
+use super::shadows::Shadows;
 use super::team::Team;
 use super::{light, power_of_two, unit_rays};
 use crate::kernels::{
-    AroundSphere, Candidate, Element, Extremes, Faces, ObjectList, PacketKernels, PixelBounds, SphereView, TILE_HEIGHT,
-    TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
+    AroundSphere, Candidate, Element, Extremes, Faces, ObjectList, PacketKernels, PixelBounds, PointView, SphereView,
+    TILE_HEIGHT, TILE_WIDTH, TileGrid, TileLight, TilePoint, TileRays, TileView, TileWindow, TriangleList,
 };
 use crate::reference::geometry;
 use crate::scene::{Camera, Grid, Scene, Sphere, Triangle};
@@ -94,6 +95,8 @@ pub struct Tiles<'a, E> {
     linear: Weighted,
     levels: Weighted,
     binned: Arc<Binned<'a>>,
+    /// The shadows, if they are asked for.
+    shadows: Option<Arc<Shadows<'a>>>,
     /// The planes of both kinds of triangles in f64, if they are few: those of the kernels lose digits in slivers.
     planes: Option<[Vec<ExactPlane>; 2]>,
 }
@@ -283,22 +286,29 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);
-        let binned = Binned::new(scene, &frame, kernels, (keep, &team(threads)), is_f32::<E>());
-        Self::of((scene, raster), frame, keep, Arc::new(binned))
+        let team = team(threads);
+        let binned = Binned::new(scene, &frame, kernels, (keep, &team), is_f32::<E>());
+        let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, &team)));
+        Self::of((scene, raster), frame, keep, (Arc::new(binned), shadows))
     }
 
     /// The same plan for f64.
     pub fn in_f64(&self, kernels: &PacketKernels, threads: usize) -> Tiles<'a, f64> {
-        let &Tiles { scene, raster, frame, keep, ref binned, .. } = self;
+        let &Tiles { scene, raster, frame, keep, ref binned, ref shadows, .. } = self;
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
             Arc::new(Binned::new(scene, &frame, kernels, (keep, &team(threads)), false))
         };
-        Tiles::of((scene, raster), frame, keep, binned)
+        Tiles::of((scene, raster), frame, keep, (binned, shadows.clone()))
     }
 
-    fn of((scene, raster): (&'a Scene, Raster), frame: Frame, keep: Keep, binned: Arc<Binned<'a>>) -> Self {
+    fn of(
+        (scene, raster): (&'a Scene, Raster),
+        frame: Frame,
+        keep: Keep,
+        (binned, shadows): (Arc<Binned<'a>>, Option<Arc<Shadows<'a>>>),
+    ) -> Self {
         let Frame { grid, picture, extent, scale, .. } = frame;
         let far_in_radii = if is_f32::<E>() { forms::FAR_IN_RADII } else { 1e30 };
         // A dark light would add 0, and the form of a sphere depends on how accurately each light is known.
@@ -336,6 +346,7 @@ impl<'a, E: Element> Tiles<'a, E> {
             linear: weighted(1.0, false),
             levels: weighted(255.0, true),
             binned,
+            shadows,
             planes,
         }
     }
@@ -429,6 +440,17 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// The weighted set-up for bytes.
     pub fn levels(&self) -> &Weighted {
         &self.levels
+    }
+
+    /// The shadows, if they are asked for.
+    pub fn shadows(&self) -> Option<&Shadows<'a>> {
+        self.shadows.as_deref()
+    }
+
+    /// The rays, to find visible points.
+    pub fn point_view(&self) -> PointView<f64> {
+        let Grid { step, half_width, half_height, focal } = self.frame.grid;
+        PointView { step, half_width, half_height, focal }
     }
 
     /// The omissions that are not made.

@@ -3,6 +3,7 @@
 mod found;
 mod interleaved;
 mod nearest;
+mod shadows;
 mod spheres;
 
 pub use interleaved::Interleaved;
@@ -305,6 +306,10 @@ impl<E: Element> TileTracer<'_, E> {
         let by_force = self.plan.keep().has(Omission::Unseen).then_some(&mut shade as SoFar<'_, E>);
         if !self.find_nearest(tile, window, by_force, weighted, scratch) {
             return false;
+        }
+        if let Some(of) = self.plan.shadows() {
+            let Scratch { buffers, objects, shadows, .. } = scratch;
+            self.cast_shadows(of, window, buffers, objects, shadows.get_or_insert_default());
         }
         let Scratch { buffers, objects, .. } = scratch;
         if let Some(hits) = &mut misses.hits {

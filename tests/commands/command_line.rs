@@ -1192,10 +1192,7 @@ fn what_the_new_format_cannot_hold_is_lost_with_a_warning() {
     place.refuses("make torus --triangles 9 -o scene.out", 2, names);
     let directory = "error: cannot write none/out.toml: there is no directory none; create it first";
     place.refuses("convert scene.in none/out.toml", 1, directory);
-    assert_eq!(
-        place.files(),
-        ["film.in", "film.toml", "out.obj", "out.ply", "out.stl", "scene.in", "shadows.toml"]
-    );
+    assert_eq!(place.files(), ["film.in", "film.toml", "out.obj", "out.ply", "out.stl", "scene.in", "shadows.toml"]);
 }
 
 #[test]

@@ -447,7 +447,7 @@ const EACH: &str = "more for each constant";
 const ESTIMATES: &str = "with estimates";
 
 /// The macros of the packets, each in every circumstance that may change the number of its instructions.
-const PACKET_SNIPPETS: [Snippet; 193] = [
+const PACKET_SNIPPETS: [Snippet; 194] = [
     ("ELEMENT", "", "ELEM"),
     ("CLEAN_UPPER", "", ""),
     ("DISTINCT", "", "v0, v1"),
@@ -490,6 +490,7 @@ const PACKET_SNIPPETS: [Snippet; 193] = [
     ("VSPREAD_INTEGER", "", "0, rax"),
     ("MASK_GREATER", "", "v0, v1"),
     ("MASK_AND_LESS", "", "v0, K(0), v1"),
+    ("MASK_AND_UNEQUAL", "", "v0, v1, v2"),
     ("MASK_EQUAL", "", "v0, K(0)"),
     ("MASK_NOT_LESS", "", "v0, K(0)"),
     ("VSELECT", "", "v0, v1"),

@@ -11,9 +11,10 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, LIT_ROWS, LitRow, LitRows, LitSphere, Narrow,
-    ObjectList, PacketKernels, Parts, Plain, ShadeRows, ShadingRecords, SphereChunk, SphereRecords, TILE_PARTS,
-    TileBuffers, TileOut, TileShade, TileWindow, TriangleChunk, Vec4, packet_symbols,
+    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitPoints, LitRow, LitRows,
+    LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
+    SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk,
+    Vec4, packet_symbols,
 };
 use rayo::plan::{Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
@@ -93,6 +94,9 @@ kernels! {
     sphere_set_up: single.tiles.sphere_set_up, double.tiles.sphere_set_up; tile_cases(), tiles;
     nearest_spheres: single.tiles.nearest_spheres, double.tiles.nearest_spheres; tile_cases(), tiles;
     sphere_shading: single.tiles.sphere_shading, double.tiles.sphere_shading; tile_cases(), tiles;
+    points: single.tiles.points, double.tiles.points; shadow_cases(), shadows;
+    triangle_casters: triangle_casters; shadow_cases(), shadows;
+    sphere_casters: sphere_casters; shadow_cases(), shadows;
     tile_f32x4: single.tiles.f32x4, double.tiles.f32x4; tile_cases(), tiles;
     tile_f32x4_fast: single.tiles.f32x4_fast, double.tiles.f32x4_fast; tile_cases(), tiles;
     tile_rgba8: single.tiles.rgba8, double.tiles.rgba8; tile_cases(), tiles;
@@ -350,6 +354,81 @@ fn tiles_of<E: Element + Debug>(
         let mut buffers = TileBuffers::<E>::default();
         kernels.around.call(&around, window, &mut buffers, &[0, 1]);
         add(&mut made, "a sphere around the camera", &pixels(&buffers));
+    }
+    made
+}
+
+fn shadow_cases() -> Vec<TileCase> {
+    let whole = TileWindow { column: 0, row: 0, columns: 64, rows: 0..32 };
+    let case =
+        |(seed, double)| TileCase { seed, lights: 4, window: whole.clone(), count: CHUNK, double, levels: false };
+    (seed()..).zip([false, true, false, true]).map(case).collect()
+}
+
+fn shadows(table: &'static PacketKernels, case: &TileCase) -> Made {
+    if case.double { shadows_of((table, &table.double), case) } else { shadows_of((table, &table.single), case) }
+}
+
+/// The points of a tile under lights far and near, in and on objects, and which of them objects hide.
+fn shadows_of<E: Element>(
+    (packets, kernels): (&'static PacketKernels, &ElementKernels<E>),
+    &TileCase { seed, lights, ref window, .. }: &TileCase,
+) -> Made {
+    let (mut made, mut scene) = (Made::new(), scattered(seed, lights));
+    let (sphere, triangle) = (scene.spheres[3], scene.triangles[5]);
+    for position in [sphere.centre, sphere.centre - sphere.radius * Vec3::X, triangle.vertices[1], Vec3::ZERO] {
+        scene.lights.push(Light { position, ..scene.lights[0] });
+    }
+    scene.shadows = true;
+    let plan = Tiles::<E>::new(&scene, Raster::of(&scene.camera)[0], packets, Keep::NOTHING, 1);
+    let (shadows, mut buffers) = (plan.shadows().unwrap(), TileBuffers::<E>::default());
+    let candidates: Vec<_> =
+        (0..CHUNK as u32).map(|id| Candidate { id, columns: 64 << 16, rows: 32 << 16, most: f32::INFINITY }).collect();
+    let triangles = TriangleChunk {
+        triangles: plan.triangle_lists()[0],
+        lights: &plan.linear().lights,
+        candidates: &candidates,
+        first_id: 1,
+    };
+    let places: Vec<_> = (0..=CHUNK).map(|id| if id == 0 { 0 } else { (scene.spheres.len() + id) as u32 }).collect();
+    kernels.tiles.set_up.call(&plan.view(TilePlace { across: 0, down: 0 }).0, triangles, &mut buffers, &mut Vec::new());
+    kernels.tiles.nearest_triangles.call(&mut buffers, &places, window, &plan.grid(), 8);
+    // A third of them are spheres, whose points may be nowhere.
+    let mut rng = Rng::new(seed);
+    let nobody = PointObject { w: f64::NAN, own: -1.0, ..PointObject::default() };
+    let objects: Vec<_> = places
+        .iter()
+        .map(|place| {
+            let place = if rng.next_u64().is_multiple_of(3) {
+                rng.next_u64() as usize % scene.spheres.len()
+            } else {
+                *place as usize
+            };
+            place.checked_sub(1).and_then(|place| shadows.object(place)).unwrap_or(nobody)
+        })
+        .collect();
+    let mut points = Box::new(TilePoints::<f64>::ZERO);
+    kernels.tiles.points.call(&plan.point_view(), &buffers, [0, 0], &objects, &mut points);
+    add(&mut made, "points", &points);
+    let everywhere = [f32::INFINITY; 4];
+    for (light, position) in shadows.lights().enumerate() {
+        let at = [position.x, position.y, position.z, position.abs().element_sum()];
+        for side in 0..6 {
+            let (spheres, of_spheres): (Vec<_>, Vec<_>) = (0..30).map(|id| shadows.sphere(light, side, id)).unzip();
+            let triangles = (0..CHUNK as u32).filter_map(|id| shadows.triangle(light, side, id));
+            let (triangles, of_triangles): (Vec<_>, Vec<_>) = triangles.unzip();
+            for first in (0..TILE_PIXELS).step_by(5 * GROUP) {
+                // As some object is seen.
+                let [left, top, right, bottom] = choose(&mut rng, &[&of_spheres[..], &of_triangles].concat());
+                let seen = choose(&mut rng, &[everywhere, [-right, -bottom, -left, -top]]);
+                let points = LitPoints { points: &points, first, light: &at, seen };
+                let some = rng.next_u64() as u32 & 0xffff;
+                let open = choose(&mut rng, &[0xffff, some]);
+                add(&mut made, "open to spheres", &packets.sphere_casters.call(&points, &spheres, &of_spheres, open));
+                let left = packets.triangle_casters.call(&points, &triangles, &of_triangles, open);
+                add(&mut made, "open to triangles", &left);
+            }
+        }
     }
     made
 }

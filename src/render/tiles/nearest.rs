@@ -1,6 +1,7 @@
 //! The nearest object at each pixel of a tile: layers from near to far, culling hidden objects before set-up.
 
 use super::TileTracer;
+use super::shadows::ShadowScratch;
 use super::spheres::TileSpheres;
 use crate::kernels::{
     CHUNK, Candidate, Element, ObjectList, Parts, SphereChunk, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileShade,
@@ -50,6 +51,8 @@ pub(super) struct Scratch<E: Element> {
     room: Vec<Candidate>,
     layers: Layers,
     pub objects: TileObjects<E>,
+    /// If there are shadows.
+    pub shadows: Option<Box<ShadowScratch>>,
 }
 
 /// The set-up objects of a tile, by their ids in it: 0 is no object, spheres come before triangles.
@@ -91,7 +94,7 @@ impl<E: Element> TileTracer<'_, E> {
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
-        let Scratch { buffers, room, layers, objects } = scratch;
+        let Scratch { buffers, room, layers, objects, .. } = scratch;
         objects.forgotten = 0;
         objects.order.clear();
         objects.order.push(0);

@@ -40,7 +40,9 @@ impl<E: Element> TileTracer<'_, E> {
             self.make_records(weighted, &all, &mut records);
             records
         };
-        (count <= MOST_RECORDS).then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
+        // A tile that has shadows has records of what they leave of a sphere.
+        (count <= MOST_RECORDS && self.plan.shadows().is_none())
+            .then(|| self.records[usize::from(weighted.bytes)].get_or_init(make))
     }
 
     /// Makes the records of the candidates, in this order.

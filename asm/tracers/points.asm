@@ -1,0 +1,140 @@
+; points.asm - what is visible at the pixels of a tile: the points to which lights are asked for, in f64.
+;
+; 1/t of the nearest objects is in the tile, but as exact as shading needs it. Whether a light is hidden is asked at the
+; point itself, from the object's own equation: 1/t = h + sqrt D over k for a sphere seen from outside, eq. 5, and
+; n . d / (v1 . n) for a triangle, eq. 9, of which PointObject makes one formula. Products and sums are rounded
+; separately, so that all ISAs have the same points.
+;
+; Assembled once per ISA, in the pass for f64. The functions:
+;
+;   rayo_<isa>_single_points, rayo_<isa>_double_points      unsafe extern "sysv64" fn(view, who, column, row, objects, points)
+;
+;   view        *const PointView
+;   who         *const of a tile's ids in f32 or f64, in blocks of a register each
+;   column, row u64: of the tile's first pixel in the picture
+;   objects     *const PointObject, by id
+;   points      *mut TilePoints
+;
+;   registers   rdi view, rsi who, r8 objects, r10 their second halves, r9 points, edx blocks left in a row, ecx rows of
+;               blocks left; v0 the columns and v10 the rows of pixels' centres in the picture, number + 1/2; v2 and v1
+;               those of the first block of a row; v3 v4 v5 the vector c, v12 v13 the ray, v15 h, v6 D
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written, ids below the objects'
+;   equals      kernels::portable::shadows::points
+
+; POINTS - a function that reads ids of `in` bytes; a block of them is %%parts registers of f64.
+%macro POINTS 2
+%define %%precision %1  ; [in]       part of the function's name
+%define %%in %2         ; [in]       4 or 8
+%assign %%parts 8 / %%in
+%if LANES == 2
+%assign %%width 2 * %%parts             ; of a block
+%assign %%height 1
+%else
+%assign %%width 4
+%assign %%height LANES / 4 * %%parts
+%endif
+FUNC ISA %+ _ %+ %%precision %+ _points
+    CONSTANTS PointView_size
+    VSPREAD_INTEGER 1, rcx
+    VADD    v1, v1, [PACKET(block_y)]
+    VADD    v1, v1, [PACKET(halves)]
+    VSPREAD_INTEGER 2, rdx
+    VADD    v2, v2, [PACKET(block_x)]
+    VADD    v2, v2, [PACKET(halves)]
+    lea     r10, [r8 + 4 * ELEM]
+    mov     ecx, TILE_HEIGHT / %%height
+.row:
+    VMOV    v0, v2
+    mov     edx, TILE_WIDTH / %%width
+align 16
+.block:
+    VMOV    v10, v1
+%rep %%parts
+%if %%in == 4
+    WIDEN   v6, [rsi]
+%else
+    VLOAD   v6, [rsi]
+%endif
+    LEVELS  6
+    IOP     pslld, w6, w6, ilog2e(ELEM * PointObject_size)
+    STORE_NUMBERS SCRATCH, 6
+    GATHER4 3, 4, 5, 6, 7, 8, 9, r8, SCRATCH, ax
+    GATHER4 7, 8, 9, 11, 12, 13, 14, r10, SCRATCH, ax
+    VSTORE  [r9 + ELEM * TilePoints.own], v11
+    VMUL    v12, v0, K(PointView.step)
+    VSUB    v12, v12, K(PointView.half_width)       ; the ray
+    VMUL    v11, v10, K(PointView.step)
+    KLOAD   v13, PointView.half_height
+    VSUB    v13, v13, v11
+    KLOAD   v15, PointView.focal
+    VMUL    v14, v12, v12
+    VMUL    v11, v13, v13
+    VADD    v14, v14, v11
+    VMUL    v11, v15, v15
+    VADD    v14, v14, v11
+    VMUL    v6, v6, v14                             ; a d.d
+    VMUL    v15, v15, v5
+    VMUL    v14, v3, v12
+    VMUL    v11, v4, v13
+    VADD    v14, v14, v11
+    VADD    v15, v15, v14                           ; h
+    VMUL    v7, v7, v15
+    VMUL    v7, v7, v15
+    VADD    v6, v6, v7
+    VMUL    v7, v4, K(PointView.focal)
+    VMUL    v11, v5, v13
+    VSUB    v7, v7, v11
+    VMUL    v14, v7, v7
+    VMUL    v7, v5, v12
+    VMUL    v11, v3, K(PointView.focal)
+    VSUB    v7, v7, v11
+    VMUL    v7, v7, v7
+    VADD    v14, v14, v7
+    VMUL    v7, v3, v13
+    VMUL    v11, v4, v12
+    VSUB    v7, v7, v11
+    VMUL    v7, v7, v7
+    VADD    v14, v14, v7                            ; |c x d|^2
+    VMUL    v8, v8, v14
+    VSUB    v6, v6, v8
+    VMAX    v6, v6, [PACKET(zeros)]                 ; D
+    VSQRT   v6, v6
+    VADD    v15, v15, v6
+    VMUL    v15, v15, v9                            ; 1/t
+    VMOV    v6, [PACKET(ones)]
+    VDIV    v6, v6, v15
+    VMUL    v12, v12, v6
+    VMUL    v13, v13, v6
+    VMUL    v6, v6, K(PointView.focal)
+    VSTORE  [r9 + ELEM * TilePoints.x], v12
+    VSTORE  [r9 + ELEM * TilePoints.y], v13
+    VSTORE  [r9 + ELEM * TilePoints.z], v6
+    add     rsi, %%in * LANES
+    add     r9, VBYTES
+%if LANES == 2
+    VADD    v0, v0, [PACKET(block_step)]
+%else
+%rep LANES / 4
+    VADD    v10, v10, [PACKET(ones)]
+%endrep
+%endif
+%endrep
+%if LANES > 2
+    VADD    v0, v0, [PACKET(block_step)]
+%endif
+    dec     edx
+    jnz     .block
+%rep %%height
+    VADD    v1, v1, [PACKET(ones)]
+%endrep
+    dec     ecx
+    jnz     .row
+    UNCONSTANTS
+ENDFUNC
+%endmacro
+
+; POINTS_OF_TILES - the functions of this file.
+%macro POINTS_OF_TILES 0
+    POINTS  single, 4
+    POINTS  double, 8
+%endmacro

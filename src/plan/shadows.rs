@@ -1,0 +1,403 @@
+//! What each light sees: the objects that may hide it, in the cells of six pictures around it.
+//!
+//! A light is a camera. The rays from all visible points to a light meet in it, so that what bounds and tiles do for the
+//! camera's rays they do for these: an object is in few cells of a cube around the light, and a point asks those of its own
+//! cell. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
+//! whose cells are about as large as it, and so in at most four of them.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+
+use super::light;
+use super::team::Team;
+use crate::kernels::{PointObject, SphereCaster, TriangleCaster};
+use crate::reference::geometry;
+use crate::scene::{Scene, Sphere, Triangle};
+
+/// The sides of a cube around a light: the axis of each, and its sign.
+const SIDES: [(usize, f64); 6] = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)];
+
+/// The finest cells, across a side.
+const FINEST: u32 = 4096;
+
+/// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
+const CELLS_OF_AN_OBJECT: usize = 8;
+
+/// The rounding of a coordinate on a side, which is within 1.
+const SLACK: f64 = 8.0 * f64::EPSILON;
+
+/// What hides a light has to be nearer to it than the point by this share of their coordinates: P is rounded, and so is its
+/// product with a plane.
+const TRIANGLE_ROUNDING: f64 = 8.0 * f64::EPSILON;
+const SPHERE_ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// The shadows of a scene.
+pub struct Shadows<'a> {
+    scene: &'a Scene,
+    /// Those that are not dark.
+    lights: Vec<LightView>,
+}
+
+/// What one light sees.
+struct LightView {
+    position: DVec3,
+    /// Those with objects.
+    sides: Vec<Side>,
+}
+
+/// The objects on a side of the cube.
+#[derive(Clone, Default)]
+struct Side {
+    /// Its index.
+    number: usize,
+    cells: Cells,
+    /// The grids that have objects, from the finest on.
+    grids: Vec<Grid>,
+}
+
+/// The part of a side that objects are in, and how many of the finest cells it has for a unit across and down.
+#[derive(Clone, Copy, Default)]
+struct Cells {
+    low: [f64; 2],
+    high: [f64; 2],
+    scale: [f64; 2],
+}
+
+/// The cells of one size with objects of a kind.
+#[derive(Clone)]
+struct Grid {
+    kind: Kind,
+    /// The binary logarithm of a cell's side in the finest ones.
+    coarseness: u32,
+    /// Where the objects of each cell begin, row by row; and the end of the last.
+    starts: Vec<u32>,
+    /// Those of a cell are sorted by depth.
+    objects: Vec<Near>,
+}
+
+/// The kinds of objects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    Sphere,
+    Triangle,
+}
+
+/// An object in a cell.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Near {
+    /// Its index among those of its kind.
+    pub id: u32,
+    /// A lower bound of its depth on this side.
+    pub depth: f32,
+}
+
+/// Objects that may hide a light from points.
+pub struct Cell<'a> {
+    pub kind: Kind,
+    /// Tells it from all others of the scene.
+    pub key: u64,
+    /// The side of the cube.
+    pub side: usize,
+    /// Sorted by depth.
+    pub objects: &'a [Near],
+    /// The depth of the farthest point.
+    pub depth: f32,
+    /// The points' greatest x and y in cells, and the least, negated.
+    pub seen: [f32; 4],
+}
+
+/// The bounds of an object on a side: its coordinates at depth 1, and its least depth.
+#[derive(Clone, Copy)]
+struct Bounds {
+    low: [f64; 2],
+    high: [f64; 2],
+    depth: f64,
+}
+
+/// Of what is beside the light or around it.
+const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
+
+/// A vector in the axes of a side: across, down, and depth.
+fn turned(v: DVec3, side: usize) -> [f64; 3] {
+    let (axis, sign) = SIDES[side];
+    let v = v.to_array();
+    [v[(axis + 1) % 3], v[(axis + 2) % 3], sign * v[axis]]
+}
+
+impl Bounds {
+    /// Those of a box, from its least coordinates to its greatest; None if it is not on this side.
+    fn of_box([low, high]: [DVec3; 2], side: usize) -> Option<Bounds> {
+        let (a, b) = (turned(low, side), turned(high, side));
+        let (near, far) = (a[2].min(b[2]), a[2].max(b[2]));
+        if far <= 0.0 || (0..2).any(|i| a[i] > far || -b[i] > far) {
+            return None;
+        }
+        if near <= 0.0 {
+            return Some(WHOLE);
+        }
+        let least = |i: usize| a[i] / if a[i] < 0.0 { near } else { far };
+        let most = |i: usize| b[i] / if b[i] < 0.0 { far } else { near };
+        Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: near }.clipped()
+    }
+
+    /// Those of a sphere, from a light.
+    fn of_sphere(sphere: &Sphere, light: DVec3, side: usize) -> Option<Bounds> {
+        let (centre, radius) = (sphere.centre.as_dvec3() - light, DVec3::splat(sphere.radius.into()));
+        Bounds::of_box([centre - radius, centre + radius], side)
+    }
+
+    /// Those of a triangle.
+    fn of_triangle(triangle: &Triangle, light: DVec3, side: usize) -> Option<Bounds> {
+        let corners = triangle.vertices.map(|v| turned(v.as_dvec3() - light, side));
+        let all = |beside: fn(&[f64; 3]) -> bool| corners.iter().all(beside);
+        let is_outside = all(|v| v[2] <= 0.0)
+            || all(|v| v[0] > v[2])
+            || all(|v| -v[0] > v[2])
+            || all(|v| v[1] > v[2])
+            || all(|v| -v[1] > v[2]);
+        if is_outside {
+            return None;
+        }
+        if corners.iter().any(|v| v[2] <= 0.0) {
+            return Some(WHOLE);
+        }
+        let [a, b, c] = corners.map(|v| [v[0] / v[2], v[1] / v[2], v[2]]);
+        let least = |i: usize| a[i].min(b[i]).min(c[i]);
+        let most = |i: usize| a[i].max(b[i]).max(c[i]);
+        Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: least(2) }.clipped()
+    }
+
+    /// Within the side, and wider by what rounding may move.
+    fn clipped(self) -> Option<Bounds> {
+        let (low, high) = (self.low.map(|x| (x - SLACK).max(-1.0)), self.high.map(|x| (x + SLACK).min(1.0)));
+        (low[0] <= high[0] && low[1] <= high[1]).then_some(Bounds { low, high, ..self })
+    }
+}
+
+impl Cells {
+    /// The finest cells that bounds meet: columns and rows.
+    fn range(&self, of: &Bounds) -> [Range<u32>; 2] {
+        let cell = |x: f64, i: usize| {
+            let finest = (x.clamp(self.low[i], self.high[i]) - self.low[i]) * self.scale[i];
+            (finest as u32).min(FINEST - 1)
+        };
+        [0, 1].map(|i| cell(of.low[i], i)..cell(of.high[i], i) + 1)
+    }
+
+    fn meet(&self, of: &Bounds) -> bool {
+        (0..2).all(|i| of.high[i] >= self.low[i] && of.low[i] <= self.high[i])
+    }
+
+    /// The least coordinates in cells, rounded down, and the greatest, rounded up.
+    fn ends(&self, of: &Bounds) -> [[f32; 2]; 2] {
+        let at = |x: f64, i: usize| ((x - self.low[i]) * self.scale[i]) as f32;
+        [[0, 1].map(|i| at(of.low[i], i).next_down()), [0, 1].map(|i| at(of.high[i], i).next_up())]
+    }
+}
+
+impl Side {
+    /// Of objects with these bounds, by kind.
+    fn of(number: usize, objects: [&[(u32, Bounds)]; 2]) -> Self {
+        let (mut low, mut high) = ([1.0_f64; 2], [-1.0_f64; 2]);
+        for ((_, of), i) in objects.into_iter().flatten().flat_map(|object| [(object, 0), (object, 1)]) {
+            (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
+        }
+        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
+        let cells = Cells { low, high, scale };
+        let coarseness = |of: &Bounds| {
+            let side = (0..2).map(|i| (of.high[i] - of.low[i]) * scale[i]).fold(0.0, f64::max);
+            (side.ceil() as u32).next_power_of_two().min(FINEST).ilog2()
+        };
+        let mut grids = Vec::new();
+        for (kind, objects) in [Kind::Sphere, Kind::Triangle].into_iter().zip(objects) {
+            let mut here = Vec::new();
+            let sizes: Vec<_> = objects.iter().map(|(_, of)| coarseness(of)).collect();
+            for level in 0..=FINEST.ilog2() {
+                here.extend(objects.iter().zip(&sizes).filter(|(_, size)| **size == level).map(|(object, _)| object));
+                let all_cells = (FINEST as usize >> level).pow(2);
+                if !here.is_empty() && all_cells <= CELLS_OF_AN_OBJECT * here.len() {
+                    grids.push(Grid::new(kind, &here, &cells, level));
+                    here.clear();
+                }
+            }
+        }
+        Side { number, cells, grids }
+    }
+}
+
+/// The cells of a grid in a range of the finest ones.
+fn cells_in([columns, rows]: &[Range<u32>; 2], coarseness: u32) -> impl Iterator<Item = usize> + use<> {
+    let across = FINEST >> coarseness;
+    let coarse = |of: &Range<u32>| of.start >> coarseness..((of.end - 1) >> coarseness) + 1;
+    let (columns, rows) = (coarse(columns), coarse(rows));
+    rows.flat_map(move |row| columns.clone().map(move |column| (row * across + column) as usize))
+}
+
+impl Grid {
+    fn new(kind: Kind, objects: &[&(u32, Bounds)], cells: &Cells, coarseness: u32) -> Self {
+        let across = FINEST as usize >> coarseness;
+        let cells_of = |of: &Bounds| cells_in(&cells.range(of), coarseness);
+        let mut starts = vec![0; across * across + 1];
+        for cell in objects.iter().flat_map(|(_, of)| cells_of(of)) {
+            starts[cell + 1] += 1;
+        }
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        let (mut next, mut of_cells) = (starts.clone(), vec![Near::default(); starts[starts.len() - 1] as usize]);
+        for (id, of) in objects {
+            // Rounded down.
+            let near = Near { id: *id, depth: (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32 };
+            for cell in cells_of(of) {
+                of_cells[next[cell] as usize] = near;
+                next[cell] += 1;
+            }
+        }
+        for ends in starts.windows(2) {
+            of_cells[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+        Grid { kind, coarseness, starts, objects: of_cells }
+    }
+}
+
+/// The least and the greatest coordinates of a scene's objects.
+fn extent(scene: &Scene) -> [DVec3; 2] {
+    let spheres = scene.spheres.iter().flat_map(|sphere| {
+        let (centre, radius) = (sphere.centre.as_dvec3(), DVec3::splat(sphere.radius.into()));
+        [centre - radius, centre + radius]
+    });
+    let corners = scene.all_triangles().flat_map(|triangle| triangle.vertices.map(|v| v.as_dvec3()));
+    spheres.chain(corners).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
+impl<'a> Shadows<'a> {
+    /// Those of all lights of a scene that are not dark.
+    pub fn new(scene: &'a Scene, team: &Team) -> Self {
+        let all = extent(scene);
+        let view = |position| LightView { position, sides: vec![Side::default(); SIDES.len()] };
+        let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
+        let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
+        let tasks = shadows.lights.iter_mut().flat_map(|LightView { position, sides }| {
+            sides.iter_mut().enumerate().map(|(number, side)| (*position, number, side))
+        });
+        let seen = tasks.filter(|(light, number, _)| Bounds::of_box(all.map(|v| v - *light), *number).is_some());
+        team.share(seen.collect::<Vec<_>>().into_iter(), |(light, number, side)| {
+            let spheres = scene.spheres.iter().map(|sphere| Bounds::of_sphere(sphere, light, number));
+            let triangles = scene.all_triangles().map(|triangle| Bounds::of_triangle(&triangle, light, number));
+            fn placed(all: impl Iterator<Item = Option<Bounds>>) -> Vec<(u32, Bounds)> {
+                (0..).zip(all).filter_map(|(id, bounds)| Some((id, bounds?))).collect()
+            }
+            *side = Side::of(number, [&placed(spheres), &placed(triangles)]);
+        });
+        shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !side.grids.is_empty()));
+        shadows
+    }
+
+    /// Where the lights are.
+    pub fn lights(&self) -> impl Iterator<Item = DVec3> {
+        self.lights.iter().map(|light| light.position)
+    }
+
+    /// Calls `say` for all cells whose objects may hide a light from points in a box, given by its least and its greatest
+    /// coordinates, until it returns false.
+    pub fn cells_of(&self, light: usize, points: [DVec3; 2], mut say: impl FnMut(&Cell<'_>) -> bool) {
+        let LightView { position, sides } = &self.lights[light];
+        let points = points.map(|v| v - position);
+        for Side { number, cells, grids } in sides {
+            let Some(bounds) = Bounds::of_box(points, *number).filter(|bounds| cells.meet(bounds)) else { continue };
+            let (near, far) = (turned(points[0], *number)[2], turned(points[1], *number)[2]);
+            // Rounded up.
+            let depth = (near.max(far) * (1.0 + f64::from(f32::EPSILON))) as f32;
+            let [low, high] = cells.ends(&bounds);
+            let seen = [high[0], high[1], -low[0], -low[1]];
+            let range = cells.range(&bounds);
+            for Grid { kind, coarseness, starts, objects } in grids {
+                for cell in cells_in(&range, *coarseness) {
+                    let objects = &objects[starts[cell] as usize..starts[cell + 1] as usize];
+                    if objects.first().is_none_or(|first| first.depth > depth) {
+                        continue;
+                    }
+                    let grid = ((light * SIDES.len() + number) * 2 + *kind as usize) << 4 | *coarseness as usize;
+                    let key = (grid as u64) << (2 * FINEST.ilog2()) | cell as u64;
+                    if !say(&Cell { kind: *kind, key, side: *number, objects, depth, seen }) {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The bounds of an object on a side, as kernels compare them with [`Cell::seen`].
+    fn bounds(&self, light: usize, side: usize, bounds: Option<Bounds>) -> [f32; 4] {
+        let cells = self.lights[light].sides.iter().find(|of| of.number == side).map(|of| of.cells).unwrap_or_default();
+        let [low, high] = cells.ends(&bounds.unwrap_or(WHOLE));
+        [low[0], low[1], -high[0], -high[1]]
+    }
+
+    /// A triangle as a light sees it on a side, and its bounds there; None if it sees its edge alone.
+    pub fn triangle(&self, light: usize, side: usize, id: u32) -> Option<(TriangleCaster<f64>, [f32; 4])> {
+        let (triangle, position) = (self.scene.triangle(id as usize), self.lights[light].position);
+        let corners = triangle.vertices.map(|v| v.as_dvec3() - position);
+        let volume = geometry::triangle_volume(corners)?;
+        let [v1, v2, v3] = corners;
+        let [e1, e2, e3] = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|e| e * volume.signum());
+        let p = geometry::triangle_plane(corners) / volume;
+        let caster = TriangleCaster {
+            e1x: e1.x,
+            e1y: e1.y,
+            e1z: e1.z,
+            e2x: e2.x,
+            e2y: e2.y,
+            e2z: e2.z,
+            e3x: e3.x,
+            e3y: e3.y,
+            e3z: e3.z,
+            px: p.x,
+            py: p.y,
+            pz: p.z,
+            bound: TRIANGLE_ROUNDING * p.abs().max_element(),
+            own: (self.scene.spheres.len() + id as usize) as f64,
+        };
+        Some((caster, self.bounds(light, side, Bounds::of_triangle(&triangle, position, side))))
+    }
+
+    /// A sphere as a light sees it on a side, and its bounds there.
+    pub fn sphere(&self, light: usize, side: usize, id: u32) -> (SphereCaster<f64>, [f32; 4]) {
+        let (sphere, position) = (&self.scene.spheres[id as usize], self.lights[light].position);
+        let (c, radius) = (sphere.centre.as_dvec3() - position, f64::from(sphere.radius));
+        let (r2, k) = (radius * radius, geometry::power(c, radius));
+        let is_outside = k > 0.0;
+        let caster = SphereCaster {
+            x: c.x,
+            y: c.y,
+            z: c.z,
+            r2,
+            k,
+            side: if is_outside { 1.0 } else { -1.0 },
+            past: if is_outside { 0.0 } else { f64::INFINITY },
+            least: if k < 0.0 { f64::NEG_INFINITY } else { 0.0 },
+            bound: SPHERE_ROUNDING * (c.dot(c) + r2),
+            own: id.into(),
+        };
+        (caster, self.bounds(light, side, Bounds::of_sphere(sphere, position, side)))
+    }
+
+    /// The object at this place in the scene, spheres first, as its visible points are found; None if no light reaches what is
+    /// visible of it: it is around the camera, or has no points.
+    pub fn object(&self, place: usize) -> Option<PointObject<f64>> {
+        let own = place as f64;
+        let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
+        let Some(sphere) = self.scene.spheres.get(place) else {
+            let triangle = self.scene.triangle(place - self.scene.spheres.len());
+            let corners = triangle.vertices.map(|v: Vec3| v.as_dvec3());
+            let volume = geometry::triangle_volume(corners)?;
+            return Some(of(geometry::triangle_plane(corners) / volume));
+        };
+        let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let (r2, k) = (radius * radius, geometry::power(c, radius));
+        let is_near = c.dot(c) < 2.0 * r2;
+        let [a, b, e] = if is_near { [-k, 1.0, 0.0] } else { [r2, 0.0, 1.0] };
+        (k > 0.0).then(|| PointObject { a, b, e, w: 1.0 / k, ..of(c) })
+    }
+}
