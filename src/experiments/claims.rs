@@ -327,6 +327,8 @@ fn constant_ratio(speedup: &Speedup) -> (Verdict, String) {
         return (Verdict::NotTestable, format!("{figure}: one size only"));
     } else if high / low - 1.0 <= paper_spread {
         Verdict::Reproduced
+    } else if rows.iter().any(|row| row.samples.len() < 2) {
+        return (Verdict::NotTestable, format!("{figure}, but of one run each, which has no interval"));
     } else if widest > READABLE {
         return (Verdict::NotTestable, format!("{figure}, but intervals of up to {:.0} %", 100.0 * widest));
     } else if rows.iter().all(|row| row.ratio_low <= middle && middle <= row.ratio_high) {
@@ -561,6 +563,20 @@ mod tests {
             assert_eq!(verdict(&evidence, "6 times"), expected, "{ratio} {spread}");
             assert!(judge(&evidence)[0].figure.contains("about 6 is from 5 to 7, and the interval is "));
             assert_eq!(verdict(&evidence, "depend on the size"), Verdict::Reproduced);
+        }
+    }
+
+    #[test]
+    fn one_run_of_each_size_cannot_show_that_the_ratio_depends_on_it() {
+        let machine = machine(true);
+        for (runs, expected) in [(1, Verdict::NotTestable), (2, Verdict::NotReproduced)] {
+            let mut speedup = table(4.3, 0.01, 0.01);
+            for row in &mut speedup.rows {
+                row.samples.resize(runs, row.cycles_min);
+            }
+            let last = speedup.rows.last_mut().unwrap();
+            (last.ratio_to_c, last.ratio_low, last.ratio_high) = (5.9, 5.8, 6.0);
+            assert_eq!(verdict(&alone(&speedup, &machine), "depend on the size"), expected, "{runs}");
         }
     }
 
