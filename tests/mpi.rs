@@ -75,6 +75,7 @@ fn rows_scenes_and_a_scene_that_is_sent_are_what_they_are_without_ranks() {
         "--engine reference --size 60x50",
         "--rows 5..61 --size 90x70 --samples 3 --background 0.1,0.2,0.3 --exposure -1",
         "--rows 31..67 --size 90x70 --samples 2 --edges",
+        "--engine rust --size 60x50 --shadows",
     ] {
         let render = format!("render {} {arguments} --quiet", island.display());
         alone(directory.path(), &format!("{render} -o alone.exr"));

@@ -8,7 +8,7 @@ use clap::Args;
 use super::{Failure, colour_on_stderr, say};
 use crate::scene::{self, Camera, Opened, Scene};
 
-/// What takes the place of the scene's own camera.
+/// What takes the place of the scene's own camera, and shadows.
 #[derive(Debug, Args)]
 pub struct ViewArgs {
     /// The diagonal of the film, in the units of the focal distance. Default: 1, as in the paper; old scenes want 35
@@ -20,6 +20,9 @@ pub struct ViewArgs {
     /// The size in pixels, in place of the scene's; 800x or x600 keeps the shape
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<Size>,
+    /// Objects cast shadows on each other, as `shadows = true` in TOML. The engines c and paper have none
+    #[arg(long)]
+    shadows: bool,
 }
 
 /// Width and height, as in 1632x1224, or one of them, as in 800x and x600.
@@ -73,6 +76,7 @@ impl ViewArgs {
     /// The scene as it is to be seen.
     pub(super) fn seen(&self, mut scene: Scene) -> Result<Scene, Failure> {
         scene.camera = self.camera(&scene.camera)?;
+        scene.shadows |= self.shadows;
         Ok(scene)
     }
 

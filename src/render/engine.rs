@@ -79,6 +79,9 @@ pub enum EngineError {
     /// The engine does not have that precision.
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
+    /// The engine has no shadows, and the scene has.
+    #[error("the engine `{0}` has no shadows{paper}; these have: {list}", paper = .0.as_the_paper(), list = with_shadows())]
+    NoShadows(Engine),
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
     Scene(#[from] InvalidScene),
@@ -88,6 +91,12 @@ pub enum EngineError {
 fn available() -> String {
     let names: Vec<_> = Engine::ALL.iter().filter(|engine| engine.usable()).map(|engine| engine.name()).collect();
     names.join(", ") + ", auto"
+}
+
+/// The engines that have shadows and can be used here, in words.
+fn with_shadows() -> String {
+    let engines = Engine::ALL.iter().filter(|engine| engine.has_shadows() && engine.usable());
+    engines.map(|engine| engine.name()).collect::<Vec<_>>().join(", ")
 }
 
 /// The precisions in words.
@@ -160,6 +169,16 @@ impl Engine {
     /// Whether it traces rays in packets.
     pub fn is_packet(self) -> bool {
         matches!(self, Engine::Packet(_) | Engine::Portable)
+    }
+
+    /// What is said of what the paper's own engines lack.
+    fn as_the_paper(self) -> &'static str {
+        if matches!(self, Engine::C | Engine::Paper) { ", as the paper" } else { "" }
+    }
+
+    /// Whether it traces scenes with shadows.
+    pub fn has_shadows(self) -> bool {
+        !matches!(self, Engine::C | Engine::Paper)
     }
 
     /// Its packet kernels, if it has any and this CPU supports them.

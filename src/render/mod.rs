@@ -3,6 +3,7 @@
 mod aos;
 #[cfg(feature = "mpi")]
 mod by_ranks;
+mod casters;
 mod development;
 mod edges;
 mod engine;

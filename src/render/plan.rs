@@ -31,10 +31,13 @@ impl<'a> Plan<'a> {
     /// Plans `scene` for `engine` and `purpose`.
     ///
     /// # Errors
-    /// [`EngineError::NoPrecision`], [`EngineError::Unusable`] and [`EngineError::Scene`].
+    /// [`EngineError::NoPrecision`], [`EngineError::NoShadows`], [`EngineError::Unusable`] and [`EngineError::Scene`].
     pub fn new(engine: Engine, scene: &'a Scene, purpose: Purpose) -> Result<Self, EngineError> {
         // An unsupported precision is an error for every engine.
         let precision = engine.precision_for(purpose)?;
+        if scene.shadows && !engine.has_shadows() {
+            return Err(EngineError::NoShadows(engine));
+        }
         let way = match engine {
             _ if engine.is_packet() => {
                 let kernels = engine.packets().ok_or(EngineError::Unusable(engine))?;

@@ -44,6 +44,7 @@ pub struct ReferenceTracer {
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
+    shadows: bool,
 }
 
 impl ReferenceTracer {
@@ -72,6 +73,7 @@ impl ReferenceTracer {
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: triangles.collect(),
+            shadows: scene.shadows,
         }
     }
 
@@ -113,7 +115,21 @@ impl ReferenceTracer {
                 (self.triangles[i].colour, Box::new(move |light| geometry::lambert_two_sided(light, p, n)))
             }
         };
-        Some(self.lights.iter().map(|light| cosine(light.position) * light.radiance * colour).sum())
+        let lights = self.lights.iter().filter(|light| !self.shadows || self.reaches(light.position, object, p));
+        Some(lights.map(|light| cosine(light.position) * light.radiance * colour).sum())
+    }
+
+    /// Whether a light reaches the visible point `p` of an object: nothing else is between them, nor the object's own wall.
+    fn reaches(&self, light: DVec3, object: Object, p: DVec3) -> bool {
+        let is_turned_away = match object {
+            Object::Sphere(i) => geometry::power(self.spheres[i].centre, self.spheres[i].radius) <= 0.0,
+            Object::Triangle(i) => geometry::triangle_is_turned_away(light, self.triangles[i].vertices),
+        };
+        let mut spheres = (0..).map(Object::Sphere).zip(&self.spheres).filter(|(other, _)| *other != object);
+        let mut triangles = (0..).map(Object::Triangle).zip(&self.triangles).filter(|(other, _)| *other != object);
+        !is_turned_away
+            && !spheres.any(|(_, s)| geometry::sphere_hides(light, p, s.centre, s.radius))
+            && !triangles.any(|(_, s)| geometry::triangle_hides(light, p, s.vertices))
     }
 }
 

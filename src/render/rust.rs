@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
+use super::casters::Casters;
 use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
@@ -60,7 +61,7 @@ impl Triangle {
 }
 
 /// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0 stays 0.
-fn near_1(v: DVec3) -> DVec3 {
+pub(super) fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
 }
@@ -81,6 +82,8 @@ pub struct RustTracer {
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
+    /// Of a scene with shadows.
+    casters: Option<Casters>,
 }
 
 impl RustTracer {
@@ -107,6 +110,7 @@ impl RustTracer {
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: scene.all_triangles().enumerate().filter_map(Triangle::new).collect(),
+            casters: scene.shadows.then(|| Casters::new(scene)),
         }
     }
 
@@ -150,21 +154,47 @@ impl RustTracer {
         }
     }
 
-    /// The light of a ray, if it hits something.
+    /// The light of a hit in a scene without shadows.
     #[inline(always)]
-    fn pixel(&self, d: Vec3A) -> Option<Vec3A> {
-        let Hit { object, p, n, colour, .. } = self.hit(d)?;
-        Some(match object {
+    fn shade_alone(&self, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
+        match object {
             Object::Triangle(_) => self.shade(p, colour, |l| l.dot(n).abs()),
             Object::Sphere(_) => self.shade(p, colour, |l| l.dot(n).max(0.0)),
-        })
+        }
+    }
+
+    /// The light of a hit in a scene with shadows.
+    fn shade_among(&self, casters: &Casters, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
+        let reflected = |(number, light): (usize, &Light)| {
+            let to_light = light.position - p;
+            let cosine = to_light.normalize_or_zero().dot(n);
+            let cosine = if matches!(object, Object::Triangle(_)) { cosine.abs() } else { cosine };
+            let is_lit = cosine > 0.0 && casters.let_through(number, to_light, object, p);
+            if is_lit { cosine * light.radiance * colour } else { Vec3A::ZERO }
+        };
+        self.lights.iter().enumerate().map(reflected).sum()
     }
 
     fn trace(&self, rows: Range<u32>, is_wanted: impl Fn(u32, u32) -> bool, background: Vec4, out: &mut [Vec4]) {
+        match &self.casters {
+            None => self.trace_by(|hit| self.shade_alone(hit), rows, is_wanted, background, out),
+            Some(casters) => self.trace_by(|hit| self.shade_among(casters, hit), rows, is_wanted, background, out),
+        }
+    }
+
+    #[inline(always)]
+    fn trace_by(
+        &self,
+        shade: impl Fn(Hit) -> Vec3A,
+        rows: Range<u32>,
+        is_wanted: impl Fn(u32, u32) -> bool,
+        background: Vec4,
+        out: &mut [Vec4],
+    ) {
         assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
         for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
             for (col, out) in (0..self.width).zip(out).filter(|(col, _)| is_wanted(row, *col)) {
-                let light = self.pixel(self.grid.ray(row, col).into());
+                let light = self.hit(self.grid.ray(row, col).into()).map(&shade);
                 *out = light.map_or(background, |light| GlamVec4::from((light, 0.0)).to_array().into());
             }
         }

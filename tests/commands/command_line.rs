@@ -786,6 +786,34 @@ fn size_film_and_focal_distance_take_the_place_of_the_scenes() {
 }
 
 #[test]
+fn shadows_are_an_option_and_a_key_and_the_papers_engines_refuse_them() {
+    let place = Place::new();
+    place.write("shadow.in", &SCENE.replace("5 5 0", "1 1 0"));
+    for arguments in ["shadow.in -o plain.pfm", "shadow.in -o option.pfm --shadows"] {
+        assert_eq!(place.run(&format!("render {arguments} --quiet --engine reference")).status, 0, "{arguments}");
+    }
+    assert_ne!(place.picture("option.pfm"), place.picture("plain.pfm"));
+    assert_eq!(place.run("convert shadow.in shadow.toml").status, 0);
+    let toml = fs::read_to_string(place.path("shadow.toml")).unwrap().replace("[image]\n", "[image]\nshadows = true\n");
+    place.write("shadow.toml", &toml);
+    assert_eq!(place.run("convert shadow.toml again.toml").status, 0);
+    assert_eq!(place.run("render again.toml -o key.pfm --quiet --engine reference").status, 0);
+    assert_eq!(place.picture("key.pfm"), place.picture("option.pfm"));
+    assert_eq!(place.run("plan again.toml --engine rust").status, 0);
+    let have = Engine::ALL.iter().filter(|engine| engine.has_shadows() && engine.usable());
+    let have = have.map(|engine| engine.name()).collect::<Vec<_>>().join(", ");
+    for engine in Engine::ALL.iter().filter(|engine| ["c", "paper"].contains(&engine.name())) {
+        let message = format!("error: the engine `{engine}` has no shadows, as the paper; these have: {have}");
+        for arguments in
+            ["render again.toml -o no.pfm", "render shadow.in -o no.pfm --shadows", "plan scene.in --shadows"]
+        {
+            place.refuses(&format!("{arguments} --engine {engine}"), 2, &message);
+        }
+    }
+    assert!(!place.path("no.pfm").exists());
+}
+
+#[test]
 fn one_side_of_the_size_keeps_the_shape() {
     let place = Place::new();
     for (given, expected) in [("800x", "800x600"), ("x600", "800x600"), ("7x", "7x5"), ("x1", "1x1"), ("1x", "1x1")] {

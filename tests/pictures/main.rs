@@ -30,6 +30,7 @@ mod outputs;
 #[cfg(all(rayo_asm, feature = "cli"))]
 mod plan;
 mod semantics;
+mod shadows;
 #[cfg(feature = "cli")]
 mod stability;
 #[cfg(rayo_asm)]

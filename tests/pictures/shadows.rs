@@ -1,0 +1,413 @@
+//! Shadows: scenes whose light is known beforehand, by every engine that has shadows, and those that have none.
+
+use crate::contenders::{Contender, contenders, difference, levels};
+use glam::{DMat3, DVec3, Vec3, vec3};
+use rayo::render::{Engine, EngineError, PixelFormat};
+use rayo::scene::mesh::shapes::icosphere;
+use rayo::scene::{Camera, Light, Object, Rng, Scene, Sphere, Triangle, View, many};
+
+const WHITE: Vec3 = Vec3::ONE;
+
+fn light(position: Vec3) -> Light {
+    Light { intensity: 1.0, colour: WHITE, position }
+}
+
+fn sphere(radius: f32, centre: Vec3) -> Sphere {
+    Sphere { radius, colour: WHITE, centre }
+}
+
+fn triangle(vertices: [Vec3; 3]) -> Triangle {
+    Triangle { colour: WHITE, vertices }
+}
+
+/// Two triangles: a parallelogram from a corner along two sides.
+fn quad(corner: Vec3, [a, b]: [Vec3; 2]) -> [Triangle; 2] {
+    [[corner, corner + a, corner + b], [corner + a + b, corner + a, corner + b]].map(triangle)
+}
+
+/// The plane y = -1 in front of the camera, and behind it.
+fn ground() -> [Triangle; 2] {
+    quad(vec3(-64.0, -1.0, -64.0), [vec3(128.0, 0.0, 0.0), vec3(0.0, 0.0, 128.0)])
+}
+
+/// A scene with shadows, of a film so wide that the view is right-angled.
+fn shadowed(width: u32, height: u32) -> Scene {
+    Scene { shadows: true, ..Scene::new(Camera::new(width, height, 1.0, 2.5).unwrap()) }
+}
+
+/// The engines that have shadows.
+fn casting() -> impl Iterator<Item = Contender> {
+    contenders().into_iter().filter(|contender| contender.engine.has_shadows())
+}
+
+/// Which pixels have light.
+fn lit(contender: &Contender, scene: &Scene) -> Vec<bool> {
+    contender.floats(scene).into_iter().map(|[r, g, b, _]| r.max(g).max(b) > 0.0).collect()
+}
+
+fn ray(scene: &Scene, pixel: usize) -> DVec3 {
+    let width = scene.camera.width() as usize;
+    DVec3::from_array(scene.camera.grid::<f64>().ray((pixel / width) as u32, (pixel % width) as u32))
+}
+
+/// A mesh of a closed surface, turned so that nothing is along an axis, around the origin.
+fn closed(corners: impl Iterator<Item = [DVec3; 3]>) -> Vec<Triangle> {
+    let turn = DMat3::from_rotation_x(0.4) * DMat3::from_rotation_y(0.7) * DMat3::from_rotation_z(1.1);
+    corners.map(|corners| triangle(corners.map(|corner| (turn * corner).as_vec3()))).collect()
+}
+
+fn cube() -> Vec<Triangle> {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let faces = (0..6).flat_map(|i| {
+        let [n, u, v] = [0, 1, 2].map(|j| axes[(i + j) % 3]);
+        let n = if i < 3 { n } else { -n };
+        let [a, b, c, d] = [n - u - v, n + u - v, n + u + v, n - u + v];
+        [[a, b, c], [a, c, d]]
+    });
+    closed(faces)
+}
+
+fn rock() -> Vec<Triangle> {
+    let rock = icosphere(1280, 0.3, 7);
+    let corners = rock.triangles.iter().map(|corners| corners.map(|corner| rock.vertices[corner as usize].as_dvec3()));
+    closed(corners)
+}
+
+#[test]
+fn the_shadow_of_a_sphere_on_a_ground_is_the_conic_of_its_cone() {
+    for (at, centre, radius) in [
+        (vec3(0.0, 4.0, 5.0), vec3(0.0, 1.0, 5.0), 0.5),
+        (vec3(-2.0, 3.0, 3.0), vec3(-0.5, 0.75, 5.0), 0.75),
+        (vec3(9.0, 5.0, -3.0), vec3(2.0, 0.5, 6.0), 1.25),
+    ] {
+        let mut scene = shadowed(403, 301);
+        scene.lights = vec![light(at)];
+        scene.spheres = vec![sphere(radius, centre)];
+        scene.triangles = ground().to_vec();
+        let (at, centre, r2) = (at.as_dvec3(), centre.as_dvec3(), f64::from(radius * radius));
+        let axis = centre - at;
+        for contender in casting() {
+            let (mut dark, mut bright) = (0, 0);
+            for (pixel, lit) in lit(&contender, &scene).into_iter().enumerate() {
+                let ray = ray(&scene, pixel);
+                let p = ray / -ray.y;
+                let beside = ray.dot(ray) * r2 < centre.cross(ray).length_squared();
+                if ray.y >= 0.0 || p.z > 60.0 || !beside {
+                    continue;
+                }
+                let e = p - at;
+                // cos^2 of the angle to the axis, and that of the cone: in units of lengths^4.
+                let (along, cone) = (e.dot(axis).powi(2), e.length_squared() * (axis.length_squared() - r2));
+                if (along - cone).abs() > 1e-4 * cone {
+                    assert_eq!(lit, along < cone, "{contender}: pixel {pixel}, {p}");
+                    *if lit { &mut bright } else { &mut dark } += 1;
+                }
+            }
+            assert!(dark > 300 && bright > 10_000, "{contender}: {dark} dark and {bright} bright");
+        }
+    }
+}
+
+#[test]
+fn what_is_between_hides_and_what_is_not_does_not() {
+    // The one pixel sees the wall at (0, 0, 4).
+    let wall = triangle([vec3(-64.0, -64.0, 4.0), vec3(192.0, -64.0, 4.0), vec3(-64.0, 192.0, 4.0)]);
+    let at = vec3(0.0, 4.0, 0.0);
+    let across = |y: f32, z: f32| [vec3(-1.0, y - 1.0, z), vec3(1.0, y - 1.0, z), vec3(0.0, y + 1.0, z)];
+    let table: [(&str, Vec<Sphere>, Vec<Triangle>, bool); 16] = [
+        ("nothing", vec![], vec![], true),
+        ("a sphere between", vec![sphere(0.5, vec3(0.0, 2.0, 2.0))], vec![], false),
+        ("a sphere beside", vec![sphere(0.5, vec3(1.0, 2.0, 2.0))], vec![], true),
+        ("a sphere behind the light", vec![sphere(0.5, vec3(0.0, 5.0, -1.0))], vec![], true),
+        ("a sphere behind the wall", vec![sphere(0.5, vec3(0.0, -1.0, 5.0))], vec![], true),
+        ("a sphere behind the camera", vec![sphere(0.5, vec3(0.0, 0.0, -2.0))], vec![], true),
+        ("a sphere around the light", vec![sphere(0.5, vec3(0.0, 4.0, 0.25))], vec![], false),
+        ("a sphere that the light is on, behind it", vec![sphere(1.0, vec3(0.0, 5.0, 0.0))], vec![], true),
+        ("a sphere that the light is on, before it", vec![sphere(1.0, vec3(0.0, 4.0, 1.0))], vec![], false),
+        ("a sphere around everything", vec![sphere(64.0, vec3(0.0, 2.0, 2.0))], vec![], true),
+        ("a triangle between", vec![], vec![triangle(across(2.0, 2.0))], false),
+        ("a triangle beside", vec![], vec![triangle(across(5.5, 2.0))], true),
+        ("a triangle behind the light", vec![], vec![triangle(across(5.0, -1.0))], true),
+        ("a triangle that the light is in", vec![], vec![triangle(across(4.0, 0.0))], true),
+        ("a triangle that the light is a corner of", vec![], vec![triangle(across(3.0, 0.0))], true),
+        (
+            "a triangle in a plane through the camera, which does not see it",
+            vec![],
+            vec![triangle([vec3(-1.0, 1.0, 1.0), vec3(1.0, 1.0, 1.0), vec3(0.0, 9.0, 9.0)])],
+            false,
+        ),
+    ];
+    for (what, spheres, triangles, expected) in table {
+        let camera = Camera::new(1, 1, 1.0, 1.0).unwrap();
+        let triangles = [vec![wall], triangles].concat();
+        let scene = Scene { lights: vec![light(at)], spheres, triangles, shadows: true, ..Scene::new(camera) };
+        for contender in casting() {
+            assert_eq!(lit(&contender, &scene), [expected], "{contender}: {what}");
+        }
+        // The law has no shadows.
+        let scene = Scene { shadows: false, ..scene };
+        assert!(contenders().iter().all(|contender| lit(contender, &scene) == [true]), "{what}");
+    }
+}
+
+#[test]
+fn an_object_alone_has_no_shadow_but_on_its_own_back() {
+    let mut scene = shadowed(61, 47);
+    for (at, triangle_is_lit) in
+        [(vec3(3.0, 2.0, 0.0), true), (vec3(0.5, 1.0, 9.0), false), (vec3(3.0, 1.0, 4.0), true)]
+    {
+        scene.lights = vec![light(at)];
+        scene.spheres = vec![sphere(1.0, vec3(0.25, 0.5, 4.0))];
+        scene.triangles = vec![];
+        for contender in casting() {
+            let plain = Scene { shadows: false, ..scene.clone() };
+            assert!(contender.floats(&scene) == contender.floats(&plain), "{contender}: a sphere under {at}");
+        }
+        scene.spheres = vec![];
+        scene.triangles = vec![triangle([vec3(-2.0, -1.0, 5.0), vec3(2.0, -1.0, 5.0), vec3(0.0, 2.0, 3.75)])];
+        for contender in casting() {
+            let plain = contender.floats(&Scene { shadows: false, ..scene.clone() });
+            let dark = vec![[0.0; 4]; plain.len()];
+            let expected = if triangle_is_lit { &plain } else { &dark };
+            assert!(contender.floats(&scene) == *expected && plain != dark, "{contender}: a triangle under {at}");
+        }
+    }
+    // From inside a sphere, or from a point of it, nothing is seen that has light.
+    scene.triangles = vec![];
+    scene.lights = [1.0, 4.0, 9.0].map(|z| light(vec3(0.0, 0.5, z))).to_vec();
+    for (centre, radius) in [(1.0, 3.0), (4.0, 4.0)] {
+        scene.spheres = vec![sphere(radius, vec3(0.0, 0.0, centre))];
+        // Packets still light the inside of a sphere alone.
+        for contender in casting().filter(|contender| !contender.engine.is_packet()) {
+            assert!(!lit(&contender, &scene).contains(&true), "{contender}: from inside");
+            assert!(lit(&contender, &Scene { shadows: false, ..scene.clone() }).contains(&true), "{contender}");
+        }
+    }
+}
+
+#[test]
+fn a_closed_surface_lit_from_inside_is_bright_inside_and_dark_outside_without_a_speck() {
+    let mut rng = Rng::new(5);
+    let mut direction = || {
+        let part = |bits: u64| (bits >> 40) as f64 / f64::from(1 << 23) - 1.0;
+        DVec3::new(part(rng.next_u64()), part(rng.next_u64()), part(rng.next_u64())).normalize()
+    };
+    for (name, body) in [("cube", cube()), ("rock", rock())] {
+        for _ in 0..3 {
+            let inside = (0.3 * direction()).as_vec3();
+            let outside = (4.0 * direction()).as_vec3();
+            let towards = direction();
+            let world = Scene { triangles: body.clone(), ..shadowed(61, 47) };
+            let seen = |at: Vec3, position: DVec3| {
+                let world = Scene { lights: vec![light(at)], ..world.clone() };
+                world.seen_from(View { position, look_at: -0.1 * towards, up: DVec3::new(0.3, 1.0, 0.2) }).unwrap()
+            };
+            let from_inside = 0.2 * towards;
+            for contender in casting() {
+                let all = |at, position| {
+                    let lit = lit(&contender, &seen(at, position));
+                    (lit.iter().all(|lit| *lit), lit.contains(&true))
+                };
+                // A rock has dents, which have shadows.
+                let (is_bright, has_light) = all(inside, from_inside);
+                assert!(is_bright || name == "rock" && has_light, "{contender}: in a {name} lit by {inside}");
+                assert!(!all(inside, 3.0 * towards).1, "{contender}: outside a {name} lit by {inside}");
+                assert!(!all(outside, from_inside).1, "{contender}: in a {name} lit by {outside}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_convex_body_lit_from_outside_is_as_without_shadows_where_its_face_is_turned_to_the_light() {
+    let world = Scene { triangles: cube(), lights: vec![light(vec3(1.5, 3.0, -2.0))], ..shadowed(203, 151) };
+    for position in [DVec3::new(0.0, 0.0, -3.0), DVec3::new(2.0, 1.0, -2.0)] {
+        let scene = world.seen_from(View { position, look_at: DVec3::ZERO, up: DVec3::Y }).unwrap();
+        let plain = Scene { shadows: false, ..scene.clone() };
+        for contender in casting() {
+            let pixels = contender.floats(&scene).into_iter().zip(contender.floats(&plain));
+            let changed = pixels.clone().filter(|(shadowed, plain)| shadowed != plain);
+            assert!(changed.clone().all(|(shadowed, _)| shadowed == [0.0; 4]), "{contender}");
+            // Faces that the light does not see are dark as a whole: of each triangle one colour at most is lost.
+            let tracer = contender.prepare(&scene);
+            let hits = tracer.hits(0..scene.camera.height());
+            for (i, triangle) in scene.triangles.iter().enumerate() {
+                let of_it = hits
+                    .iter()
+                    .zip(pixels.clone())
+                    .filter(|(hit, _)| hit.as_ref().is_some_and(|hit| hit.object == Object::Triangle(i)));
+                let dark = of_it.clone().filter(|(_, (shadowed, _))| *shadowed == [0.0; 4]).count();
+                let [a, b, c] = triangle.vertices;
+                let n = (b - a).cross(c - a);
+                let away = n.dot(a) * n.dot(a - scene.lights[0].position) < 0.0;
+                assert_eq!(dark, if away { of_it.count() } else { 0 }, "{contender}: triangle {i}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_there_twice_is_lit_as_once() {
+    let mut scene = shadowed(61, 47);
+    scene.lights = vec![light(vec3(-3.0, 4.0, 1.0)), light(vec3(7.0, 1.0, 9.0))];
+    scene.spheres = vec![sphere(0.75, vec3(0.25, 0.25, 4.0)), sphere(1e4, vec3(0.0, -10_001.0, 0.0))];
+    scene.triangles = vec![triangle([vec3(-3.0, -0.75, 5.0), vec3(3.0, -0.5, 7.0), vec3(0.0, 2.0, 6.0)])];
+    let mut twice = scene.clone();
+    twice.spheres.extend(scene.spheres.clone());
+    twice.triangles.extend(scene.triangles.clone());
+    for contender in casting() {
+        assert!(contender.floats(&twice) == contender.floats(&scene), "{contender}");
+    }
+}
+
+#[test]
+fn shadows_only_take_light_away_and_engines_agree_on_where() {
+    for (spheres, triangles, seed) in [(0, 0, 1), (40, 0, 2), (0, 60, 3), (200, 200, 4)] {
+        let scene =
+            Scene { camera: Camera::new(203, 151, 1.0, 1.0).unwrap(), shadows: true, ..many(spheres, triangles, seed) };
+        let plain = Scene { shadows: false, ..scene.clone() };
+        let truth = Contender { engine: Engine::Reference, precision: Engine::Reference.precision() };
+        let (expected, without) = (truth.bytes(&scene), truth.bytes(&plain));
+        let taken = expected.iter().zip(&without).filter(|(with, without)| with != without).count();
+        assert!(spheres + triangles < 9 || taken > 20, "{taken} pixels in shadow");
+        for contender in casting() {
+            let pixels = contender.floats(&scene).into_iter().zip(contender.floats(&plain));
+            let is_less = |(with, without): ([f32; 4], [f32; 4])| with.iter().zip(without).all(|(a, b)| *a <= b);
+            assert!(pixels.clone().all(is_less), "{contender} makes light");
+            // At outlines and at edges of shadows the engines in f32 may differ.
+            let differ = |(ours, truth): (&[u8; 3], &[u8; 3])| difference(*ours, *truth) > 1;
+            let plain = contender.bytes(&plain).iter().zip(&without).filter(|pair| differ(*pair)).count();
+            let differing = contender.bytes(&scene).iter().zip(&expected).filter(|pair| differ(*pair)).count();
+            assert!(differing <= plain + taken / 50 + 3, "{contender}: {differing} pixels, without shadows {plain}");
+        }
+    }
+}
+
+#[test]
+fn the_size_of_a_scene_makes_no_difference() {
+    let scene = Scene { camera: Camera::new(101, 75, 1.0, 1.0).unwrap(), shadows: true, ..many(30, 30, 6) };
+    for contender in casting() {
+        let expected = contender.bytes(&scene);
+        for exponent in [-20, -3, 8, 20] {
+            let scaled = scene.scaled(2f32.powi(exponent));
+            assert!(scaled.shadows && contender.bytes(&scaled) == expected, "{contender}: times 2^{exponent}");
+        }
+    }
+}
+
+#[test]
+fn lights_far_away_and_lights_on_things_are_decided() {
+    let mut scene = shadowed(101, 75);
+    scene.spheres = vec![sphere(0.5, vec3(0.0, -0.25, 4.0))];
+    scene.triangles =
+        [&ground()[..], &[triangle([vec3(1.0, -1.0, 3.0), vec3(2.0, -1.0, 3.5), vec3(1.5, 0.5, 3.25)])]].concat();
+    let sun = Vec3::new(0.5, 1.0, -0.25);
+    for contender in casting() {
+        scene.lights = vec![light(1e5 * sun)];
+        let expected = lit(&contender, &scene);
+        assert!(expected.iter().filter(|lit| !**lit).count() > 3000, "half of the picture is sky");
+        // What packets see from a light they see the less precisely the further away it is.
+        let all = [1e8, 1e10, 1e15, 1e20, 1e30, 3e38];
+        for distance in if contender.engine.is_packet() { &all[..1] } else { &all } {
+            scene.lights = vec![light(*distance * sun)];
+            let plain = Scene { shadows: false, ..scene.clone() };
+            // What an engine does not light without shadows it does not light with them.
+            let sees = lit(&contender, &plain).contains(&true);
+            let found = lit(&contender, &scene);
+            let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            assert!(if sees { differing <= 3 } else { !found.contains(&true) }, "{contender}: {distance}: {differing}");
+        }
+        // The middle of the picture, the pole of the sphere, corners, edges, and what no number is too large for.
+        let seen = ray(&scene, 40 * 101 + 50);
+        for at in [
+            (seen / -seen.y).as_vec3(),
+            vec3(0.0, 0.25, 4.0),
+            vec3(0.5, -0.25, 4.0),
+            vec3(1.5, 0.5, 3.25),
+            vec3(1.5, -1.0, 3.25),
+            vec3(-64.0, -1.0, -64.0),
+            vec3(0.0, -1.0, 3.0),
+            Vec3::ZERO,
+            Vec3::MAX,
+            Vec3::splat(1e-45),
+        ] {
+            scene.lights = vec![light(at)];
+            let plain = contender.floats(&Scene { shadows: false, ..scene.clone() });
+            let pixels = contender.floats(&scene);
+            let fine = pixels.iter().zip(&plain).all(|(with, without)| with == without || *with == [0.0; 4]);
+            assert!(fine, "{contender}: a light at {at}");
+        }
+        // On the pole of the sphere, as in every tangent plane, a light is hidden from nothing above it.
+        scene.lights = vec![light(vec3(0.0, 0.25, 4.0))];
+        scene.triangles = quad(vec3(-9.0, 0.5, -9.0), [vec3(18.0, 0.0, 0.0), vec3(0.0, 0.0, 18.0)]).to_vec();
+        let plain = contender.floats(&Scene { shadows: false, ..scene.clone() });
+        let above = 0..101 * 37;
+        assert!(contender.floats(&scene)[above.clone()] == plain[above], "{contender}: a ceiling");
+    }
+}
+
+#[test]
+fn no_object_no_light_and_a_thousand_lights_are_as_they_must_be() {
+    let mut scene = shadowed(31, 23);
+    scene.lights = vec![light(vec3(1.0, 2.0, 3.0))];
+    for contender in casting() {
+        assert!(!lit(&contender, &scene).contains(&true), "{contender}: nothing to be seen");
+    }
+    scene.spheres = vec![sphere(0.5, vec3(0.0, 0.0, 4.0)), sphere(0.25, vec3(1.0, 0.5, 3.0))];
+    scene.triangles = ground().to_vec();
+    scene.lights = vec![];
+    for contender in casting() {
+        assert!(!lit(&contender, &scene).contains(&true), "{contender}: no light");
+    }
+    // A sum of pictures of one light each.
+    scene.lights = (0..1000).map(|i| i as f32).map(|i| light(vec3((i * 0.7).sin() * 9.0, 4.0, i * 0.01))).collect();
+    for contender in casting() {
+        let mut expected = vec![0.0; 31 * 23];
+        for light in &scene.lights {
+            let alone = contender.floats(&Scene { lights: vec![*light], ..scene.clone() });
+            expected.iter_mut().zip(alone).for_each(|(sum, [r, ..])| *sum += f64::from(r));
+        }
+        let together = contender.floats(&scene);
+        assert!(expected.iter().any(|sum| *sum > 0.0));
+        for ([r, ..], sum) in together.into_iter().zip(expected) {
+            let bound = 1000.0 * f64::from(contender.shade_error(PixelFormat::F32x4));
+            assert!((f64::from(r) - sum).abs() <= bound, "{contender}: {r}, not {sum}");
+        }
+    }
+}
+
+#[test]
+fn rows_do_not_depend_on_each_other() {
+    let scene = Scene { camera: Camera::new(61, 47, 1.0, 1.0).unwrap(), shadows: true, ..many(30, 30, 8) };
+    for contender in casting() {
+        let floats = contender.floats(&scene);
+        let tracer = contender.prepare(&scene);
+        for row in [0, 17, 46] {
+            let mut film = rayo::render::Film::new(PixelFormat::F32x4, 61).unwrap();
+            tracer.rows(row..row + 1, film.as_mut());
+            let colours = (0..61).map(|i| film.colour(i).levels());
+            let whole = floats[row as usize * 61..][..61].iter().map(|pixel| levels(*pixel));
+            assert!(colours.eq(whole), "{contender}: row {row}");
+        }
+    }
+}
+
+#[test]
+fn an_engine_without_shadows_refuses_a_scene_with_them_and_names_those_that_have_them() {
+    let scene = Scene { shadows: true, ..many(2, 2, 1) };
+    for &engine in Engine::ALL {
+        let Err(error) = engine.prepare(None, &scene) else {
+            assert!(engine.has_shadows());
+            continue;
+        };
+        if engine.has_shadows() {
+            assert_eq!(error, EngineError::Unusable(engine));
+            continue;
+        }
+        assert_eq!(error, EngineError::NoShadows(engine));
+        let paper = if ["c", "paper"].contains(&engine.name()) { ", as the paper" } else { "" };
+        let names: Vec<_> = Engine::ALL.iter().filter(|e| e.has_shadows() && e.usable()).map(|e| e.name()).collect();
+        let names = names.join(", ");
+        assert_eq!(error.to_string(), format!("the engine `{engine}` has no shadows{paper}; these have: {names}"));
+    }
+}
