@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
+use super::measuring::{announce, bar, create_directory, stopped_unless, write_results};
 use super::party::Party;
 use super::{Failure, fit, print_result, terminal_width};
 use crate::experiments::accuracy::subjects::Subject;
@@ -115,7 +115,7 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     }
     bar.finish_and_clear();
     if document.rows.is_empty() {
-        return Err(Failure::output("stopped before the first scene was finished: there is nothing to show"));
+        return Err(Failure::stopped("stopped before the first scene was finished: there is nothing to show"));
     }
     let figure = plot::figure(&document.rows).map_err(Failure::output)?;
     let (page, csv) = (markdown::text(&document), table::csv(&document));
@@ -124,6 +124,6 @@ pub fn run(args: &AccuracyArgs, party: &Party) -> Result<ExitCode, Failure> {
     // On paper as on a terminal.
     let columns = terminal_width().unwrap_or(120);
     print_result(args.json, &document, || fit::fit(&table::text(&document, subjects.len() <= FEW), columns))?;
-    tell_whether(document.complete);
+    stopped_unless(document.complete)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -63,11 +63,10 @@ pub fn failure(error: LabError) -> Failure {
     }
 }
 
-/// Says that a measurement was stopped early.
-pub fn tell_whether(complete: bool) {
-    if !complete {
-        say("warning: stopped early: only what was finished is in the results");
-    }
+/// The failure of a measurement that a signal stopped early.
+pub fn stopped_unless(complete: bool) -> Result<(), Failure> {
+    let stopped = || Failure::stopped("stopped early: only what was finished is in the results");
+    complete.then_some(()).ok_or_else(stopped)
 }
 
 /// Set when a signal asks for an end; a second one ends the process at once.

@@ -95,6 +95,11 @@ impl Failure {
         Failure { message: error.to_string(), status: 1 }
     }
 
+    /// A signal ended a measurement early.
+    fn stopped(message: impl Into<String>) -> Self {
+        Failure { message: message.into(), status: signals::status() }
+    }
+
     fn tell(&self) -> ExitCode {
         say(&with_prefix(&self.message));
         ExitCode::from(self.status)

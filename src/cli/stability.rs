@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::measuring::{announce, bar, create_directory, tell_whether, write_results};
+use super::measuring::{announce, bar, create_directory, stopped_unless, write_results};
 use super::party::Party;
 use super::{Failure, print_result, say};
 use crate::experiments::stability::limits::{self, Limits};
@@ -103,12 +103,13 @@ pub fn run(args: &StabilityArgs, party: &Party) -> Result<ExitCode, Failure> {
     let texts = [("stability.md", page), ("limits.csv", limits), ("stability.svg", figure)];
     write_results(&args.out, ("results.json", &document), texts)?;
     print_result(args.json, &document, || table::text(&document))?;
-    Ok(verdict(&document))
+    let verdict = verdict(&document);
+    stopped_unless(document.complete)?;
+    Ok(verdict)
 }
 
 /// Reports the limits that are not kept, with the commands that repeat the cases.
 fn verdict(document: &StabilityReport) -> ExitCode {
-    tell_whether(document.complete);
     for row in document.rows.iter().filter(|row| !row.holds) {
         let why: Vec<_> = row.broken.iter().map(|broken| broken.why.as_str()).collect();
         say(&format!("error: {} by {} in {}: {}", row.family, row.engine, row.precision, why.join("; ")));

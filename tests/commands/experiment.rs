@@ -171,6 +171,28 @@ fn bad_runs_are_bad_usage_and_a_directory_that_cannot_be_is_an_output_that_faile
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// By then it has said how long it will take, and hears signals.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_measurement_that_a_signal_stops_has_the_exit_status_of_that_signal() {
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+    for command in ["accuracy", "stability"] {
+        for (signal, status) in [("TERM", 143), ("INT", 130)] {
+            let directory = TempDir::new().unwrap();
+            let mut program = program::in_the_foreground();
+            program.arg(command).arg("--out").arg(directory.path()).stdout(Stdio::null()).stderr(Stdio::piped());
+            let mut child = program.spawn().unwrap();
+            let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+            assert!(lines.next().unwrap().starts_with("this will take"));
+            assert!(program::signal(signal, child.id()));
+            let said: Vec<_> = lines.collect();
+            assert_eq!(child.wait().unwrap().code(), Some(status), "{command}, {signal}: {said:?}");
+            assert!(said.last().unwrap().starts_with("error: stopped "), "{command}, {signal}: {said:?}");
+        }
+    }
+}
+
 /// Stopped in its first second, a run keeps the sizes that are finished and says so, or has none to show.
 #[cfg(target_os = "linux")]
 #[test]

@@ -22,8 +22,9 @@ impl Side {
 
 /// A multiple of every system's pages.
 const PAGE: usize = 1 << 16;
-/// Fenced blocks lie from here on, where nothing else does, one after the other and never in the place of another.
-const FIRST: usize = 0x1000_0000_0000;
+/// Fenced blocks lie from here on, where nothing else does (AddressSanitizer's shadow ends before), one after the other
+/// and never in the place of another.
+const FIRST: usize = 0x2000_0000_0000;
 static NEXT: AtomicUsize = AtomicUsize::new(FIRST);
 
 thread_local! {

@@ -10,7 +10,7 @@ use crate::cli::essay::{filled, part};
 use crate::cli::measuring::{bar, create_directory, failure, write_results};
 use crate::cli::party::Party;
 use crate::cli::table::{self, Column, Table};
-use crate::cli::{Failure, print_result, signals};
+use crate::cli::{Failure, print_result};
 use crate::experiments::claims::Axis;
 use crate::experiments::complexity::{self, Complexity, Growth, LINES, Measured, Settings, Slope, ZEROS, lines, plot};
 use crate::experiments::svg::Screen;
@@ -58,8 +58,7 @@ pub(super) fn run(args: &ExperimentArgs, party: &Party) -> Result<ExitCode, Fail
         return Ok(ExitCode::SUCCESS);
     }
     if rows.is_empty() {
-        let message = "stopped before the first picture was finished: there is nothing to show".into();
-        return Err(Failure { message, status: signals::status() });
+        return Err(Failure::stopped("stopped before the first picture was finished: there is nothing to show"));
     }
     let document = Complexity::new(machine, &settings, complete, rows);
     let figure = plot::figure(&document.rows, Screen::Wide).map_err(Failure::output)?;

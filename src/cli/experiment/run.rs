@@ -10,7 +10,7 @@ use super::one_run::{self, Message, Which};
 use super::{ExperimentArgs, table};
 use crate::cli::measuring::{bar, cores, create_directory, failure, no_clock, pin, write_file, write_results};
 use crate::cli::party::Party;
-use crate::cli::{Failure, print_result, say, signals};
+use crate::cli::{Failure, print_result, say};
 use crate::experiments::claims::{self, Evidence};
 use crate::experiments::document::{Conditions, Experiment};
 use crate::experiments::lab::{LabError, Progress};
@@ -51,11 +51,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<ExitCode, Failure> {
 
 /// The failure after Ctrl-C, which says what is kept.
 pub(super) fn interrupted(kept: &str, directory: &Path) -> Failure {
-    let directory = shown(directory);
-    Failure {
-        message: format!("stopped early: {kept}, are finished and kept in {directory}"),
-        status: signals::status(),
-    }
+    Failure::stopped(format!("stopped early: {kept}, are finished and kept in {}", shown(directory)))
 }
 
 /// What every measurement needs; it is made once the arguments are known to be good.
@@ -110,7 +106,7 @@ pub fn measure(
     clock.total += measured.ticks;
     let of_rungs = measured.rungs;
     let measured = Speedup::of(settings, &measured.sizes).map_err(|error| match error {
-        LabError::Nothing if stop.load(Ordering::Relaxed) => Failure { status: signals::status(), ..failure(error) },
+        LabError::Nothing if stop.load(Ordering::Relaxed) => Failure::stopped(error.to_string()),
         error => failure(error),
     })?;
     let mut complete = measured.complete() && of_rungs.len() == settings.runs;
