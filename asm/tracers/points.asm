@@ -7,7 +7,8 @@
 ;
 ; Assembled once per ISA, in the pass for f64. The functions:
 ;
-;   rayo_<isa>_single_points, rayo_<isa>_double_points      unsafe extern "sysv64" fn(view, who, column, row, objects, points)
+;   rayo_<isa>_single_points, rayo_<isa>_double_points
+;       unsafe extern "sysv64" fn(view, who, column, row, objects, points)
 ;
 ;   view        *const PointView
 ;   who         *const of a tile's ids in f32 or f64, in blocks of a register each

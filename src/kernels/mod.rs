@@ -58,7 +58,7 @@ pub use records::{
 };
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
 pub use records::{SphereCaster, TilePoints, TriangleCaster};
-pub use shadows::{Caster, Casters, GROUP, LitPoints, Points};
+pub use shadows::{Caster, CasterList, Casters, GROUP, LitPoints, Points};
 pub use tiles::{
     Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
     ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TILE_PIXELS, TileBuffers,

@@ -2,7 +2,7 @@
 
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{
-    CHUNK, CastersTask, Element, PointObject, PointView, SphereCaster, TilePoint, TilePoints, TriangleCaster,
+    CasterBounds, CastersTask, Element, PointObject, PointView, SphereCaster, TilePoints, TriangleCaster,
 };
 use super::tiles::{TILE_PIXELS, TileBuffers};
 use super::types::Plain;
@@ -41,35 +41,34 @@ kinds! {
     }
 
     /// Finds the points that some objects hide from a light.
-    Casters<C: Caster> as fn(&LitPoints<'_>, &[C], &[[f32; 4]], u32) -> u32;
+    Casters<C: Caster> as fn(&LitPoints<'_>, &CasterList<C>, u32) -> u32;
 
-    /// Those of the `open` points, a bit for each, that none of the objects hides from the light: at most [`CHUNK`], whose
-    /// bounds are their least x and y as the light sees them, and their greatest, negated.
+    /// Those of the `open` points, a bit for each, that none of the objects hides from the light.
     ///
     /// # Panics
-    /// If there are more objects, or not as many bounds; or not as many points.
-    fn call(points: &LitPoints<'_>, casters: &[C], bounds: &[[f32; 4]], open: u32) -> u32; |way| {
+    /// If there are not as many points.
+    fn call(points: &LitPoints<'_>, casters: &CasterList<C>, open: u32) -> u32; |way| {
         let LitPoints { points: all, first, light, seen } = points;
         assert!(*first <= TILE_PIXELS - GROUP, "points of a tile");
-        assert!(casters.len() == bounds.len() && casters.len() <= CHUNK, "a chunk of objects with their bounds");
-        if casters.is_empty() || open == 0 {
+        if casters.casters.is_empty() || open == 0 {
             return open;
         }
         match way {
             Way::Code(enter) => {
+                // There are bounds for as many as there can be.
                 let task = CastersTask {
                     // In the whole record, of which the kernel reads other fields too.
                     points: reads(*all) + (first * size_of::<f64>()) as u64,
                     light: reads(*light),
                     seen: reads(seen),
-                    casters: reads(casters),
-                    bounds: reads(bounds),
-                    count: casters.len() as u64,
+                    casters: reads(&*casters.casters),
+                    bounds: reads(&casters.bounds),
+                    count: casters.casters.len() as u64,
                     open: open.into(),
                 };
                 enter([reads(&task), 0, 0, 0, 0, 0]) as u32
             }
-            Way::Rust(ask) => ask(points, casters, bounds, open),
+            Way::Rust(ask) => ask(points, casters, open),
         }
     }
 }
@@ -79,8 +78,45 @@ pub struct LitPoints<'a> {
     pub points: &'a TilePoints<f64>,
     /// The first of [`GROUP`] in blocks.
     pub first: usize,
-    /// The light: x, y, z and the sum of their magnitudes.
-    pub light: &'a TilePoint<f64>,
+    pub light: &'a [f64; 3],
     /// The greatest x and y of the points as the light sees them, and the least, negated.
     pub seen: [f32; 4],
+}
+
+/// Objects that may hide a light: at most [`GROUP`].
+pub struct CasterList<C> {
+    casters: Vec<C>,
+    bounds: CasterBounds,
+}
+
+impl<C> Default for CasterList<C> {
+    fn default() -> Self {
+        CasterList { casters: Vec::new(), bounds: CasterBounds::ZERO }
+    }
+}
+
+impl<C> CasterList<C> {
+    /// Adds one with its bounds as the light sees it: the least x and y, and the greatest, negated.
+    ///
+    /// # Panics
+    /// If there are as many already.
+    pub fn push(&mut self, caster: C, bounds: [f32; 4]) {
+        let CasterBounds { x, y, past_x, past_y } = &mut self.bounds;
+        let at = self.casters.len();
+        [x[at], y[at], past_x[at], past_y[at]] = bounds.map(f32::to_bits);
+        self.casters.push(caster);
+    }
+
+    pub fn clear(&mut self) {
+        self.casters.clear();
+    }
+
+    /// All, with whether their bounds meet those of points.
+    pub(super) fn meeting(&self, seen: [f32; 4]) -> impl Iterator<Item = &C> {
+        let CasterBounds { x, y, past_x, past_y } = &self.bounds;
+        let meets = move |at: usize| {
+            [x, y, past_x, past_y].into_iter().zip(seen).all(|(bounds, seen)| f32::from_bits(bounds[at]) <= seen)
+        };
+        self.casters.iter().enumerate().filter(move |(at, _)| meets(*at)).map(|(_, caster)| caster)
+    }
 }

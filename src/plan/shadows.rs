@@ -27,10 +27,9 @@ const CELLS_OF_AN_OBJECT: usize = 8;
 /// The rounding of a coordinate on a side, which is within 1.
 const SLACK: f64 = 8.0 * f64::EPSILON;
 
-/// What hides a light has to be nearer to it than the point by this share of their coordinates: P is rounded, and so is its
-/// product with a plane.
+/// What P's rounding, and that of products with it, may make of the plane of a triangle and of the power of a sphere.
 const TRIANGLE_ROUNDING: f64 = 8.0 * f64::EPSILON;
-const SPHERE_ROUNDING: f64 = 16.0 * f64::EPSILON;
+const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// The shadows of a scene.
 pub struct Shadows<'a> {
@@ -77,34 +76,47 @@ struct Grid {
 }
 
 /// The kinds of objects.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub enum Kind {
     Sphere,
     Triangle,
 }
 
 /// An object in a cell.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Default)]
 pub struct Near {
     /// Its index among those of its kind.
     pub id: u32,
     /// A lower bound of its depth on this side.
-    pub depth: f32,
+    depth: f32,
 }
 
-/// Objects that may hide a light from points.
+/// A side of a light's cube.
+#[derive(Clone, Copy)]
+pub struct LightSide<'a> {
+    scene: &'a Scene,
+    light: usize,
+    position: DVec3,
+    side: &'a Side,
+}
+
+/// Points as a light sees them on a side.
+pub struct Seen {
+    /// The finest cells that they may be in: columns and rows.
+    cells: [Range<u32>; 2],
+    /// The depth of the farthest, rounded up.
+    depth: f32,
+    /// The greatest x and y, in cells, and the least, negated.
+    pub ends: [f32; 4],
+}
+
+/// Objects that may hide a light from such points: they are not all behind.
 pub struct Cell<'a> {
     pub kind: Kind,
     /// Tells it from all others of the scene.
     pub key: u64,
-    /// The side of the cube.
-    pub side: usize,
     /// Sorted by depth.
     pub objects: &'a [Near],
-    /// The depth of the farthest point.
-    pub depth: f32,
-    /// The points' greatest x and y in cells, and the least, negated.
-    pub seen: [f32; 4],
 }
 
 /// The bounds of an object on a side: its coordinates at depth 1, and its least depth.
@@ -299,88 +311,10 @@ impl<'a> Shadows<'a> {
         self.lights.iter().map(|light| light.position)
     }
 
-    /// Calls `say` for all cells whose objects may hide a light from points in a box, given by its least and its greatest
-    /// coordinates, until it returns false.
-    pub fn cells_of(&self, light: usize, points: [DVec3; 2], mut say: impl FnMut(&Cell<'_>) -> bool) {
+    /// The sides on which a light sees objects.
+    pub fn sides(&self, light: usize) -> impl Iterator<Item = LightSide<'_>> {
         let LightView { position, sides } = &self.lights[light];
-        let points = points.map(|v| v - position);
-        for Side { number, cells, grids } in sides {
-            let Some(bounds) = Bounds::of_box(points, *number).filter(|bounds| cells.meet(bounds)) else { continue };
-            let (near, far) = (turned(points[0], *number)[2], turned(points[1], *number)[2]);
-            // Rounded up.
-            let depth = (near.max(far) * (1.0 + f64::from(f32::EPSILON))) as f32;
-            let [low, high] = cells.ends(&bounds);
-            let seen = [high[0], high[1], -low[0], -low[1]];
-            let range = cells.range(&bounds);
-            for Grid { kind, coarseness, starts, objects } in grids {
-                for cell in cells_in(&range, *coarseness) {
-                    let objects = &objects[starts[cell] as usize..starts[cell + 1] as usize];
-                    if objects.first().is_none_or(|first| first.depth > depth) {
-                        continue;
-                    }
-                    let grid = ((light * SIDES.len() + number) * 2 + *kind as usize) << 4 | *coarseness as usize;
-                    let key = (grid as u64) << (2 * FINEST.ilog2()) | cell as u64;
-                    if !say(&Cell { kind: *kind, key, side: *number, objects, depth, seen }) {
-                        return;
-                    }
-                }
-            }
-        }
-    }
-
-    /// The bounds of an object on a side, as kernels compare them with [`Cell::seen`].
-    fn bounds(&self, light: usize, side: usize, bounds: Option<Bounds>) -> [f32; 4] {
-        let cells = self.lights[light].sides.iter().find(|of| of.number == side).map(|of| of.cells).unwrap_or_default();
-        let [low, high] = cells.ends(&bounds.unwrap_or(WHOLE));
-        [low[0], low[1], -high[0], -high[1]]
-    }
-
-    /// A triangle as a light sees it on a side, and its bounds there; None if it sees its edge alone.
-    pub fn triangle(&self, light: usize, side: usize, id: u32) -> Option<(TriangleCaster<f64>, [f32; 4])> {
-        let (triangle, position) = (self.scene.triangle(id as usize), self.lights[light].position);
-        let corners = triangle.vertices.map(|v| v.as_dvec3() - position);
-        let volume = geometry::triangle_volume(corners)?;
-        let [v1, v2, v3] = corners;
-        let [e1, e2, e3] = [v1.cross(v2), v2.cross(v3), v3.cross(v1)].map(|e| e * volume.signum());
-        let p = geometry::triangle_plane(corners) / volume;
-        let caster = TriangleCaster {
-            e1x: e1.x,
-            e1y: e1.y,
-            e1z: e1.z,
-            e2x: e2.x,
-            e2y: e2.y,
-            e2z: e2.z,
-            e3x: e3.x,
-            e3y: e3.y,
-            e3z: e3.z,
-            px: p.x,
-            py: p.y,
-            pz: p.z,
-            bound: TRIANGLE_ROUNDING * p.abs().max_element(),
-            own: (self.scene.spheres.len() + id as usize) as f64,
-        };
-        Some((caster, self.bounds(light, side, Bounds::of_triangle(&triangle, position, side))))
-    }
-
-    /// A sphere as a light sees it on a side, and its bounds there.
-    pub fn sphere(&self, light: usize, side: usize, id: u32) -> (SphereCaster<f64>, [f32; 4]) {
-        let (sphere, position) = (&self.scene.spheres[id as usize], self.lights[light].position);
-        let (c, radius) = (sphere.centre.as_dvec3() - position, f64::from(sphere.radius));
-        let (r2, k) = (radius * radius, geometry::power(c, radius));
-        let is_outside = k > 0.0;
-        let caster = SphereCaster {
-            x: c.x,
-            y: c.y,
-            z: c.z,
-            r2,
-            k,
-            side: if is_outside { 1.0 } else { -1.0 },
-            past: if is_outside { 0.0 } else { f64::INFINITY },
-            least: if k < 0.0 { f64::NEG_INFINITY } else { 0.0 },
-            bound: SPHERE_ROUNDING * (c.dot(c) + r2),
-            own: id.into(),
-        };
-        (caster, self.bounds(light, side, Bounds::of_sphere(sphere, position, side)))
+        sides.iter().map(move |side| LightSide { scene: self.scene, light, position: *position, side })
     }
 
     /// The object at this place in the scene, spheres first, as its visible points are found; None if no light reaches what is
@@ -399,5 +333,117 @@ impl<'a> Shadows<'a> {
         let is_near = c.dot(c) < 2.0 * r2;
         let [a, b, e] = if is_near { [-k, 1.0, 0.0] } else { [r2, 0.0, 1.0] };
         (k > 0.0).then(|| PointObject { a, b, e, w: 1.0 / k, ..of(c) })
+    }
+}
+
+impl LightSide<'_> {
+    /// Points in a box, given by its least and its greatest coordinates; None if none is on this side, among objects.
+    pub fn seen(&self, points: [DVec3; 2]) -> Option<Seen> {
+        let Side { number, cells, .. } = self.side;
+        let points = points.map(|v| v - self.position);
+        let bounds = Bounds::of_box(points, *number).filter(|bounds| cells.meet(bounds))?;
+        let (near, far) = (turned(points[0], *number)[2], turned(points[1], *number)[2]);
+        let depth = (near.max(far) * (1.0 + f64::from(f32::EPSILON))) as f32;
+        let [low, high] = cells.ends(&bounds);
+        Some(Seen { cells: cells.range(&bounds), depth, ends: [high[0], high[1], -low[0], -low[1]] })
+    }
+
+    /// Calls `say` for all cells with objects that may be before these points, until it returns false.
+    pub fn each_cell(&self, seen: &Seen, mut say: impl FnMut(&Cell<'_>) -> bool) {
+        let side = self.light * SIDES.len() + self.side.number;
+        for Grid { kind, coarseness, starts, objects } in &self.side.grids {
+            let across = FINEST >> coarseness;
+            let [columns, rows] =
+                [0, 1].map(|i| &seen.cells[i]).map(|of| of.start >> coarseness..=(of.end - 1) >> coarseness);
+            for row in rows {
+                for cell in row * across + columns.start()..=row * across + columns.end() {
+                    let cell = cell as usize;
+                    let all = &objects[starts[cell] as usize..starts[cell + 1] as usize];
+                    let near = all.iter().position(|object| object.depth > seen.depth).unwrap_or(all.len());
+                    if near > 0 {
+                        let grid = (side * 2 + *kind as usize) << 4 | *coarseness as usize;
+                        let key = (grid as u64) << (2 * FINEST.ilog2()) | cell as u64;
+                        if !say(&Cell { kind: *kind, key, objects: &all[..near] }) {
+                            return;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The bounds of an object, as kernels compare them with [`Seen::ends`].
+    fn ends(&self, bounds: Option<Bounds>) -> [f32; 4] {
+        let [low, high] = self.side.cells.ends(&bounds.unwrap_or(WHOLE));
+        [low[0], low[1], -high[0], -high[1]]
+    }
+
+    /// A triangle as the light sees it, and its bounds; None if it sees its edge alone.
+    pub fn triangle(&self, id: u32) -> Option<(TriangleCaster<f64>, [f32; 4])> {
+        let triangle = self.scene.triangle(id as usize);
+        let corners = triangle.vertices.map(|v| v.as_dvec3());
+        let (side, n) =
+            (geometry::triangle_side(corners, self.position, 0.0)?.signum(), geometry::triangle_plane(corners));
+        // The plane through the light and an edge; turned round, the edge has exactly the other side.
+        let edge = |v: DVec3, w: DVec3| {
+            let middle = 0.5 * (v + w);
+            let n = side * (middle - self.position).cross(w - v);
+            (n, -n.dot(middle))
+        };
+        let [v1, v2, v3] = corners;
+        let [(e1, e10), (e2, e20), (e3, e30)] = [edge(v1, v2), edge(v2, v3), edge(v3, v1)];
+        let [nearest, ..] = geometry::near_corner_first(corners);
+        let (p, bound) = (-side * n, TRIANGLE_ROUNDING * n.abs().max_element());
+        let caster = TriangleCaster {
+            e1x: e1.x,
+            e1y: e1.y,
+            e1z: e1.z,
+            e10,
+            e2x: e2.x,
+            e2y: e2.y,
+            e2z: e2.z,
+            e20,
+            e3x: e3.x,
+            e3y: e3.y,
+            e3z: e3.z,
+            e30,
+            px: p.x,
+            py: p.y,
+            pz: p.z,
+            p0: bound * nearest.abs().element_sum() - p.dot(nearest),
+            bound,
+            own: (self.scene.spheres.len() + id as usize) as f64,
+        };
+        Some((caster, self.ends(Bounds::of_triangle(&triangle, self.position, self.side.number))))
+    }
+
+    /// A sphere as the light sees it, and its bounds.
+    pub fn sphere(&self, id: u32) -> (SphereCaster<f64>, [f32; 4]) {
+        let sphere = &self.scene.spheres[id as usize];
+        let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let (r2, of_light) = (radius * radius, geometry::power(c - self.position, radius));
+        let is_outside = of_light > 0.0;
+        // Points of a large sphere may be so near that |P - c|^2 - r^2 loses them.
+        let is_large = c.dot(c) < 4.0 * r2;
+        let (u, w, k) = if is_large { (DVec3::ZERO, 2.0 * c, geometry::power(c, radius)) } else { (c, c, -r2) };
+        let caster = SphereCaster {
+            x: c.x,
+            y: c.y,
+            z: c.z,
+            ux: u.x,
+            uy: u.y,
+            uz: u.z,
+            wx: w.x,
+            wy: w.y,
+            wz: w.z,
+            k,
+            r2,
+            side: if is_outside { 1.0 } else { -1.0 },
+            past: if is_outside { 0.0 } else { f64::NEG_INFINITY },
+            most: if of_light < 0.0 { f64::INFINITY } else { 0.0 },
+            bound: SPHERE_ROUNDING * radius,
+            own: id.into(),
+        };
+        (caster, self.ends(Bounds::of_sphere(sphere, self.position, self.side.number)))
     }
 }

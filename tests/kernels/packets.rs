@@ -11,10 +11,10 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitPoints, LitRow, LitRows,
-    LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
-    SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk,
-    Vec4, packet_symbols,
+    BoundsView, CHUNK, Candidate, CasterList, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitPoints, LitRow,
+    LitRows, LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords,
+    SphereChunk, SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow,
+    TriangleChunk, Vec4, packet_symbols,
 };
 use rayo::plan::{Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
@@ -412,21 +412,27 @@ fn shadows_of<E: Element>(
     add(&mut made, "points", &points);
     let everywhere = [f32::INFINITY; 4];
     for (light, position) in shadows.lights().enumerate() {
-        let at = [position.x, position.y, position.z, position.abs().element_sum()];
-        for side in 0..6 {
-            let (spheres, of_spheres): (Vec<_>, Vec<_>) = (0..30).map(|id| shadows.sphere(light, side, id)).unzip();
-            let triangles = (0..CHUNK as u32).filter_map(|id| shadows.triangle(light, side, id));
-            let (triangles, of_triangles): (Vec<_>, Vec<_>) = triangles.unzip();
+        let at = position.to_array();
+        for side in shadows.sides(light) {
+            let (mut spheres, mut triangles) = (CasterList::default(), CasterList::default());
+            let mut ends = Vec::new();
+            for (caster, bounds) in (0..11).map(|id| side.sphere(id)) {
+                spheres.push(caster, bounds);
+                ends.push(bounds);
+            }
+            for (caster, bounds) in (0..CHUNK as u32).filter_map(|id| side.triangle(id)).take(GROUP) {
+                triangles.push(caster, bounds);
+                ends.push(bounds);
+            }
             for first in (0..TILE_PIXELS).step_by(5 * GROUP) {
                 // As some object is seen.
-                let [left, top, right, bottom] = choose(&mut rng, &[&of_spheres[..], &of_triangles].concat());
+                let [left, top, right, bottom] = choose(&mut rng, &ends);
                 let seen = choose(&mut rng, &[everywhere, [-right, -bottom, -left, -top]]);
                 let points = LitPoints { points: &points, first, light: &at, seen };
                 let some = rng.next_u64() as u32 & 0xffff;
                 let open = choose(&mut rng, &[0xffff, some]);
-                add(&mut made, "open to spheres", &packets.sphere_casters.call(&points, &spheres, &of_spheres, open));
-                let left = packets.triangle_casters.call(&points, &triangles, &of_triangles, open);
-                add(&mut made, "open to triangles", &left);
+                add(&mut made, "open to spheres", &packets.sphere_casters.call(&points, &spheres, open));
+                add(&mut made, "open to triangles", &packets.triangle_casters.call(&points, &triangles, open));
             }
         }
     }

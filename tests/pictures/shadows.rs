@@ -177,8 +177,7 @@ fn an_object_alone_has_no_shadow_but_on_its_own_back() {
     scene.lights = [1.0, 4.0, 9.0].map(|z| light(vec3(0.0, 0.5, z))).to_vec();
     for (centre, radius) in [(1.0, 3.0), (4.0, 4.0)] {
         scene.spheres = vec![sphere(radius, vec3(0.0, 0.0, centre))];
-        // Packets still light the inside of a sphere alone.
-        for contender in casting().filter(|contender| !contender.engine.is_packet()) {
+        for contender in casting() {
             assert!(!lit(&contender, &scene).contains(&true), "{contender}: from inside");
             assert!(lit(&contender, &Scene { shadows: false, ..scene.clone() }).contains(&true), "{contender}");
         }
@@ -306,10 +305,8 @@ fn lights_far_away_and_lights_on_things_are_decided() {
         scene.lights = vec![light(1e5 * sun)];
         let expected = lit(&contender, &scene);
         assert!(expected.iter().filter(|lit| !**lit).count() > 3000, "half of the picture is sky");
-        // What packets see from a light they see the less precisely the further away it is.
-        let all = [1e8, 1e10, 1e15, 1e20, 1e30, 3e38];
-        for distance in if contender.engine.is_packet() { &all[..1] } else { &all } {
-            scene.lights = vec![light(*distance * sun)];
+        for distance in [1e8, 1e10, 1e15, 1e20, 1e30, 3e38] {
+            scene.lights = vec![light(distance * sun)];
             let plain = Scene { shadows: false, ..scene.clone() };
             // What an engine does not light without shadows it does not light with them.
             let sees = lit(&contender, &plain).contains(&true);

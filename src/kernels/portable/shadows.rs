@@ -5,12 +5,9 @@
 use super::super::records::{
     Element as _, PointObject, PointView, SphereCaster, TILE_WIDTH, TilePoints, TriangleCaster,
 };
-use super::super::shadows::{GROUP, LitPoints};
+use super::super::shadows::{CasterList, GROUP, LitPoints};
 use super::super::tiles::TILE_PIXELS;
-use super::lanes::{Each, Lanes, dot, dot_unfused};
-
-/// Its square is 16 epsilon of f64.
-const ROUNDING: f64 = 1.0 / (1 << 24) as f64;
+use super::lanes::{Each, Lanes, dot, dot_unfused, zip};
 
 /// The points of a tile, of which L is a block of pixels.
 pub fn points<L: Lanes, W: Lanes<Number = f64>>(
@@ -50,41 +47,64 @@ pub fn points<L: Lanes, W: Lanes<Number = f64>>(
     }
 }
 
-/// An object that a ray from the light may meet first.
+/// Points, the sum of the magnitudes of their coordinates, and whose they are; and g, from them to a light.
+#[derive(Clone, Copy)]
+pub struct Asked<W> {
+    p: [W; 3],
+    size: W,
+    own: W,
+    g: [W; 3],
+}
+
+/// An object that may hide a light.
 pub trait Hides {
-    /// Which points, a mask, it hides, and are not its own: e leads to them from the light, `size` bounds the sum of the
-    /// magnitudes of coordinates.
-    fn hides<W: Lanes<Number = f64>>(&self, e: [W; 3], size: W, own: W) -> W;
+    /// Which of the points, a mask, it hides.
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W;
 }
 
 impl Hides for TriangleCaster<f64> {
     #[inline(always)]
-    fn hides<W: Lanes<Number = f64>>(&self, e: [W; 3], size: W, own: W) -> W {
-        let with = |x, y, z| dot(e, [x, y, z].each(W::all));
-        let first = with(self.e1x, self.e1y, self.e1z);
-        let second = with(self.e2x, self.e2y, self.e2z);
-        let third = with(self.e3x, self.e3y, self.e3z);
-        let plane = with(self.px, self.py, self.pz).fnma(size, W::all(self.bound));
-        let inside = first.min(second).min(third).not_less(W::of(0.0));
-        inside.and(plane.greater(W::of(1.0))).and(unequal(own, W::all(self.own)))
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W {
+        triangle_hides(self, points)
     }
 }
 
 impl Hides for SphereCaster<f64> {
     #[inline(always)]
-    fn hides<W: Lanes<Number = f64>>(&self, e: [W; 3], size: W, own: W) -> W {
-        let all = W::all;
-        let c = [self.x, self.y, self.z].each(all);
-        let (a, h) = (dot(e, e), dot(e, c));
-        let across = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| (c[i] * e[j]).fnma(c[j], e[i]));
-        let disc = a.fms(all(self.r2), dot(across, across));
-        let outside = a + all(self.k) - h - h;
-        let size = size * W::of(ROUNDING);
-        let bound = size * size + all(self.bound);
-        let there = (h - a + all(self.past)).min(bound.fma(outside, all(self.side)));
-        let met = disc.not_less(W::of(0.0)).and(h.greater(all(self.least)));
-        met.and(W::of(0.0).greater(there)).and(unequal(own, all(self.own)))
+    fn hides<W: Lanes<Number = f64>>(&self, points: &Asked<W>) -> W {
+        sphere_hides(self, points)
     }
+}
+
+/// TRIANGLE_HIDES.
+#[inline(always)]
+fn triangle_hides<W: Lanes<Number = f64>>(of: &TriangleCaster<f64>, &Asked { p, size, own, .. }: &Asked<W>) -> W {
+    let all = W::all;
+    let plane = |x, y, z, at_0| all(at_0).fma(p[0], all(x)).fma(p[1], all(y)).fma(p[2], all(z));
+    let first = plane(of.e1x, of.e1y, of.e1z, of.e10);
+    let second = plane(of.e2x, of.e2y, of.e2z, of.e20);
+    let third = plane(of.e3x, of.e3y, of.e3z, of.e30);
+    let behind = plane(of.px, of.py, of.pz, of.p0).fma(size, all(of.bound));
+    let inside = first.min(second).min(third).not_less(W::of(0.0));
+    inside.and(W::of(0.0).greater(behind)).and(unequal(own, all(of.own)))
+}
+
+/// SPHERE_HIDES.
+#[inline(always)]
+fn sphere_hides<W: Lanes<Number = f64>>(of: &SphereCaster<f64>, &Asked { p, size, own, g }: &Asked<W>) -> W {
+    let (all, zero) = (W::all, W::of(0.0));
+    let from = |x, y, z| zip(p, [x, y, z].each(all), |p, x| p - x);
+    let outside = dot(from(of.ux, of.uy, of.uz), from(of.wx, of.wy, of.wz)) + all(of.k);
+    let q = zip([of.x, of.y, of.z].each(all), p, |c, p| c - p);
+    let (a, h) = (dot(g, g), dot(q, g));
+    let across = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| (q[i] * g[j]).fnma(q[j], g[i]));
+    let far = all(of.r2) * a - dot(across, across);
+    let near = h * h - outside * a;
+    let disc = all(of.r2).greater(outside).select(near, far);
+    let before_light = all(of.most).greater(h - a);
+    let before_p = zero - (all(of.bound) * size).fma(all(of.side), outside);
+    let before_p = (h + all(of.past)).max(before_p).greater(zero);
+    disc.not_less(zero).and(before_light).and(before_p).and(unequal(own, all(of.own)))
 }
 
 #[inline(always)]
@@ -94,13 +114,11 @@ fn unequal<W: Lanes<Number = f64>>(a: W, b: W) -> W {
 
 /// Those of the open points that no object hides from the light.
 pub fn open<W: Lanes<Number = f64>, C: Hides>(
-    &LitPoints { points, first, light: &[x, y, z, size], seen }: &LitPoints<'_>,
-    casters: &[C],
-    bounds: &[[f32; 4]],
+    &LitPoints { points, first, light, seen }: &LitPoints<'_>,
+    casters: &CasterList<C>,
     open: u32,
 ) -> u32 {
     let mut left = open;
-    let meets = |bounds: &[f32; 4]| bounds.iter().zip(seen).all(|(of, seen)| *of <= seen);
     for at in (0..GROUP).step_by(W::COUNT) {
         let here = (open >> at) & ((1 << W::COUNT) - 1);
         if here == 0 {
@@ -108,11 +126,11 @@ pub fn open<W: Lanes<Number = f64>, C: Hides>(
         }
         let p = [&points.x, &points.y, &points.z].each(|axis| W::load(&axis[first + at..]));
         let own = W::load(&points.own[first + at..]);
-        let size = p[2].abs() + (p[1].abs() + (p[0].abs() + W::all(size)));
-        let e = [p[0] - W::all(x), p[1] - W::all(y), p[2] - W::all(z)];
+        let size = W::of(0.0) + p[0].abs() + p[1].abs() + p[2].abs();
+        let points = Asked { p, size, own, g: zip(light.each(W::all), p, |light, p| light - p) };
         let mut hidden = 0;
-        for (caster, _) in casters.iter().zip(bounds).filter(|(_, bounds)| meets(bounds)) {
-            let mask = caster.hides(e, size, own);
+        for caster in casters.meeting(seen) {
+            let mask = caster.hides(&points);
             for lane in 0..W::COUNT {
                 hidden |= u32::from(mask.lane(lane).to_bits() != 0) << lane;
             }

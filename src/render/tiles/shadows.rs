@@ -3,32 +3,32 @@
 //! A pixel in a shadow gets an object of its own: one that has the lights of the object there, without those that are hidden.
 //! So shading, and the pixels that all lights reach, know nothing of shadows.
 
-use std::mem;
-
 use glam::DVec3;
 
 use super::TileTracer;
 use super::nearest::TileObjects;
 use crate::kernels::{
-    CHUNK, Caster, Casters, Element, GROUP, LitPoints, Plain, PointObject, SphereCaster, TILE_PIXELS, TileBuffers,
+    Caster, CasterList, Casters, Element, GROUP, LitPoints, Plain, PointObject, SphereCaster, TILE_PIXELS, TileBuffers,
     TilePoints, TileWindow, TriangleCaster,
 };
 use crate::plan::{Cell, Kind, Shadows};
 
-/// The cells whose objects a thread keeps as lights see them, of each kind.
-const MOST_CELLS: usize = 1 << 9;
+/// How many groups of objects of each kind a thread keeps as lights see them.
+const MOST_KEPT: usize = 1 << 11;
 
 /// The memory of a thread for shadows.
 pub(super) struct ShadowScratch {
     points: Box<TilePoints<f64>>,
-    /// By id; where there is no light, those that no light reaches.
+    /// By id.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
     /// The ids of pixels: of their objects, and of what is left of these.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
-    triangles: Vec<Kept<TriangleCaster<f64>>>,
-    spheres: Vec<Kept<SphereCaster<f64>>>,
+    /// The points of each group that a light may reach.
+    open: [u32; TILE_PIXELS / GROUP],
+    triangles: OfKind<TriangleCaster<f64>>,
+    spheres: OfKind<SphereCaster<f64>>,
 }
 
 impl Default for ShadowScratch {
@@ -39,25 +39,67 @@ impl Default for ShadowScratch {
             owners: Vec::new(),
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
-            triangles: vec![Kept::default(); MOST_CELLS],
-            spheres: vec![Kept::default(); MOST_CELLS],
+            open: [0; TILE_PIXELS / GROUP],
+            triangles: OfKind::default(),
+            spheres: OfKind::default(),
         }
     }
 }
 
-/// The nearest [`CHUNK`] objects of a cell, as the light sees them.
-#[derive(Clone)]
+/// The objects of some cells as lights see them.
+struct OfKind<C>(Vec<Kept<C>>);
+
+impl<C> Default for OfKind<C> {
+    fn default() -> Self {
+        OfKind((0..MOST_KEPT).map(|_| Kept::default()).collect())
+    }
+}
+
+/// Some objects of a cell.
 struct Kept<C> {
-    key: u64,
-    casters: Vec<C>,
-    bounds: Vec<[f32; 4]>,
-    /// How many of the cell's objects they are, with those of which the light sees only an edge.
+    /// The cell's key, and how many objects are before these.
+    key: (u64, usize),
+    /// How many they are, with those of which the light sees only an edge.
     count: usize,
+    list: CasterList<C>,
 }
 
 impl<C> Default for Kept<C> {
     fn default() -> Self {
-        Kept { key: u64::MAX, casters: Vec::new(), bounds: Vec::new(), count: 0 }
+        Kept { key: (u64::MAX, 0), count: 0, list: CasterList::default() }
+    }
+}
+
+impl<C: Caster> OfKind<C> {
+    /// Those of the open points that no object of a cell hides from a light.
+    fn ask(
+        &mut self,
+        cell: &Cell<'_>,
+        make: impl Fn(u32) -> Option<(C, [f32; 4])>,
+        kernel: &Casters<C>,
+        points: &LitPoints<'_>,
+        mut open: u32,
+    ) -> u32 {
+        for (before, objects) in (0..).step_by(GROUP).zip(cell.objects.chunks(GROUP)) {
+            let key = (cell.key, before);
+            // Cells beside each other have different places.
+            let place = (cell.key + before as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+            let kept = &mut self.0[place as usize % MOST_KEPT];
+            if kept.key != key {
+                (kept.key, kept.count) = (key, 0);
+                kept.list.clear();
+            }
+            if kept.count < objects.len() {
+                let made = objects[kept.count..].iter().filter_map(|object| make(object.id));
+                made.for_each(|(caster, bounds)| kept.list.push(caster, bounds));
+                kept.count = objects.len();
+            }
+            open = kernel.call(points, &kept.list, open);
+            if open == 0 {
+                break;
+            }
+        }
+        open
     }
 }
 
@@ -87,28 +129,28 @@ impl<E: Element> TileTracer<'_, E> {
         for (light, position) in shadows.lights().enumerate() {
             faces.clear();
             faces.extend(scratch.objects.iter().map(|object| is_lit(object, position)));
+            for (open, ids) in scratch.open.iter_mut().zip(scratch.ids.as_chunks::<GROUP>().0) {
+                *open = (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i);
+            }
+            for (group, points_box) in boxes.iter().enumerate() {
+                if scratch.open[group] != 0 {
+                    self.hide(shadows, (light, position), (group, *points_box), scratch);
+                }
+            }
             instead.clear();
             instead.resize(count + less.len(), 0);
-            for (group, seen) in boxes.iter().enumerate().filter(|(_, [low, _])| low.x < f64::INFINITY) {
-                let first = group * GROUP;
-                let (mut somebody, mut open) = (0, 0);
-                for (i, id) in scratch.ids[first..first + GROUP].iter().enumerate() {
-                    somebody |= u32::from(*id > 0) << i;
-                    open |= u32::from(faces[*id as usize]) << i;
-                }
-                if open != 0 {
-                    open = self.open(shadows, (light, position), (first, *seen), open, scratch);
-                }
-                let mut dark = somebody & !open;
-                while dark != 0 {
-                    let id = &mut scratch.left[first + dark.trailing_zeros() as usize];
+            for (first, open) in (0..).step_by(GROUP).zip(scratch.open) {
+                for i in (0..GROUP).filter(|i| open >> i & 1 == 0) {
+                    let id = &mut scratch.left[first + i];
+                    if *id == 0 {
+                        continue;
+                    }
                     let instead = &mut instead[*id as usize];
                     if *instead == 0 {
                         *instead = (count + less.len()) as u32;
                         less.push(Without { id: *id, light });
                     }
                     *id = *instead;
-                    dark &= dark - 1;
                 }
             }
         }
@@ -139,32 +181,33 @@ impl<E: Element> TileTracer<'_, E> {
         left.copy_from_slice(&ids[..]);
     }
 
-    /// Those of the open points of a group, in a box, that nothing hides from a light.
-    fn open(
+    /// Closes the points of a group, in a box, from which something hides a light.
+    fn hide(
         &self,
         shadows: &Shadows<'_>,
-        (light, DVec3 { x, y, z }): (usize, DVec3),
-        (first, points_box): (usize, [DVec3; 2]),
-        mut open: u32,
-        ShadowScratch { points, spheres, triangles, .. }: &mut ShadowScratch,
-    ) -> u32 {
-        let at = [x, y, z, x.abs() + y.abs() + z.abs()];
-        shadows.cells_of(light, points_box, |cell| {
-            let points = LitPoints { points, first, light: &at, seen: cell.seen };
-            let (kernels, side) = (self.packets, cell.side);
-            open = match cell.kind {
-                Kind::Sphere => {
-                    let make = |id| Some(shadows.sphere(light, side, id));
-                    ask(&points, cell, &kernels.sphere_casters, spheres, open, make)
-                }
-                Kind::Triangle => {
-                    let make = |id| shadows.triangle(light, side, id);
-                    ask(&points, cell, &kernels.triangle_casters, triangles, open, make)
-                }
-            };
-            open != 0
-        });
-        open
+        (light, position): (usize, DVec3),
+        (group, points_box): (usize, [DVec3; 2]),
+        ShadowScratch { points, open, triangles, spheres, .. }: &mut ShadowScratch,
+    ) {
+        let (open, kernels, position) = (&mut open[group], self.packets, position.to_array());
+        for side in shadows.sides(light) {
+            if *open == 0 {
+                return;
+            }
+            let Some(seen) = side.seen(points_box) else { continue };
+            let points = LitPoints { points, first: group * GROUP, light: &position, seen: seen.ends };
+            side.each_cell(&seen, |cell| {
+                *open = match cell.kind {
+                    Kind::Sphere => {
+                        spheres.ask(cell, |id| Some(side.sphere(id)), &kernels.sphere_casters, &points, *open)
+                    }
+                    Kind::Triangle => {
+                        triangles.ask(cell, |id| side.triangle(id), &kernels.triangle_casters, &points, *open)
+                    }
+                };
+                *open != 0
+            });
+        }
     }
 
     /// Makes the shading records of objects that are without some lights, after `count` others, and gives the pixels their ids.
@@ -246,47 +289,4 @@ fn boxes(points: &TilePoints<f64>) -> Vec<[DVec3; 2]> {
         [low, high]
     };
     (0..TILE_PIXELS / GROUP).map(group).collect()
-}
-
-/// Those of the open points that no object of a cell hides from a light.
-fn ask<C: Caster>(
-    points: &LitPoints<'_>,
-    cell: &Cell<'_>,
-    kernel: &Casters<C>,
-    kept: &mut [Kept<C>],
-    mut open: u32,
-    make: impl Fn(u32) -> Option<(C, [f32; 4])>,
-) -> u32 {
-    // Cells beside each other have different places.
-    let hash = cell.key.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-    let kept = &mut kept[hash as usize % MOST_CELLS];
-    if kept.key != cell.key {
-        *kept = Kept {
-            key: cell.key,
-            count: 0,
-            casters: mem::take(&mut kept.casters),
-            bounds: mem::take(&mut kept.bounds),
-        };
-        kept.casters.clear();
-        kept.bounds.clear();
-    }
-    // The others are behind all points.
-    let near = cell.objects.partition_point(|object| object.depth <= cell.depth);
-    let here = near.min(CHUNK);
-    if kept.count < here {
-        for (caster, bounds) in cell.objects[kept.count..here].iter().filter_map(|object| make(object.id)) {
-            kept.casters.push(caster);
-            kept.bounds.push(bounds);
-        }
-        kept.count = here;
-    }
-    open = kernel.call(points, &kept.casters, &kept.bounds, open);
-    for objects in cell.objects[here..near].chunks(CHUNK) {
-        if open == 0 {
-            break;
-        }
-        let (casters, bounds): (Vec<_>, Vec<_>) = objects.iter().filter_map(|object| make(object.id)).unzip();
-        open = kernel.call(points, &casters, &bounds, open);
-    }
-    open
 }
