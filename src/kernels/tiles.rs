@@ -557,7 +557,9 @@ impl<E: Element> TileBuffers<E> {
     /// The same as numbers.
     pub(crate) fn ids(&self, ids: &mut [u32; TILE_PIXELS]) {
         // Converts many to integers at once.
-        ids.iter_mut().zip(&self.tile.who).for_each(|(id, who)| *id = who.to_index());
+        for (ids, who) in ids.as_chunks_mut::<16>().0.iter_mut().zip(self.tile.who.as_chunks::<16>().0) {
+            *ids = who.map(E::to_index);
+        }
     }
 
     /// Gives every pixel a new id, below `end`, of objects that are not set up.
@@ -782,14 +784,16 @@ impl<E: Element> SphereRecords<E> {
         grow(&mut self.shorts, lits);
     }
 
-    /// Copies the record at one index to another, without one of the `lights`.
-    pub(crate) fn without(&mut self, from: usize, to: usize, light: usize, lights: usize) {
+    /// Copies the record at one index to another, without the `hidden` ones of its `lights`.
+    pub(crate) fn without(&mut self, from: usize, to: usize, hidden: impl Iterator<Item = usize>, lights: usize) {
         self.spheres[to] = self.spheres[from];
         self.lits.copy_within(from * lights..(from + 1) * lights, to * lights);
         self.shorts.copy_within(from * lights..(from + 1) * lights, to * lights);
-        let (lit, short) = (&mut self.lits[to * lights + light], &mut self.shorts[to * lights + light]);
-        (lit.red, lit.green, lit.blue) = (E::ZERO, E::ZERO, E::ZERO);
-        (short.red, short.green, short.blue) = (E::ZERO, E::ZERO, E::ZERO);
+        for light in hidden {
+            let (lit, short) = (&mut self.lits[to * lights + light], &mut self.shorts[to * lights + light]);
+            (lit.red, lit.green, lit.blue) = (E::ZERO, E::ZERO, E::ZERO);
+            (short.red, short.green, short.blue) = (E::ZERO, E::ZERO, E::ZERO);
+        }
     }
 }
 

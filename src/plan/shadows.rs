@@ -21,6 +21,9 @@ const SIDES: [(usize, f64); 6] = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 
 /// The finest cells, across a side.
 const FINEST: u32 = 4096;
 
+/// Cells are not much smaller than what a group of pixels sees.
+const PIXELS_OF_A_CELL: u32 = 4;
+
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
 const CELLS_OF_AN_OBJECT: usize = 8;
 
@@ -209,67 +212,99 @@ impl Cells {
 }
 
 impl Side {
-    /// Of objects with these bounds, by kind.
-    fn of(number: usize, objects: [&[(u32, Bounds)]; 2]) -> Self {
+    /// Of spheres and triangles with these bounds, if they are there; the picture's longer side has so many `pixels`.
+    fn of(
+        number: usize,
+        pixels: u32,
+        spheres: impl Iterator<Item = Option<Bounds>>,
+        triangles: impl Iterator<Item = Option<Bounds>>,
+    ) -> Self {
         let (mut low, mut high) = ([1.0_f64; 2], [-1.0_f64; 2]);
-        for ((_, of), i) in objects.into_iter().flatten().flat_map(|object| [(object, 0), (object, 1)]) {
-            (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
-        }
-        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
-        let cells = Cells { low, high, scale };
-        let coarseness = |of: &Bounds| {
-            let side = (0..2).map(|i| (of.high[i] - of.low[i]) * scale[i]).fold(0.0, f64::max);
-            (side.ceil() as u32).next_power_of_two().min(FINEST).ilog2()
-        };
-        let mut grids = Vec::new();
-        for (kind, objects) in [Kind::Sphere, Kind::Triangle].into_iter().zip(objects) {
-            let mut here = Vec::new();
-            let sizes: Vec<_> = objects.iter().map(|(_, of)| coarseness(of)).collect();
-            for level in 0..=FINEST.ilog2() {
-                here.extend(objects.iter().zip(&sizes).filter(|(_, size)| **size == level).map(|(object, _)| object));
-                let all_cells = (FINEST as usize >> level).pow(2);
-                if !here.is_empty() && all_cells <= CELLS_OF_AN_OBJECT * here.len() {
-                    grids.push(Grid::new(kind, &here, &cells, level));
-                    here.clear();
-                }
+        let mut there = |bounds: Option<Bounds>| {
+            for (i, of) in bounds.iter().flat_map(|of| [(0, of), (1, of)]) {
+                (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
             }
-        }
+            bounds
+        };
+        let spheres: Vec<_> = (0..).zip(spheres).filter_map(|(id, of)| Some((id, there(of)?))).collect();
+        let triangles: Vec<_> = (0..).zip(triangles).filter_map(|(id, of)| Some((id, there(of)?))).collect();
+        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
+        let (cells, mut grids) = (Cells { low, high, scale }, Vec::new());
+        let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
+        let finest = (FINEST / useful).ilog2();
+        cells.place(Kind::Sphere, &spheres, finest, &mut grids);
+        cells.place(Kind::Triangle, &triangles, finest, &mut grids);
         Side { number, cells, grids }
     }
 }
 
-/// The cells of a grid in a range of the finest ones.
-fn cells_in([columns, rows]: &[Range<u32>; 2], coarseness: u32) -> impl Iterator<Item = usize> + use<> {
-    let across = FINEST >> coarseness;
-    let coarse = |of: &Range<u32>| of.start >> coarseness..((of.end - 1) >> coarseness) + 1;
-    let (columns, rows) = (coarse(columns), coarse(rows));
-    rows.flat_map(move |row| columns.clone().map(move |column| (row * across + column) as usize))
+/// An object with the finest cells that it may be in.
+struct Placed {
+    near: Near,
+    /// The first and last column, then row.
+    cells: [[u16; 2]; 2],
+}
+
+impl Placed {
+    /// The binary logarithm of the side of cells of which it is in at most two across and two down.
+    fn level(&self) -> u32 {
+        let [across, down] = self.cells.map(|[first, last]| last - first);
+        across.max(down).next_power_of_two().ilog2()
+    }
+}
+
+impl Cells {
+    /// Adds the grids, from the `finest` coarseness on, of objects of a kind with these bounds.
+    fn place(&self, kind: Kind, objects: &[(u32, Bounds)], finest: u32, grids: &mut Vec<Grid>) {
+        let mut counts = [0; 1 + FINEST.ilog2() as usize];
+        let place = |(id, bounds): &(u32, Bounds)| {
+            let cells = self.range(bounds).map(|of| [of.start as u16, of.end as u16 - 1]);
+            // Rounded down.
+            let depth = (bounds.depth * (1.0 - f64::from(f32::EPSILON))) as f32;
+            let object = Placed { near: Near { id: *id, depth }, cells };
+            counts[object.level().max(finest) as usize] += 1;
+            object
+        };
+        let placed: Vec<_> = objects.iter().map(place).collect();
+        let (mut first, mut count) = (0, 0);
+        for (level, here) in (0..).zip(counts) {
+            count += here;
+            if count > 0 && (FINEST as usize >> level).pow(2) <= CELLS_OF_AN_OBJECT * count {
+                let levels = first..=level;
+                grids.push(Grid::new(kind, placed.iter().filter(|of| levels.contains(&of.level())), level));
+                (first, count) = (level + 1, 0);
+            }
+        }
+    }
 }
 
 impl Grid {
-    fn new(kind: Kind, objects: &[&(u32, Bounds)], cells: &Cells, coarseness: u32) -> Self {
+    fn new<'a>(kind: Kind, placed: impl Iterator<Item = &'a Placed> + Clone, coarseness: u32) -> Self {
         let across = FINEST as usize >> coarseness;
-        let cells_of = |of: &Bounds| cells_in(&cells.range(of), coarseness);
-        let mut starts = vec![0; across * across + 1];
-        for cell in objects.iter().flat_map(|(_, of)| cells_of(of)) {
-            starts[cell + 1] += 1;
-        }
-        for cell in 1..starts.len() {
+        let each_cell = |of: &Placed, say: &mut dyn FnMut(usize)| {
+            let [columns, rows] = of.cells.map(|of| of.map(|cell| usize::from(cell) >> coarseness));
+            for row in rows[0]..=rows[1] {
+                (columns[0]..=columns[1]).for_each(|column| say(row * across + column));
+            }
+        };
+        // First where the next object of a cell goes, at the index after its own; and so in the end where the next cell begins.
+        let mut starts = vec![0_u32; across * across + 2];
+        placed.clone().for_each(|of| each_cell(of, &mut |cell| starts[cell + 2] += 1));
+        for cell in 2..starts.len() {
             starts[cell] += starts[cell - 1];
         }
-        let (mut next, mut of_cells) = (starts.clone(), vec![Near::default(); starts[starts.len() - 1] as usize]);
-        for (id, of) in objects {
-            // Rounded down.
-            let near = Near { id: *id, depth: (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32 };
-            for cell in cells_of(of) {
-                of_cells[next[cell] as usize] = near;
-                next[cell] += 1;
-            }
+        let mut objects = vec![Near::default(); starts[starts.len() - 1] as usize];
+        for of in placed {
+            each_cell(of, &mut |cell| {
+                objects[starts[cell + 1] as usize] = of.near;
+                starts[cell + 1] += 1;
+            });
         }
-        for ends in starts.windows(2) {
-            of_cells[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+        starts.pop();
+        for ends in starts.windows(2).filter(|ends| ends[1] - ends[0] > 1) {
+            objects[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
         }
-        Grid { kind, coarseness, starts, objects: of_cells }
+        Grid { kind, coarseness, starts, objects }
     }
 }
 
@@ -286,7 +321,7 @@ fn extent(scene: &Scene) -> [DVec3; 2] {
 impl<'a> Shadows<'a> {
     /// Those of all lights of a scene that are not dark.
     pub fn new(scene: &'a Scene, team: &Team) -> Self {
-        let all = extent(scene);
+        let (all, pixels) = (extent(scene), scene.camera.width().max(scene.camera.height()));
         let view = |position| LightView { position, sides: vec![Side::default(); SIDES.len()] };
         let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
         let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
@@ -296,11 +331,8 @@ impl<'a> Shadows<'a> {
         let seen = tasks.filter(|(light, number, _)| Bounds::of_box(all.map(|v| v - *light), *number).is_some());
         team.share(seen.collect::<Vec<_>>().into_iter(), |(light, number, side)| {
             let spheres = scene.spheres.iter().map(|sphere| Bounds::of_sphere(sphere, light, number));
-            let triangles = scene.all_triangles().map(|triangle| Bounds::of_triangle(&triangle, light, number));
-            fn placed(all: impl Iterator<Item = Option<Bounds>>) -> Vec<(u32, Bounds)> {
-                (0..).zip(all).filter_map(|(id, bounds)| Some((id, bounds?))).collect()
-            }
-            *side = Side::of(number, [&placed(spheres), &placed(triangles)]);
+            let triangle = |id| Bounds::of_triangle(&scene.triangle(id), light, number);
+            *side = Side::of(number, pixels, spheres, (0..scene.triangle_count()).map(triangle));
         });
         shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !side.grids.is_empty()));
         shadows
@@ -382,8 +414,8 @@ impl LightSide<'_> {
     pub fn triangle(&self, id: u32) -> Option<(TriangleCaster<f64>, [f32; 4])> {
         let triangle = self.scene.triangle(id as usize);
         let corners = triangle.vertices.map(|v| v.as_dvec3());
-        let (side, n) =
-            (geometry::triangle_side(corners, self.position, 0.0)?.signum(), geometry::triangle_plane(corners));
+        let n = geometry::triangle_plane(corners);
+        let side = geometry::side_of_plane(corners, n, self.position, 0.0)?.signum();
         // The plane through the light and an edge; turned round, the edge has exactly the other side.
         let edge = |v: DVec3, w: DVec3| {
             let middle = 0.5 * (v + w);

@@ -117,7 +117,12 @@ pub fn triangle_volume(vertices: [DVec3; 3]) -> Option<f64> {
 /// The same with another point in the camera's place: its sign says on which side of the triangle's plane that is. None also if
 /// it is there but for its own rounding, of so many units of f64's epsilon.
 pub fn triangle_side(vertices: [DVec3; 3], point: DVec3, units: f64) -> Option<f64> {
-    let (n, [v1, v2, v3]) = (triangle_plane(vertices), near_corner_first(vertices));
+    side_of_plane(vertices, triangle_plane(vertices), point, units)
+}
+
+/// The same for one whose [plane](triangle_plane) is known.
+pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -> Option<f64> {
+    let [v1, v2, v3] = near_corner_first(vertices);
     let [nearest, ..] = near_corner_first(vertices.map(|v| v - point));
     let volume = nearest.dot(n);
     let (a, b) = (v1 - v2, v1 - v3);

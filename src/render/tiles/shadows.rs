@@ -22,6 +22,8 @@ pub(super) struct ShadowScratch {
     /// By id.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
+    /// The object of all pixels of a group, if it is one.
+    of_one: [Option<u32>; TILE_PIXELS / GROUP],
     /// The ids of pixels: of their objects, and of what is left of these.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
@@ -37,6 +39,7 @@ impl Default for ShadowScratch {
             points: Box::new(TilePoints::ZERO),
             objects: Vec::new(),
             owners: Vec::new(),
+            of_one: [None; TILE_PIXELS / GROUP],
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
             open: [0; TILE_PIXELS / GROUP],
@@ -103,14 +106,56 @@ impl<C: Caster> OfKind<C> {
     }
 }
 
+/// With more of a tile's objects darkened, those without a pixel are forgotten.
+const MOST_PARTS: usize = 4 * TILE_PIXELS;
+
+/// Rounding of f64 and of f32 in shading, and more.
+const MARGIN: f64 = 1e-5;
+
 /// No object, or one that is dark: its points are nowhere.
 const NOBODY: PointObject<f64> = PointObject { w: f64::NAN, own: -1.0, ..PointObject::ZERO };
 
-/// An object without one of its lights.
-#[derive(Clone, Copy)]
-struct Without {
-    id: u32,
-    light: usize,
+/// Objects without some of their lights, as parts of a tile's objects: their ids come after those of these.
+#[derive(Default)]
+struct Darkened {
+    /// The number of the tile's objects.
+    count: usize,
+    /// The object of each, and its last hidden light in `hidden`.
+    parts: Vec<(u32, u32)>,
+    /// Lights, each after the index of the one that was hidden before, or itself.
+    hidden: Vec<(u32, u32)>,
+}
+
+impl Darkened {
+    /// The id of what is left of one without a light more.
+    fn without(&mut self, id: u32, light: usize) -> u32 {
+        let next = self.hidden.len() as u32;
+        let part = (id as usize).checked_sub(self.count).map(|part| self.parts[part]);
+        let (object, before) = part.unwrap_or((id, next));
+        self.hidden.push((before, light as u32));
+        self.parts.push((object, next));
+        (self.count + self.parts.len() - 1) as u32
+    }
+
+    /// Its hidden lights.
+    fn lights(&self, (_, last): (u32, u32)) -> impl Iterator<Item = usize> {
+        let before = |at: &u32| Some(self.hidden[*at as usize].0).filter(|before| before != at);
+        std::iter::successors(Some(last), before).map(|at| self.hidden[at as usize].1 as usize)
+    }
+
+    /// Forgets those without a pixel.
+    fn forget(&mut self, ids: &mut [u32; TILE_PIXELS]) {
+        let mut numbers = vec![0; self.parts.len()];
+        let parts = std::mem::take(&mut self.parts);
+        for id in ids.iter_mut() {
+            let Some(part) = (*id as usize).checked_sub(self.count) else { continue };
+            if numbers[part] == 0 {
+                self.parts.push(parts[part]);
+                numbers[part] = (self.count + self.parts.len() - 1) as u32;
+            }
+            *id = numbers[part];
+        }
+    }
 }
 
 impl<E: Element> TileTracer<'_, E> {
@@ -124,38 +169,53 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut ShadowScratch,
     ) {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
-        let (boxes, count) = (boxes(&scratch.points), tile_objects.order.len());
-        let (mut less, mut instead, mut faces): (Vec<Without>, Vec<u32>, Vec<bool>) = Default::default();
+        let (boxes, all) = (boxes(&scratch.points), u32::from(u16::MAX));
+        let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
+        let (mut instead, mut faces): (Vec<u32>, Vec<bool>) = Default::default();
         for (light, position) in shadows.lights().enumerate() {
             faces.clear();
             faces.extend(scratch.objects.iter().map(|object| is_lit(object, position)));
-            for (open, ids) in scratch.open.iter_mut().zip(scratch.ids.as_chunks::<GROUP>().0) {
-                *open = (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i);
-            }
             for (group, points_box) in boxes.iter().enumerate() {
+                let of_one = scratch.of_one[group].map(|id| id as usize);
+                if of_one.is_some_and(|id| is_dark(&scratch.objects[id], position, *points_box)) {
+                    // What is dark by the law of shading needs no shadow.
+                    scratch.open[group] = all;
+                    continue;
+                }
+                let ids = &scratch.ids.as_chunks::<GROUP>().0[group];
+                scratch.open[group] = match of_one {
+                    Some(id) => {
+                        if faces[id] {
+                            all
+                        } else {
+                            0
+                        }
+                    }
+                    None => (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i),
+                };
                 if scratch.open[group] != 0 {
                     self.hide(shadows, (light, position), (group, *points_box), scratch);
                 }
             }
             instead.clear();
-            instead.resize(count + less.len(), 0);
-            for (first, open) in (0..).step_by(GROUP).zip(scratch.open) {
-                for i in (0..GROUP).filter(|i| open >> i & 1 == 0) {
-                    let id = &mut scratch.left[first + i];
-                    if *id == 0 {
-                        continue;
-                    }
+            instead.resize(darkened.count + darkened.parts.len(), 0);
+            for (ids, open) in scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.open) {
+                let dark = ids.iter_mut().enumerate().filter(|(i, id)| open >> i & 1 == 0 && **id > 0);
+                for (_, id) in dark.filter(|_| open != all) {
                     let instead = &mut instead[*id as usize];
                     if *instead == 0 {
-                        *instead = (count + less.len()) as u32;
-                        less.push(Without { id: *id, light });
+                        *instead = darkened.without(*id, light);
                     }
                     *id = *instead;
                 }
             }
+            if darkened.parts.len() > MOST_PARTS {
+                darkened.forget(&mut scratch.left);
+            }
         }
-        if !less.is_empty() {
-            self.part_with(count, &less, buffers, tile_objects, &mut scratch.left);
+        darkened.forget(&mut scratch.left);
+        if !darkened.parts.is_empty() {
+            self.part_with(&darkened, buffers, tile_objects, &mut scratch.left);
         }
     }
 
@@ -166,19 +226,23 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         buffers: &TileBuffers<E>,
         order: &[u32],
-        ShadowScratch { points, objects, owners, ids, left, .. }: &mut ShadowScratch,
+        ShadowScratch { points, objects, owners, of_one, ids, left, .. }: &mut ShadowScratch,
     ) {
+        buffers.ids(ids);
+        left.copy_from_slice(&ids[..]);
         owners.clear();
         owners.resize(order.len(), false);
-        buffers.mark_owners(owners);
+        for (ids, of_one) in ids.as_chunks::<GROUP>().0.iter().zip(of_one) {
+            *of_one = ids.iter().all(|id| *id == ids[0]).then_some(ids[0]);
+            let different = if of_one.is_some() { &ids[..1] } else { &ids[..] };
+            different.iter().for_each(|id| owners[*id as usize] = true);
+        }
         objects.clear();
         objects.extend(order.iter().zip(&*owners).map(|(place, owns)| {
             let object = if *owns && *place > 0 { shadows.object(*place as usize - 1) } else { None };
             object.unwrap_or(NOBODY)
         }));
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
-        buffers.ids(ids);
-        left.copy_from_slice(&ids[..]);
     }
 
     /// Closes the points of a group, in a box, from which something hides a light.
@@ -210,22 +274,20 @@ impl<E: Element> TileTracer<'_, E> {
         }
     }
 
-    /// Makes the shading records of objects that are without some lights, after `count` others, and gives the pixels their ids.
+    /// Makes the shading records of objects that are without some lights, and gives the pixels their ids.
     fn part_with(
         &self,
-        count: usize,
-        less: &[Without],
+        darkened: &Darkened,
         buffers: &mut TileBuffers<E>,
         TileObjects { shades, spheres, .. }: &mut TileObjects<E>,
         ids: &mut [u32; TILE_PIXELS],
     ) {
+        let count = darkened.count;
         let lights = self.plan.points().len();
         let first_triangle = 1 + spheres.places.len();
         // Spheres come before triangles.
-        let mut is_sphere: Vec<_> = (0..count).map(|id| (1..first_triangle).contains(&id)).collect();
-        for Without { id, .. } in less {
-            is_sphere.push(is_sphere[*id as usize]);
-        }
+        let roots = (0..count as u32).chain(darkened.parts.iter().map(|(object, _)| *object));
+        let is_sphere: Vec<_> = roots.map(|id| (1..first_triangle).contains(&(id as usize))).collect();
         let added = is_sphere[count..].iter().filter(|is_sphere| **is_sphere).count();
         let (mut sphere, mut triangle) = (first_triangle, count + added);
         let mut next = |(id, is_sphere): (usize, &bool)| {
@@ -245,20 +307,20 @@ impl<E: Element> TileTracer<'_, E> {
         shades[first_triangle * lights..(first_triangle + added) * lights].fill(Default::default());
         let mut place = spheres.places.iter().max().map_or(0, |most| 1 + *most as usize);
         spheres.records.hold(place + added, lights);
-        for (Without { id, light }, (number, is_sphere)) in
-            less.iter().zip(numbers[count..].iter().zip(&is_sphere[count..]))
-        {
-            let from = numbers[*id as usize] as usize;
+        for (part, (number, is_sphere)) in darkened.parts.iter().zip(numbers[count..].iter().zip(&is_sphere[count..])) {
+            let object = numbers[part.0 as usize] as usize;
             if *is_sphere {
-                let old = spheres.places[from - 1] as usize;
-                spheres.records.without(old, place, *light, lights);
+                let record = spheres.places[object - 1] as usize;
+                spheres.records.without(record, place, darkened.lights(*part), lights);
                 spheres.places.push(place as u32);
                 place += 1;
             } else {
                 let to = *number as usize * lights;
-                shades.copy_within(from * lights..(from + 1) * lights, to);
-                let shade = &mut shades[to + light];
-                (shade.red, shade.green, shade.blue) = (E::ZERO, E::ZERO, E::ZERO);
+                shades.copy_within(object * lights..(object + 1) * lights, to);
+                for light in darkened.lights(*part) {
+                    let shade = &mut shades[to + light];
+                    (shade.red, shade.green, shade.blue) = (E::ZERO, E::ZERO, E::ZERO);
+                }
             }
         }
         ids.iter_mut().for_each(|id| *id = numbers[*id as usize]);
@@ -274,19 +336,32 @@ fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     own >= 0.0 && (is_sphere || DVec3::new(x, y, z).dot(light) < 1.0)
 }
 
+/// Whether all points of a sphere in a box are on its dark side, P . n < k, where eq. 11 gives nothing, by more than rounding.
+fn is_dark(object: &PointObject<f64>, light: DVec3, [low, high]: [DVec3; 2]) -> bool {
+    let &PointObject { x, y, z, a, b, w, .. } = object;
+    let c = DVec3::new(x, y, z);
+    // c.c - r^2 is 1 / w.
+    let (n, k) = (light - c, c.dot(light) - 1.0 / w);
+    let most = (low * n).max(high * n).element_sum();
+    (a != 0.0 || b != 0.0) && most < k - MARGIN * (n.abs().dot(low.abs().max(high.abs())) + k.abs() + c.dot(c))
+}
+
 /// The least and the greatest coordinates of each group of points, but for those that are nowhere.
 fn boxes(points: &TilePoints<f64>) -> Vec<[DVec3; 2]> {
-    let group = |group: usize| {
-        let [x, y, z] = [&points.x, &points.y, &points.z].map(|axis| &axis.as_chunks::<GROUP>().0[group]);
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for ((x, y), z) in x.iter().zip(y).zip(z) {
-            // Not a number is neither less nor greater.
-            for (i, x) in [*x, *y, *z].into_iter().enumerate() {
-                low[i] = if x < low[i] { x } else { low[i] };
-                high[i] = if x > high[i] { x } else { high[i] };
+    fn ends(axis: &[f64; GROUP]) -> [f64; 2] {
+        let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
+        for four in axis.as_chunks::<4>().0 {
+            for (i, x) in four.iter().enumerate() {
+                // Not a number is neither less nor greater.
+                low[i] = if *x < low[i] { *x } else { low[i] };
+                high[i] = if *x > high[i] { *x } else { high[i] };
             }
         }
-        [low, high]
+        [low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+    }
+    let group = |group: usize| {
+        let [x, y, z] = [&points.x, &points.y, &points.z].map(|axis| ends(&axis.as_chunks().0[group]));
+        [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]))
     };
     (0..TILE_PIXELS / GROUP).map(group).collect()
 }
