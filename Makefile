@@ -19,7 +19,7 @@ rayo := "$(target)/release/rayo"
 PREFIX ?= /usr/local
 
 # Scenes that the README shows.
-shown := knot.in planet.in sunflower.in island.toml
+shown := knot.in planet.in sunflower.in island.toml chain.toml
 # Scenes of which docs/leaving-out.md tells what leaving out is worth.
 planned := sphere.in tetrahedron.in two-lights.in many.in island.toml
 
@@ -84,7 +84,7 @@ bench: setup ## Run the micro benches
 
 images: build ## Make the pictures and figures of the README anew
 	for scene in $(shown); do \
-	    $(rayo) render scenes/$$scene --size 400x300 --samples 4 --srgb -o docs/images/$${scene%.*}.png || exit; \
+	    $(rayo) render scenes/$$scene --shadows --size 400x300 --samples 4 --srgb -o docs/images/$${scene%.*}.png || exit; \
 	done
 	$(rayo) experiment --ladder --out "$(OUT)"/experiment
 	cp "$(OUT)"/experiment/ratio.svg "$(OUT)"/experiment/ladder.svg docs/images/

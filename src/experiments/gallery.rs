@@ -18,6 +18,8 @@ use crate::scene::Scene;
 
 /// The scenes that come with the program, and stiff families of which the stiffest of three is shown.
 const SHIPPED: [&str; 4] = ["sphere", "tetrahedron", "two-lights", "many"];
+/// Those in which objects hide lights from each other.
+const IN_SHADOWS: [&str; 2] = ["two-lights", "many"];
 const STIFF: [(&str, &str); 2] = [("S1", "a far sphere"), ("S6", "a sphere as the ground")];
 const SIZE: (u32, u32) = (320, 240);
 
@@ -45,7 +47,7 @@ pub struct Shot {
 }
 
 /// How many times [`run`] calls `proceed`.
-pub const WORK: u64 = (SHIPPED.len() + STIFF.len()) as u64;
+pub const WORK: u64 = (SHIPPED.len() + IN_SHADOWS.len() + STIFF.len()) as u64;
 
 /// Traces them all. None where `proceed` says no.
 ///
@@ -53,13 +55,17 @@ pub const WORK: u64 = (SHIPPED.len() + STIFF.len()) as u64;
 /// An engine that cannot be prepared, or no memory.
 pub fn run(proceed: &mut dyn FnMut(u64) -> bool) -> Result<Option<Vec<Shown>>, LabError> {
     let ordinary = SHIPPED.iter().map(|name| ((*name).to_owned(), in_size(&shipped(name), SIZE.0, SIZE.1)));
+    let in_shadows = IN_SHADOWS.iter().map(|name| {
+        let scene = Scene { shadows: true, ..in_size(&shipped(name), SIZE.0, SIZE.1) };
+        (format!("{name}, with shadows"), scene)
+    });
     let stiff = STIFF.iter().map(|(id, words)| {
         let subjects = named(id, true).expect("the family is there");
         let Subject { name, scene, .. } = subjects.into_iter().next_back().expect("it has levels");
         (format!("{words}: {name}"), in_size(&scene, SIZE.0, SIZE.1))
     });
     let mut shown = Vec::new();
-    for (name, scene) in ordinary.chain(stiff) {
+    for (name, scene) in ordinary.chain(in_shadows).chain(stiff) {
         shown.push(show(name, &scene)?);
         if !proceed(1) {
             return Ok(None);
@@ -72,7 +78,7 @@ fn show(name: String, scene: &Scene) -> Result<Shown, LabError> {
     let (width, height) = (scene.camera.width(), scene.camera.height());
     let mut seen: Vec<(Name, Picture)> = Vec::new();
     let mut pictures = Vec::new();
-    for engine in Engine::ALL.iter().filter(|engine| engine.usable()) {
+    for engine in Engine::ALL.iter().filter(|engine| engine.usable() && (!scene.shadows || engine.has_shadows())) {
         let picture = picture(*engine, scene)?;
         let like = seen.iter().find(|(_, other)| other.pixels == picture.pixels).map(|(name, _)| name.clone());
         let truth = seen.first().map(|(_, truth)| truth);

@@ -81,8 +81,17 @@ fn help(subcommand: &[&str]) -> String {
 fn scratch_folder() -> TempDir {
     let directory = TempDir::new().unwrap();
     fs::create_dir_all(directory.path().join("scenes/meshes")).unwrap();
-    let scenes =
-        ["sphere.in", "tetrahedron.in", "many.in", "knot.in", "planet.in", "sunflower.in", "island.toml", "far.toml"];
+    let scenes = [
+        "sphere.in",
+        "tetrahedron.in",
+        "many.in",
+        "knot.in",
+        "planet.in",
+        "sunflower.in",
+        "island.toml",
+        "chain.toml",
+        "far.toml",
+    ];
     for file in scenes.into_iter().chain(["meshes/hills.ply", "meshes/ring.ply", "meshes/rock.ply"]) {
         fs::copy(root().join("scenes").join(file), directory.path().join("scenes").join(file)).unwrap();
     }
@@ -225,7 +234,7 @@ fn the_pictures_of_the_readme_are_what_the_program_renders() {
     let shown = text("Makefile").split("\nshown := ").nth(1).unwrap().lines().next().unwrap().to_owned();
     for scene in shown.split(' ') {
         let picture = Path::new(scene).with_extension("png").display().to_string();
-        let look = ["--size", "400x300", "--samples", "4", "--srgb"];
+        let look = ["--shadows", "--size", "400x300", "--samples", "4", "--srgb"];
         let rendered =
             rayo([&["render", &format!("scenes/{scene}"), "-o", &picture], &look[..]].concat(), directory.path());
         assert!(rendered.status.success(), "{rendered:?}");
