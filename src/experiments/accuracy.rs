@@ -115,6 +115,11 @@ impl Contender {
         Ok(Plan::new(self.engine, scene, self.purpose())?.into_tracer())
     }
 
+    /// Whether it has the shadows that a scene may have.
+    pub fn can_trace(self, scene: &Scene) -> bool {
+        self.engine.has_shadows() || !scene.shadows
+    }
+
     /// The purpose of its plans.
     pub fn purpose(self) -> Purpose {
         let keep = if self.keep_all { Keep::all() } else { Keep::NOTHING };
@@ -237,12 +242,13 @@ pub fn errors_of(
     Ok(tally.errors())
 }
 
-/// The errors of every contender's picture of a scene, computed by all threads; nothing is timed.
+/// The errors of the picture of a scene by every contender that has its shadows, computed by all threads; nothing is timed.
 pub fn judge(scene: &Scene, contenders: &[Contender]) -> Result<Vec<Judged>, LabError> {
     let camera = scene.camera;
     let expected = expect(scene);
+    let contenders: Vec<_> = contenders.iter().filter(|contender| contender.can_trace(scene)).collect();
     let judged = on_all_cores(contenders.len(), |i| {
-        let contender = &contenders[i];
+        let contender = contenders[i];
         let tracer = contender.prepare(scene)?;
         let entries = contender.entries(tracer.as_ref()).into_iter().map(|entry| {
             let tally = Tally::new(contender.precision, contender.engine.rays_in_f64())
@@ -290,7 +296,8 @@ pub fn measure(
     rate: Rate,
     proceed: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Measured>, LabError> {
-    let contenders = contenders_and_options();
+    let mut contenders = contenders_and_options();
+    contenders.retain(|contender| contender.can_trace(&subject.scene));
     let judged = judge(&subject.scene, &contenders)?;
     if !proceed() {
         return Ok(None);

@@ -271,13 +271,15 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
     if cases.is_empty() {
         return Ok(Vec::new());
     }
-    let mut cells: Vec<Cell> = settings.contenders.iter().map(|contender| empty(family, level, *contender)).collect();
+    let mut contenders = settings.contenders.clone();
+    contenders.retain(|contender| contender.can_trace(&cases[0].scene));
+    let mut cells: Vec<Cell> = contenders.iter().map(|contender| empty(family, level, *contender)).collect();
     let mut worst = vec![(0, -1.0); cells.len()];
     let mut usual = vec![0.0; cells.len()];
     for case in &cases {
         if !case.valid {
             // There is no picture; asking for one must be an error.
-            for (cell, contender) in cells.iter_mut().zip(&settings.contenders) {
+            for (cell, contender) in cells.iter_mut().zip(&contenders) {
                 let (refused, ns) = refusal(*contender, case);
                 cell.rays += 1;
                 cell.wrong_hits += usize::from(!refused);
@@ -289,8 +291,8 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
             }
             continue;
         }
-        let judged = judge(&case.scene, &settings.contenders)?;
-        for ((cell, worst), contender) in cells.iter_mut().zip(&mut worst).zip(&settings.contenders) {
+        let judged = judge(&case.scene, &contenders)?;
+        for ((cell, worst), contender) in cells.iter_mut().zip(&mut worst).zip(&contenders) {
             let own: Vec<_> = judged.iter().filter(|judged| judged.entry.contender == *contender).collect();
             let badness = add(cell, case, &own);
             if badness > *worst {
@@ -302,7 +304,7 @@ fn sweep_level(settings: &Settings, family: &Family, level: usize) -> Result<Vec
         }
         if !family.same_work {
             let picture = ordinary(case);
-            for (usual, contender) in usual.iter_mut().zip(&settings.contenders) {
+            for (usual, contender) in usual.iter_mut().zip(&contenders) {
                 *usual += time(*contender, &picture)? * case.scene.camera.pixels() as f64;
             }
         }
@@ -341,7 +343,8 @@ fn add(cell: &mut Cell, case: &Case, judged: &[&Judged]) -> (usize, f64) {
     let most = |of: fn(&Judged) -> usize| seen.iter().map(|judged| of(judged)).max().unwrap_or(0);
     let (off_by_1, off_by_2) = (most(|judged| judged.errors.off_by_1), most(|judged| judged.errors.off_by_2));
     let unexplained = most(|judged| judged.errors.unexplained);
-    let holes = if case.covered { first.wrong_hits + first.wrong_hits_inside } else { 0 };
+    let leaks = most(|judged| judged.errors.off_by_2_inside);
+    let holes = if case.covered { first.wrong_hits + first.wrong_hits_inside + leaks } else { 0 };
     cell.rays += first.rays;
     cell.in_margin += first.in_margin;
     cell.wrong_hits += wrong;
@@ -370,7 +373,7 @@ pub fn ordinary(case: &Case) -> Scene {
     let scene = many(spheres.len(), triangles.len(), case.seed);
     let lamps = scene.lights.iter().copied().cycle().take(lights.len()).collect();
     let camera = Camera::new(side, side, 1.0, 1.0).expect("a square of so many pixels is within the limits");
-    Scene { camera, lights: lamps, ..scene }
+    Scene { camera, lights: lamps, shadows: case.scene.shadows, ..scene }
 }
 
 /// Whether an invalid scene is refused, and after how many nanoseconds.

@@ -20,6 +20,37 @@ pub trait Number: Clone + Debug {
     fn is_within(&self, error: f64) -> bool;
 }
 
+/// Numbers whose signs are taken for known, to exclude what is certain all the same.
+impl Number for f64 {
+    fn new(x: f64) -> Self {
+        x
+    }
+
+    fn to_f64(&self) -> f64 {
+        *self
+    }
+
+    fn split(&self) -> Split {
+        Split { high: *self, low: 0.0 }
+    }
+
+    fn sign(&self) -> Option<i8> {
+        self.partial_cmp(&0.0).map(|order| order as i8)
+    }
+
+    fn sqrt(&self) -> Self {
+        f64::sqrt(*self)
+    }
+
+    fn abs(&self) -> Self {
+        f64::abs(*self)
+    }
+
+    fn is_within(&self, _: f64) -> bool {
+        true
+    }
+}
+
 /// Operations on references to such numbers.
 pub trait Operations<N>:
     Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N> + Div<Output = N> + Neg<Output = N>

@@ -185,7 +185,7 @@ impl<N> Meeting<N> {
 const MARGIN: f64 = 1e-18;
 
 /// The margin `share`, which is `x` > 0 relative to its scale, if `x` is known accurately enough.
-fn margin<N: Number>(x: &N, share: f64) -> Option<f64> {
+pub(super) fn margin<N: Number>(x: &N, share: f64) -> Option<f64> {
     (x.is_within(1e-9 * x.to_f64()) || share < MARGIN).then_some(share)
 }
 

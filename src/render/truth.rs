@@ -12,6 +12,7 @@ use crate::reference::bounded::Bounded;
 use crate::reference::exact::Exact;
 use crate::reference::geometry;
 use crate::reference::number::{Number, Operations, Split};
+use crate::reference::shadows::{Caster, Segment};
 use crate::reference::shapes::{self, Meeting, Ray, Rays, Vector};
 use crate::scene::{Grid, Object, Scene, Sphere, Triangle};
 
@@ -45,8 +46,10 @@ pub struct TrueHit {
     pub t: Split,
     /// The unit normal; of a triangle either of the two.
     pub normal: [Split; 3],
-    /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the surface.
+    /// L . N of each light, below 0 if it is behind a sphere's surface; 0 for a light on the surface, and for one that is hidden.
     pub cosines: Vec<f64>,
+    /// The distance from another shadow: the smallest share by which what decides that would have to change.
+    pub shadow: f64,
     /// Whether it is at the terminator of a light so bright that rounding in f32 is the step from black to white.
     pub dazzled: bool,
     /// The linear colour, not clamped. None if a light is so near that its direction is rounding noise in f32, or a
@@ -102,6 +105,9 @@ pub struct Truth {
     focal: Bounded,
     lights: Vec<Light>,
     bodies: Vec<Body>,
+    /// What casts shadows, and the first of them that is a triangle.
+    casters: Vec<Caster>,
+    first_triangle: usize,
 }
 
 impl Truth {
@@ -129,7 +135,12 @@ impl Truth {
         let across = (0..camera.width()).map(|col| Bounded::from(&rays.across(col))).collect();
         let up = (0..camera.height()).map(|row| Bounded::from(&rays.up(row))).collect();
         let focal = Bounded::new(camera.focal().into());
-        Truth { grid: camera.grid(), rays, across, up, focal, lights: lights.collect(), bodies }
+        let of_sphere = |s: &Sphere| Caster::Sphere { centre: s.centre.as_dvec3(), radius: s.radius.into() };
+        let of_triangle = |t: Triangle| Caster::Triangle(t.vertices.map(|v| v.as_dvec3()));
+        let all = scene.spheres.iter().map(of_sphere).chain(scene.all_triangles().map(of_triangle));
+        let casters = all.filter(|_| scene.shadows).collect();
+        let (lights, first_triangle) = (lights.collect(), scene.spheres.len());
+        Truth { grid: camera.grid(), rays, across, up, focal, lights, bodies, casters, first_triangle }
     }
 
     pub fn pixel(&self, row: u32, col: u32) -> TruePixel {
@@ -254,6 +265,21 @@ impl Truth {
         let two_sided = matches!(body.object, Object::Triangle(_));
         let sides = |cosine: f64| if two_sided { cosine.abs() } else { cosine };
         let near_light = lit.iter().any(|(_, near)| *near);
+        let lever = meeting.slant * ray.longest_over_this();
+        // The camera is on the side of the normal on which a light's cosine has this sign.
+        let (mut shadow, before) = (f64::INFINITY, -point.dot(&normal).to_f64().signum());
+        for ((cosine, _), light) in lit.iter_mut().zip(&self.lights).filter(|_| !self.casters.is_empty()) {
+            if sides(*cosine) > 0.0 {
+                let is_behind = match &body.quick {
+                    Quick::Sphere { centre, radius, .. } => geometry::power(*centre, *radius) <= 0.0,
+                    Quick::Triangle { .. } => *cosine * before < 0.0,
+                };
+                let units = meeting.bound + 4.0 * lever;
+                let hidden = if is_behind { f64::INFINITY } else { self.hidden(body.object, &point, light, units)? };
+                *cosine = if hidden >= 0.0 { 0.0 } else { *cosine };
+                shadow = shadow.min(hidden.abs());
+            }
+        }
         let cosines: Vec<f64> = lit.into_iter().map(|(cosine, _)| sides(cosine)).collect();
         let lights = cosines.iter().zip(&self.lights);
         let colour: DVec3 = lights.map(|(cosine, light)| cosine.max(0.0) * light.radiance * body.colour).sum();
@@ -267,11 +293,37 @@ impl Truth {
             t: t.split(),
             normal: normal.0.each_ref().map(N::split),
             cosines,
+            shadow,
             dazzled,
             colour: (!near_light && !body.grazes_camera).then_some(colour),
             bound: meeting.bound,
-            lever: meeting.slant * ray.longest_over_this(),
+            lever,
         })
+    }
+
+    /// Whether something hides a light from a point of an object, as [`shadows`](crate::reference::shadows) answers.
+    fn hidden<N: Number>(&self, object: Object, point: &Vector<N>, light: &Light, units: f64) -> Option<f64>
+    where
+        for<'n> &'n N: Operations<N>,
+    {
+        let own = match object {
+            Object::Sphere(i) => i,
+            Object::Triangle(i) => self.first_triangle + i,
+        };
+        let quick = Segment::<f64>::new(Vector::<f64>(point.to_f64()), light.position, units);
+        let segment = Segment::new(point.clone(), light.position, units);
+        let mut hidden = f64::NEG_INFINITY;
+        for (_, caster) in self.casters.iter().enumerate().filter(|(i, _)| *i != own) {
+            let sure = quick.is_hidden_by(caster).filter(|sure| sure.is_finite() && sure.abs() > FAR);
+            hidden = hidden.max(match sure {
+                Some(sure) => sure,
+                None => segment.is_hidden_by(caster)?,
+            });
+            if hidden > FAR {
+                break;
+            }
+        }
+        Some(hidden)
     }
 }
 

@@ -219,6 +219,7 @@ fn allowed(cosine: f64, intensity: f32, precision: Precision) -> Allowed {
         t: zero,
         normal: [zero; 3],
         cosines: vec![cosine],
+        shadow: f64::INFINITY,
         dazzled: false,
         colour,
         bound: 1.0,

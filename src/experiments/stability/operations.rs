@@ -171,6 +171,7 @@ impl Shape {
                 colour: None,
                 bound,
                 lever: 0.0,
+                shadow: f64::INFINITY,
             };
             Expected { hit: hit.as_ref().map(target), margin }
         };
