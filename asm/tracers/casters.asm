@@ -160,36 +160,37 @@
 
 %assign FLOATS VBYTES / 4               ; bounds in a register
 
-; MEETS - eax = a bit for each of FLOATS casters from number rcx on whose bounds, at r9, meet those in v0 to v3.
+; MEETS - eax = a bit for each of FLOATS casters, from a number on, whose bounds, at r9, meet those in v0 to v3.
 ;         Clobbers v4 and v5 without mask registers.
 ;
 ;   instructions   sse41 12   avx2 8   avx512 5
-%macro MEETS 0
+%macro MEETS 1
+%define %%first %1      ; [in]       number of the first
 %if HAS_MASKS
-    vcmpps  k1, v0, [r9 + 4 * rcx + CasterBounds.x], 13     ; 13: greater or equal
-    vcmpps  k1 {k1}, v1, [r9 + 4 * rcx + CasterBounds.y], 13
-    vcmpps  k1 {k1}, v2, [r9 + 4 * rcx + CasterBounds.past_x], 13
-    vcmpps  k1 {k1}, v3, [r9 + 4 * rcx + CasterBounds.past_y], 13
+    vcmpps  k1, v0, [r9 + 4 * %%first + CasterBounds.x], 13     ; 13: greater or equal
+    vcmpps  k1 {k1}, v1, [r9 + 4 * %%first + CasterBounds.y], 13
+    vcmpps  k1 {k1}, v2, [r9 + 4 * %%first + CasterBounds.past_x], 13
+    vcmpps  k1 {k1}, v3, [r9 + 4 * %%first + CasterBounds.past_y], 13
     kmovw   eax, k1
 %elif HAS_VEX
-    vcmpps  v4, v0, [r9 + 4 * rcx + CasterBounds.x], 13
-    vcmpps  v5, v1, [r9 + 4 * rcx + CasterBounds.y], 13
+    vcmpps  v4, v0, [r9 + 4 * %%first + CasterBounds.x], 13
+    vcmpps  v5, v1, [r9 + 4 * %%first + CasterBounds.y], 13
     vandps  v4, v4, v5
-    vcmpps  v5, v2, [r9 + 4 * rcx + CasterBounds.past_x], 13
+    vcmpps  v5, v2, [r9 + 4 * %%first + CasterBounds.past_x], 13
     vandps  v4, v4, v5
-    vcmpps  v5, v3, [r9 + 4 * rcx + CasterBounds.past_y], 13
+    vcmpps  v5, v3, [r9 + 4 * %%first + CasterBounds.past_y], 13
     vandps  v4, v4, v5
     vmovmskps eax, v4
 %else
-    movaps  v4, [r9 + 4 * rcx + CasterBounds.x]
+    movaps  v4, [r9 + 4 * %%first + CasterBounds.x]
     cmpps   v4, v0, 2                   ; 2: less or equal
-    movaps  v5, [r9 + 4 * rcx + CasterBounds.y]
+    movaps  v5, [r9 + 4 * %%first + CasterBounds.y]
     cmpps   v5, v1, 2
     andps   v4, v5
-    movaps  v5, [r9 + 4 * rcx + CasterBounds.past_x]
+    movaps  v5, [r9 + 4 * %%first + CasterBounds.past_x]
     cmpps   v5, v2, 2
     andps   v4, v5
-    movaps  v5, [r9 + 4 * rcx + CasterBounds.past_y]
+    movaps  v5, [r9 + 4 * %%first + CasterBounds.past_y]
     cmpps   v5, v3, 2
     andps   v4, v5
     movmskps eax, v4
@@ -224,17 +225,17 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
     mov     r9, [rdi + CastersTask.bounds]
     mov     r10, [rdi + CastersTask.count]
     xor     ebx, ebx
-    xor     ecx, ecx
-.cull:
-    MEETS
-    shl     eax, cl
+%assign %%i 0
+%rep 16 / FLOATS
+    MEETS   %%i
+%if %%i > 0
+    shl     eax, %%i
+%endif
     or      ebx, eax
-    add     ecx, FLOATS
-    cmp     rcx, r10
-    jb      .cull
-    mov     r9d, 1                      ; beyond the last is anything
-    mov     ecx, r10d
-    shl     r9d, cl
+%assign %%i %%i + FLOATS
+%endrep
+    xor     r9d, r9d                    ; beyond the last is anything
+    bts     r9d, r10d
     dec     r9d
     mov     r8d, [rdi + CastersTask.open]
     and     r9d, ebx

@@ -24,6 +24,9 @@ const FINEST: u32 = 4096;
 /// Cells are not much smaller than what a group of pixels sees.
 const PIXELS_OF_A_CELL: u32 = 4;
 
+/// Points that may be in more cells are asked for in parts.
+const MOST_CELLS: u32 = 36;
+
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
 const CELLS_OF_AN_OBJECT: usize = 8;
 
@@ -378,6 +381,13 @@ impl LightSide<'_> {
         let depth = (near.max(far) * (1.0 + f64::from(f32::EPSILON))) as f32;
         let [low, high] = cells.ends(&bounds);
         Some(Seen { cells: cells.range(&bounds), depth, ends: [high[0], high[1], -low[0], -low[1]] })
+    }
+
+    /// Whether they may be in so many cells that it pays to ask for parts of them alone.
+    pub fn is_wide(&self, seen: &Seen) -> bool {
+        let finest = self.side.grids.first().map_or(0, |grid| grid.coarseness);
+        let [columns, rows] = [0, 1].map(|i| (seen.cells[i].end - seen.cells[i].start) >> finest);
+        (columns + 1) * (rows + 1) > MOST_CELLS
     }
 
     /// Calls `say` for all cells with objects that may be before these points, until it returns false.

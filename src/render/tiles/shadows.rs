@@ -193,9 +193,8 @@ impl<E: Element> TileTracer<'_, E> {
                     }
                     None => (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i),
                 };
-                if scratch.open[group] != 0 {
-                    self.hide(shadows, (light, position), (group, *points_box), scratch);
-                }
+                let open = scratch.open[group];
+                scratch.open[group] = self.open(shadows, (light, position), (group, *points_box), open, scratch);
             }
             instead.clear();
             instead.resize(darkened.count + darkened.parts.len(), 0);
@@ -245,33 +244,40 @@ impl<E: Element> TileTracer<'_, E> {
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Closes the points of a group, in a box, from which something hides a light.
-    fn hide(
+    /// Those of the open points of a group, in a box, from which nothing hides a light.
+    fn open(
         &self,
         shadows: &Shadows<'_>,
         (light, position): (usize, DVec3),
         (group, points_box): (usize, [DVec3; 2]),
-        ShadowScratch { points, open, triangles, spheres, .. }: &mut ShadowScratch,
-    ) {
-        let (open, kernels, position) = (&mut open[group], self.packets, position.to_array());
+        mut open: u32,
+        scratch: &mut ShadowScratch,
+    ) -> u32 {
+        let (kernels, at) = (self.packets, position.to_array());
         for side in shadows.sides(light) {
-            if *open == 0 {
-                return;
+            let Some(seen) = side.seen(points_box).filter(|_| open != 0) else { continue };
+            // Mostly they are of objects at different depths.
+            let parts = side.is_wide(&seen).then(|| halves(&scratch.points, group * GROUP, open, points_box));
+            if let Some(parts) = parts.filter(|parts| parts.iter().all(|(part, _)| *part != 0)) {
+                let of_part =
+                    |(part, points_box)| self.open(shadows, (light, position), (group, points_box), part, scratch);
+                return parts.map(of_part).into_iter().fold(0, |open, part| open | part);
             }
-            let Some(seen) = side.seen(points_box) else { continue };
-            let points = LitPoints { points, first: group * GROUP, light: &position, seen: seen.ends };
+            let ShadowScratch { points, triangles, spheres, .. } = scratch;
+            let points = LitPoints { points, first: group * GROUP, light: &at, seen: seen.ends };
             side.each_cell(&seen, |cell| {
-                *open = match cell.kind {
+                open = match cell.kind {
                     Kind::Sphere => {
-                        spheres.ask(cell, |id| Some(side.sphere(id)), &kernels.sphere_casters, &points, *open)
+                        spheres.ask(cell, |id| Some(side.sphere(id)), &kernels.sphere_casters, &points, open)
                     }
                     Kind::Triangle => {
-                        triangles.ask(cell, |id| side.triangle(id), &kernels.triangle_casters, &points, *open)
+                        triangles.ask(cell, |id| side.triangle(id), &kernels.triangle_casters, &points, open)
                     }
                 };
-                *open != 0
+                open != 0
             });
         }
+        open
     }
 
     /// Makes the shading records of objects that are without some lights, and gives the pixels their ids.
@@ -364,4 +370,17 @@ fn boxes(points: &TilePoints<f64>) -> Vec<[DVec3; 2]> {
         [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]))
     };
     (0..TILE_PIXELS / GROUP).map(group).collect()
+}
+
+/// The open points of a group on either side of the middle of their box's longest side, with boxes of their own.
+fn halves(points: &TilePoints<f64>, first: usize, open: u32, [low, high]: [DVec3; 2]) -> [(u32, [DVec3; 2]); 2] {
+    let longest = (high - low).max_position();
+    let middle = low[longest] + 0.5 * (high - low)[longest];
+    let mut halves = [(0, [DVec3::INFINITY, DVec3::NEG_INFINITY]); 2];
+    for (i, at) in (first..first + GROUP).enumerate().filter(|(i, _)| open >> i & 1 == 1) {
+        let p = DVec3::new(points.x[at], points.y[at], points.z[at]);
+        let (bits, [low, high]) = &mut halves[usize::from(p[longest] > middle)];
+        (*bits, *low, *high) = (*bits | 1 << i, low.min(p), high.max(p));
+    }
+    halves
 }
