@@ -15,14 +15,14 @@ use super::party::Party;
 use super::{Failure, print_result, say};
 use crate::experiments::stability::limits::{self, Limits};
 use crate::experiments::stability::{self, Settings, StabilityReport, Swept, plot};
-use crate::render::Engine;
+use crate::render::{Engine, EngineError};
 use crate::scene::families::{FAMILIES, family};
 use crate::scene::{shown, text_within};
 
 /// Sweep stiff and extreme scenes over their whole ranges, and hold every engine to its limits
 ///
-/// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2 (lights), I1
-/// (images) and N1 (what is not a number).
+/// The families are S1 to S9 (spheres), T1 to T7 (triangles), X1 and X2 (scales mixed, objects twice), L1 and L2 (lights), H1 to
+/// H6 (shadows, of engines that have some), I1 (images) and N1 (what is not a number).
 /// Hits, t, normals and levels are compared with the truth in 256 bits. Writes stability.md, stability.svg, results.json
 /// and limits.csv, the limits that would just hold, to the directory that --out names. Exit status 1 where an engine does
 /// not keep its limits, with the command that repeats the case. Ctrl-C keeps what is finished.
@@ -135,6 +135,9 @@ fn settings(args: &StabilityArgs) -> Result<Settings, Failure> {
     }
     if let Some(name) = &args.engine {
         let engine: Engine = name.parse().map_err(Failure::input)?;
+        if settings.families.iter().all(|family| family.has_shadows()) && !engine.has_shadows() {
+            return Err(Failure::input(EngineError::NoShadows(engine)));
+        }
         settings.contenders.retain(|contender| contender.engine == engine);
         if settings.contenders.is_empty() {
             return Err(Failure::input(format!("this CPU does not run the engine `{engine}`")));

@@ -574,3 +574,11 @@ fn check_truth(what: &str, scenes: impl Iterator<Item = Scene>) {
 fn the_judge_knows_of_random_mixtures_what_light_they_have() {
     check_truth("a mixture", (0..12).map(|seed| random(60, seed)));
 }
+
+#[cfg(feature = "cli")]
+#[test]
+fn the_judge_knows_of_every_family_of_shadows_what_light_it_has() {
+    for family in rayo::scene::families::FAMILIES.iter().filter(|family| family.has_shadows()) {
+        check_truth(family.id, (0..family.cases()).map(|index| family.case(index, 5, 18).scene));
+    }
+}

@@ -6,12 +6,12 @@ use super::maker::{BLUE, GREEN, GREY, Maker, RED, light, sphere, triangle};
 use super::{Family, Level, Made, names, numbers};
 use crate::scene::{Scene, Sphere, Triangle};
 
-const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
-const VARIANTS: &[&str] = &["1 object", "31 objects", "32 objects", "200 objects", "5000 objects"];
-const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
+pub(super) const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
+pub(super) const VARIANTS: &[&str] = &["1 object", "31 objects", "32 objects", "200 objects", "5000 objects"];
+pub(super) const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
 
 /// A scene without objects that sees `half` to each side at distance 1, and the number of objects it is to have.
-fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> (Scene, usize) {
+pub(super) fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> (Scene, usize) {
     let count = COUNTS[maker.variant];
     // Scenes of many objects have smaller pictures, the others larger ones, for as many rays as elsewhere.
     maker.side = if count > 1000 { maker.side.div_ceil(2) } else { maker.side + maker.side / 8 };
@@ -21,7 +21,7 @@ fn empty(maker: &mut Maker, half: f64, lights: usize, scale: f64) -> (Scene, usi
 
 /// Alternately spheres and triangles up to `count` objects, anywhere in a picture that sees `half` to each side, at
 /// many depths; the i-th is `scale(i)` times as far and as large, and has its colour times `shade(i)`.
-fn fill(
+pub(super) fn fill(
     maker: &mut Maker,
     scene: &mut Scene,
     half: f64,
@@ -47,7 +47,7 @@ fn fill(
 }
 
 const AS_IT_IS: fn(usize) -> f64 = |_| 1.0;
-const UNSHADED: fn(usize) -> f32 = |_| 1.0;
+pub(super) const UNSHADED: fn(usize) -> f32 = |_| 1.0;
 
 pub const BESIDE: Family = Family {
     id: "S9",
