@@ -19,35 +19,68 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::spheres::around
 
-; AROUND - a function that writes elements of `out` bytes; a block of them is %%parts registers of f64.
-%macro AROUND 2
-%define %%precision %1  ; [in]       part of the function's name
-%define %%out %2        ; [in]       4 or 8
-%assign %%parts 8 / %%out
+; EACH_PIXEL - begins a loop over the pixels of a tile in registers of f64; a block of elements is PARTS registers. v0
+;              and v10 are the columns and the rows of pixels' centres in the picture. Clobbers v1, v2, rcx, rdx, which
+;              hold where the loop is. Used by points.asm too.
+%macro EACH_PIXEL 1
+%define %%bytes %1      ; [in]       4 or 8
+%assign PARTS 8 / %%bytes
 %if LANES == 2
-%assign %%width 2 * %%parts             ; of a block
-%assign %%height 1
+%assign COLUMNS_OF_BLOCK 2 * PARTS
+%assign ROWS_OF_BLOCK 1
 %else
-%assign %%width 4
-%assign %%height LANES / 4 * %%parts
+%assign COLUMNS_OF_BLOCK 4
+%assign ROWS_OF_BLOCK LANES / 4 * PARTS
 %endif
-FUNC ISA %+ _ %+ %%precision %+ _around
-    CONSTANTS AroundSphere_size
     VSPREAD_INTEGER 1, rcx
     VADD    v1, v1, [PACKET(block_y)]
     VADD    v1, v1, [PACKET(halves)]
     VSPREAD_INTEGER 2, rdx
     VADD    v2, v2, [PACKET(block_x)]
     VADD    v2, v2, [PACKET(halves)]
-    mov     ecx, TILE_HEIGHT / %%height
+    mov     ecx, TILE_HEIGHT / ROWS_OF_BLOCK
 .row:
     VMOV    v0, v2
-    mov     edx, TILE_WIDTH / %%width
+    mov     edx, TILE_WIDTH / COLUMNS_OF_BLOCK
 align 16
 .block:
     VMOV    v10, v1
+%endmacro
+
+; NEXT_PART - goes on to the next register of a block.
+%macro NEXT_PART 0
+%if LANES == 2
+    VADD    v0, v0, [PACKET(block_step)]
+%else
+%rep LANES / 4
+    VADD    v10, v10, [PACKET(ones)]
+%endrep
+%endif
+%endmacro
+
+; NEXT_PIXELS - ends the loop that EACH_PIXEL begins.
+%macro NEXT_PIXELS 0
+%if LANES > 2
+    VADD    v0, v0, [PACKET(block_step)]
+%endif
+    dec     edx
+    jnz     .block
+%rep ROWS_OF_BLOCK
+    VADD    v1, v1, [PACKET(ones)]
+%endrep
+    dec     ecx
+    jnz     .row
+%endmacro
+
+; AROUND - a function that writes elements of `out` bytes; see EACH_PIXEL.
+%macro AROUND 2
+%define %%precision %1  ; [in]       part of the function's name
+%define %%out %2        ; [in]       4 or 8
+FUNC ISA %+ _ %+ %%precision %+ _around
+    CONSTANTS AroundSphere_size
+    EACH_PIXEL %%out
 %assign %%part 0
-%rep %%parts
+%rep PARTS
     VMUL    v3, v0, K(AroundSphere.step)
     VSUB    v3, v3, K(AroundSphere.half_width)      ; the ray
     VMUL    v5, v10, K(AroundSphere.step)
@@ -104,24 +137,9 @@ align 16
 %endif
     add     rsi, %%out * LANES
 %assign %%part %%part + 1
-%if LANES == 2
-    VADD    v0, v0, [PACKET(block_step)]
-%else
-%rep LANES / 4
-    VADD    v10, v10, [PACKET(ones)]
+    NEXT_PART
 %endrep
-%endif
-%endrep
-%if LANES > 2
-    VADD    v0, v0, [PACKET(block_step)]
-%endif
-    dec     edx
-    jnz     .block
-%rep %%height
-    VADD    v1, v1, [PACKET(ones)]
-%endrep
-    dec     ecx
-    jnz     .row
+    NEXT_PIXELS
     UNCONSTANTS
 ENDFUNC
 %endmacro

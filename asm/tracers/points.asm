@@ -22,35 +22,15 @@
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written, ids below the objects'
 ;   equals      kernels::portable::shadows::points
 
-; POINTS - a function that reads ids of `in` bytes; a block of them is %%parts registers of f64.
+; POINTS - a function that reads ids of `in` bytes; see EACH_PIXEL.
 %macro POINTS 2
 %define %%precision %1  ; [in]       part of the function's name
 %define %%in %2         ; [in]       4 or 8
-%assign %%parts 8 / %%in
-%if LANES == 2
-%assign %%width 2 * %%parts             ; of a block
-%assign %%height 1
-%else
-%assign %%width 4
-%assign %%height LANES / 4 * %%parts
-%endif
 FUNC ISA %+ _ %+ %%precision %+ _points
     CONSTANTS PointView_size
-    VSPREAD_INTEGER 1, rcx
-    VADD    v1, v1, [PACKET(block_y)]
-    VADD    v1, v1, [PACKET(halves)]
-    VSPREAD_INTEGER 2, rdx
-    VADD    v2, v2, [PACKET(block_x)]
-    VADD    v2, v2, [PACKET(halves)]
     lea     r10, [r8 + 4 * ELEM]
-    mov     ecx, TILE_HEIGHT / %%height
-.row:
-    VMOV    v0, v2
-    mov     edx, TILE_WIDTH / %%width
-align 16
-.block:
-    VMOV    v10, v1
-%rep %%parts
+    EACH_PIXEL %%in
+%rep PARTS
 %if %%in == 4
     WIDEN   v6, [rsi]
 %else
@@ -112,24 +92,9 @@ align 16
     VSTORE  [r9 + ELEM * TilePoints.z], v6
     add     rsi, %%in * LANES
     add     r9, VBYTES
-%if LANES == 2
-    VADD    v0, v0, [PACKET(block_step)]
-%else
-%rep LANES / 4
-    VADD    v10, v10, [PACKET(ones)]
+    NEXT_PART
 %endrep
-%endif
-%endrep
-%if LANES > 2
-    VADD    v0, v0, [PACKET(block_step)]
-%endif
-    dec     edx
-    jnz     .block
-%rep %%height
-    VADD    v1, v1, [PACKET(ones)]
-%endrep
-    dec     ecx
-    jnz     .row
+    NEXT_PIXELS
     UNCONSTANTS
 ENDFUNC
 %endmacro
