@@ -15,7 +15,7 @@
 ;                  rsi lists, rdx row, rcx end, r8 out, r14 frame, rbx column, r9 columns left
 ;                  v0 v1 v2 the ray, v3 t
 ;   requires       the CPUID features of the ISA; lists aligned to VBYTES; width >= 1; row < end
-;   equals         reference::packet::sphere_hit
+;   equals         tests::kernels::operations::on_packets::t_of_sphere
 
 ; K(i) is number i of the object's record, in every lane: where operands cannot broadcast, it is there LANES times.
 %if HAS_MASKS

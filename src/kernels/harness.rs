@@ -9,7 +9,7 @@ use super::checked::{Fault, vector_bytes};
 use super::kernel::{Kernel, kernel};
 pub use super::kernel::{checked, without_denormals};
 use super::paper::Op;
-pub use super::portable::packets as portable_packets;
+pub use super::portable::{lanes, packets as portable_packets};
 use super::types::Vec4;
 
 /// A kernel without arguments that breaks one rule on purpose.

@@ -3,7 +3,7 @@
 //! Each formula is written once in assembly and once here. A table with the lanes and the rounding of an instruction set has
 //! the twins of its kernels.
 
-mod lanes;
+pub mod lanes;
 mod nearest;
 mod rows;
 mod set_up;

@@ -1,12 +1,13 @@
 //! Algorithm 1 with a ray in each lane: against the twins of its operations, the reference, and the rules of calls.
 
+use rayo::kernels::harness::lanes::{Lanes, Packet};
 use rayo::kernels::{Isa, LaneTracer, Vec4, lane_tracer};
-use rayo::plan::{Packed, in_lanes, sphere_hit};
-use rayo::reference::packet::{self, Rounding};
+use rayo::plan::{InUnits, Packed, in_lanes, sphere_hit};
 use rayo::render::{Engine, Film, FilmMut, PixelFormat};
 use rayo::scene::{self, Scene};
 
 use crate::kernel_cases::seed;
+use crate::operations::on_packets::{lambert, t_of_sphere};
 
 fn tracers() -> Vec<(Isa, &'static LaneTracer)> {
     Isa::ALL.into_iter().filter_map(|isa| Some((isa, lane_tracer(isa)?))).collect()
@@ -55,49 +56,47 @@ fn a_ray_in_each_lane_sees_what_the_reference_sees() {
     }
 }
 
+/// The bits of a pixel of spheres alone, by the twins of the operations.
+fn twin<L: Lanes<Number = f32>>(scene: &Scene, row: u32, column: u32) -> [u32; 3] {
+    let frame = *Packed::new(scene).frame();
+    let x = (column as f32 + 0.5) * frame.step - frame.half_width;
+    let d = [x, frame.half_height - (row as f32 + 0.5) * frame.step, frame.focal].map(L::all);
+    let (mut nearest, mut colour) = (f32::INFINITY, [0.0; 3]);
+    for sphere in &scene.spheres {
+        let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
+        let InUnits { record, unit } = sphere_hit::<f64>(centre.into(), radius);
+        let lengths = [record.cx, record.cy, record.cz].map(|c| c * unit);
+        let areas = [record.square, record.k].map(|square| square * unit * unit);
+        let t = t_of_sphere(d, [lengths[0], lengths[1], lengths[2], areas[0], areas[1]].map(L::of));
+        if t.lane(0) < nearest {
+            nearest = t.lane(0);
+            let o = [0, 1, 2].map(|i| (d[i] * t - L::all(sphere.centre[i])) * L::of(1.0 / radius));
+            let lit = scene.lights.iter().fold([L::of(0.0); 3], |colour, light| {
+                let [x, y, z] = ((light.position.as_dvec3() - centre) / radius).to_array();
+                let [red, green, blue] = (light.radiance() * sphere.colour.as_dvec3()).to_array();
+                lambert([x, y, z, 0.0, red, green, blue].map(L::of), o, colour)
+            });
+            colour = lit.map(|x| x.lane(0));
+        }
+    }
+    colour.map(f32::to_bits)
+}
+
 #[test]
 fn spheres_in_lanes_are_the_twins_of_their_operations_to_the_last_bit() {
     for (isa, tracer) in tracers() {
-        let rounding = if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused };
+        let twin = if isa == Isa::Sse41 { twin::<Packet<f32, 1, false>> } else { twin::<Packet<f32, 1, true>> };
         for scene in scenes().filter(|scene| scene.triangles.is_empty()) {
-            let frame = *Packed::new(&scene).frame();
-            let twin = |row: u32, column: u64| {
-                let x = (column as f32 + 0.5) * frame.step - frame.half_width;
-                let d = [x, frame.half_height - (row as f32 + 0.5) * frame.step, frame.focal];
-                let (mut nearest, mut colour) = (f32::INFINITY, [0.0; 3]);
-                for sphere in &scene.spheres {
-                    let (centre, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
-                    let hit = sphere_hit::<f64>(centre.into(), radius);
-                    let [length, area] = [hit.unit, hit.unit * hit.unit];
-                    let hit = hit.record;
-                    let record = packet::SphereHit {
-                        centre: [hit.cx, hit.cy, hit.cz].map(|c| (c * length) as f32),
-                        square: (hit.square * area) as f32,
-                        k: (hit.k * area) as f32,
-                    };
-                    let t = rounding.sphere_hit(&record, d);
-                    if t < nearest {
-                        nearest = t;
-                        let scale = (1.0 / radius) as f32;
-                        let o = [0, 1, 2].map(|i| (d[i] * t - sphere.centre[i]) * scale);
-                        colour = [0.0; 3];
-                        for light in &scene.lights {
-                            let weights = light.radiance() * sphere.colour.as_dvec3();
-                            let light = packet::Light {
-                                position: ((light.position.as_dvec3() - centre) / radius).as_vec3().into(),
-                                weights: weights.as_vec3().into(),
-                            };
-                            colour = rounding.lambert(&light, o, colour);
-                        }
-                    }
-                }
-                colour.map(f32::to_bits)
-            };
             let out = traced(tracer, &scene);
-            for (row, pixels) in (0..).zip(out.chunks(frame.width as usize)) {
+            for (row, pixels) in (0..).zip(out.chunks(scene.camera.width() as usize)) {
                 for (column, pixel) in (0..).zip(pixels) {
                     let ours = [pixel.x, pixel.y, pixel.z].map(f32::to_bits);
-                    assert_eq!(ours, twin(row, column), "{isa}: row {row}, column {column} of {:?}", scene.camera);
+                    assert_eq!(
+                        ours,
+                        twin(&scene, row, column),
+                        "{isa}: row {row}, column {column} of {:?}",
+                        scene.camera
+                    );
                 }
             }
         }

@@ -5,7 +5,7 @@
 //! NaN.
 
 mod by_estimates;
-mod on_packets;
+pub mod on_packets;
 mod paper_c;
 
 use std::ops::Range;

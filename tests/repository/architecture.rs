@@ -216,7 +216,7 @@ fn comments_and_strings_are_no_code() {
 /// What is added takes the place of something, or argues for more here: shadows were asked for.
 #[test]
 fn it_stays_small() {
-    const LINES: usize = 61_220;
+    const LINES: usize = 61_096;
     const KERNELS: usize = 48;
     let sources = sources(&["rs", "asm", "inc", "c", "h", "md", "css", "js", "csv"]);
     let of_product = sources.iter().filter(|(path, _)| ["src/", "asm/"].iter().any(|folder| path.starts_with(folder)));
@@ -338,11 +338,12 @@ fn equals(comment: &[String]) -> Vec<String> {
     words.map(str::to_owned).collect()
 }
 
-/// Whether src/ has what a path names: a module, or something in one.
+/// Whether src/, or tests/, has what a path names: a module, or something in one.
 fn is_there(path: &str, sources: &BTreeMap<String, String>) -> bool {
     let parts: Vec<_> = path.split("::").collect();
     // The longest path that is a file is the module.
-    let file = |length: usize| sources.get(&format!("src/{}.rs", parts[..length].join("/")));
+    let root = if path.starts_with("tests::") { "" } else { "src/" };
+    let file = |length: usize| sources.get(&format!("{root}{}.rs", parts[..length].join("/")));
     let module = (2..=parts.len()).rev().find(|length| file(*length).is_some()).unwrap_or(parts.len());
     let (text, inner) = (file(module), &parts[module..]);
     let defined = |text: &String, name: &str| {

@@ -1,40 +1,65 @@
 //! The operations on packets: each against its scalar twin to the last bit, and what they hit by hand and against each other.
 
+use std::fmt::Debug;
+
 use glam::DVec3;
-use rayo::kernels::{Element, Isa, OpRef, PacketElement, PacketOp, Vec4, packet_ops, paper};
+use rayo::kernels::harness::lanes::{Lanes, Number, Packet, dot};
+use rayo::kernels::{Isa, OpRef, PacketElement, PacketOp, Vec4, packet_ops, paper};
 use rayo::plan::{InUnits, sphere_hit, triangle_hit};
-use rayo::reference::packet::{self, Rounding};
-use rayo::reference::{Real, geometry};
+use rayo::reference::geometry;
 use rayo::scene::Rng;
 
 use super::{MISS, SPHERES, TRIANGLES};
 use crate::kernel_cases::{Input, Numbers, seed};
 
-fn rounding(isa: Isa) -> Rounding {
-    if isa == Isa::Sse41 { Rounding::Unfused } else { Rounding::Fused }
+/// SPHERE_HIT3: t, or infinity where the ray `d` misses, by the fields of SphereHit.
+pub fn t_of_sphere<L: Lanes>(d: [L; 3], [x, y, z, square, k]: [L; 5]) -> L {
+    let c = [x, y, z];
+    // VDIFFERENCE: Kahan's difference of products.
+    let across = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| {
+        let w = d[i] * c[j];
+        let difference = d[j].fms(c[i], w);
+        if L::FUSED { difference + w.fnma(d[i], c[j]) } else { difference }
+    });
+    let h = dot(d, c);
+    let q = h + (dot(d, d) * square - dot(across, across)).sqrt().with_sign_of(h);
+    let t = (q * k).greater(L::of(0.0)).select(k / q, q / dot(d, d));
+    t.greater(L::of(0.0)).select(t, L::of(f64::INFINITY))
 }
 
-/// What the operation makes of one vector, by the twin.
-fn twin<E: Real>(op: &str, rounding: Rounding, a: [E; 3], b: &[E]) -> Vec<E> {
-    let three = |i: usize| [b[i], b[i + 1], b[i + 2]];
-    match op {
+/// TRIANGLE_HIT3: t, or infinity where the ray `d` misses, by the fields of TriangleHit.
+fn t_of_triangle<L: Lanes>(d: [L; 3], [[x, y, z, k], edges @ ..]: [[L; 4]; 4]) -> L {
+    let w = dot(d, [x, y, z]);
+    let inside = edges.map(|[x, y, z, bound]| bound.greater(dot(d, [x, y, z])));
+    let hit = inside.into_iter().fold(w.greater(L::of(0.0)), L::and);
+    hit.select(k / w, L::of(f64::INFINITY))
+}
+
+/// LAMBERT3: a colour, and what the light, an ObjectLight, adds to it at the point o of a sphere of radius 1 about the origin.
+pub fn lambert<L: Lanes>([x, y, z, _, weights @ ..]: [L; 7], o: [L; 3], colour: [L; 3]) -> [L; 3] {
+    let l = [x - o[0], y - o[1], z - o[2]];
+    let cosine = (dot(o, l) / dot(l, l).sqrt()).max(L::of(0.0)).min(L::of(1.0));
+    [0, 1, 2].map(|i| colour[i].fma(cosine, weights[i]))
+}
+
+/// What the operation makes of one vector: one lane of the macros of asm/include, in the same order.
+fn twin<L: Lanes>(op: &str, a: [L::Number; 3], b: &[L::Number]) -> Vec<L::Number> {
+    let (a, b): (_, Vec<_>) = (a.map(L::all), b.iter().map(|b| L::all(*b)).collect());
+    let three = || [b[0], b[1], b[2]];
+    let found = match op {
         "add" => (0..3).map(|i| a[i] + b[i]).collect(),
         "sub" => (0..3).map(|i| a[i] - b[i]).collect(),
         "scale" => a.map(|a| a * b[0]).to_vec(),
-        "dot" => vec![rounding.dot(a, three(0))],
-        "norm" => vec![rounding.norm(a)],
-        "cross" => rounding.cross(a, three(0)).to_vec(),
-        "normalise" => rounding.normalise(a).to_vec(),
-        "sphere" => vec![rounding.sphere_hit(&packet::SphereHit { centre: three(0), square: b[3], k: b[4] }, a)],
-        "triangle" => {
-            let edges = [4, 8, 12].map(|i| (three(i), b[i + 3]));
-            vec![rounding.triangle_hit(&packet::TriangleHit { normal: three(0), k: b[3], edges }, a)]
-        }
-        "lambert" => {
-            rounding.lambert(&packet::Light { position: three(0), weights: three(4) }, a, [E::ZERO; 3]).to_vec()
-        }
+        "dot" => vec![dot(a, three())],
+        "norm" => vec![dot(a, a).sqrt()],
+        "cross" => [(1, 2), (2, 0), (0, 1)].map(|(i, j)| (a[i] * b[j]).fnma(a[j], b[i])).to_vec(),
+        "normalise" => a.map(|x| x / dot(a, a).sqrt()).to_vec(),
+        "sphere" => vec![t_of_sphere(a, b[..5].try_into().unwrap())],
+        "triangle" => vec![t_of_triangle(a, [0, 4, 8, 12].map(|i| b[i..i + 4].try_into().unwrap()))],
+        "lambert" => lambert(b[..7].try_into().unwrap(), a, [L::of(0.0); 3]).to_vec(),
         _ => panic!("the operation `{op}` on packets needs a twin"),
-    }
+    };
+    found.into_iter().map(|x: L| x.lane(0)).collect()
 }
 
 /// Whether two results are the same number, with its sign, or both are NaN.
@@ -44,13 +69,14 @@ fn same<E: PacketElement>(a: &[E], b: &[E]) -> bool {
 }
 
 /// Calls `op` for so many packets of `numbers`, with a record where it takes one, and compares each result.
-fn check<E: PacketElement + Real>(
+fn check<E: PacketElement + Number + Debug>(
     isa: Isa,
     op: &PacketOp<E>,
     packets: usize,
     record: &[E],
     mut numbers: impl FnMut() -> E,
 ) {
+    let twin = if isa == Isa::Sse41 { twin::<Packet<E, 1, false>> } else { twin::<Packet<E, 1, true>> };
     let (shape, lanes, vectors) = (op.shape, op.lanes, packets * op.lanes);
     let mut many = |count: usize| (0..count).map(|_| numbers()).collect::<Vec<_>>();
     let a = many(3 * vectors);
@@ -67,19 +93,18 @@ fn check<E: PacketElement + Real>(
         };
         let ray: [E; 3] = of(&a, 3).try_into().unwrap();
         let own = if record.is_empty() { of(&b, shape.b_numbers) } else { record.to_vec() };
-        let (found, expected) = (of(&out, shape.out_numbers), twin(op.name, rounding(isa), ray, &own));
+        let (found, expected) = (of(&out, shape.out_numbers), twin(op.name, ray, &own));
         assert!(same(&found, &expected), "{}: {found:?} instead of {expected:?} of {ray:?} and {own:?}", op.symbol());
     }
 }
 
-fn all_equal_their_twins<E: PacketElement + Real>(rng: &mut Rng) {
+fn all_equal_their_twins<E: PacketElement + Number + Debug>(rng: &mut Rng) {
     for isa in Isa::ALL {
         for op in packet_ops::<E>(isa).into_iter().flatten() {
             for numbers in Numbers::ALL {
                 for case in 0..300 {
-                    let record: Vec<E> =
-                        (0..op.shape.record).map(|_| <E as Element>::from_f64(numbers.next(rng).into())).collect();
-                    check(isa, op, case % 4, &record, || <E as Element>::from_f64(numbers.next(rng).into()));
+                    let record: Vec<E> = (0..op.shape.record).map(|_| E::from_f64(numbers.next(rng).into())).collect();
+                    check(isa, op, case % 4, &record, || E::from_f64(numbers.next(rng).into()));
                 }
             }
         }
