@@ -12,10 +12,7 @@ pub mod exact;
 pub mod geometry;
 #[cfg(feature = "lab")]
 pub mod number;
-mod real;
 #[cfg(feature = "lab")]
 pub mod shadows;
 #[cfg(feature = "lab")]
 pub mod shapes;
-
-pub use real::Real;

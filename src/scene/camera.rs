@@ -1,6 +1,6 @@
 //! The pinhole camera of Algorithm 1: image size, focal distance and film, and the grid of rays that follows.
 
-use crate::reference::Real;
+use std::ops::{Add, Div, Mul, Sub};
 
 /// The longest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 1_000_000;
@@ -97,16 +97,39 @@ impl Camera {
     pub fn grid<T: Real>(&self) -> Grid<T> {
         let (width, height) = (T::from_u32(self.width), T::from_u32(self.height));
         let relation = width / height;
-        let film_height = T::from_f32(self.film) / (relation * relation + T::ONE).sqrt();
+        let film_height = T::from(self.film) / (relation * relation + 1.0.into()).sqrt();
         let film_width = relation * film_height;
         Grid {
             step: film_width / width,
-            half_width: film_width * T::HALF,
-            half_height: film_height * T::HALF,
-            focal: T::from_f32(self.focal),
+            half_width: film_width * T::from(0.5),
+            half_height: film_height * T::from(0.5),
+            focal: T::from(self.focal),
         }
     }
 }
+
+/// A number of a camera's grid, f32 or f64.
+pub trait Real:
+    Copy + From<f32> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// Rounded to nearest, exact up to 2^24.
+    fn from_u32(x: u32) -> Self;
+    fn sqrt(self) -> Self;
+}
+
+macro_rules! real {
+    ($($t:ident)*) => {$(
+        impl Real for $t {
+            fn from_u32(x: u32) -> $t {
+                x as $t
+            }
+            fn sqrt(self) -> $t {
+                self.sqrt()
+            }
+        }
+    )*};
+}
+real!(f32 f64);
 
 /// The rays of a camera in the precision `T`: a grid of points on the film at distance `focal`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,7 +159,7 @@ impl Grid<f64> {
 impl<T: Real> Grid<T> {
     /// r_d of a pixel, not normalised: (step (col + 1/2) - W/2, H/2 - step (row + 1/2), f).
     pub fn ray(&self, row: u32, col: u32) -> [T; 3] {
-        let centre = |i: u32| T::from_u32(i) + T::HALF;
+        let centre = |i: u32| T::from_u32(i) + T::from(0.5);
         [self.step * centre(col) - self.half_width, self.half_height - self.step * centre(row), self.focal]
     }
 }

@@ -36,7 +36,7 @@ impl Twin {
     }
 
     /// What the operation `name` makes of `input`, a scalar in the first lane.
-    fn op(self, name: &str, input: &Input) -> Lanes<f32> {
+    fn op(self, name: &str, input: &Input) -> Lanes {
         let scalar = |x| [x, 0.0, 0.0, 0.0];
         match (name, *input) {
             ("add", Input::Vectors(a, b)) => aos::add(a.lanes(), b.lanes()),
@@ -81,7 +81,7 @@ impl Twin {
     }
 
     /// The pixels of `rows`.
-    fn trace(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes<f32>> {
+    fn trace(self, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes> {
         let lights: Vec<_> = objects.lights.iter().map(twin_of_light).collect();
         let spheres: Vec<_> = objects.spheres.iter().map(twin_of_sphere).collect();
         let triangles: Vec<_> = objects.triangles.iter().map(twin_of_triangle).collect();
@@ -100,25 +100,25 @@ impl Twin {
     }
 }
 
-fn twin_of_light(light: &Light) -> aos::Light<f32> {
+fn twin_of_light(light: &Light) -> aos::Light {
     aos::Light { position: light.position.lanes(), radiance: light.radiance.lanes() }
 }
 
-fn twin_of_sphere(sphere: &PaperSphere) -> aos::Sphere<f32> {
+fn twin_of_sphere(sphere: &PaperSphere) -> aos::Sphere {
     aos::Sphere { centre: sphere.centre.lanes(), colour: sphere.colour.lanes(), radius: sphere.radius }
 }
 
-fn twin_of_triangle(triangle: &PaperTriangle) -> aos::Triangle<f32> {
+fn twin_of_triangle(triangle: &PaperTriangle) -> aos::Triangle {
     let vertices = [triangle.v1, triangle.v2, triangle.v3].map(Vec4::lanes);
     aos::Triangle { vertices, colour: triangle.colour.lanes() }
 }
 
 /// Whether two results are the same number, with its sign, or both are NaN.
-fn same(a: Lanes<f32>, b: Lanes<f32>) -> bool {
+fn same(a: Lanes, b: Lanes) -> bool {
     a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan())
 }
 
-fn call(op: OpRef, input: &Input) -> Lanes<f32> {
+fn call(op: OpRef, input: &Input) -> Lanes {
     kernel_cases::call(op, input).0.lanes()
 }
 
@@ -326,13 +326,13 @@ fn frame(width: u32, height: u32, focal: f32, film: f32) -> Frame {
 }
 
 /// The pixels that the kernel writes, on a film that nobody has written on.
-fn traced(trace: Trace, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes<f32>> {
+fn traced(trace: Trace, frame: &Frame, objects: Objects<'_>, rows: Range<u32>) -> Vec<Lanes> {
     let mut film = vec![Vec4::from([f32::NAN; 4]); frame.width as usize * rows.len()];
     trace.call(frame, objects, rows, &mut film);
     film.into_iter().map(Vec4::lanes).collect()
 }
 
-fn check_trace(implementation: &str, trace: Trace, frame: &Frame, lot: &Lot, rows: Range<u32>) -> Vec<Lanes<f32>> {
+fn check_trace(implementation: &str, trace: Trace, frame: &Frame, lot: &Lot, rows: Range<u32>) -> Vec<Lanes> {
     let found = traced(trace, frame, lot.objects(), rows.clone());
     let expected = Twin::of(implementation).trace(frame, lot.objects(), rows);
     for (pixel, (found, expected)) in found.iter().zip(&expected).enumerate() {
@@ -421,7 +421,7 @@ fn rows_give_the_same_bytes_however_they_are_split() {
                 parts.extend(traced(kernels.trace, &frame, lot.objects(), row..end));
                 row = end;
             }
-            let bits = |pixels: &[Lanes<f32>]| pixels.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            let bits = |pixels: &[Lanes]| pixels.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&whole), bits(&parts), "{implementation} at {width}x{height}");
         }
     }

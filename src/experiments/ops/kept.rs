@@ -23,7 +23,7 @@ macro_rules! kept {
 pub mod rust {
     use crate::reference::aos::{self, Form, Lanes, Light, Sphere, Surface, Triangle};
 
-    type V = Lanes<f32>;
+    type V = Lanes;
 
     kept! {
         add(a: V, b: V) -> V { aos::add(*a, *b) }
@@ -33,9 +33,9 @@ pub mod rust {
         norm(a: V, _b: V) -> f32 { aos::norm(Form::Paper, *a) }
         cross(a: V, b: V) -> V { aos::cross(*a, *b) }
         normalise(a: V, _b: V) -> V { aos::normalise(Form::Paper, *a) }
-        sphere(a: V, b: Sphere<f32>) -> f32 { aos::sphere(Form::Paper, *a, b) }
-        triangle(a: V, b: Triangle<f32>) -> f32 { aos::triangle(Form::Paper, *a, b) }
-        lambert(a: Surface<f32>, b: Light<f32>) -> V { aos::lambert(Form::Paper, 1, a, b) }
+        sphere(a: V, b: Sphere) -> f32 { aos::sphere(Form::Paper, *a, b) }
+        triangle(a: V, b: Triangle) -> f32 { aos::triangle(Form::Paper, *a, b) }
+        lambert(a: Surface, b: Light) -> V { aos::lambert(Form::Paper, 1, a, b) }
     }
 }
 

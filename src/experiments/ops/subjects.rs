@@ -128,7 +128,7 @@ macro_rules! values {
 values! {
     f32: |_| SCALAR, |scalar| scalar;
     Vec4: |[x, y, z]| Vec4::new(x, y, z), |vector| vector.x;
-    twin::Lanes<f32>: |[x, y, z]| [x, y, z, 0.0], |vector| vector[0];
+    twin::Lanes: |[x, y, z]| [x, y, z, 0.0], |vector| vector[0];
     Vec3A: |vector| vector.into(), |vector| vector.x;
 }
 
@@ -183,7 +183,7 @@ operands! {
 }
 
 operands! {
-    twin::Lanes<f32>, twin::Sphere<f32>, twin::Triangle<f32>, twin::Surface<f32>, twin::Light<f32>;
+    twin::Lanes, twin::Sphere, twin::Triangle, twin::Surface, twin::Light;
     |centre| twin::Sphere { centre, colour: Value::of(COLOUR), radius: RADIUS },
     |vertices| twin::Triangle { vertices, colour: Value::of(COLOUR) },
     |point, normal| twin::Surface { point, normal, colour: Value::of(COLOUR) },

@@ -7,7 +7,7 @@
 
 use rayo::reference::aos::{Lanes, Light, Sphere, Surface, Triangle, add, scale, sub};
 
-type Vector = Lanes<f32>;
+type Vector = Lanes;
 
 const ORIGIN: Vector = [0.0; 4];
 
@@ -42,7 +42,7 @@ fn point_on(ray: Vector, t: f32) -> Vector {
 }
 
 /// The smallest root t > 0 of eq. 5, infinity for none.
-pub fn sphere(ray: Vector, s: &Sphere<f32>) -> f32 {
+pub fn sphere(ray: Vector, s: &Sphere) -> f32 {
     let from_centre = sub(ORIGIN, s.centre);
     let a = dot(ray, ray);
     let b = 2.0 * dot(ray, from_centre);
@@ -60,13 +60,13 @@ pub fn sphere(ray: Vector, s: &Sphere<f32>) -> f32 {
 }
 
 /// The normal of eq. 6.
-pub fn plane_normal(s: &Triangle<f32>) -> Vector {
+pub fn plane_normal(s: &Triangle) -> Vector {
     let [v1, v2, v3] = s.vertices;
     cross(sub(v1, v2), sub(v1, v3))
 }
 
 /// The t > 0 of eq. 9 where eq. 10 holds for each edge, infinity for none.
-pub fn triangle(ray: Vector, s: &Triangle<f32>) -> f32 {
+pub fn triangle(ray: Vector, s: &Triangle) -> f32 {
     let [v1, v2, v3] = s.vertices;
     let n = plane_normal(s);
     let across = dot(ray, n);
@@ -81,7 +81,7 @@ pub fn triangle(ray: Vector, s: &Triangle<f32>) -> f32 {
 }
 
 /// The light of eq. 11 for one light and `sides` 1 or 2.
-pub fn lambert(sides: u32, surface: &Surface<f32>, light: &Light<f32>) -> Vector {
+pub fn lambert(sides: u32, surface: &Surface, light: &Light) -> Vector {
     let cosine = dot(normalise(sub(light.position, surface.point)), surface.normal);
     let cosine = if sides == 2 { cosine.abs() } else { cosine };
     if cosine > 0.0 {
@@ -94,16 +94,9 @@ pub fn lambert(sides: u32, surface: &Surface<f32>, light: &Light<f32>) -> Vector
 }
 
 /// Algorithm 1 for one ray: the colour of its pixel, which begins as `pixel`.
-pub fn trace(
-    ray: Vector,
-    lights: &[Light<f32>],
-    spheres: &[Sphere<f32>],
-    triangles: &[Triangle<f32>],
-    mut pixel: Vector,
-) -> Vector {
-    let shade = |sides, surface: Surface<f32>| {
-        lights.iter().fold([0.0; 4], |sum, light| add(sum, lambert(sides, &surface, light)))
-    };
+pub fn trace(ray: Vector, lights: &[Light], spheres: &[Sphere], triangles: &[Triangle], mut pixel: Vector) -> Vector {
+    let shade =
+        |sides, surface: Surface| lights.iter().fold([0.0; 4], |sum, light| add(sum, lambert(sides, &surface, light)));
     let distance = |point| norm(sub(point, ORIGIN));
     let mut nearest = f32::INFINITY;
     for s in spheres {
