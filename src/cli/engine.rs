@@ -2,12 +2,13 @@
 
 use std::env;
 use std::str::FromStr;
+use std::thread;
 
 use clap::Args;
 
 use super::Failure;
-use crate::plan::Keep;
-use crate::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose};
+use crate::plan::{Keep, Team};
+use crate::render::{Engine, EngineError, PixelFormat, Plan, Precision, Purpose, Settings};
 use crate::scene::Scene;
 
 /// What `--engine` is where it is not given.
@@ -50,13 +51,24 @@ pub(super) struct Tracing {
     pub engine: Engine,
     pub precision: Option<Precision>,
     pub keep: Keep,
-    pub threads: usize,
+    /// None for one for each core, or as many as the system gives.
+    pub threads: Option<usize>,
 }
 
 impl Tracing {
     /// The plan of a scene for one format, or for any, whose rows come band by band.
     pub(super) fn plan(self, scene: &Scene, format: Option<PixelFormat>) -> Result<Plan<'_>, Failure> {
-        let Tracing { engine, precision, keep, threads } = self;
+        let Tracing { engine, precision, keep, .. } = self;
+        let threads = self.threads.unwrap_or_else(cores);
         Plan::new(engine, scene, Purpose { precision, format, keep, threads, in_bands: true }).map_err(Failure::input)
     }
+
+    /// How a frame is traced, for which the threads are started.
+    pub(super) fn settings(self) -> Settings {
+        Settings { threads: self.threads.unwrap_or_else(|| Team::up_to(cores()).threads()) }
+    }
+}
+
+fn cores() -> usize {
+    thread::available_parallelism().map_or(1, usize::from)
 }

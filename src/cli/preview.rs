@@ -9,7 +9,7 @@ use anstyle_lossy::rgb_to_xterm;
 use super::development::sampled;
 use super::engine::Tracing;
 use super::{Failure, colour_on_stdout, say, terminal_size, write_out};
-use crate::render::{Developed, Development, Film, Frame, PixelFormat, Settings};
+use crate::render::{Developed, Development, Film, Frame, PixelFormat};
 use crate::scene::{Camera, Scene, printable};
 
 /// Columns and lines of what is no terminal.
@@ -53,7 +53,7 @@ impl Preview {
             plan.report().lines().iter().for_each(|line| say(line));
         }
         let developed = Developed::new(plan.tracer(), camera, development);
-        let frame = Frame::new(&developed, *camera, Settings { threads: tracing.threads }).map_err(Failure::from)?;
+        let frame = Frame::new(&developed, *camera, tracing.settings()).map_err(Failure::from)?;
         let mut film = frame.film(PixelFormat::Rgb8, rows.len() as u32).map_err(Failure::from)?;
         let clock = Instant::now();
         frame.trace(rows.clone(), film.as_mut(), &|_| ()).map_err(Failure::from)?;

@@ -31,7 +31,7 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
         engine: if args.engine.is_auto() { party.fastest() } else { engine },
         precision,
         keep: if args.keep_all { Keep::all() } else { Keep::NOTHING },
-        threads: args.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
+        threads: args.threads,
     };
     let to_standard_output = args.output.as_deref().is_some_and(is_standard_output);
     if (args.stats || args.json) && to_standard_output {

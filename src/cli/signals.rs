@@ -23,28 +23,38 @@ pub fn code() -> ExitCode {
 }
 
 /// Has `heard` called whenever SIGHUP, SIGINT, SIGQUIT, SIGTERM or SIGXCPU (Ctrl-C on Windows) asks for an end, in a thread of
-/// its own. Those that somebody has had ignored (a job in the background, nohup) stay ignored.
+/// its own. Those that somebody has had ignored (a job in the background, nohup) stay ignored. Without a thread, all are as they
+/// were, and that is told.
 ///
 /// # Errors
-/// If no thread can be started.
+/// What the system says if they cannot be heard.
 pub fn listen(heard: impl FnMut() + Send + 'static) -> io::Result<()> {
     start(heard).map_err(|error| io::Error::new(error.kind(), format!("cannot listen for signals: {error}")))
 }
 
 #[cfg(unix)]
 fn start(mut heard: impl FnMut() + Send + 'static) -> io::Result<()> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU};
+    use std::sync::mpsc;
 
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU};
+    use signal_hook::iterator::Signals;
+
+    use super::say;
     use crate::kernels::sys::is_ignored;
 
     let listened = [SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXCPU].into_iter().filter(|signal| !is_ignored(*signal));
-    let mut signals = signal_hook::iterator::Signals::new(listened)?;
-    std::thread::Builder::new().spawn(move || {
-        for signal in signals.forever() {
+    // Signals that nobody hears would be lost: the thread is there first.
+    let (give, take) = mpsc::channel::<Signals>();
+    let listening = std::thread::Builder::new().spawn(move || {
+        for signal in take.recv().iter_mut().flat_map(Signals::forever) {
             STATUS.store(128 + signal as u8, Ordering::Relaxed);
             heard();
         }
-    })?;
+    });
+    match listening {
+        Ok(_) => drop(give.send(Signals::new(listened)?)),
+        Err(_) => say("note: no thread can be started that listens for signals: they end this at once"),
+    }
     Ok(())
 }
 

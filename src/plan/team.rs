@@ -2,13 +2,14 @@
 
 use std::cell::Cell;
 use std::collections::VecDeque;
+use std::io;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
-use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder, Yield};
+use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuilder, Yield};
 
 /// An idle thread waits so long before it sleeps: waking it takes up to 0.7 ms, the time of a whole picture.
 const LINGER: Duration = Duration::from_millis(2);
@@ -20,32 +21,61 @@ pub struct Team {
     others: usize,
 }
 
+/// The team requested last, and of how many threads it was to be.
+static LAST: Mutex<Option<(usize, Arc<Team>)>> = Mutex::new(None);
+
 impl Team {
     /// A thread without others.
     pub const fn alone() -> Self {
         Team { pool: None, others: 0 }
     }
 
-    /// A team of this many threads, at least 1: the one requested last, if it has as many, so that planning and tracing
-    /// need not start threads of their own.
-    ///
-    /// # Errors
-    /// If they cannot be started.
-    pub fn of(threads: usize) -> Result<Arc<Self>, ThreadPoolBuildError> {
-        static LAST: Mutex<Option<Arc<Team>>> = Mutex::new(None);
+    /// A team of this many threads, at least 1; of fewer where the system gives no more. The one requested last, if it is for as
+    /// many, so that planning and tracing need not start threads of their own.
+    pub fn up_to(threads: usize) -> Arc<Self> {
         if threads <= 1 {
-            return Ok(Arc::new(Team::alone()));
+            return Arc::new(Team::alone());
         }
         let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(team) = last.as_ref().filter(|team| team.threads() == threads) {
-            return Ok(Arc::clone(team));
+        if let Some((_, team)) = last.as_ref().filter(|(asked, team)| [*asked, team.threads()].contains(&threads)) {
+            return Arc::clone(team);
         }
-        let with_this = ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build();
-        let pool = with_this.or_else(|_| ThreadPoolBuilder::new().num_threads(threads - 1).build())?;
-        let team = Arc::new(Team { pool: Some(pool), others: threads - 1 });
-        *last = Some(Arc::clone(&team));
+        let team = Arc::new(Team::start(threads - 1));
+        *last = Some((threads, Arc::clone(&team)));
         team.keep_awake();
-        Ok(team)
+        team
+    }
+
+    /// The same of no fewer.
+    ///
+    /// # Errors
+    /// How many there are, if the system gives fewer.
+    pub fn of(threads: usize) -> Result<Arc<Self>, usize> {
+        let team = Team::up_to(threads);
+        if team.threads() >= threads {
+            return Ok(team);
+        }
+        // There may be more the next time.
+        *LAST.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        Err(team.threads())
+    }
+
+    /// This thread, and up to so many others. These are started before there is a pool, which has none to lose.
+    fn start(others: usize) -> Self {
+        let started = (0..others).map_while(|_| {
+            let (give, take) = mpsc::channel::<ThreadBuilder>();
+            thread::Builder::new().spawn(move || take.recv().map(ThreadBuilder::run)).is_ok().then_some(give)
+        });
+        let mut started: Vec<_> = started.collect();
+        let others = started.len();
+        let mut pool = |threads: usize, with_this: bool| {
+            let hand_over =
+                |thread| started.pop().and_then(|give| give.send(thread).ok()).ok_or(io::ErrorKind::Other.into());
+            let builder = ThreadPoolBuilder::new().num_threads(threads).spawn_handler(hand_over);
+            if with_this { builder.use_current_thread().build() } else { builder.build() }.ok()
+        };
+        let pool = (others > 0).then(|| pool(1 + others, true).or_else(|| pool(others, false))).flatten();
+        Team { others: if pool.is_some() { others } else { 0 }, pool }
     }
 
     pub fn threads(&self) -> usize {

@@ -200,11 +200,6 @@ fn is_f32<E>() -> bool {
     size_of::<E>() == 4
 }
 
-/// A team of this many threads; or this one alone if they cannot be started, an error that tracing reports.
-fn team(threads: usize) -> Arc<Team> {
-    Team::of(threads).unwrap_or_else(|_| Arc::new(Team::alone()))
-}
-
 /// Lights further away are moved to this distance.
 fn far<E>(extent: f64) -> f64 {
     if is_f32::<E>() { extent * forms::FAR } else { f64::MAX }
@@ -286,7 +281,7 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);
-        let team = team(threads);
+        let team = Team::up_to(threads);
         let binned = Binned::new(scene, &frame, kernels, (keep, &team), is_f32::<E>());
         let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, &team)));
         Self::of((scene, raster), frame, keep, (Arc::new(binned), shadows))
@@ -298,7 +293,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, &frame, kernels, (keep, &team(threads)), false))
+            Arc::new(Binned::new(scene, &frame, kernels, (keep, &Team::up_to(threads)), false))
         };
         Tiles::of((scene, raster), frame, keep, (binned, shadows.clone()))
     }

@@ -38,12 +38,12 @@ pub enum RenderError {
     #[error("the picture cannot be traced: {0}")]
     Size(#[from] WrongSize),
     /// The threads could not be started.
-    #[error("cannot start {threads} threads: {source}")]
+    #[error("cannot start {threads} threads: the system gives {given}, ask for no more")]
     Threads {
         /// The number requested.
         threads: usize,
-        /// The system's error.
-        source: rayon::ThreadPoolBuildError,
+        /// The number that there could be.
+        given: usize,
     },
     /// An error of the image file.
     #[cfg(feature = "files")]
@@ -69,7 +69,7 @@ impl<'a> Frame<'a> {
     /// Prepares the threads.
     pub fn new(tracer: &'a dyn Tracer, camera: Camera, settings: Settings) -> Result<Self, RenderError> {
         let threads = settings.threads.max(1);
-        let team = Team::of(threads).map_err(|source| RenderError::Threads { threads, source })?;
+        let team = Team::of(threads).map_err(|given| RenderError::Threads { threads, given })?;
         team.keep_awake();
         Ok(Frame {
             tracer,

@@ -1302,6 +1302,36 @@ fn what_there_is_no_memory_for_is_told_and_a_plan_needs_no_thread() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_picture_is_by_as_many_threads_as_the_system_gives_unless_their_number_is_asked_for() {
+    let place = Place::new();
+    let cores = std::thread::available_parallelism().unwrap().get();
+    // Each other thread has a stack of a gigabyte, and one listens for signals.
+    for (others, threads) in [(0, 1), (1, 1), (2, 2), (4, 4)] {
+        let run = |arguments: &str| {
+            let render =
+                format!("ulimit -v {}; exec \"$0\" render scene.in -o a.png {arguments}", 1_000_000 * others + 500_000);
+            let mut command = std::process::Command::new("sh");
+            command
+                .args(["-c", &render])
+                .arg(assert_cmd::cargo::cargo_bin!("rayo"))
+                .env("RUST_MIN_STACK", "1000000000")
+                .env("MALLOC_ARENA_MAX", "1");
+            command.current_dir(&place.directory).output().unwrap()
+        };
+        let output = run("--json");
+        assert!(output.status.success(), "{others}: {output:?}");
+        let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(document["threads"], threads.min(cores), "{others}");
+        let told = String::from_utf8_lossy(&run("--threads 5").stderr).into_owned();
+        assert!(
+            told.ends_with(&format!("cannot start 5 threads: the system gives {threads}, ask for no more\n")),
+            "{told}"
+        );
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_by_row() {
     let place = Place::new();
     let limited = |name: &str, size: &str| {

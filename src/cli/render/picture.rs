@@ -60,8 +60,8 @@ impl Picture<'_> {
         let tracer = developed.as_ref().map_or(plan.tracer(), |developed| developed as &dyn Tracer);
         // Another thread would be awake too late for one picture, unless it has a file to encode.
         let alone = args.orbit.is_none() && tracer.is_quick() && matches!(format, Format::Ppm | Format::Pfm);
-        let threads = if alone { 1 } else { tracing.threads };
-        let frame = party.agree(Frame::new(tracer, camera, Settings { threads }).map_err(Failure::from))?;
+        let settings = if alone { Settings { threads: 1 } } else { tracing.settings() };
+        let frame = party.agree(Frame::new(tracer, camera, settings).map_err(Failure::from))?;
         let frame = if args.stats || args.json { frame.counting_hits() } else { frame };
         let setup = clock.elapsed();
 

@@ -40,7 +40,7 @@ impl Report {
             precision: tracing.precision.unwrap_or(tracing.engine.precision()).name(),
             width,
             height: rows.len() as u32,
-            threads: tracing.threads,
+            threads: tracing.settings().threads,
             rays,
             hits,
             parse_ns: ns(parse),
