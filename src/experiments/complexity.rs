@@ -427,6 +427,7 @@ pub fn slopes(rows: &[Growth]) -> Vec<Slope> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiments::svg::Screen;
 
     fn row(axis: Axis, count: u64, cycles: f64, keep_all: bool) -> Growth {
         Growth { axis, count, keep_all, cycles_min: cycles, ..Growth::default() }
@@ -461,5 +462,21 @@ mod tests {
         let slopes = slopes(&rows);
         assert_eq!(slopes.len(), 1);
         assert!(slopes[0].keep_all && slopes[0].line.slope == 10.0);
+    }
+
+    #[test]
+    fn no_two_lines_of_a_panel_look_alike() {
+        let scenes = ["spheres", "triangles", "mesh", "layers", "crowd"];
+        let rows = scenes.into_iter().flat_map(|scene| {
+            let of = move |count, keep_all| {
+                let row = row(Axis::Objects, count, 1e6, keep_all);
+                Growth { scene: scene.into(), width: 9, height: 9, cycles_median: 1e6, ..row }
+            };
+            [of(1, false), of(9, false), of(1, true), of(9, true)]
+        });
+        let figure = plot::figure(&rows.collect::<Vec<_>>(), Screen::Wide).unwrap();
+        let lines = figure.lines().filter(|line| line.starts_with("<polyline") && !line.contains("#000000"));
+        let looks: std::collections::BTreeSet<_> = lines.filter_map(|line| line.split("points").next()).collect();
+        assert_eq!(looks.len(), 2 * scenes.len(), "{looks:?}");
     }
 }

@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use super::{Growth, ZEROS, lines};
 use crate::experiments::claims::Axis;
 use crate::experiments::svg::{
-    Area, BLUE, Entry, GREEN, GREY, LogChart, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, Series, VERMILION, around,
+    Area, BLUE, Entry, GREEN, LogChart, Mark, ORANGE, PURPLE, PlotError, SKY, Screen, Series, VERMILION, around,
     colour_of, draw, head,
 };
 use crate::render::PixelFormat;
@@ -38,6 +38,11 @@ pub fn figure(rows: &[Growth], screen: Screen) -> Result<String, PlotError> {
 
 fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), PlotError> {
     let point = |row: &&Growth| (row.count as f64, row.cycles_per_pixel());
+    // A scene has one colour, thick and, by brute force, thin.
+    let of_scene = |place: usize, scene: &str| {
+        let others = lines[..place].iter().filter(|other| !other[0].keep_all && other[0].scene != *scene);
+        COLOURS[others.count() % COLOURS.len()]
+    };
     let entry = |(place, line): (usize, &Vec<&Growth>)| -> Entry {
         let Growth { scene, engine, output, keep_all, axis, .. } = line[0];
         // What only fills the film has the colour of those who trace the same kind of pixels.
@@ -47,8 +52,8 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), Plot
             Axis::Lights => (Mark::Dot, colour_of(engine), engine.to_string()),
             _ if *engine == ZEROS => (Mark::Line, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
             Axis::Pixels => (Mark::Dot, COLOURS[place % COLOURS.len()], format!("{engine}, {output}")),
-            Axis::Objects if *keep_all => (Mark::Dot, GREY, format!("{scene}, by brute force")),
-            Axis::Objects => (Mark::Dot, COLOURS[place % COLOURS.len()], scene.to_string()),
+            Axis::Objects if *keep_all => (Mark::Line, of_scene(place, scene), format!("{scene}, by brute force")),
+            Axis::Objects => (Mark::Dot, of_scene(place, scene), scene.to_string()),
         }
     };
     let entries: Vec<Entry> = lines.iter().enumerate().map(entry).collect();
@@ -56,7 +61,7 @@ fn panel(area: &Area<'_>, name: &str, lines: &[Vec<&Growth>]) -> Result<(), Plot
     let points = || lines.iter().flatten().map(point);
     let (x, y) = (around(points().map(|at| at.0), (0.8, 1.25)), around(points().map(|at| at.1), (0.7, 1.4)));
     let series = lines.iter().zip(&entries).map(|(line, (shape, colour, _))| {
-        let width = if *shape == Mark::Line || *colour == GREY { 1 } else { 2 };
+        let width = if *shape == Mark::Line { 1 } else { 2 };
         let mark = (*shape == Mark::Dot).then_some((Mark::Dot, 3));
         Series { mark, ..Series::line(line.iter().map(point), *colour, width) }
     });
