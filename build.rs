@@ -437,7 +437,7 @@ mod layout {
                 (1, 1) if alike => ("elements", name.clone()),
                 (8, 1) if alike => ("words", name.clone()),
                 (1, _) if alike => ("columns", format!("{name}<E>: E, {count}")),
-                (4, 16 | 64) if alike => ("columns", format!("{name}: u32, {count}")),
+                (4, 16 | 64 | 128) if alike => ("columns", format!("{name}: u32, {count}")),
                 _ => {
                     let fields = fields.iter().map(|field| format!("{}: {}, ", field.name, field.offset));
                     return format!("layout_checks! {{ {name}, {size}, {{ {}}} }}\n", fields.collect::<String>());

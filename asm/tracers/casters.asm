@@ -9,37 +9,29 @@
 ; Assembled once per ISA, in f64. The functions:
 ;
 ;   rayo_<isa>_triangle_casters, rayo_<isa>_sphere_casters
-;       unsafe extern "sysv64" fn(task: *const CastersTask) -> u64
+;       unsafe extern "sysv64" fn(task: *const CastersTask)
 ;
-;   Returns those of the open points that none of the objects hides; none is hidden by the object that it belongs to.
-;   Objects whose bounds, as the light sees them, do not meet the points' are culled first.
+;   Leaves open those of the open points of groups that none of the objects hides; none is hidden by the object that it
+;   belongs to. First the objects are culled whose bounds, as the light sees them, do not meet those of a group, and the
+;   object that all of its points belong to.
 ;
-;   registers   rdi task, later the open points of a register; rsi light, rdx points, r8d the points that are open;
-;               r9 a bit for each caster that is left, rcx those that are still to come, r10 a caster, r11d the points
-;               of a register that are hidden; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres v3 v4 v5 g, and
-;               in memory that sum and g.g
-;   requires    the CPUID features of the ISA; all addresses valid for what is read; 1 to 16 casters
+;   registers   rdi task, r12 the group, from which LitGroups' fields are counted; rsi light, rdx points, r8d the
+;               points that are open, r13d those that are still so; r10 a caster; at LEFT the casters that are left, up
+;               to r15, and r14 those that are still to come; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres
+;               v3 v4 v5 g, and in memory that sum and g.g
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; 1 to MOST_CASTERS
+;               casters; bounds beyond the last caster are below those of any points
 ;   equals      kernels::portable::shadows::open
 
-%assign GROUP 16                        ; points of a call
 %define SUM_OF_SIZES rsp                ; |P|, the sum of magnitudes of a register's points
 %define SUM_OF_SQUARES rsp + VBYTES     ; g.g
+%define LEFT rsp + 2 * VBYTES           ; addresses of casters
 
-; MAGNITUDE - d = |a|.
-;
-;   instructions   1   sse41 2 where d is not a
-%macro MAGNITUDE 2
-%define %%d %1          ; [out]      vreg
-%define %%a %2          ; [in]       vreg
-    VAND    %%d, %%a, [PACKET(magnitude)]
-%endmacro
-
-; POINT - v<n> = coordinate n of points, and v3 = v3 + its magnitude. Clobbers v14.
-%macro POINT 2
+; POINT - v<n> = coordinate n of the points at rdx, and v3 = v3 + its magnitude. Clobbers v14.
+%macro POINT 1
 %define %%n %1          ; [in]       0, 1 or 2
-%define %%at %2         ; [in]       of the first point of a register, in points
-    VMOV    v%[%%n], [rdx + ELEM * (TilePoints_size / 4 * %%n + %%at)]
-    MAGNITUDE v14, v%[%%n]
+    VMOV    v%[%%n], [rdx + ELEM * TilePoints_size / 4 * %%n]
+    VABS    v14, v%[%%n]
     VADD    v3, v3, v14
 %endmacro
 
@@ -160,40 +152,45 @@
 
 %assign FLOATS VBYTES / 4               ; bounds in a register
 
-; MEETS - eax = a bit for each of FLOATS casters, from a number on, whose bounds, at r9, meet those in v0 to v3.
-;         Clobbers v4 and v5 without mask registers.
+; MEETS - eax = a bit for each of FLOATS casters, from a number on, whose bounds, at r9, meet those in v0 to v4, and
+;         which are not that in v5. Clobbers v6 and v7 without mask registers.
 ;
-;   instructions   sse41 12   avx2 8   avx512 5
+;   instructions   sse41 18   avx2 12   avx512 7
 %macro MEETS 1
 %define %%first %1      ; [in]       number of the first
+%assign %%n 0
+%rep 6
+%define %%of [r9 + 4 * %%first + CasterBounds_size / 6 * %%n]
+%if %%n < 5
+%assign %%relation 2                    ; less or equal
+%else
+%assign %%relation 4                    ; not equal
+%endif
+%if HAS_MASKS && %%n == 0
+    vcmpps  k1, v%[%%n], %%of, %%relation
+%elif HAS_MASKS
+    vcmpps  k1 {k1}, v%[%%n], %%of, %%relation
+%elif HAS_VEX && %%n == 0
+    vcmpps  v6, v%[%%n], %%of, %%relation
+%elif HAS_VEX
+    vcmpps  v7, v%[%%n], %%of, %%relation
+    vandps  v6, v6, v7
+%elif %%n == 0
+    movaps  v6, v%[%%n]
+    cmpps   v6, %%of, %%relation
+%else
+    movaps  v7, v%[%%n]
+    cmpps   v7, %%of, %%relation
+    andps   v6, v7
+%endif
+%assign %%n %%n + 1
+%endrep
 %if HAS_MASKS
-    vcmpps  k1, v0, [r9 + 4 * %%first + CasterBounds.x], 13     ; 13: greater or equal
-    vcmpps  k1 {k1}, v1, [r9 + 4 * %%first + CasterBounds.y], 13
-    vcmpps  k1 {k1}, v2, [r9 + 4 * %%first + CasterBounds.past_x], 13
-    vcmpps  k1 {k1}, v3, [r9 + 4 * %%first + CasterBounds.past_y], 13
     kmovw   eax, k1
 %elif HAS_VEX
-    vcmpps  v4, v0, [r9 + 4 * %%first + CasterBounds.x], 13
-    vcmpps  v5, v1, [r9 + 4 * %%first + CasterBounds.y], 13
-    vandps  v4, v4, v5
-    vcmpps  v5, v2, [r9 + 4 * %%first + CasterBounds.past_x], 13
-    vandps  v4, v4, v5
-    vcmpps  v5, v3, [r9 + 4 * %%first + CasterBounds.past_y], 13
-    vandps  v4, v4, v5
-    vmovmskps eax, v4
+    vmovmskps eax, v6
 %else
-    movaps  v4, [r9 + 4 * %%first + CasterBounds.x]
-    cmpps   v4, v0, 2                   ; 2: less or equal
-    movaps  v5, [r9 + 4 * %%first + CasterBounds.y]
-    cmpps   v5, v1, 2
-    andps   v4, v5
-    movaps  v5, [r9 + 4 * %%first + CasterBounds.past_x]
-    cmpps   v5, v2, 2
-    andps   v4, v5
-    movaps  v5, [r9 + 4 * %%first + CasterBounds.past_y]
-    cmpps   v5, v3, 2
-    andps   v4, v5
-    movmskps eax, v4
+    movmskps eax, v6
 %endif
 %endmacro
 
@@ -206,55 +203,66 @@
 %assign %%bytes ELEM * SphereCaster_size
 %endif
 FUNC ISA %+ _ %+ %%kind %+ _casters
-    push    rbp
-    mov     rbp, rsp
-    push    rbx
-    sub     rsp, 2 * VBYTES
-    and     rsp, -VBYTES
-    mov     rax, [rdi + CastersTask.seen]
-%assign %%i 0
-%rep 4
+    ENTER_OWNED 2 * VBYTES + 8 * MOST_CASTERS, VBYTES
+    mov     r12, [rdi + CastersTask.first]
+    shl     r12, 2
+.group:
+    mov     rax, [rdi + CastersTask.groups]
+    add     rax, r12
+    mov     r8d, [rax + LitGroups.open]
+    test    r8d, r8d
+    jz      .next_group
+%assign %%n 0
+%rep 6
 %if HAS_VEX
-    vbroadcastss v%[%%i], [rax + 4 * %%i]
+    vbroadcastss v%[%%n], [rax + LitGroups_size / 7 * %%n]
 %else
-    movss   v%[%%i], [rax + 4 * %%i]
-    shufps  v%[%%i], v%[%%i], 0
+    movss   v%[%%n], [rax + LitGroups_size / 7 * %%n]
+    shufps  v%[%%n], v%[%%n], 0
 %endif
-%assign %%i %%i + 1
+%assign %%n %%n + 1
 %endrep
     mov     r9, [rdi + CastersTask.bounds]
-    mov     r10, [rdi + CastersTask.count]
-    xor     ebx, ebx
-%assign %%i 0
+    mov     r10, [rdi + CastersTask.casters]
+    lea     r15, [LEFT]
+.bounds:
+%assign %%first 0
 %rep 16 / FLOATS
-    MEETS   %%i
-%if %%i > 0
-    shl     eax, %%i
-%endif
-    or      ebx, eax
-%assign %%i %%i + FLOATS
+    MEETS   %%first
+    test    eax, eax
+    jz      .culled%[%%first]
+.meets%[%%first]:
+    bsf     ecx, eax
+    imul    rcx, rcx, %%bytes
+    lea     rcx, [rcx + r10 + %%first * %%bytes]
+    mov     [r15], rcx
+    add     r15, 8
+    lea     ecx, [rax - 1]
+    and     eax, ecx
+    jnz     .meets%[%%first]
+.culled%[%%first]:
+%assign %%first %%first + FLOATS
 %endrep
-    xor     r9d, r9d                    ; beyond the last is anything
-    bts     r9d, r10d
-    dec     r9d
-    mov     r8d, [rdi + CastersTask.open]
-    and     r9d, ebx
-    jz      .done
+    add     r9, CasterBounds_size
+    add     r10, 16 * %%bytes
+    cmp     r9, [rdi + CastersTask.bounds_end]
+    jb      .bounds
+    lea     r14, [LEFT]
+    cmp     r14, r15
+    je      .next_group
     mov     rsi, [rdi + CastersTask.light]
-    mov     rdx, [rdi + CastersTask.points]
-    mov     rbx, [rdi + CastersTask.casters]
-%assign %%at 0
-%rep GROUP / LANES
-    mov     edi, r8d
-%if %%at > 0
-    shr     edi, %%at
-%endif
-    and     edi, (1 << LANES) - 1
-    jz      .next%[%%at]
+    mov     rdx, r12
+    shl     rdx, ilog2e(GROUP * ELEM / 4)
+    add     rdx, [rdi + CastersTask.points]
+    mov     r11d, GROUP / LANES
+.points:
+    mov     r13d, r8d
+    and     r13d, (1 << LANES) - 1
+    jz      .next_points
     VZERO   v3
-    POINT   0, %%at
-    POINT   1, %%at
-    POINT   2, %%at
+    POINT   0
+    POINT   1
+    POINT   2
 %ifidn %%kind, sphere
     VMOV_TO [SUM_OF_SIZES], v3
     TO_LIGHT 3, 0
@@ -265,41 +273,37 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
     VFMA    v6, v5, v5, v14
     VMOV_TO [SUM_OF_SQUARES], v6
 %endif
-    xor     r11d, r11d
-    mov     ecx, r9d
-.caster%[%%at]:
-    bsf     r10d, ecx
-    imul    r10, r10, %%bytes
-    add     r10, rbx
+    lea     r14, [LEFT]
+.caster:
+    mov     r10, [r14]
 %ifidn %%kind, triangle
-    TRIANGLE_HIDES [rdx + ELEM * (TilePoints.own + %%at)]
+    TRIANGLE_HIDES [rdx + ELEM * TilePoints.own]
 %else
-    SPHERE_HIDES [rdx + ELEM * (TilePoints.own + %%at)]
+    SPHERE_HIDES [rdx + ELEM * TilePoints.own]
 %endif
     MASK_BITS eax
-    or      r11d, eax
-    mov     eax, r11d
-    and     eax, edi
-    cmp     eax, edi
-    je      .all%[%%at]
-    lea     eax, [rcx - 1]
-    and     ecx, eax
-    jnz     .caster%[%%at]
-.all%[%%at]:
-%if %%at > 0
-    shl     r11d, %%at
-%endif
-    not     r11d
-    and     r8d, r11d
-.next%[%%at]:
-%assign %%at %%at + LANES
-%endrep
-.done:
-    mov     eax, r8d
-    mov     rbx, [rbp - 8]
-    mov     rsp, rbp
-    pop     rbp
-    CLEAN_UPPER
+    not     eax
+    and     r13d, eax
+    jz      .next_points
+    add     r14, 8
+    cmp     r14, r15
+    jb      .caster
+.next_points:
+    shr     r8d, LANES
+    shl     r13d, GROUP - LANES
+    or      r8d, r13d
+    add     rdx, VBYTES
+    dec     r11d
+    jnz     .points
+    mov     rax, [rdi + CastersTask.groups]
+    mov     [rax + r12 + LitGroups.open], r8d
+.next_group:
+    add     r12, 4
+    mov     rax, r12
+    shr     rax, 2
+    cmp     rax, [rdi + CastersTask.end]
+    jb      .group
+    LEAVE_OWNED
 ENDFUNC
 %endmacro
 

@@ -13,21 +13,23 @@
 ;   requires    the CPUID features of the ISA
 ;   equals      Iterator::min_by, over the pixels of each square
 
-; LEAST_LANE - lane 0 of v0 = the least of its lanes. Clobbers v1.
-%macro LEAST_LANE 0
+; LEAST_LANE - lane 0 of a register = the least of its lanes. Used by seen.asm too.
+%macro LEAST_LANE 2
+%define %%n %1          ; [in/out]   number of a register
+%define %%t %2          ; [clobbered] number of a register
 %if VBYTES == 64
-    vextractf64x4 h1, v0, 1
-    VOP     min, h0, h0, h1
+    vextractf64x4 h%[%%t], v%[%%n], 1
+    VOP     min, h%[%%n], h%[%%n], h%[%%t]
 %endif
 %if VBYTES >= 32
-    vextractf128 x1, ymm0, 1
-    VOP     min, x0, x0, x1
+    vextractf128 x%[%%t], ymm%[%%n], 1
+    VOP     min, x%[%%n], x%[%%n], x%[%%t]
 %endif
-    IOP     unpckhpd, x1, x0, x0
-    VARITH  min, 0, x0, x0, x1
+    IOP     unpckhpd, x%[%%t], x%[%%n], x%[%%n]
+    VARITH  min, 0, x%[%%n], x%[%%n], x%[%%t]
 %if ELEM == 4
-    IOP     psrlq, x1, x0, 32
-    VARITH  min, 0, x0, x0, x1
+    IOP     psrlq, x%[%%t], x%[%%n], 32
+    VARITH  min, 0, x%[%%n], x%[%%n], x%[%%t]
 %endif
 %endmacro
 
@@ -53,7 +55,7 @@ FUNC ISA_NAME %+ _farthest
 %endrep
 %assign %%down %%down + 1
 %endrep
-    LEAST_LANE
+    LEAST_LANE 0, 1
 %if ELEM == 4 && HAS_VEX
     vmovss  [rsi], x0
 %elif ELEM == 4

@@ -10,7 +10,7 @@ use super::records::{
     Element, ObjectLight, Sphere, SphereCaster, SphereHit, SpherePlanes, Triangle, TriangleCaster, TriangleHit,
     TrianglePlanes,
 };
-use super::shadows::{Casters, Points};
+use super::shadows::{Casters, Points, Seen};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -146,7 +146,9 @@ tables! { $
         nearer_half: NearerHalf = "nearer_half";
         /// Culls the hidden objects of a tile.
         visible: Visible = "visible";
-        /// Which points triangles hide from a light.
+        /// How a light sees the points of a tile.
+        seen: Seen = "seen";
+        /// Which points triangles hide from it.
         triangle_casters: Casters<TriangleCaster<f64>> = "triangle_casters";
         /// Which points spheres hide from it.
         sphere_casters: Casters<SphereCaster<f64>> = "sphere_casters";

@@ -20,7 +20,7 @@ use super::records::{
 };
 #[cfg(feature = "lab")]
 use super::records::{LitRows, LitSphere};
-use super::shadows::{Casters, Points};
+use super::shadows::{Casters, Points, Seen};
 use super::tiles::{
     Around, Bounds, Farthest, NearerHalf, Nearest, SetUp, ShadeTile, SphereSetUp, SphereShading, Visible,
 };
@@ -56,6 +56,7 @@ pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> 
         sphere_bounds: Bounds::<Sphere>::in_rust(spheres::bounds::<Packet<f64, HALF, FUSED>>, "sphere_bounds"),
         nearer_half: NearerHalf::in_rust(nearest::nearer_half, "nearer_half"),
         visible: Visible::in_rust(nearest::visible, "visible"),
+        seen: Seen::in_rust(shadows::seen::<Packet<f64, HALF, FUSED>>, "seen"),
         triangle_casters: Casters::<TriangleCaster<f64>>::in_rust(
             shadows::open::<Packet<f64, HALF, FUSED>, _>,
             "triangle_casters",

@@ -1,14 +1,14 @@
 //! The arguments of the kernels of shadows: the visible points of a tile, and the objects that may hide a light from them.
 
+use std::ops::Range;
+
 use super::kernel::{Way, function, kinds, reads, writes};
 use super::records::{
-    CasterBounds, CastersTask, Element, PointObject, PointView, SphereCaster, TilePoints, TriangleCaster,
+    CasterBounds, CastersTask, Element, GROUP, LightSideView, LitGroups, MOST_CASTERS, PointObject, PointView,
+    SphereCaster, TilePoints, TriangleCaster,
 };
 use super::tiles::{TILE_PIXELS, TileBuffers};
 use super::types::Plain;
-
-/// The number of points that are asked for together.
-pub const GROUP: usize = 16;
 
 /// An object that may hide a light.
 pub trait Caster: Plain {}
@@ -40,82 +40,126 @@ kinds! {
         }
     }
 
-    /// Finds the points that some objects hide from a light.
-    Casters<C: Caster> as fn(&LitPoints<'_>, &CasterList<C>, u32) -> u32;
+    /// Finds how a light sees the points of a tile.
+    Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups);
 
-    /// Those of the `open` points, a bit for each, that none of the objects hides from the light.
+    /// Sets the bounds of groups of points, whose coordinates are given along a side of the light's cube and in depth.
+    fn call(view: &LightSideView<f64>, axes: [&[f64; TILE_PIXELS]; 3], groups: &mut LitGroups); |way| {
+        match way {
+            Way::Code(enter) => {
+                let [across, down, depth] = axes.map(|axis| reads(axis));
+                enter([reads(view), across, down, depth, writes(groups), 0]);
+            }
+            Way::Rust(see) => see(view, axes, groups),
+        }
+    }
+
+    /// Finds the points that some objects hide from a light.
+    Casters<C: Caster> as fn(&LitPoints<'_>, &CasterList<C>, &mut LitGroups, Range<usize>);
+
+    /// Of the open points of these groups closes those that one of the objects hides from the light.
     ///
     /// # Panics
-    /// If there are not as many points.
-    fn call(points: &LitPoints<'_>, casters: &CasterList<C>, open: u32) -> u32; |way| {
-        let LitPoints { points: all, first, light, seen } = points;
-        assert!(*first <= TILE_PIXELS - GROUP, "points of a tile");
-        if casters.casters.is_empty() || open == 0 {
-            return open;
+    /// If there are not as many groups.
+    fn call(points: &LitPoints<'_>, casters: &CasterList<C>, groups: &mut LitGroups, of: Range<usize>); |way| {
+        assert!(of.end <= TILE_PIXELS / GROUP, "groups of a tile");
+        if casters.casters.is_empty() || of.is_empty() {
+            return;
         }
         match way {
             Way::Code(enter) => {
-                // There are bounds for as many as there can be.
+                let bounds = casters.bounds.as_ptr_range();
                 let task = CastersTask {
-                    // In the whole record, of which the kernel reads other fields too.
-                    points: reads(*all) + (first * size_of::<f64>()) as u64,
-                    light: reads(*light),
-                    seen: reads(seen),
+                    points: reads(points.points),
+                    groups: writes(groups),
+                    first: of.start as u64,
+                    end: of.end as u64,
+                    light: reads(points.light),
                     casters: reads(&*casters.casters),
-                    bounds: reads(&casters.bounds),
-                    count: casters.casters.len() as u64,
-                    open: open.into(),
+                    bounds: bounds.start as u64,
+                    bounds_end: bounds.end as u64,
                 };
-                enter([reads(&task), 0, 0, 0, 0, 0]) as u32
+                enter([reads(&task), 0, 0, 0, 0, 0]);
             }
-            Way::Rust(ask) => ask(points, casters, open),
+            Way::Rust(ask) => ask(points, casters, groups, of),
         }
     }
 }
 
 /// Points of a tile under a light.
+#[derive(Clone, Copy)]
 pub struct LitPoints<'a> {
     pub points: &'a TilePoints<f64>,
-    /// The first of [`GROUP`] in blocks.
-    pub first: usize,
     pub light: &'a [f64; 3],
-    /// The greatest x and y of the points as the light sees them, and the least, negated.
-    pub seen: [f32; 4],
 }
 
-/// Objects that may hide a light: at most [`GROUP`].
+/// The bounds of an object as a light sees it, as in [`CasterBounds`].
+#[derive(Clone, Copy)]
+pub struct Extent {
+    /// The least x and y, in cells.
+    pub low: [f32; 2],
+    pub high: [f32; 2],
+    pub depth: f32,
+    /// The object's place in the scene.
+    pub own: u32,
+}
+
+/// The place of an object in a scene, as the bits of an f32 that is unlike those of other places, above 0 and finite.
+pub fn own_bits(place: u32) -> u32 {
+    debug_assert!(place < MOST_PLACES);
+    place + f32::MIN_POSITIVE.to_bits()
+}
+
+/// Objects that have places.
+pub const MOST_PLACES: u32 = f32::INFINITY.to_bits() - f32::MIN_POSITIVE.to_bits();
+
+/// Objects that may hide a light: at most [`MOST_CASTERS`].
 pub struct CasterList<C> {
     casters: Vec<C>,
-    bounds: CasterBounds,
+    bounds: Vec<CasterBounds>,
 }
 
 impl<C> Default for CasterList<C> {
     fn default() -> Self {
-        CasterList { casters: Vec::new(), bounds: CasterBounds::ZERO }
+        CasterList { casters: Vec::new(), bounds: Vec::new() }
     }
 }
 
 impl<C> CasterList<C> {
-    /// Adds one with its bounds as the light sees it: the least x and y, and the greatest, negated.
+    /// Adds one.
     ///
     /// # Panics
-    /// If there are as many already.
-    pub fn push(&mut self, caster: C, bounds: [f32; 4]) {
-        let CasterBounds { x, y, past_x, past_y } = &mut self.bounds;
-        let at = self.casters.len();
-        [x[at], y[at], past_x[at], past_y[at]] = bounds.map(f32::to_bits);
+    /// If it is full.
+    pub fn push(&mut self, caster: C, Extent { low, high, depth, own }: &Extent) {
+        // Beyond the last one: no number meets others.
+        const NOWHERE: [u32; 16] = [f32::NAN.to_bits(); 16];
+        assert!(self.casters.len() < MOST_CASTERS);
+        let at = self.casters.len() % 16;
+        if at == 0 {
+            self.bounds.push(CasterBounds { x: NOWHERE, ..CasterBounds::ZERO });
+        }
+        let last = self.bounds.len() - 1;
+        let bounds = &mut self.bounds[last];
+        (bounds.x[at], bounds.y[at]) = ((-low[0]).to_bits(), (-low[1]).to_bits());
+        (bounds.past_x[at], bounds.past_y[at]) = (high[0].to_bits(), high[1].to_bits());
+        (bounds.depth[at], bounds.own[at]) = ((-depth).to_bits(), own_bits(*own));
         self.casters.push(caster);
     }
 
     pub fn clear(&mut self) {
         self.casters.clear();
+        self.bounds.clear();
     }
 
-    /// All, with whether their bounds meet those of points.
-    pub(super) fn meeting(&self, seen: [f32; 4]) -> impl Iterator<Item = &C> {
-        let CasterBounds { x, y, past_x, past_y } = &self.bounds;
+    /// Those that may hide a light from points of a group.
+    pub(super) fn meeting(&self, groups: &LitGroups, group: usize) -> impl Iterator<Item = &C> {
+        let LitGroups { x, y, past_x, past_y, depth, own, .. } = groups;
+        let ends = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[group]));
+        let own = own[group];
         let meets = move |at: usize| {
-            [x, y, past_x, past_y].into_iter().zip(seen).all(|(bounds, seen)| f32::from_bits(bounds[at]) <= seen)
+            let CasterBounds { x, y, past_x, past_y, depth, own: owns } = &self.bounds[at / 16];
+            let fields = [x, y, past_x, past_y, depth].map(|field| f32::from_bits(field[at % 16]));
+            ends.into_iter().zip(fields).all(|(end, field)| end <= field) && own != owns[at % 16]
         };
         self.casters.iter().enumerate().filter(move |(at, _)| meets(*at)).map(|(_, caster)| caster)
     }

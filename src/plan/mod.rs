@@ -19,7 +19,7 @@ pub use lit::{LitForm, Scale};
 pub use omission::{Keep, Omission, Switch};
 pub use packed::Packed;
 pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
-pub use shadows::{Cell, Kind, Shadows};
+pub use shadows::{Casters, Ends, LightSide, Shadows};
 pub use team::{Team, on_all_cores};
 pub use tile_report::TileSurvey;
 pub use tiles::{ExactPlane, LargeObjects, Raster, TilePlace, Tiles, Weighted};

@@ -5,13 +5,15 @@
 //! cell. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
 //! whose cells are about as large as it, and so in at most four of them.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use glam::{DVec3, Vec3};
 
 use super::light;
 use super::team::Team;
-use crate::kernels::{PointObject, SphereCaster, TriangleCaster};
+use crate::kernels::{
+    CasterList, Extent, LightSideView, PointObject, SphereCaster, TILE_PIXELS, TilePoints, TriangleCaster,
+};
 use crate::reference::geometry;
 use crate::scene::{Scene, Sphere, Triangle};
 
@@ -57,72 +59,56 @@ struct Side {
     /// Its index.
     number: usize,
     cells: Cells,
+    objects: Vec<Extent>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
 }
 
-/// The part of a side that objects are in, and how many of the finest cells it has for a unit across and down.
+/// Where the part of a side begins that objects are in, and how many of the finest cells it has for a unit across and down.
 #[derive(Clone, Copy, Default)]
 struct Cells {
     low: [f64; 2],
-    high: [f64; 2],
     scale: [f64; 2],
 }
 
-/// The cells of one size with objects of a kind.
+/// The cells of one size with objects.
 #[derive(Clone)]
 struct Grid {
-    kind: Kind,
     /// The binary logarithm of a cell's side in the finest ones.
     coarseness: u32,
     /// Where the objects of each cell begin, row by row; and the end of the last.
     starts: Vec<u32>,
-    /// Those of a cell are sorted by depth.
-    objects: Vec<Near>,
+    placed: Vec<u32>,
 }
 
-/// The kinds of objects.
-#[derive(Clone, Copy)]
-pub enum Kind {
-    Sphere,
-    Triangle,
-}
-
-/// An object in a cell.
-#[derive(Clone, Copy, Default)]
-pub struct Near {
-    /// Its index among those of its kind.
-    pub id: u32,
-    /// A lower bound of its depth on this side.
-    depth: f32,
-}
+/// An object in a cell is its index in those of a side, and whether this is its first cell in a row, and in a column.
+const FIRST_COLUMN: u32 = 1 << 31;
+const FIRST_ROW: u32 = 1 << 30;
+const FIRSTS: u32 = FIRST_COLUMN | FIRST_ROW;
 
 /// A side of a light's cube.
 #[derive(Clone, Copy)]
 pub struct LightSide<'a> {
     scene: &'a Scene,
-    light: usize,
     position: DVec3,
     side: &'a Side,
 }
 
-/// Points as a light sees them on a side.
-pub struct Seen {
+/// The ends of points on a side, in cells, as the fields of [`LitGroups`] have them: greatest ones are negated.
+pub type Ends = [f32; 5];
+
+/// Points with the same ends.
+pub struct Window {
+    ends: Ends,
     /// The finest cells that they may be in: columns and rows.
     cells: [Range<u32>; 2],
-    /// The depth of the farthest, rounded up.
-    depth: f32,
-    /// The greatest x and y, in cells, and the least, negated.
-    pub ends: [f32; 4],
 }
 
-/// Objects that may hide a light from such points: they are not all behind.
-pub struct Cell<'a> {
-    pub kind: Kind,
-    /// Tells it from all others of the scene.
-    pub key: u64,
-    /// Sorted by depth.
-    pub objects: &'a [Near],
+/// Objects as a light sees them.
+#[derive(Default)]
+pub struct Casters {
+    pub triangles: CasterList<TriangleCaster<f64>>,
+    pub spheres: CasterList<SphereCaster<f64>>,
 }
 
 /// The bounds of an object on a side: its coordinates at depth 1, and its least depth.
@@ -194,120 +180,98 @@ impl Bounds {
 }
 
 impl Cells {
-    /// The finest cells that bounds meet: columns and rows.
-    fn range(&self, of: &Bounds) -> [Range<u32>; 2] {
-        let cell = |x: f64, i: usize| {
-            let finest = (x.clamp(self.low[i], self.high[i]) - self.low[i]) * self.scale[i];
-            (finest as u32).min(FINEST - 1)
-        };
-        [0, 1].map(|i| cell(of.low[i], i)..cell(of.high[i], i) + 1)
-    }
-
-    fn meet(&self, of: &Bounds) -> bool {
-        (0..2).all(|i| of.high[i] >= self.low[i] && of.low[i] <= self.high[i])
-    }
-
-    /// The least coordinates in cells, rounded down, and the greatest, rounded up.
-    fn ends(&self, of: &Bounds) -> [[f32; 2]; 2] {
+    /// The bounds of an object in cells. Rounding keeps the order of all numbers on a side: those of points are as well.
+    fn extent(&self, of: &Bounds, own: u32) -> Extent {
         let at = |x: f64, i: usize| ((x - self.low[i]) * self.scale[i]) as f32;
-        [[0, 1].map(|i| at(of.low[i], i).next_down()), [0, 1].map(|i| at(of.high[i], i).next_up())]
-    }
-}
-
-impl Side {
-    /// Of spheres and triangles with these bounds, if they are there; the picture's longer side has so many `pixels`.
-    fn of(
-        number: usize,
-        pixels: u32,
-        spheres: impl Iterator<Item = Option<Bounds>>,
-        triangles: impl Iterator<Item = Option<Bounds>>,
-    ) -> Self {
-        let (mut low, mut high) = ([1.0_f64; 2], [-1.0_f64; 2]);
-        let mut there = |bounds: Option<Bounds>| {
-            for (i, of) in bounds.iter().flat_map(|of| [(0, of), (1, of)]) {
-                (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
-            }
-            bounds
-        };
-        let spheres: Vec<_> = (0..).zip(spheres).filter_map(|(id, of)| Some((id, there(of)?))).collect();
-        let triangles: Vec<_> = (0..).zip(triangles).filter_map(|(id, of)| Some((id, there(of)?))).collect();
-        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
-        let (cells, mut grids) = (Cells { low, high, scale }, Vec::new());
-        let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
-        let finest = (FINEST / useful).ilog2();
-        cells.place(Kind::Sphere, &spheres, finest, &mut grids);
-        cells.place(Kind::Triangle, &triangles, finest, &mut grids);
-        Side { number, cells, grids }
-    }
-}
-
-/// An object with the finest cells that it may be in.
-struct Placed {
-    near: Near,
-    /// The first and last column, then row.
-    cells: [[u16; 2]; 2],
-}
-
-impl Placed {
-    /// The binary logarithm of the side of cells of which it is in at most two across and two down.
-    fn level(&self) -> u32 {
-        let [across, down] = self.cells.map(|[first, last]| last - first);
-        across.max(down).next_power_of_two().ilog2()
-    }
-}
-
-impl Cells {
-    /// Adds the grids, from the `finest` coarseness on, of objects of a kind with these bounds.
-    fn place(&self, kind: Kind, objects: &[(u32, Bounds)], finest: u32, grids: &mut Vec<Grid>) {
-        let mut counts = [0; 1 + FINEST.ilog2() as usize];
-        let place = |(id, bounds): &(u32, Bounds)| {
-            let cells = self.range(bounds).map(|of| [of.start as u16, of.end as u16 - 1]);
+        Extent {
+            low: [0, 1].map(|i| at(of.low[i], i)),
+            high: [0, 1].map(|i| at(of.high[i], i)),
             // Rounded down.
-            let depth = (bounds.depth * (1.0 - f64::from(f32::EPSILON))) as f32;
-            let object = Placed { near: Near { id: *id, depth }, cells };
-            counts[object.level().max(finest) as usize] += 1;
-            object
-        };
-        let placed: Vec<_> = objects.iter().map(place).collect();
-        let (mut first, mut count) = (0, 0);
-        for (level, here) in (0..).zip(counts) {
-            count += here;
-            if count > 0 && (FINEST as usize >> level).pow(2) <= CELLS_OF_AN_OBJECT * count {
-                let levels = first..=level;
-                grids.push(Grid::new(kind, placed.iter().filter(|of| levels.contains(&of.level())), level));
-                (first, count) = (level + 1, 0);
-            }
+            depth: (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32,
+            own,
         }
     }
 }
 
+/// The finest cell that a coordinate is in.
+fn cell(x: f32) -> u32 {
+    (x as u32).min(FINEST - 1)
+}
+
+impl Side {
+    /// Of objects with these bounds, if they are there; the picture's longer side has so many `pixels`.
+    fn of(number: usize, pixels: u32, objects: impl Iterator<Item = Option<Bounds>>) -> Self {
+        let objects: Vec<_> = (0..).zip(objects).filter_map(|(place, of)| Some((place, of?))).collect();
+        let (mut low, mut high) = ([1.0_f64; 2], [-1.0_f64; 2]);
+        for (_, of) in &objects {
+            for i in 0..2 {
+                (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
+            }
+        }
+        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
+        let cells = Cells { low, scale };
+        let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
+        let objects: Vec<_> = objects.iter().map(|(place, of)| cells.extent(of, *place)).collect();
+        let grids = grids(&objects, (FINEST / useful).ilog2());
+        Side { number, cells, objects, grids }
+    }
+}
+
+/// The first and the last of the finest columns that an object is in, and of the rows.
+fn cells(Extent { low, high, .. }: &Extent) -> [[usize; 2]; 2] {
+    [0, 1].map(|i| [low[i], high[i]].map(|x| cell(x) as usize))
+}
+
+/// The binary logarithm of the side of cells of which it is in at most two across and two down.
+fn level(of: &Extent) -> u32 {
+    let [across, down] = cells(of).map(|[first, last]| last - first);
+    across.max(down).next_power_of_two().ilog2()
+}
+
+/// The grids of objects, from the `finest` coarseness on.
+fn grids(objects: &[Extent], finest: u32) -> Vec<Grid> {
+    let mut counts = [0; 1 + FINEST.ilog2() as usize];
+    objects.iter().for_each(|of| counts[level(of).max(finest) as usize] += 1);
+    let (mut grids, mut first, mut count) = (Vec::new(), 0, 0);
+    for (level, here) in (0..).zip(counts) {
+        count += here;
+        if count > 0 && (FINEST as usize >> level).pow(2) <= CELLS_OF_AN_OBJECT * count {
+            grids.push(Grid::new(objects, first..=level));
+            (first, count) = (level + 1, 0);
+        }
+    }
+    grids
+}
+
 impl Grid {
-    fn new<'a>(kind: Kind, placed: impl Iterator<Item = &'a Placed> + Clone, coarseness: u32) -> Self {
+    /// Of those of the objects that have these levels.
+    fn new(objects: &[Extent], levels: RangeInclusive<u32>) -> Self {
+        let coarseness = *levels.end();
         let across = FINEST as usize >> coarseness;
-        let each_cell = |of: &Placed, say: &mut dyn FnMut(usize)| {
-            let [columns, rows] = of.cells.map(|of| of.map(|cell| usize::from(cell) >> coarseness));
-            for row in rows[0]..=rows[1] {
-                (columns[0]..=columns[1]).for_each(|column| say(row * across + column));
+        let each_cell = |say: &mut dyn FnMut(usize, u32)| {
+            for (object, of) in (0..).zip(objects).filter(|(_, of)| levels.contains(&level(of))) {
+                let [columns, rows] = cells(of).map(|of| of.map(|cell| cell >> coarseness));
+                for row in rows[0]..=rows[1] {
+                    for column in columns[0]..=columns[1] {
+                        let first = if column == columns[0] { FIRST_COLUMN } else { 0 };
+                        say(row * across + column, object | first | if row == rows[0] { FIRST_ROW } else { 0 });
+                    }
+                }
             }
         };
         // First where the next object of a cell goes, at the index after its own; and so in the end where the next cell begins.
         let mut starts = vec![0_u32; across * across + 2];
-        placed.clone().for_each(|of| each_cell(of, &mut |cell| starts[cell + 2] += 1));
+        each_cell(&mut |cell, _| starts[cell + 2] += 1);
         for cell in 2..starts.len() {
             starts[cell] += starts[cell - 1];
         }
-        let mut objects = vec![Near::default(); starts[starts.len() - 1] as usize];
-        for of in placed {
-            each_cell(of, &mut |cell| {
-                objects[starts[cell + 1] as usize] = of.near;
-                starts[cell + 1] += 1;
-            });
-        }
+        let mut placed = vec![0; starts[starts.len() - 1] as usize];
+        each_cell(&mut |cell, object| {
+            placed[starts[cell + 1] as usize] = object;
+            starts[cell + 1] += 1;
+        });
         starts.pop();
-        for ends in starts.windows(2).filter(|ends| ends[1] - ends[0] > 1) {
-            objects[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
-        }
-        Grid { kind, coarseness, starts, objects }
+        Grid { coarseness, starts, placed }
     }
 }
 
@@ -334,8 +298,8 @@ impl<'a> Shadows<'a> {
         let seen = tasks.filter(|(light, number, _)| Bounds::of_box(all.map(|v| v - *light), *number).is_some());
         team.share(seen.collect::<Vec<_>>().into_iter(), |(light, number, side)| {
             let spheres = scene.spheres.iter().map(|sphere| Bounds::of_sphere(sphere, light, number));
-            let triangle = |id| Bounds::of_triangle(&scene.triangle(id), light, number);
-            *side = Side::of(number, pixels, spheres, (0..scene.triangle_count()).map(triangle));
+            let triangles = scene.all_triangles().map(|triangle| Bounds::of_triangle(&triangle, light, number));
+            *side = Side::of(number, pixels, spheres.chain(triangles));
         });
         shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !side.grids.is_empty()));
         shadows
@@ -349,7 +313,7 @@ impl<'a> Shadows<'a> {
     /// The sides on which a light sees objects.
     pub fn sides(&self, light: usize) -> impl Iterator<Item = LightSide<'_>> {
         let LightView { position, sides } = &self.lights[light];
-        sides.iter().map(move |side| LightSide { scene: self.scene, light, position: *position, side })
+        sides.iter().map(move |side| LightSide { scene: self.scene, position: *position, side })
     }
 
     /// The object at this place in the scene, spheres first, as its visible points are found; None if no light reaches what is
@@ -371,61 +335,114 @@ impl<'a> Shadows<'a> {
     }
 }
 
-impl LightSide<'_> {
-    /// Points in a box, given by its least and its greatest coordinates; None if none is on this side, among objects.
-    pub fn seen(&self, points: [DVec3; 2]) -> Option<Seen> {
-        let Side { number, cells, .. } = self.side;
-        let points = points.map(|v| v - self.position);
-        let bounds = Bounds::of_box(points, *number).filter(|bounds| cells.meet(bounds))?;
-        let (near, far) = (turned(points[0], *number)[2], turned(points[1], *number)[2]);
-        let depth = (near.max(far) * (1.0 + f64::from(f32::EPSILON))) as f32;
-        let [low, high] = cells.ends(&bounds);
-        Some(Seen { cells: cells.range(&bounds), depth, ends: [high[0], high[1], -low[0], -low[1]] })
+impl<'a> LightSide<'a> {
+    /// How points are found on it.
+    pub fn view(&self) -> LightSideView<f64> {
+        let Side { number, cells: Cells { low, scale, .. }, .. } = self.side;
+        let (axis, sign) = SIDES[*number];
+        let light = self.position.to_array();
+        LightSideView {
+            across: light[(axis + 1) % 3],
+            down: light[(axis + 2) % 3],
+            depth: light[axis],
+            sign,
+            low_x: low[0],
+            low_y: low[1],
+            scale_x: scale[0],
+            scale_y: scale[1],
+        }
     }
 
-    /// Whether they may be in so many cells that it pays to ask for parts of them alone.
-    pub fn is_wide(&self, seen: &Seen) -> bool {
+    /// The coordinates of points along it and in depth.
+    pub fn axes<'b>(&self, points: &'b TilePoints<f64>) -> [&'b [f64; TILE_PIXELS]; 3] {
+        let (axis, _) = SIDES[self.side.number];
+        let axes = [&points.x, &points.y, &points.z];
+        [axes[(axis + 1) % 3], axes[(axis + 2) % 3], axes[axis]]
+    }
+
+    /// Where the light is.
+    pub fn light(&self) -> [f64; 3] {
+        self.position.to_array()
+    }
+
+    /// The ends of a point, by the operations of the kernel for many; None if it is not on this side.
+    pub fn ends(&self, points: &TilePoints<f64>, at: usize) -> Option<Ends> {
+        let view = self.view();
+        let [x, y, z] = self.axes(points).map(|axis| axis[at]);
+        let (x, y, z) = (x - view.across, y - view.down, (z - view.depth) * view.sign);
+        let over = 1.0 / z;
+        let x = ((x * over - view.low_x) * view.scale_x) as f32;
+        let y = ((y * over - view.low_y) * view.scale_y) as f32;
+        (z > 0.0).then_some([-x, -y, x, y, -z as f32])
+    }
+
+    /// The cells of points with these ends; None if none is on this side, among objects.
+    pub fn window(&self, ends: Ends) -> Option<Window> {
+        let ([past_x, past_y, x, y, _], end) = (ends, FINEST as f32);
+        (x <= end && y <= end && past_x <= 0.0 && past_y <= 0.0)
+            .then(|| Window { ends, cells: [cell(x)..cell(-past_x) + 1, cell(y)..cell(-past_y) + 1] })
+    }
+
+    /// Whether it has so many cells that it pays to ask for parts of the points alone.
+    pub fn is_wide(&self, Window { cells, .. }: &Window) -> bool {
         let finest = self.side.grids.first().map_or(0, |grid| grid.coarseness);
-        let [columns, rows] = [0, 1].map(|i| (seen.cells[i].end - seen.cells[i].start) >> finest);
+        let [columns, rows] = [0, 1].map(|i| (cells[i].end - cells[i].start) >> finest);
         (columns + 1) * (rows + 1) > MOST_CELLS
     }
 
-    /// Calls `say` for all cells with objects that may be before these points, until it returns false.
-    pub fn each_cell(&self, seen: &Seen, mut say: impl FnMut(&Cell<'_>) -> bool) {
-        let side = self.light * SIDES.len() + self.side.number;
-        for Grid { kind, coarseness, starts, objects } in &self.side.grids {
-            let across = FINEST >> coarseness;
-            let [columns, rows] =
-                [0, 1].map(|i| &seen.cells[i]).map(|of| of.start >> coarseness..=(of.end - 1) >> coarseness);
-            for row in rows {
-                for cell in row * across + columns.start()..=row * across + columns.end() {
-                    let cell = cell as usize;
-                    let all = &objects[starts[cell] as usize..starts[cell + 1] as usize];
-                    let near = all.iter().position(|object| object.depth > seen.depth).unwrap_or(all.len());
-                    if near > 0 {
-                        let grid = (side * 2 + *kind as usize) << 4 | *coarseness as usize;
-                        let key = (grid as u64) << (2 * FINEST.ilog2()) | cell as u64;
-                        if !say(&Cell { kind: *kind, key, objects: &all[..near] }) {
-                            return;
-                        }
-                    }
-                }
+    /// Calls `say` for each grid and each row of its cells in a window.
+    fn each_row(&self, window: &Window, mut say: impl FnMut(&Grid, Range<usize>, u32)) {
+        for grid in &self.side.grids {
+            let across = FINEST >> grid.coarseness;
+            let [columns, rows] = [0, 1]
+                .map(|i| &window.cells[i])
+                .map(|of| of.start >> grid.coarseness..(of.end - 1 >> grid.coarseness) + 1);
+            for row in rows.clone() {
+                let first = if row == rows.start { FIRST_ROW } else { 0 };
+                say(grid, (row * across + columns.start) as usize..(row * across + columns.end) as usize, first);
             }
         }
     }
 
-    /// The bounds of an object, as kernels compare them with [`Seen::ends`].
-    fn ends(&self, bounds: Option<Bounds>) -> [f32; 4] {
-        let [low, high] = self.side.cells.ends(&bounds.unwrap_or(WHOLE));
-        [low[0], low[1], -high[0], -high[1]]
+    /// How many objects are in its cells; in several cells they count as often.
+    pub fn count(&self, window: &Window) -> u32 {
+        let mut count = 0;
+        self.each_row(window, |grid, cells, _| count += grid.starts[cells.end] - grid.starts[cells.start]);
+        count
     }
 
-    /// A triangle as the light sees it, and its bounds; None if it sees its edge alone.
-    pub fn triangle(&self, id: u32) -> Option<(TriangleCaster<f64>, [f32; 4])> {
-        let triangle = self.scene.triangle(id as usize);
+    /// Adds the objects in its cells that may be before its points.
+    pub fn gather(&self, window: &Window, all: &mut Vec<&'a Extent>) {
+        let [past_x, past_y, x, y, depth] = window.ends;
+        let meets = |of: &&Extent| {
+            of.low[0] <= -past_x && of.low[1] <= -past_y && of.high[0] >= x && of.high[1] >= y && of.depth <= -depth
+        };
+        self.each_row(window, |grid, cells, first_row| {
+            let mut first = first_row | FIRST_COLUMN;
+            for cell in cells {
+                let placed = &grid.placed[grid.starts[cell] as usize..grid.starts[cell + 1] as usize];
+                let firsts = placed.iter().filter(|object| (**object | first) & FIRSTS == FIRSTS);
+                all.extend(firsts.map(|object| &self.side.objects[(object & !FIRSTS) as usize]).filter(meets));
+                first = first_row;
+            }
+        });
+    }
+
+    /// Adds objects as the light sees them, but for triangles of which it sees an edge alone.
+    pub fn cast(&self, objects: &[&Extent], casters: &mut Casters) {
+        for object in objects {
+            match self.scene.spheres.get(object.own as usize) {
+                Some(sphere) => self.cast_sphere(object, sphere, &mut casters.spheres),
+                None => self.cast_triangle(object, &mut casters.triangles),
+            }
+        }
+    }
+
+    fn cast_triangle(&self, object: &Extent, casters: &mut CasterList<TriangleCaster<f64>>) {
+        let triangle = self.scene.triangle(object.own as usize - self.scene.spheres.len());
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let n = geometry::triangle_plane(corners);
-        let side = geometry::side_of_plane(corners, n, self.position, 0.0)?.signum();
+        let Some(side) = geometry::side_of_plane(corners, n, self.position, 0.0).map(f64::signum) else { return };
         // The plane through the light and an edge; turned round, the edge has exactly the other side.
         let edge = |v: DVec3, w: DVec3| {
             let middle = 0.5 * (v + w);
@@ -454,14 +471,12 @@ impl LightSide<'_> {
             pz: p.z,
             p0: bound * nearest.abs().element_sum() - p.dot(nearest),
             bound,
-            own: (self.scene.spheres.len() + id as usize) as f64,
+            own: object.own.into(),
         };
-        Some((caster, self.ends(Bounds::of_triangle(&triangle, self.position, self.side.number))))
+        casters.push(caster, object);
     }
 
-    /// A sphere as the light sees it, and its bounds.
-    pub fn sphere(&self, id: u32) -> (SphereCaster<f64>, [f32; 4]) {
-        let sphere = &self.scene.spheres[id as usize];
+    fn cast_sphere(&self, object: &Extent, sphere: &Sphere, casters: &mut CasterList<SphereCaster<f64>>) {
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, of_light) = (radius * radius, geometry::power(c - self.position, radius));
         let is_outside = of_light > 0.0;
@@ -484,8 +499,8 @@ impl LightSide<'_> {
             past: if is_outside { 0.0 } else { f64::NEG_INFINITY },
             most: if of_light < 0.0 { f64::INFINITY } else { 0.0 },
             bound: SPHERE_ROUNDING * radius,
-            own: id.into(),
+            own: object.own.into(),
         };
-        (caster, self.ends(Bounds::of_sphere(sphere, self.position, self.side.number)))
+        casters.push(caster, object);
     }
 }

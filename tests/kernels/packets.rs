@@ -11,12 +11,12 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, CasterList, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitPoints, LitRow,
-    LitRows, LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords,
-    SphereChunk, SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow,
-    TriangleChunk, Vec4, packet_symbols,
+    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitGroups, LitPoints, LitRow,
+    LitRows, LitSphere, MOST_CASTERS, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows,
+    ShadingRecords, SphereChunk, SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade,
+    TileWindow, TriangleChunk, Vec4, own_bits, packet_symbols,
 };
-use rayo::plan::{Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
+use rayo::plan::{Casters, Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
 use rayo::scene::{Camera, Faces, Light, Rng, Scene, Sphere, Triangle, many};
 
@@ -95,6 +95,7 @@ kernels! {
     nearest_spheres: single.tiles.nearest_spheres, double.tiles.nearest_spheres; tile_cases(), tiles;
     sphere_shading: single.tiles.sphere_shading, double.tiles.sphere_shading; tile_cases(), tiles;
     points: single.tiles.points, double.tiles.points; shadow_cases(), shadows;
+    seen: seen; shadow_cases(), shadows;
     triangle_casters: triangle_casters; shadow_cases(), shadows;
     sphere_casters: sphere_casters; shadow_cases(), shadows;
     tile_f32x4: single.tiles.f32x4, double.tiles.f32x4; tile_cases(), tiles;
@@ -410,29 +411,29 @@ fn shadows_of<E: Element>(
     let mut points = Box::new(TilePoints::<f64>::ZERO);
     kernels.tiles.points.call(&plan.point_view(), &buffers, [0, 0], &objects, &mut points);
     add(&mut made, "points", &points);
-    let everywhere = [f32::INFINITY; 4];
+    let owners: Vec<_> = places.iter().map(|place| place.checked_sub(1).map_or(0, own_bits)).collect();
     for (light, position) in shadows.lights().enumerate() {
         let at = position.to_array();
+        let asked = LitPoints { points: &points, light: &at };
         for side in shadows.sides(light) {
-            let (mut spheres, mut triangles) = (CasterList::default(), CasterList::default());
-            let mut ends = Vec::new();
-            for (caster, bounds) in (0..11).map(|id| side.sphere(id)) {
-                spheres.push(caster, bounds);
-                ends.push(bounds);
-            }
-            for (caster, bounds) in (0..CHUNK as u32).filter_map(|id| side.triangle(id)).take(GROUP) {
-                triangles.push(caster, bounds);
-                ends.push(bounds);
-            }
-            for first in (0..TILE_PIXELS).step_by(5 * GROUP) {
-                // As some object is seen.
-                let [left, top, right, bottom] = choose(&mut rng, &ends);
-                let seen = choose(&mut rng, &[everywhere, [-right, -bottom, -left, -top]]);
-                let points = LitPoints { points: &points, first, light: &at, seen };
-                let some = rng.next_u64() as u32 & 0xffff;
-                let open = choose(&mut rng, &[0xffff, some]);
-                add(&mut made, "open to spheres", &packets.sphere_casters.call(&points, &spheres, open));
-                add(&mut made, "open to triangles", &packets.triangle_casters.call(&points, &triangles, open));
+            let mut groups = Box::new(LitGroups::ZERO);
+            packets.seen.call(&side.view(), side.axes(&points), &mut groups);
+            add(&mut made, "seen", &groups);
+            groups.own.fill_with(|| choose(&mut rng, &owners));
+            let (mut objects, mut casters) = (Vec::new(), Casters::default());
+            let all = side.window([-f32::INFINITY, -f32::INFINITY, 0.0, 0.0, -f32::INFINITY]).unwrap();
+            side.gather(&all, &mut objects);
+            for objects in objects.chunks(MOST_CASTERS - 9) {
+                side.cast(objects, &mut casters);
+                groups.open.fill_with(|| rng.next_u64() as u32 & choose(&mut rng, &[0xffff, 0xf0f0, 0]));
+                let end = rng.next_u64() as usize % (TILE_PIXELS / GROUP + 1);
+                for of in [0..end, end..TILE_PIXELS / GROUP] {
+                    packets.sphere_casters.call(&asked, &casters.spheres, &mut groups, of.clone());
+                    add(&mut made, "open to spheres", &groups);
+                    packets.triangle_casters.call(&asked, &casters.triangles, &mut groups, of);
+                    add(&mut made, "open to triangles", &groups);
+                }
+                (casters.spheres.clear(), casters.triangles.clear());
             }
         }
     }

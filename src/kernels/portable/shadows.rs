@@ -1,11 +1,14 @@
 //! Shadows: the visible points of a tile, and which of them an object hides from a light.
 //!
-//! The twins of asm/tracers/points.asm and casters.asm.
+//! The twins of asm/tracers/points.asm, seen.asm and casters.asm.
+
+use std::ops::Range;
 
 use super::super::records::{
-    Element as _, PointObject, PointView, SphereCaster, TILE_WIDTH, TilePoints, TriangleCaster,
+    Element as _, GROUP, LightSideView, LitGroups, PointObject, PointView, SphereCaster, TILE_WIDTH, TilePoints,
+    TriangleCaster,
 };
-use super::super::shadows::{CasterList, GROUP, LitPoints};
+use super::super::shadows::{CasterList, LitPoints};
 use super::super::tiles::TILE_PIXELS;
 use super::lanes::{Each, Lanes, dot, dot_unfused, zip};
 
@@ -112,33 +115,64 @@ fn unequal<W: Lanes<Number = f64>>(a: W, b: W) -> W {
     a.greater(b).select(a.greater(b), b.greater(a))
 }
 
-/// Those of the open points that no object hides from the light.
-pub fn open<W: Lanes<Number = f64>, C: Hides>(
-    &LitPoints { points, first, light, seen }: &LitPoints<'_>,
-    casters: &CasterList<C>,
-    open: u32,
-) -> u32 {
-    let mut left = open;
-    for at in (0..GROUP).step_by(W::COUNT) {
-        let here = (open >> at) & ((1 << W::COUNT) - 1);
-        if here == 0 {
-            continue;
+/// The bounds of each group of points on a side.
+pub fn seen<W: Lanes<Number = f64>>(view: &LightSideView<f64>, axes: [&[f64; TILE_PIXELS]; 3], groups: &mut LitGroups) {
+    let all = W::all;
+    let light = [view.across, view.down, view.depth];
+    for group in 0..TILE_PIXELS / GROUP {
+        let mut least = [W::of(f64::INFINITY); 5];
+        for at in (group * GROUP..(group + 1) * GROUP).step_by(W::COUNT) {
+            let [x, y, z] = [0, 1, 2].each(|i| W::load(&axes[i][at..]) - all(light[i]));
+            let z = z * all(view.sign);
+            let end = z * W::of(1.000_000_000_000_01);
+            let is_there = end.greater(x.abs()).and(end.greater(y.abs()));
+            let z = is_there.select(z, all(f64::NAN));
+            let over = W::of(1.0) / z;
+            let x = (x * over - all(view.low_x)) * all(view.scale_x);
+            let y = (y * over - all(view.low_y)) * all(view.scale_y);
+            let ends = [x.negated(), y.negated(), x, y, z.negated()];
+            ends.into_iter().zip(&mut least).for_each(|(end, least)| *least = end.min(*least));
         }
-        let p = [&points.x, &points.y, &points.z].each(|axis| W::load(&axis[first + at..]));
-        let own = W::load(&points.own[first + at..]);
-        let size = W::of(0.0) + p[0].abs() + p[1].abs() + p[2].abs();
-        let points = Asked { p, size, own, g: zip(light.each(W::all), p, |light, p| light - p) };
-        let mut hidden = 0;
-        for caster in casters.meeting(seen) {
-            let mask = caster.hides(&points);
-            for lane in 0..W::COUNT {
-                hidden |= u32::from(mask.lane(lane).to_bits() != 0) << lane;
-            }
-            if hidden & here == here {
-                break;
-            }
+        let LitGroups { x, y, past_x, past_y, depth, .. } = groups;
+        for (field, least) in [x, y, past_x, past_y, depth].into_iter().zip(least) {
+            let least = (0..W::COUNT).map(|lane| least.lane(lane)).fold(f64::INFINITY, f64::min);
+            field[group] = (least as f32).to_bits();
         }
-        left &= !(hidden << at);
     }
-    left
+}
+
+/// Leaves open those of the open points of groups that no object hides from the light.
+pub fn open<W: Lanes<Number = f64>, C: Hides>(
+    &LitPoints { points, light }: &LitPoints<'_>,
+    casters: &CasterList<C>,
+    groups: &mut LitGroups,
+    of: Range<usize>,
+) {
+    for group in of {
+        let open = groups.open[group];
+        let mut left = open;
+        for at in (0..GROUP).step_by(W::COUNT) {
+            let here = (open >> at) & ((1 << W::COUNT) - 1);
+            if here == 0 {
+                continue;
+            }
+            let first = group * GROUP + at;
+            let p = [&points.x, &points.y, &points.z].each(|axis| W::load(&axis[first..]));
+            let own = W::load(&points.own[first..]);
+            let size = W::of(0.0) + p[0].abs() + p[1].abs() + p[2].abs();
+            let points = Asked { p, size, own, g: zip(light.each(W::all), p, |light, p| light - p) };
+            let mut hidden = 0;
+            for caster in casters.meeting(groups, group) {
+                let mask = caster.hides(&points);
+                for lane in 0..W::COUNT {
+                    hidden |= u32::from(mask.lane(lane).to_bits() != 0) << lane;
+                }
+                if hidden & here == here {
+                    break;
+                }
+            }
+            left &= !(hidden << at);
+        }
+        groups.open[group] = left;
+    }
 }

@@ -3,114 +3,60 @@
 //! A pixel in a shadow gets an object of its own: one that has the lights of the object there, without those that are hidden.
 //! So shading, and the pixels that all lights reach, know nothing of shadows.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::TileTracer;
 use super::nearest::TileObjects;
 use crate::kernels::{
-    Caster, CasterList, Casters, Element, GROUP, LitPoints, Plain, PointObject, SphereCaster, TILE_PIXELS, TileBuffers,
-    TilePoints, TileWindow, TriangleCaster,
+    Element, GROUP, LitGroups, LitPoints, MOST_CASTERS, Plain, PointObject, TILE_PIXELS, TileBuffers, TilePoints,
+    TileWindow, own_bits,
 };
-use crate::plan::{Cell, Kind, Shadows};
+use crate::plan::{Casters, Ends, LightSide, Shadows};
 
-/// How many groups of objects of each kind a thread keeps as lights see them.
-const MOST_KEPT: usize = 1 << 11;
+/// Groups whose cells have more objects are asked for in parts.
+const MANY: u32 = 2048;
+
+/// The groups of a tile.
+const GROUPS: usize = TILE_PIXELS / GROUP;
+
+/// All points of a group.
+const ALL: u32 = (1 << GROUP) - 1;
 
 /// The memory of a thread for shadows.
 pub(super) struct ShadowScratch {
     points: Box<TilePoints<f64>>,
+    groups: Box<LitGroups>,
     /// By id.
     objects: Vec<PointObject<f64>>,
     owners: Vec<bool>,
     /// The object of all pixels of a group, if it is one.
-    of_one: [Option<u32>; TILE_PIXELS / GROUP],
+    of_one: [Option<u32>; GROUPS],
     /// The ids of pixels: of their objects, and of what is left of these.
     ids: Box<[u32; TILE_PIXELS]>,
     left: Box<[u32; TILE_PIXELS]>,
-    /// The points of each group that a light may reach.
-    open: [u32; TILE_PIXELS / GROUP],
-    triangles: OfKind<TriangleCaster<f64>>,
-    spheres: OfKind<SphereCaster<f64>>,
+    /// Objects as a light sees them.
+    casters: Casters,
 }
 
 impl Default for ShadowScratch {
     fn default() -> Self {
         ShadowScratch {
             points: Box::new(TilePoints::ZERO),
+            groups: Box::new(LitGroups::ZERO),
             objects: Vec::new(),
             owners: Vec::new(),
-            of_one: [None; TILE_PIXELS / GROUP],
+            of_one: [None; GROUPS],
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
-            open: [0; TILE_PIXELS / GROUP],
-            triangles: OfKind::default(),
-            spheres: OfKind::default(),
+            casters: Casters::default(),
         }
-    }
-}
-
-/// The objects of some cells as lights see them.
-struct OfKind<C>(Vec<Kept<C>>);
-
-impl<C> Default for OfKind<C> {
-    fn default() -> Self {
-        OfKind((0..MOST_KEPT).map(|_| Kept::default()).collect())
-    }
-}
-
-/// Some objects of a cell.
-struct Kept<C> {
-    /// The cell's key, and how many objects are before these.
-    key: (u64, usize),
-    /// How many they are, with those of which the light sees only an edge.
-    count: usize,
-    list: CasterList<C>,
-}
-
-impl<C> Default for Kept<C> {
-    fn default() -> Self {
-        Kept { key: (u64::MAX, 0), count: 0, list: CasterList::default() }
-    }
-}
-
-impl<C: Caster> OfKind<C> {
-    /// Those of the open points that no object of a cell hides from a light.
-    fn ask(
-        &mut self,
-        cell: &Cell<'_>,
-        make: impl Fn(u32) -> Option<(C, [f32; 4])>,
-        kernel: &Casters<C>,
-        points: &LitPoints<'_>,
-        mut open: u32,
-    ) -> u32 {
-        for (before, objects) in (0..).step_by(GROUP).zip(cell.objects.chunks(GROUP)) {
-            let key = (cell.key, before);
-            // Cells beside each other have different places.
-            let place = (cell.key + before as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
-            let kept = &mut self.0[place as usize % MOST_KEPT];
-            if kept.key != key {
-                (kept.key, kept.count) = (key, 0);
-                kept.list.clear();
-            }
-            if kept.count < objects.len() {
-                let made = objects[kept.count..].iter().filter_map(|object| make(object.id));
-                made.for_each(|(caster, bounds)| kept.list.push(caster, bounds));
-                kept.count = objects.len();
-            }
-            open = kernel.call(points, &kept.list, open);
-            if open == 0 {
-                break;
-            }
-        }
-        open
     }
 }
 
 /// With more of a tile's objects darkened, those without a pixel are forgotten.
 const MOST_PARTS: usize = 4 * TILE_PIXELS;
-
-/// Rounding of f64 and of f32 in shading, and more.
-const MARGIN: f64 = 1e-5;
 
 /// No object, or one that is dark: its points are nowhere.
 const NOBODY: PointObject<f64> = PointObject { w: f64::NAN, own: -1.0, ..PointObject::ZERO };
@@ -169,38 +115,28 @@ impl<E: Element> TileTracer<'_, E> {
         scratch: &mut ShadowScratch,
     ) {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
-        let (boxes, all) = (boxes(&scratch.points), u32::from(u16::MAX));
         let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
         let (mut instead, mut faces): (Vec<u32>, Vec<bool>) = Default::default();
         for (light, position) in shadows.lights().enumerate() {
             faces.clear();
             faces.extend(scratch.objects.iter().map(|object| is_lit(object, position)));
-            for (group, points_box) in boxes.iter().enumerate() {
-                let of_one = scratch.of_one[group].map(|id| id as usize);
-                if of_one.is_some_and(|id| is_dark(&scratch.objects[id], position, *points_box)) {
-                    // What is dark by the law of shading needs no shadow.
-                    scratch.open[group] = all;
-                    continue;
-                }
-                let ids = &scratch.ids.as_chunks::<GROUP>().0[group];
-                scratch.open[group] = match of_one {
-                    Some(id) => {
-                        if faces[id] {
-                            all
-                        } else {
-                            0
-                        }
-                    }
+            let ids = scratch.ids.as_chunks::<GROUP>().0;
+            for ((open, of_one), ids) in scratch.groups.open.iter_mut().zip(scratch.of_one).zip(ids) {
+                *open = match of_one {
+                    Some(id) if faces[id as usize] => ALL,
+                    Some(_) => 0,
                     None => (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i),
                 };
-                let open = scratch.open[group];
-                scratch.open[group] = self.open(shadows, (light, position), (group, *points_box), open, scratch);
+            }
+            for side in shadows.sides(light) {
+                self.packets.seen.call(&side.view(), side.axes(&scratch.points), &mut scratch.groups);
+                self.ask(&side, 0..GROUPS, scratch);
             }
             instead.clear();
             instead.resize(darkened.count + darkened.parts.len(), 0);
-            for (ids, open) in scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.open) {
-                let dark = ids.iter_mut().enumerate().filter(|(i, id)| open >> i & 1 == 0 && **id > 0);
-                for (_, id) in dark.filter(|_| open != all) {
+            let groups = scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.groups.open);
+            for (ids, open) in groups.filter(|(_, open)| *open != ALL) {
+                for (_, id) in ids.iter_mut().enumerate().filter(|(i, id)| open >> i & 1 == 0 && **id > 0) {
                     let instead = &mut instead[*id as usize];
                     if *instead == 0 {
                         *instead = darkened.without(*id, light);
@@ -225,13 +161,13 @@ impl<E: Element> TileTracer<'_, E> {
         window: &TileWindow,
         buffers: &TileBuffers<E>,
         order: &[u32],
-        ShadowScratch { points, objects, owners, of_one, ids, left, .. }: &mut ShadowScratch,
+        ShadowScratch { points, groups, objects, owners, of_one, ids, left, .. }: &mut ShadowScratch,
     ) {
         buffers.ids(ids);
         left.copy_from_slice(&ids[..]);
         owners.clear();
         owners.resize(order.len(), false);
-        for (ids, of_one) in ids.as_chunks::<GROUP>().0.iter().zip(of_one) {
+        for (ids, of_one) in ids.as_chunks::<GROUP>().0.iter().zip(&mut *of_one) {
             *of_one = ids.iter().all(|id| *id == ids[0]).then_some(ids[0]);
             let different = if of_one.is_some() { &ids[..1] } else { &ids[..] };
             different.iter().for_each(|id| owners[*id as usize] = true);
@@ -241,43 +177,80 @@ impl<E: Element> TileTracer<'_, E> {
             let object = if *owns && *place > 0 { shadows.object(*place as usize - 1) } else { None };
             object.unwrap_or(NOBODY)
         }));
+        for (own, of_one) in groups.own.iter_mut().zip(of_one) {
+            *own = of_one.filter(|id| owners[*id as usize] && *id > 0).map_or(0, |id| own_bits(order[id as usize] - 1));
+        }
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Those of the open points of a group, in a box, from which nothing hides a light.
-    fn open(
-        &self,
-        shadows: &Shadows<'_>,
-        (light, position): (usize, DVec3),
-        (group, points_box): (usize, [DVec3; 2]),
-        mut open: u32,
-        scratch: &mut ShadowScratch,
-    ) -> u32 {
-        let (kernels, at) = (self.packets, position.to_array());
-        for side in shadows.sides(light) {
-            let Some(seen) = side.seen(points_box).filter(|_| open != 0) else { continue };
-            // Mostly they are of objects at different depths.
-            let parts = side.is_wide(&seen).then(|| halves(&scratch.points, group * GROUP, open, points_box));
-            if let Some(parts) = parts.filter(|parts| parts.iter().all(|(part, _)| *part != 0)) {
-                let of_part =
-                    |(part, points_box)| self.open(shadows, (light, position), (group, points_box), part, scratch);
-                return parts.map(of_part).into_iter().fold(0, |open, part| open | part);
-            }
-            let ShadowScratch { points, triangles, spheres, .. } = scratch;
-            let points = LitPoints { points, first: group * GROUP, light: &at, seen: seen.ends };
-            side.each_cell(&seen, |cell| {
-                open = match cell.kind {
-                    Kind::Sphere => {
-                        spheres.ask(cell, |id| Some(side.sphere(id)), &kernels.sphere_casters, &points, open)
-                    }
-                    Kind::Triangle => {
-                        triangles.ask(cell, |id| side.triangle(id), &kernels.triangle_casters, &points, open)
-                    }
-                };
-                open != 0
-            });
+    /// Closes those of the open points of some groups from which something on a side hides its light.
+    fn ask(&self, side: &LightSide<'_>, groups: Range<usize>, scratch: &mut ShadowScratch) {
+        let window = |groups: &Range<usize>| side.window(ends(&scratch.groups, groups.clone()));
+        let Some(whole) = window(&groups) else { return };
+        let count = side.count(&whole);
+        if count == 0 {
+            return;
         }
-        open
+        if count > MANY && groups.len() > 1 {
+            let middle = groups.start.midpoint(groups.end);
+            let halves = [groups.start..middle, middle..groups.end];
+            // In large cells they have the same objects as the whole.
+            let counts = halves.each_ref().map(|half| window(half).map_or(0, |window| side.count(&window)));
+            if counts.iter().sum::<u32>() < count + count / 2 {
+                halves.into_iter().for_each(|half| self.ask(side, half, scratch));
+                return;
+            }
+        }
+        // Mostly they are of objects at different depths.
+        if count > MANY && groups.len() == 1 && side.is_wide(&whole) && self.ask_in_parts(side, groups.start, scratch) {
+            return;
+        }
+        let ShadowScratch { points, groups: all, casters, .. } = scratch;
+        let light = side.light();
+        let points = LitPoints { points, light: &light };
+        let mut near = Vec::new();
+        side.gather(&whole, &mut near);
+        if near.len() > MOST_CASTERS {
+            near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+        for near in near.chunks(MOST_CASTERS) {
+            // What is farther than all points that are still open hides none.
+            if near[0].depth > -ends(all, groups.clone())[4] {
+                break;
+            }
+            side.cast(near, casters);
+            self.packets.sphere_casters.call(&points, &casters.spheres, all, groups.clone());
+            self.packets.triangle_casters.call(&points, &casters.triangles, all, groups.clone());
+            casters.spheres.clear();
+            casters.triangles.clear();
+        }
+    }
+
+    /// The same for the open points of a group on either side of the middle of their longer extent; false, and nothing done, if
+    /// they are all on one.
+    fn ask_in_parts(&self, side: &LightSide<'_>, group: usize, scratch: &mut ShadowScratch) -> bool {
+        let open = scratch.groups.open[group];
+        let [past_x, past_y, x, y, _] = ends(&scratch.groups, group..group + 1);
+        let (axis, middle) = if -past_x - x > -past_y - y { (2, (x - past_x) / 2.0) } else { (3, (y - past_y) / 2.0) };
+        let mut parts = [(0, [f32::INFINITY; 5]); 2];
+        for i in (0..GROUP).filter(|i| open >> i & 1 == 1) {
+            let Some(point) = side.ends(&scratch.points, group * GROUP + i) else { continue };
+            let (bits, ends) = &mut parts[usize::from(point[axis] > middle)];
+            *bits |= 1 << i;
+            ends.iter_mut().zip(point).for_each(|(least, end)| *least = end.min(*least));
+        }
+        if parts.iter().any(|(bits, _)| *bits == 0) {
+            return false;
+        }
+        let mut left = open & !(parts[0].0 | parts[1].0);
+        for (bits, ends) in parts {
+            set_ends(&mut scratch.groups, group, ends);
+            scratch.groups.open[group] = bits;
+            self.ask(side, group..group + 1, scratch);
+            left |= scratch.groups.open[group];
+        }
+        scratch.groups.open[group] = left;
+        true
     }
 
     /// Makes the shading records of objects that are without some lights, and gives the pixels their ids.
@@ -342,45 +315,17 @@ fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     own >= 0.0 && (is_sphere || DVec3::new(x, y, z).dot(light) < 1.0)
 }
 
-/// Whether all points of a sphere in a box are on its dark side, P . n < k, where eq. 11 gives nothing, by more than rounding.
-fn is_dark(object: &PointObject<f64>, light: DVec3, [low, high]: [DVec3; 2]) -> bool {
-    let &PointObject { x, y, z, a, b, w, .. } = object;
-    let c = DVec3::new(x, y, z);
-    // c.c - r^2 is 1 / w.
-    let (n, k) = (light - c, c.dot(light) - 1.0 / w);
-    let most = (low * n).max(high * n).element_sum();
-    (a != 0.0 || b != 0.0) && most < k - MARGIN * (n.abs().dot(low.abs().max(high.abs())) + k.abs() + c.dot(c))
+/// The ends of the open points of some groups.
+fn ends(LitGroups { x, y, past_x, past_y, depth, open, .. }: &LitGroups, groups: Range<usize>) -> Ends {
+    [x, y, past_x, past_y, depth].map(|field| {
+        let of_open = field[groups.clone()].iter().zip(&open[groups.clone()]).filter(|(_, open)| **open != 0);
+        of_open.fold(f32::INFINITY, |least, (end, _)| least.min(f32::from_bits(*end)))
+    })
 }
 
-/// The least and the greatest coordinates of each group of points, but for those that are nowhere.
-fn boxes(points: &TilePoints<f64>) -> Vec<[DVec3; 2]> {
-    fn ends(axis: &[f64; GROUP]) -> [f64; 2] {
-        let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
-        for four in axis.as_chunks::<4>().0 {
-            for (i, x) in four.iter().enumerate() {
-                // Not a number is neither less nor greater.
-                low[i] = if *x < low[i] { *x } else { low[i] };
-                high[i] = if *x > high[i] { *x } else { high[i] };
-            }
-        }
-        [low.into_iter().fold(f64::INFINITY, f64::min), high.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+/// Sets those of a group.
+fn set_ends(LitGroups { x, y, past_x, past_y, depth, .. }: &mut LitGroups, group: usize, ends: Ends) {
+    for (field, end) in [x, y, past_x, past_y, depth].into_iter().zip(ends) {
+        field[group] = end.to_bits();
     }
-    let group = |group: usize| {
-        let [x, y, z] = [&points.x, &points.y, &points.z].map(|axis| ends(&axis.as_chunks().0[group]));
-        [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]))
-    };
-    (0..TILE_PIXELS / GROUP).map(group).collect()
-}
-
-/// The open points of a group on either side of the middle of their box's longest side, with boxes of their own.
-fn halves(points: &TilePoints<f64>, first: usize, open: u32, [low, high]: [DVec3; 2]) -> [(u32, [DVec3; 2]); 2] {
-    let longest = (high - low).max_position();
-    let middle = low[longest] + 0.5 * (high - low)[longest];
-    let mut halves = [(0, [DVec3::INFINITY, DVec3::NEG_INFINITY]); 2];
-    for (i, at) in (first..first + GROUP).enumerate().filter(|(i, _)| open >> i & 1 == 1) {
-        let p = DVec3::new(points.x[at], points.y[at], points.z[at]);
-        let (bits, [low, high]) = &mut halves[usize::from(p[longest] > middle)];
-        (*bits, *low, *high) = (*bits | 1 << i, low.min(p), high.max(p));
-    }
-    halves
 }

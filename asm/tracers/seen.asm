@@ -1,0 +1,100 @@
+; seen.asm - the bounds of each group of a tile's points, as a light sees them on a side of its cube, in f64.
+;
+; With the light as the origin and z the depth on the side, a point is on it where |x| and |y| are below z, and is seen
+; at x / z and y / z, counted in cells. All ends are least values: greatest ones are negated. Rounding them to f32 keeps
+; their order, so that they may be compared with those of objects.
+;
+; unsafe extern "sysv64" fn(view: *const LightSideView, across, down, depth, groups: *mut LitGroups)
+;
+;   rayo_<isa>_seen
+;
+;   across, down, depth   *const f64: coordinates of the points of a tile, aligned to 64 bytes
+;
+;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, eax groups left;
+;               v0 v1 v2 points, v8 to v12 the least of a group so far
+;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
+;   equals      kernels::portable::shadows::seen
+
+; LEAST_SO_FAR - least = the lesser of it and a, but for where a is no number. Clobbers a.
+%macro LEAST_SO_FAR 2
+%define %%least %1      ; [in/out]   vreg
+%define %%a %2          ; [in]       vreg
+    VMIN    %%a, %%a, %%least
+    VMOV    %%least, %%a
+%endmacro
+
+; STORE_LEAST - stores the least lane of v<n>, as f32, in a field of the group at r8. Clobbers v0 and v<n>.
+%macro STORE_LEAST 2
+%define %%n %1          ; [in]       number of a register
+%define %%field %2      ; [in]       of LitGroups
+    LEAST_LANE %%n, 0
+    NARROW  %%n
+%if HAS_VEX
+    vmovss  [r8 + %%field], x%[%%n]
+%else
+    movss   [r8 + %%field], x%[%%n]
+%endif
+%endmacro
+
+; SEEN - the function.
+%macro SEEN 0
+FUNC ISA %+ _seen
+    CONSTANTS LightSideView_size
+    mov     eax, TILE_WIDTH * TILE_HEIGHT / GROUP
+align 16
+.group:
+%assign %%n 8
+%rep 5
+    VMOV    v%[%%n], [PACKET(infinite)]
+%assign %%n %%n + 1
+%endrep
+%assign %%at 0
+%rep GROUP / LANES
+    VMOV    v0, [rsi + ELEM * %%at]
+    VSUB    v0, v0, K(LightSideView.across)
+    VMOV    v1, [rdx + ELEM * %%at]
+    VSUB    v1, v1, K(LightSideView.down)
+    VMOV    v2, [rcx + ELEM * %%at]
+    VSUB    v2, v2, K(LightSideView.depth)
+    VMUL    v2, v2, K(LightSideView.sign)
+    VMUL    v3, v2, [PACKET(side)]
+    VABS    v4, v0
+    MASK_GREATER v3, v4
+    VABS    v4, v1
+    MASK_AND_GREATER v3, v4, v5
+    VMOV    v4, [PACKET(no_number)]
+    VMOV    v5, v2
+    VSELECT v4, v5                      ; no numbers are beside the side
+    VMOV    v3, [PACKET(ones)]
+    VDIV    v3, v3, v4
+    VMUL    v0, v0, v3
+    VSUB    v0, v0, K(LightSideView.low_x)
+    VMUL    v0, v0, K(LightSideView.scale_x)
+    VMUL    v1, v1, v3
+    VSUB    v1, v1, K(LightSideView.low_y)
+    VMUL    v1, v1, K(LightSideView.scale_y)
+    VXOR    v3, v0, [PACKET(sign)]
+    LEAST_SO_FAR v8, v3
+    VXOR    v3, v1, [PACKET(sign)]
+    LEAST_SO_FAR v9, v3
+    LEAST_SO_FAR v10, v0
+    LEAST_SO_FAR v11, v1
+    VXOR    v4, v4, [PACKET(sign)]
+    LEAST_SO_FAR v12, v4
+%assign %%at %%at + LANES
+%endrep
+    STORE_LEAST 8, LitGroups.x
+    STORE_LEAST 9, LitGroups.y
+    STORE_LEAST 10, LitGroups.past_x
+    STORE_LEAST 11, LitGroups.past_y
+    STORE_LEAST 12, LitGroups.depth
+    add     rsi, ELEM * GROUP
+    add     rdx, ELEM * GROUP
+    add     rcx, ELEM * GROUP
+    add     r8, 4
+    dec     eax
+    jnz     .group
+    UNCONSTANTS
+ENDFUNC
+%endmacro
