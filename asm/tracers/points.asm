@@ -3,7 +3,8 @@
 ; 1/t of the nearest objects is in the tile, but as exact as shading needs it. Whether a light is hidden is asked at the
 ; point itself, from the object's own equation: 1/t = h + sqrt D over k for a sphere seen from outside, eq. 5, and
 ; n . d / (v1 . n) for a triangle, eq. 9, of which PointObject makes one formula. Products and sums are rounded
-; separately, so that all ISAs have the same points.
+; separately, so that all ISAs have the same points. Where no pixel of a register has an object that a light may reach,
+; the points are no numbers.
 ;
 ; Assembled once per ISA, in the pass for f64. The functions:
 ;
@@ -30,6 +31,7 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     CONSTANTS PointView_size
     lea     r10, [r8 + 4 * ELEM]
     EACH_PIXEL %%in
+%assign %%part 0
 %rep PARTS
 %if %%in == 4
     WIDEN   v6, [rsi]
@@ -42,6 +44,13 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     GATHER4 3, 4, 5, 6, 7, 8, 9, r8, SCRATCH, ax
     GATHER4 7, 8, 9, 11, 12, 13, 14, r10, SCRATCH, ax
     VSTORE  [r9 + ELEM * TilePoints.own], v11
+    MASK_NOT_LESS v11, [PACKET(zeros)]
+    MASK_BITS eax
+    VMOV    v12, [PACKET(no_number)]
+    VMOV    v13, v12
+    VMOV    v15, v12
+    test    eax, eax
+    jz      .nowhere%[%%part]
     VMUL    v12, v0, K(PointView.step)
     VSUB    v12, v12, K(PointView.half_width)       ; the ray
     VMUL    v11, v10, K(PointView.step)
@@ -87,11 +96,14 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     VMUL    v12, v12, v6
     VMUL    v13, v13, v6
     VMUL    v6, v6, K(PointView.focal)
+    VMOV    v15, v6
+.nowhere%[%%part]:
     VSTORE  [r9 + ELEM * TilePoints.x], v12
     VSTORE  [r9 + ELEM * TilePoints.y], v13
-    VSTORE  [r9 + ELEM * TilePoints.z], v6
+    VSTORE  [r9 + ELEM * TilePoints.z], v15
     add     rsi, %%in * LANES
     add     r9, VBYTES
+%assign %%part %%part + 1
     NEXT_PART
 %endrep
     NEXT_PIXELS

@@ -12,7 +12,7 @@
 ;
 ;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, eax groups left;
 ;               v0 v1 v2 points, v8 to v12 the least of a group so far
-;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side
+;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side, or none is open
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::shadows::seen
 
@@ -49,6 +49,8 @@ align 16
     VMOV    v%[%%n], [PACKET(infinite)]
 %assign %%n %%n + 1
 %endrep
+    cmp     dword [r8 + LitGroups.open], 0
+    je      .store
 %assign %%at 0
 %rep GROUP / LANES
     VMOV    v0, [rsi + ELEM * %%at]
@@ -84,6 +86,7 @@ align 16
     LEAST_SO_FAR v12, v4
 %assign %%at %%at + LANES
 %endrep
+.store:
     STORE_LEAST 8, LitGroups.x
     STORE_LEAST 9, LitGroups.y
     STORE_LEAST 10, LitGroups.past_x

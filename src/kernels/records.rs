@@ -14,7 +14,11 @@ pub trait Element: Plain + Default + PartialOrd + Send + Sync {
     /// Exact.
     fn to_f64(self) -> f64;
     /// Converts an integer from 0 to 2^24.
-    fn to_index(self) -> u32;
+    #[inline]
+    fn to_index(self) -> u32 {
+        // Integers below 2^52 are the last bits of their sums with it: many are converted at once.
+        (self.to_f64() + 4_503_599_627_370_496.0).to_bits() as u32
+    }
 }
 
 impl Element for f32 {
@@ -25,9 +29,6 @@ impl Element for f32 {
     fn to_f64(self) -> f64 {
         self.into()
     }
-    fn to_index(self) -> u32 {
-        self as i32 as u32
-    }
 }
 
 impl Element for f64 {
@@ -37,9 +38,6 @@ impl Element for f64 {
     }
     fn to_f64(self) -> f64 {
         self
-    }
-    fn to_index(self) -> u32 {
-        self as i32 as u32
     }
 }
 

@@ -556,10 +556,7 @@ impl<E: Element> TileBuffers<E> {
 
     /// The same as numbers.
     pub(crate) fn ids(&self, ids: &mut [u32; TILE_PIXELS]) {
-        // Converts many to integers at once.
-        for (ids, who) in ids.as_chunks_mut::<16>().0.iter_mut().zip(self.tile.who.as_chunks::<16>().0) {
-            *ids = who.map(E::to_index);
-        }
+        ids.iter_mut().zip(&self.tile.who).for_each(|(id, who)| *id = who.to_index());
     }
 
     /// Gives every pixel a new id, below `end`, of objects that are not set up.
@@ -567,7 +564,7 @@ impl<E: Element> TileBuffers<E> {
         assert!(ids.iter().all(|id| (*id as usize) < end));
         self.most = last_id(end - 1, 1);
         (self.triangles.count, self.spheres.count) = (0, 0);
-        self.tile.who.iter_mut().zip(ids).for_each(|(who, id)| *who = E::from_f64((*id).into()));
+        self.tile.who.iter_mut().zip(ids).for_each(|(who, id)| *who = E::from_f64(f64::from(*id as i32)));
     }
 
     /// The triangles that were set up last.

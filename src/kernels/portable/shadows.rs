@@ -121,7 +121,8 @@ pub fn seen<W: Lanes<Number = f64>>(view: &LightSideView<f64>, axes: [&[f64; TIL
     let light = [view.across, view.down, view.depth];
     for group in 0..TILE_PIXELS / GROUP {
         let mut least = [W::of(f64::INFINITY); 5];
-        for at in (group * GROUP..(group + 1) * GROUP).step_by(W::COUNT) {
+        let end = if groups.open[group] == 0 { group } else { group + 1 };
+        for at in (group * GROUP..end * GROUP).step_by(W::COUNT) {
             let [x, y, z] = [0, 1, 2].each(|i| W::load(&axes[i][at..]) - all(light[i]));
             let z = z * all(view.sign);
             let end = z * W::of(1.000_000_000_000_01);

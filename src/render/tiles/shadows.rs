@@ -129,26 +129,37 @@ impl<E: Element> TileTracer<'_, E> {
                 };
             }
             for side in shadows.sides(light) {
+                if scratch.groups.open == [0; GROUPS] {
+                    break;
+                }
                 self.packets.seen.call(&side.view(), side.axes(&scratch.points), &mut scratch.groups);
                 self.ask(&side, 0..GROUPS, scratch);
             }
             instead.clear();
             instead.resize(darkened.count + darkened.parts.len(), 0);
-            let groups = scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.groups.open);
-            for (ids, open) in groups.filter(|(_, open)| *open != ALL) {
-                for (_, id) in ids.iter_mut().enumerate().filter(|(i, id)| open >> i & 1 == 0 && **id > 0) {
-                    let instead = &mut instead[*id as usize];
-                    if *instead == 0 {
-                        *instead = darkened.without(*id, light);
-                    }
-                    *id = *instead;
+            let mut without = |id: u32| {
+                let instead = &mut instead[id as usize];
+                if *instead == 0 && id > 0 {
+                    *instead = darkened.without(id, light);
+                }
+                *instead
+            };
+            for (ids, open) in scratch.left.as_chunks_mut::<GROUP>().0.iter_mut().zip(scratch.groups.open) {
+                let mut dark = open ^ ALL;
+                if dark == ALL && *ids == [ids[0]; GROUP] {
+                    *ids = [without(ids[0]); GROUP];
+                    continue;
+                }
+                while dark != 0 {
+                    let id = &mut ids[dark.trailing_zeros() as usize];
+                    *id = without(*id);
+                    dark &= dark - 1;
                 }
             }
             if darkened.parts.len() > MOST_PARTS {
                 darkened.forget(&mut scratch.left);
             }
         }
-        darkened.forget(&mut scratch.left);
         if !darkened.parts.is_empty() {
             self.part_with(&darkened, buffers, tile_objects, &mut scratch.left);
         }
@@ -175,7 +186,7 @@ impl<E: Element> TileTracer<'_, E> {
         objects.clear();
         objects.extend(order.iter().zip(&*owners).map(|(place, owns)| {
             let object = if *owns && *place > 0 { shadows.object(*place as usize - 1) } else { None };
-            object.unwrap_or(NOBODY)
+            object.filter(|object| shadows.lights().any(|light| is_lit(object, light))).unwrap_or(NOBODY)
         }));
         for (own, of_one) in groups.own.iter_mut().zip(of_one) {
             *own = of_one.filter(|id| owners[*id as usize] && *id > 0).map_or(0, |id| own_bits(order[id as usize] - 1));
@@ -302,7 +313,9 @@ impl<E: Element> TileTracer<'_, E> {
                 }
             }
         }
-        ids.iter_mut().for_each(|id| *id = numbers[*id as usize]);
+        if added > 0 && first_triangle < count {
+            ids.iter_mut().for_each(|id| *id = numbers[*id as usize]);
+        }
         buffers.set_ids(ids, all);
     }
 }
