@@ -106,12 +106,8 @@ pub struct Extent {
 
 /// The place of an object in a scene, as the bits of an f32 that is unlike those of other places, above 0 and finite.
 pub fn own_bits(place: u32) -> u32 {
-    debug_assert!(place < MOST_PLACES);
     place + f32::MIN_POSITIVE.to_bits()
 }
-
-/// Objects that have places.
-pub const MOST_PLACES: u32 = f32::INFINITY.to_bits() - f32::MIN_POSITIVE.to_bits();
 
 /// Objects that may hide a light: at most [`MOST_CASTERS`].
 pub struct CasterList<C> {
@@ -130,6 +126,7 @@ impl<C> CasterList<C> {
     ///
     /// # Panics
     /// If it is full.
+    #[inline(always)]
     pub fn push(&mut self, caster: C, Extent { low, high, depth, own }: &Extent) {
         // Beyond the last one: no number meets others.
         const NOWHERE: [u32; 16] = [f32::NAN.to_bits(); 16];

@@ -5,7 +5,7 @@
 //! cell. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
 //! whose cells are about as large as it, and so in at most four of them.
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
@@ -38,6 +38,9 @@ const SLACK: f64 = 8.0 * f64::EPSILON;
 /// What P's rounding, and that of products with it, may make of the plane of a triangle and of the power of a sphere.
 const TRIANGLE_ROUNDING: f64 = 8.0 * f64::EPSILON;
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
+
+/// With a larger share of what its terms are a volume has no doubtful sign, however thin the triangle.
+const PLAIN: f64 = 1e-10;
 
 /// The shadows of a scene.
 pub struct Shadows<'a> {
@@ -166,7 +169,7 @@ impl Bounds {
         if corners.iter().any(|v| v[2] <= 0.0) {
             return Some(WHOLE);
         }
-        let [a, b, c] = corners.map(|v| [v[0] / v[2], v[1] / v[2], v[2]]);
+        let [a, b, c] = corners.map(|[x, y, z]| [x * z.recip(), y * z.recip(), z]);
         let least = |i: usize| a[i].min(b[i]).min(c[i]);
         let most = |i: usize| a[i].max(b[i]).max(c[i]);
         Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: least(2) }.clipped()
@@ -199,79 +202,75 @@ fn cell(x: f32) -> u32 {
 }
 
 impl Side {
-    /// Of objects with these bounds, if they are there; the picture's longer side has so many `pixels`.
-    fn of(number: usize, pixels: u32, objects: impl Iterator<Item = Option<Bounds>>) -> Self {
-        let objects: Vec<_> = (0..).zip(objects).filter_map(|(place, of)| Some((place, of?))).collect();
-        let (mut low, mut high) = ([1.0_f64; 2], [-1.0_f64; 2]);
-        for (_, of) in &objects {
-            for i in 0..2 {
-                (low[i], high[i]) = (low[i].min(of.low[i]), high[i].max(of.high[i]));
-            }
-        }
-        let scale = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]).max(f64::MIN_POSITIVE));
-        let cells = Cells { low, scale };
+    /// Of the objects of a scene whose bounds are `whole`; the picture's longer side has so many `pixels`.
+    fn of(scene: &Scene, light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
+        let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
+        let cells = Cells { low, scale: [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i])) };
+        let (mut own, mut objects) = (0, Vec::new());
+        let mut add = |of: Option<Bounds>| {
+            objects.extend(of.map(|of| cells.extent(&of, own)));
+            own += 1;
+        };
+        scene.spheres.iter().for_each(|sphere| add(Bounds::of_sphere(sphere, light, number)));
+        scene.all_triangles().for_each(|triangle| add(Bounds::of_triangle(&triangle, light, number)));
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
-        let objects: Vec<_> = objects.iter().map(|(place, of)| cells.extent(of, *place)).collect();
-        let grids = grids(&objects, (FINEST / useful).ilog2());
+        let grids = Grid::of(&objects, (FINEST / useful).ilog2());
         Side { number, cells, objects, grids }
     }
 }
 
-/// The first and the last of the finest columns that an object is in, and of the rows.
-fn cells(Extent { low, high, .. }: &Extent) -> [[usize; 2]; 2] {
-    [0, 1].map(|i| [low[i], high[i]].map(|x| cell(x) as usize))
-}
-
-/// The binary logarithm of the side of cells of which it is in at most two across and two down.
-fn level(of: &Extent) -> u32 {
-    let [across, down] = cells(of).map(|[first, last]| last - first);
-    across.max(down).next_power_of_two().ilog2()
-}
-
-/// The grids of objects, from the `finest` coarseness on.
-fn grids(objects: &[Extent], finest: u32) -> Vec<Grid> {
-    let mut counts = [0; 1 + FINEST.ilog2() as usize];
-    objects.iter().for_each(|of| counts[level(of).max(finest) as usize] += 1);
-    let (mut grids, mut first, mut count) = (Vec::new(), 0, 0);
-    for (level, here) in (0..).zip(counts) {
-        count += here;
-        if count > 0 && (FINEST as usize >> level).pow(2) <= CELLS_OF_AN_OBJECT * count {
-            grids.push(Grid::new(objects, first..=level));
-            (first, count) = (level + 1, 0);
-        }
-    }
-    grids
+/// The first and the last of the finest columns that an object is in, and of the rows; and the binary logarithm of the side of
+/// cells of which it is in at most two across and two down.
+fn cells(Extent { low, high, .. }: &Extent) -> ([[usize; 2]; 2], usize) {
+    let cells = [0, 1].map(|i| [low[i], high[i]].map(|x| cell(x) as usize));
+    let [across, down] = cells.map(|[first, last]| last - first);
+    (cells, across.max(down).next_power_of_two().ilog2() as usize)
 }
 
 impl Grid {
-    /// Of those of the objects that have these levels.
-    fn new(objects: &[Extent], levels: RangeInclusive<u32>) -> Self {
-        let coarseness = *levels.end();
-        let across = FINEST as usize >> coarseness;
-        let each_cell = |say: &mut dyn FnMut(usize, u32)| {
-            for (object, of) in (0..).zip(objects).filter(|(_, of)| levels.contains(&level(of))) {
-                let [columns, rows] = cells(of).map(|of| of.map(|cell| cell >> coarseness));
+    /// Those of objects, from the `finest` coarseness on.
+    fn of(objects: &[Extent], finest: u32) -> Vec<Grid> {
+        const LEVELS: usize = 1 + FINEST.ilog2() as usize;
+        let mut counts = [0; LEVELS];
+        objects.iter().for_each(|of| counts[cells(of).1.max(finest as usize)] += 1);
+        // The grid of each level.
+        let (mut grids, mut of_level, mut count) = (Vec::new(), [0; LEVELS], 0);
+        for level in 0..LEVELS {
+            of_level[level] = grids.len();
+            count += counts[level];
+            let across = FINEST as usize >> level;
+            if count > 0 && across.pow(2) <= CELLS_OF_AN_OBJECT * count {
+                // Two more: see below.
+                grids.push(Grid { coarseness: level as u32, starts: vec![0; across.pow(2) + 2], placed: Vec::new() });
+                count = 0;
+            }
+        }
+        let each_cell = |grids: &mut Vec<Grid>, say: fn(&mut Grid, usize, u32)| {
+            for (object, of) in (0..).zip(objects) {
+                let (cells, level) = cells(of);
+                let grid = &mut grids[of_level[level]];
+                let (shift, across) = (grid.coarseness, FINEST as usize >> grid.coarseness);
+                let [columns, rows] = cells.map(|of| of.map(|cell| cell >> shift));
                 for row in rows[0]..=rows[1] {
                     for column in columns[0]..=columns[1] {
                         let first = if column == columns[0] { FIRST_COLUMN } else { 0 };
-                        say(row * across + column, object | first | if row == rows[0] { FIRST_ROW } else { 0 });
+                        say(grid, row * across + column, object | first | if row == rows[0] { FIRST_ROW } else { 0 });
                     }
                 }
             }
         };
         // First where the next object of a cell goes, at the index after its own; and so in the end where the next cell begins.
-        let mut starts = vec![0_u32; across * across + 2];
-        each_cell(&mut |cell, _| starts[cell + 2] += 1);
-        for cell in 2..starts.len() {
-            starts[cell] += starts[cell - 1];
+        each_cell(&mut grids, |grid, cell, _| grid.starts[cell + 2] += 1);
+        for Grid { starts, placed, .. } in &mut grids {
+            (2..starts.len()).for_each(|cell| starts[cell] += starts[cell - 1]);
+            placed.resize(starts[starts.len() - 1] as usize, 0);
         }
-        let mut placed = vec![0; starts[starts.len() - 1] as usize];
-        each_cell(&mut |cell, object| {
-            placed[starts[cell + 1] as usize] = object;
-            starts[cell + 1] += 1;
+        each_cell(&mut grids, |grid, cell, object| {
+            let next = &mut grid.starts[cell + 1];
+            grid.placed[*next as usize] = object;
+            *next += 1;
         });
-        starts.pop();
-        Grid { coarseness, starts, placed }
+        grids
     }
 }
 
@@ -281,8 +280,9 @@ fn extent(scene: &Scene) -> [DVec3; 2] {
         let (centre, radius) = (sphere.centre.as_dvec3(), DVec3::splat(sphere.radius.into()));
         [centre - radius, centre + radius]
     });
-    let corners = scene.all_triangles().flat_map(|triangle| triangle.vertices.map(|v| v.as_dvec3()));
-    spheres.chain(corners).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+    spheres
+        .chain(scene.vertices().map(|v| v.as_dvec3()))
+        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
 }
 
 impl<'a> Shadows<'a> {
@@ -293,13 +293,14 @@ impl<'a> Shadows<'a> {
         let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
         let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
         let tasks = shadows.lights.iter_mut().flat_map(|LightView { position, sides }| {
-            sides.iter_mut().enumerate().map(|(number, side)| (*position, number, side))
+            let light = *position;
+            let sides = sides.iter_mut().enumerate();
+            sides.filter_map(move |(number, side)| {
+                Some((light, (number, Bounds::of_box(all.map(|v| v - light), number)?), side))
+            })
         });
-        let seen = tasks.filter(|(light, number, _)| Bounds::of_box(all.map(|v| v - *light), *number).is_some());
-        team.share(seen.collect::<Vec<_>>().into_iter(), |(light, number, side)| {
-            let spheres = scene.spheres.iter().map(|sphere| Bounds::of_sphere(sphere, light, number));
-            let triangles = scene.all_triangles().map(|triangle| Bounds::of_triangle(&triangle, light, number));
-            *side = Side::of(number, pixels, spheres.chain(triangles));
+        team.share(tasks.collect::<Vec<_>>().into_iter(), |(light, (number, whole), side)| {
+            *side = Side::of(scene, light, (number, &whole), pixels);
         });
         shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !side.grids.is_empty()));
         shadows
@@ -442,7 +443,11 @@ impl<'a> LightSide<'a> {
         let triangle = self.scene.triangle(object.own as usize - self.scene.spheres.len());
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let n = geometry::triangle_plane(corners);
-        let Some(side) = geometry::side_of_plane(corners, n, self.position, 0.0).map(f64::signum) else { return };
+        let from_light = corners[0] - self.position;
+        let volume = from_light.dot(n);
+        let is_plain = volume.abs() > PLAIN * from_light.abs().element_sum() * n.abs().max_element();
+        let volume = if is_plain { Some(volume) } else { geometry::side_of_plane(corners, n, self.position, 0.0) };
+        let Some(side) = volume.map(f64::signum) else { return };
         // The plane through the light and an edge; turned round, the edge has exactly the other side.
         let edge = |v: DVec3, w: DVec3| {
             let middle = 0.5 * (v + w);

@@ -213,6 +213,11 @@ impl Scene {
         }
     }
 
+    /// The corners of all triangles, those of faces once, and those that none uses.
+    pub(crate) fn vertices(&self) -> impl Iterator<Item = &Vec3> {
+        self.triangles.iter().flat_map(|triangle| &triangle.vertices).chain(self.faces.vertices())
+    }
+
     /// All triangles, in the scene's order.
     pub fn all_triangles(&self) -> impl Iterator<Item = Triangle> + Clone {
         self.triangles.iter().copied().chain(self.faces.iter())

@@ -185,9 +185,7 @@ pub struct MovingCamera<'a> {
 impl<'a> MovingCamera<'a> {
     /// Makes room for a world, which this takes longer than to move it.
     pub fn of(world: &'a Scene) -> Self {
-        let triangles = world.triangles.iter();
-        let vertices = triangles.flat_map(|triangle| &triangle.vertices).chain(world.faces.vertices());
-        let places = vertices.chain(world.lights.iter().map(|light| &light.position));
+        let places = world.vertices().chain(world.lights.iter().map(|light| &light.position));
         let places = places.chain(world.spheres.iter().map(|sphere| &sphere.centre));
         let furthest =
             places.fold(
@@ -256,8 +254,7 @@ impl Scene {
     /// Where a camera at rest goes that goes round what it looks at, as far away as the middle of all objects: to the right, by such
     /// a part of a turn about `up`, which is as in [`Opened`](super::Opened).
     pub fn orbit(&self, up: DVec3, part: f64) -> View {
-        let vertices = self.triangles.iter().flat_map(|triangle| &triangle.vertices).chain(self.faces.vertices());
-        let depths = self.spheres.iter().map(|sphere| sphere.centre.z).chain(vertices.map(|vertex| vertex.z));
+        let depths = self.spheres.iter().map(|sphere| sphere.centre.z).chain(self.vertices().map(|vertex| vertex.z));
         let (near, far) = depths.fold((f32::MAX, f32::MIN), |(near, far), z| (near.min(z), far.max(z)));
         let middle = DVec3::Z * (f64::from(near) + f64::from(far)) / 2.0;
         let turn = DQuat::from_axis_angle(up, -std::f64::consts::TAU * part);
