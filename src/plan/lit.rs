@@ -169,6 +169,7 @@ impl LitForm {
             Omission::TriangleCode | Omission::Constants | Omission::Loop => 1,
             Omission::Misses => pixels - hits,
             Omission::Search => hits,
+            Omission::Unhidden if scene.shadows => 1,
             Omission::Channels if bytes => self.makes_grey.into(),
             Omission::FloatImage if bytes => pixels,
             _ => 0,

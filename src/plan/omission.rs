@@ -84,6 +84,13 @@ omissions! {
     /// The shading of a tile's objects that are nearest at none of its pixels.
     Unseen: Work, "objects of tiles", "shading of what is not seen",
         "set up in a tile, they are nearest at none of its pixels, which is known before any is shaded";
+    /// The question whether a light is hidden from a point of a surface that turns its back to it.
+    Averted: None, "points and lights", "shadows of what faces away", "the law of shading has no light there to be hidden";
+    /// The same against an object that is on no way to the light.
+    OtherCells: Work, "points against objects", "objects in other cells",
+        "a point is asked against those objects alone that its tile sees before a light";
+    /// Shadows where there is one object.
+    Unhidden: None, "lights", "lights that nothing hides", "one object is alone, and hides no light from itself";
     /// Terms that are the same for every ray.
     Constants: None, "objects", "constant terms",
         "every ray leaves the origin: c.c - r^2, planes and edges do not depend on it, more terms only on its row";

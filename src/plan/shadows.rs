@@ -302,8 +302,23 @@ impl<'a> Shadows<'a> {
         team.share(tasks.collect::<Vec<_>>().into_iter(), |(light, (number, whole), side)| {
             *side = Side::of(scene, light, (number, &whole), pixels);
         });
-        shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !side.grids.is_empty()));
+        let is_alone = scene.spheres.len() + scene.triangle_count() == 1;
+        shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !is_alone && !side.grids.is_empty()));
         shadows
+    }
+
+    /// How many objects may hide a light.
+    pub fn objects(&self, light: usize) -> u64 {
+        if self.lights[light].sides.is_empty() {
+            0
+        } else {
+            (self.scene.spheres.len() + self.scene.triangle_count()) as u64
+        }
+    }
+
+    /// How many lights nothing hides.
+    pub fn unhidden(&self) -> u64 {
+        self.lights.iter().filter(|light| light.sides.is_empty()).count() as u64
     }
 
     /// Where the lights are.

@@ -21,6 +21,10 @@ pub struct TileSurvey {
     pub unseen: u64,
     /// Spheres in the picture that have the short form in bytes.
     pub short: u64,
+    /// Points that face away from lights; the others against all objects that may hide a light; and these are asked.
+    pub averted: u64,
+    pub facing: u64,
+    pub asked: u64,
 }
 
 impl TileSurvey {
@@ -32,6 +36,9 @@ impl TileSurvey {
             occluded: self.occluded + other.occluded,
             unseen: self.unseen + other.unseen,
             short: self.short + other.short,
+            averted: self.averted + other.averted,
+            facing: self.facing + other.facing,
+            asked: self.asked + other.asked,
         }
     }
 }
@@ -123,6 +130,9 @@ impl Report {
             Omission::Occluded => survey.occluded,
             Omission::Misses => both.kept * pixels - both.covered,
             Omission::Unseen => survey.unseen,
+            Omission::Averted => survey.averted,
+            Omission::OtherCells => survey.facing.saturating_sub(survey.asked),
+            Omission::Unhidden => rasters[0].shadows().map_or(0, |shadows| shadows.unhidden()),
             Omission::Constants => both.kept,
             Omission::Loop if bytes => survey.short,
             Omission::FloatImage if bytes => pixels,

@@ -96,7 +96,7 @@ fn brute_force_makes_the_same_bytes_where_everything_is_on_a_border() {
     let seed = 41;
     let mut rng = Rng::new(seed);
     for case in 0..300 {
-        let scene = on_borders(&mut rng);
+        let scene = Scene { shadows: case % 2 == 1, ..on_borders(&mut rng) };
         for contender in packets() {
             check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
         }
@@ -133,6 +133,7 @@ fn scenes() -> Vec<(String, Scene)> {
             if (i + lights) % 2 == 0 {
                 scene.spheres.push(Sphere { radius: 400.0, colour: vec3(0.2, 0.3, 0.4), centre: vec3(3.0, -2.0, 5.0) });
             }
+            scene.shadows = i % 2 == 1;
             scenes.push((format!("many({spheres}, {triangles}, seed {seed}), {lights} lights"), scene));
         }
     }
@@ -203,8 +204,13 @@ fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
 
 /// The report of the widest engine on a scene text for one picture of 160 x 120 in bytes.
 fn report(lights: &str, objects: &str) -> Report {
+    report_of(lights, objects, false)
+}
+
+fn report_of(lights: &str, objects: &str, shadows: bool) -> Report {
     let text = format!("x.png 160 120 1  {lights}  {objects}");
     let scene = rayo::scene::parse(text.as_bytes(), "a scene of this test").unwrap_or_else(|error| panic!("{error}"));
+    let scene = Scene { shadows, ..scene };
     let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
     Plan::new(Engine::fastest(), &scene, purpose).unwrap().report()
 }
@@ -262,6 +268,25 @@ fn what_depends_on_kinds_colours_and_overlap_is_counted() {
     assert_eq!(count(&by_rays.report(), Omission::Hidden), hits, "{:?}", by_rays.report());
     let bright = report("1  2 1 1 1  -9 9 0", "1  2 1 1 1  0 0 20  0");
     assert_eq!(count(&bright, Omission::Channels), 0, "{bright:?}");
+}
+
+#[test]
+fn questions_of_shadows_that_need_no_answer_are_counted() {
+    let lamps = "2  1 1 1 1  -9 9 0  1 1 1 1  9 9 40";
+    let [sphere, wall] = ["1  1 1 1  0 0 20", "1 1 1  -99 -99 30  99 -99 30  0 99 30"];
+    let counts = |objects: &str| {
+        let report = report_of(lamps, objects, true);
+        [Omission::Averted, Omission::OtherCells, Omission::Unhidden].map(|omission| count(&report, omission))
+    };
+    let pixels = 160 * 120;
+    assert_eq!(counts(&format!("1  {sphere}  0")), [0, 0, 2], "alone");
+    assert_eq!(counts(&format!("0  1  {wall}"))[2], 2, "alone");
+    // The second light is behind the wall, which fills the picture but for the sphere.
+    let [averted, others, unhidden] = counts(&format!("1  {sphere}  1  {wall}"));
+    assert!(averted > pixels * 3 / 4 && averted < pixels && unhidden == 0, "{averted} {others} {unhidden}");
+    assert!(others > pixels / 2 && others < 2 * 2 * pixels, "{others}");
+    let without = report(lamps, &format!("1  {sphere}  1  {wall}"));
+    assert_eq!([Omission::Averted, Omission::OtherCells].map(|omission| count(&without, omission)), [0, 0]);
 }
 
 #[test]
@@ -409,7 +434,7 @@ fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_
     let work = || Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
     let mut alone = work().cycle();
     for case in 0..if extent::all() { 40 } else { 10 } {
-        let scene = on_tile_borders(&mut rng);
+        let scene = Scene { shadows: case % 2 == 1, ..on_tile_borders(&mut rng) };
         let ray = scene.camera.grid::<f32>();
         assert_eq!(
             (ray.step, ray.ray(31, 63)),

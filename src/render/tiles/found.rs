@@ -49,12 +49,12 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         rows: Range<u32>,
         own: &dyn Fn(TilePlace) -> bool,
-        mut say: impl FnMut(&TileWindow, &Scratch<E>),
+        mut say: impl FnMut(&TileWindow, &mut Scratch<E>),
     ) {
         let mut scratch = Scratch::default();
         self.each_tile(rows, |tile, window| {
             if own(tile) && self.find_nearest(tile, window, None, self.plan.linear(), &mut scratch) {
-                say(window, &scratch);
+                say(window, &mut scratch);
             }
         });
     }
@@ -64,7 +64,7 @@ impl<E: Element> TileTracer<'_, E> {
         let mut survey = TileSurvey::default();
         let mut candidates = Vec::new();
         self.each_tile(rows.clone(), |tile, _| survey.empty += u64::from(own(tile)));
-        self.each_nearest(rows, own, |window, Scratch { buffers, objects, .. }| {
+        self.each_nearest(rows, own, |window, Scratch { buffers, objects, shadows, .. }| {
             candidates.clear();
             candidates.resize(objects.order.len(), false);
             pixels_of(window)
@@ -75,6 +75,11 @@ impl<E: Element> TileTracer<'_, E> {
             survey.placed += placed as u64;
             survey.unseen +=
                 (objects.forgotten + candidates[1..].iter().filter(|candidate| !**candidate).count()) as u64;
+            if let Some(of) = self.plan.shadows() {
+                let scratch = shadows.get_or_insert_default();
+                self.cast_shadows(of, window, buffers, objects, scratch);
+                survey = survey.and(std::mem::take(&mut scratch.counts));
+            }
         });
         survey
     }

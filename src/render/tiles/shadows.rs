@@ -13,7 +13,7 @@ use crate::kernels::{
     Element, GROUP, LitGroups, LitPoints, MOST_CASTERS, Plain, PointObject, TILE_PIXELS, TileBuffers, TilePoints,
     TileWindow, own_bits,
 };
-use crate::plan::{Casters, Ends, LightSide, Shadows};
+use crate::plan::{Casters, Ends, LightSide, Omission, Shadows, TileSurvey};
 
 /// Groups whose cells have more objects are asked for in parts.
 const MANY: u32 = 2048;
@@ -38,6 +38,8 @@ pub(super) struct ShadowScratch {
     left: Box<[u32; TILE_PIXELS]>,
     /// Objects as a light sees them.
     casters: Casters,
+    /// Of questions, for the report.
+    pub counts: TileSurvey,
 }
 
 impl Default for ShadowScratch {
@@ -51,6 +53,7 @@ impl Default for ShadowScratch {
             ids: Box::new([0; TILE_PIXELS]),
             left: Box::new([0; TILE_PIXELS]),
             casters: Casters::default(),
+            counts: TileSurvey::default(),
         }
     }
 }
@@ -128,11 +131,17 @@ impl<E: Element> TileTracer<'_, E> {
                     None => (0..).zip(ids).fold(0, |open, (i, id)| open | u32::from(faces[*id as usize]) << i),
                 };
             }
+            let facing: u64 = scratch.groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
+            scratch.counts.averted += ids.as_flattened().iter().filter(|id| **id > 0).count() as u64 - facing;
+            scratch.counts.facing += facing * shadows.objects(light);
             for side in shadows.sides(light) {
                 if scratch.groups.open == [0; GROUPS] {
                     break;
                 }
                 self.packets.seen.call(&side.view(), side.axes(&scratch.points), &mut scratch.groups);
+                if self.plan.keep().has(Omission::OtherCells) {
+                    (0..GROUPS).for_each(|group| set_ends(&mut scratch.groups, group, [f32::NEG_INFINITY; 5]));
+                }
                 self.ask(&side, 0..GROUPS, scratch);
             }
             instead.clear();
@@ -216,7 +225,7 @@ impl<E: Element> TileTracer<'_, E> {
         if count > MANY && groups.len() == 1 && side.is_wide(&whole) && self.ask_in_parts(side, groups.start, scratch) {
             return;
         }
-        let ShadowScratch { points, groups: all, casters, .. } = scratch;
+        let ShadowScratch { points, groups: all, casters, counts, .. } = scratch;
         let light = side.light();
         let points = LitPoints { points, light: &light };
         let mut near = Vec::new();
@@ -224,6 +233,8 @@ impl<E: Element> TileTracer<'_, E> {
         if near.len() > MOST_CASTERS {
             near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
         }
+        let open: u64 = all.open[groups.clone()].iter().map(|open| u64::from(open.count_ones())).sum();
+        counts.asked += open * near.len() as u64;
         for near in near.chunks(MOST_CASTERS) {
             // What is farther than all points that are still open hides none.
             if near[0].depth > -ends(all, groups.clone())[4] {
