@@ -80,7 +80,7 @@ pub enum EngineError {
     #[error("the engine `{0}` does not compute in {1}; it has: {has}", has = names(.0.precisions()))]
     NoPrecision(Engine, Precision),
     /// The engine has no shadows, and the scene has.
-    #[error("the engine `{0}` has no shadows{paper}; these have: {list}", paper = .0.as_the_paper(), list = with_shadows())]
+    #[error("the engine `{0}` has no shadows, as in the paper: leave them out or ask one of {has}", has = with_shadows())]
     NoShadows(Engine),
     /// The scene has an invalid number.
     #[error("the scene cannot be traced: {0}")]
@@ -169,11 +169,6 @@ impl Engine {
     /// Whether it traces rays in packets.
     pub fn is_packet(self) -> bool {
         matches!(self, Engine::Packet(_) | Engine::Portable)
-    }
-
-    /// What is said of what the paper's own engines lack.
-    fn as_the_paper(self) -> &'static str {
-        if matches!(self, Engine::C | Engine::Paper) { ", as the paper" } else { "" }
     }
 
     /// Whether it traces scenes with shadows.

@@ -803,7 +803,9 @@ fn shadows_are_an_option_and_a_key_and_the_papers_engines_refuse_them() {
     let have = Engine::ALL.iter().filter(|engine| engine.has_shadows() && engine.usable());
     let have = have.map(|engine| engine.name()).collect::<Vec<_>>().join(", ");
     for engine in Engine::ALL.iter().filter(|engine| ["c", "paper"].contains(&engine.name())) {
-        let message = format!("error: the engine `{engine}` has no shadows, as the paper; these have: {have}");
+        let message = format!(
+            "error: the engine `{engine}` has no shadows, as in the paper: leave them out or ask one of {have}"
+        );
         for arguments in
             ["render again.toml -o no.pfm", "render shadow.in -o no.pfm --shadows", "plan scene.in --shadows"]
         {
