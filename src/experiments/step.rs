@@ -19,8 +19,8 @@ use describe::Describer;
 pub use describe::{Branch, Change, Line, MacroCall, Value};
 pub use tree::{Argument, Node};
 
-use crate::kernels::Isa;
 use crate::kernels::step::{self, Step, Unavailable, Visit};
+use crate::kernels::{Isa, Vec4};
 use crate::measure::instructions::Mix;
 use crate::measure::source::Unit;
 use crate::render::{Engine, EngineError, Film, FilmMut, Found, PixelFormat, Precision};
@@ -191,7 +191,14 @@ pub fn watch(scene: &Scene, ray: &Ray) -> Result<Watched, WatchError> {
     let FilmMut::F32x4(pixels) = film.as_mut() else { unreachable!("the film was made so") };
     let (address, bytes) = (pixels.as_ptr() as u64, size_of_val(pixels) as u64);
     let size = PixelFormat::F32x4.bytes() as u64;
-    let mut trace = || tracer.rows(row.clone(), film.as_mut());
+    // Of packets the pixel's tile alone.
+    let of_pixel = |rows: Range<u32>, columns: Range<u32>| if columns.contains(&pixel.0) { rows } else { 0..0 };
+    let mut trace = || match film.as_mut() {
+        FilmMut::F32x4(pixels) if engine.is_packet() => {
+            tracer.light(row.clone(), &of_pixel, Vec4::default(), pixels);
+        }
+        film => tracer.rows(row.clone(), film),
+    };
     // Once before: what is computed or bound at the first call is not the row's.
     trace();
     let watched = [unit.code.clone()];

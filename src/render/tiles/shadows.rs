@@ -59,7 +59,7 @@ impl Default for ShadowScratch {
 }
 
 /// With more of a tile's objects darkened, those without a pixel are forgotten.
-const MOST_PARTS: usize = 4 * TILE_PIXELS;
+const MOST_PARTS: usize = TILE_PIXELS;
 
 /// No object, or one that is dark: its points are nowhere.
 const NOBODY: PointObject<f64> = PointObject { w: f64::NAN, own: -1.0, ..PointObject::ZERO };
