@@ -172,16 +172,16 @@ pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
 /// or inside, its ends excepted. What the segment touches hides.
 ///
 /// The roots of [`sphere`], asked for a light in the camera's place: how many are between 0 and 1 follows from the signs at the
-/// ends, and from where the middle of the chord is. Seen from p, a light at any distance costs no digits.
-pub fn sphere_hides(light: DVec3, p: DVec3, centre: DVec3, radius: f64) -> bool {
+/// ends, and from where the middle of the chord is. Seen from p, a light at any distance costs no digits. p is rounded, with this
+/// `epsilon`, but the light is where it is.
+pub fn sphere_hides(light: DVec3, p: DVec3, centre: DVec3, radius: f64, epsilon: f64) -> bool {
     let (to_light, c) = (light - p, centre - p);
     let (a, h) = (to_light.dot(to_light), to_light.dot(c));
     if discriminant(to_light, c, radius) < 0.0 {
         return false;
     }
     let (of_light, of_p) = (power(centre - light, radius), power_of(p, centre, radius));
-    // p is rounded, but the light is where it is.
-    let rounding = 32.0 * f64::EPSILON * radius * p.abs().element_sum();
+    let rounding = 32.0 * epsilon * radius * p.abs().element_sum();
     if of_light > 0.0 {
         let p_is_inside = of_p < -rounding;
         h < a && (h > 0.0 || p_is_inside)
@@ -196,14 +196,18 @@ fn power_of(p: DVec3, centre: DVec3, radius: f64) -> f64 {
     if p.dot(p) < radius * radius { p.dot(p - 2.0 * centre) + power(centre, radius) } else { power(centre - p, radius) }
 }
 
-/// Whether a triangle hides a light from the point `p` of another object: whether they are strictly on different sides of its
-/// plane, and the line between them meets it. Its edges and vertices hide.
-pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3]) -> bool {
-    let (to_light, seen) = (light - p, vertices.map(|v| v - p));
+/// Whether a triangle hides a light from the point `p` of another object, which is rounded with this `epsilon`: whether they are
+/// strictly on different sides of its plane, and the line between them meets it. Its edges and vertices hide.
+pub fn triangle_hides(light: DVec3, p: DVec3, vertices: [DVec3; 3], epsilon: f64) -> bool {
+    let [v1, v2, v3] = vertices;
+    // v x w of eq. 10, seen from p, is twice the edge's middle times the edge, which loses no digits where p is far from both.
+    let to_light = light - p;
+    let volume = |v: DVec3, w: DVec3| to_light.dot(((v - p) + (w - p)).cross(w - v));
+    let first = volume(v1, v2);
     // Of most triangles the line meets neither side, which costs less to know than where its ends are.
     [1.0, -1.0].into_iter().any(|side| {
-        is_inside(to_light, seen, side)
-            && triangle_side(vertices, p, 8.0).is_some_and(|of_p| of_p.signum() == side)
+        (first * side >= 0.0 && volume(v2, v3) * side >= 0.0 && volume(v3, v1) * side >= 0.0)
+            && triangle_side(vertices, p, 8.0 * epsilon / f64::EPSILON).is_some_and(|of_p| of_p.signum() == side)
             && triangle_side(vertices, light, 0.0).is_some_and(|of_light| of_light.signum() != side)
     })
 }
@@ -219,6 +223,7 @@ mod tests {
     use super::*;
 
     const Z: DVec3 = DVec3::Z;
+    const E: f64 = f64::EPSILON;
 
     #[test]
     fn a_sphere_ahead_is_hit_at_its_near_wall() {
@@ -332,9 +337,11 @@ mod tests {
             ((0.0, 3.0, 4.0), 5.0, false, "the light on it, the point inside"),
         ] {
             let (x, y, z) = centre;
-            assert_eq!(sphere_hides(light, p, corner(x, y, z), radius), hides, "{what}");
+            assert_eq!(sphere_hides(light, p, corner(x, y, z), radius, E), hides, "{what}");
         }
-        assert!(!sphere_hides(p, p, corner(1.0, 0.0, 4.0), 1.0) && !sphere_hides(p, p, corner(9.0, 0.0, 4.0), 1.0));
+        assert!(
+            !sphere_hides(p, p, corner(1.0, 0.0, 4.0), 1.0, E) && !sphere_hides(p, p, corner(9.0, 0.0, 4.0), 1.0, E)
+        );
     }
 
     #[test]
@@ -356,10 +363,10 @@ mod tests {
             ([corner(0.0, 4.0, 3.0), corner(0.0, 4.0, 4.0), corner(0.0, 4.0, 6.0)], false, "of no area"),
         ] {
             for vertices in in_each_order(vertices) {
-                assert_eq!(triangle_hides(light, p, vertices), hides, "{what}");
-                assert_eq!(triangle_hides(p, light, vertices), hides, "{what}, from the light");
+                assert_eq!(triangle_hides(light, p, vertices, E), hides, "{what}");
+                assert_eq!(triangle_hides(p, light, vertices, E), hides, "{what}, from the light");
             }
-            assert!(!triangle_hides(p, p, vertices), "{what}");
+            assert!(!triangle_hides(p, p, vertices, E), "{what}");
         }
     }
 
@@ -376,8 +383,8 @@ mod tests {
             let (light, p, vertices) = (point(), point(), [point(), point(), point()]);
             let radius = number(3.0).abs();
             let by = [
-                (sphere(p - light, vertices[0] - light, radius), sphere_hides(light, p, vertices[0], radius)),
-                (triangle(p - light, vertices.map(|v| v - light)), triangle_hides(light, p, vertices)),
+                (sphere(p - light, vertices[0] - light, radius), sphere_hides(light, p, vertices[0], radius, E)),
+                (triangle(p - light, vertices.map(|v| v - light)), triangle_hides(light, p, vertices, E)),
             ];
             for (i, (met, hides)) in by.into_iter().enumerate() {
                 if met.is_some_and(|t| (t - 1.0).abs() < 1e-9) {
@@ -398,17 +405,31 @@ mod tests {
         for distance in [1e2, 1e5, 1e10, 1e20, 1e30, 3e38] {
             for (p, hides) in [(corner(1.0, 0.0, 5.0), true), (corner(3.0, 0.0, 5.0), false)] {
                 let light = corner(0.0, distance, 0.0);
-                assert_eq!(sphere_hides(light, p, block, 0.5), hides, "{distance}");
-                assert_eq!(triangle_hides(light, p, tent), hides, "{distance}");
+                assert_eq!(sphere_hides(light, p, block, 0.5, E), hides, "{distance}");
+                assert_eq!(triangle_hides(light, p, tent, E), hides, "{distance}");
+            }
+        }
+        // What is next to a light hides it from a cone.
+        let light = corner(1.0, 2.0, 3.0);
+        let beside = |x: f64, z: f64| corner(0.25 + x, 1.0, z - 0.125);
+        let caster = [(-1.0, 1.0), (3.0, -1.0), (-1.0, -1.0)].map(|(x, z)| light + beside(x, z));
+        for distance in [2.0, 1e5, 1e8, 1e10, 1e13] {
+            for (x, z) in [(0.0, 0.0), (-0.9, -0.9), (2.7, -0.9), (1.1, 0.0), (0.0, -1.1), (-1.1, 0.0)] {
+                let hides = x > -1.0 && z > -1.0 && x + 2.0 * z < 1.0;
+                assert_eq!(
+                    triangle_hides(light, light + distance * beside(x, z), caster, E),
+                    hides,
+                    "{distance} {x} {z}"
+                );
             }
         }
         for radius in [1e2, 1e4, 1e6, 1e7] {
             let ground = corner(0.0, -radius, 5.0);
             for height in [1e-3, 0.7, 3.0].map(|height: f64| f64::from(height as f32)) {
                 let p = corner(0.1, height, 5.0);
-                assert!(!sphere_hides(corner(3.0, 0.1, 4.0), p, ground, radius), "{radius} {height}");
-                assert!(sphere_hides(corner(3.0, -0.5, 4.0), p, ground, radius), "{radius} {height}");
-                assert!(sphere_hides(corner(0.3, -3.0 * radius, 4.0), p, ground, radius), "{radius} {height}");
+                assert!(!sphere_hides(corner(3.0, 0.1, 4.0), p, ground, radius, E), "{radius} {height}");
+                assert!(sphere_hides(corner(3.0, -0.5, 4.0), p, ground, radius, E), "{radius} {height}");
+                assert!(sphere_hides(corner(0.3, -3.0 * radius, 4.0), p, ground, radius, E), "{radius} {height}");
             }
         }
     }

@@ -3,7 +3,6 @@
 mod aos;
 #[cfg(feature = "mpi")]
 mod by_ranks;
-mod casters;
 mod development;
 mod edges;
 mod engine;

@@ -115,12 +115,14 @@ impl ReferenceTracer {
                 (self.triangles[i].colour, Box::new(move |light| geometry::lambert_two_sided(light, p, n)))
             }
         };
-        let lights = self.lights.iter().filter(|light| !self.shadows || self.reaches(light.position, object, p));
+        let lights =
+            self.lights.iter().filter(|light| !self.shadows || self.reaches(light.position, object, p, f64::EPSILON));
         Some(lights.map(|light| cosine(light.position) * light.radiance * colour).sum())
     }
 
-    /// Whether a light reaches the visible point `p` of an object: nothing else is between them, nor the object's own wall.
-    fn reaches(&self, light: DVec3, object: Object, p: DVec3) -> bool {
+    /// Whether a light reaches the visible point `p` of an object, which is rounded with this `epsilon`: nothing else is between
+    /// them, nor the object's own wall.
+    pub(super) fn reaches(&self, light: DVec3, object: Object, p: DVec3, epsilon: f64) -> bool {
         let is_turned_away = match object {
             Object::Sphere(i) => geometry::power(self.spheres[i].centre, self.spheres[i].radius) <= 0.0,
             Object::Triangle(i) => geometry::triangle_is_turned_away(light, self.triangles[i].vertices),
@@ -128,8 +130,8 @@ impl ReferenceTracer {
         let mut spheres = (0..).map(Object::Sphere).zip(&self.spheres).filter(|(other, _)| *other != object);
         let mut triangles = (0..).map(Object::Triangle).zip(&self.triangles).filter(|(other, _)| *other != object);
         !is_turned_away
-            && !spheres.any(|(_, s)| geometry::sphere_hides(light, p, s.centre, s.radius))
-            && !triangles.any(|(_, s)| geometry::triangle_hides(light, p, s.vertices))
+            && !spheres.any(|(_, s)| geometry::sphere_hides(light, p, s.centre, s.radius, epsilon))
+            && !triangles.any(|(_, s)| geometry::triangle_hides(light, p, s.vertices, epsilon))
     }
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
-use super::casters::Casters;
+use super::reference::ReferenceTracer;
 use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
@@ -61,7 +61,7 @@ impl Triangle {
 }
 
 /// `v` times the power of two, an exact factor, that brings its largest component near to 1; 0 stays 0.
-pub(super) fn near_1(v: DVec3) -> DVec3 {
+fn near_1(v: DVec3) -> DVec3 {
     let size = v.abs().max_element();
     if size == 0.0 { v } else { v * 2f64.powi(-(size.log2() as i32)) }
 }
@@ -83,7 +83,7 @@ pub struct RustTracer {
     spheres: Vec<Sphere>,
     triangles: Vec<Triangle>,
     /// Of a scene with shadows.
-    casters: Option<Casters>,
+    casters: Option<ReferenceTracer>,
 }
 
 impl RustTracer {
@@ -110,7 +110,7 @@ impl RustTracer {
             lights: lights.collect(),
             spheres: spheres.collect(),
             triangles: scene.all_triangles().enumerate().filter_map(Triangle::new).collect(),
-            casters: scene.shadows.then(|| Casters::new(scene)),
+            casters: scene.shadows.then(|| ReferenceTracer::new(scene)),
         }
     }
 
@@ -164,15 +164,18 @@ impl RustTracer {
     }
 
     /// The light of a hit in a scene with shadows.
-    fn shade_among(&self, casters: &Casters, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
-        let reflected = |(number, light): (usize, &Light)| {
-            let to_light = light.position - p;
-            let cosine = to_light.normalize_or_zero().dot(n);
+    fn shade_among(&self, casters: &ReferenceTracer, Hit { object, p, n, colour, .. }: Hit) -> Vec3A {
+        let reflected = |light: &Light| {
+            let cosine = (light.position - p).normalize_or_zero().dot(n);
             let cosine = if matches!(object, Object::Triangle(_)) { cosine.abs() } else { cosine };
-            let is_lit = cosine > 0.0 && casters.let_through(number, to_light, object, p);
-            if is_lit { cosine * light.radiance * colour } else { Vec3A::ZERO }
+            let (from, to, epsilon) = (light.position.as_dvec3(), p.as_dvec3(), f32::EPSILON.into());
+            if cosine > 0.0 && casters.reaches(from, object, to, epsilon) {
+                cosine * light.radiance * colour
+            } else {
+                Vec3A::ZERO
+            }
         };
-        self.lights.iter().enumerate().map(reflected).sum()
+        self.lights.iter().map(reflected).sum()
     }
 
     fn trace(&self, rows: Range<u32>, is_wanted: impl Fn(u32, u32) -> bool, background: Vec4, out: &mut [Vec4]) {
