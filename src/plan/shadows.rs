@@ -1,8 +1,8 @@
 //! What each light sees: the objects that may hide it, in the cells of six pictures around it.
 //!
 //! A light is a camera. The rays from all visible points to a light meet in it, so that what bounds and tiles do for the
-//! camera's rays they do for these: an object is in few cells of a cube around the light, and a point asks those of its own
-//! cell. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
+//! camera's rays they do for these: an object is in few cells of a cube around the light, and a point asks those of its tile's
+//! cells. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
 //! whose cells are about as large as it, and so in at most four of them.
 
 use std::ops::Range;
@@ -26,7 +26,7 @@ const FINEST: u32 = 4096;
 /// Cells are not much smaller than what a group of pixels sees.
 const PIXELS_OF_A_CELL: u32 = 4;
 
-/// Points that may be in more cells are asked for in parts.
+/// A group that may be in more cells is asked for in parts.
 const MOST_CELLS: u32 = 36;
 
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.

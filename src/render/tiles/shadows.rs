@@ -15,7 +15,7 @@ use crate::kernels::{
 };
 use crate::plan::{Casters, Ends, LightSide, Omission, Shadows, TileSurvey};
 
-/// Groups whose cells have more objects are asked for in parts.
+/// Where cells have more objects, parts of a tile are asked for alone, if they have fewer.
 const MANY: u32 = 2048;
 
 /// The groups of a tile.
