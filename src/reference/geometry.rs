@@ -81,10 +81,13 @@ pub const NEAR_CORNER: f64 = 1.0 / (1 << 20) as f64;
 
 /// Rotated so that the nearest corner comes first: its product with the normal is the triangle's volume like any
 /// other's, but the terms of a farther one would cancel.
-pub fn near_corner_first(mut corners: [DVec3; 3]) -> [DVec3; 3] {
-    let nearest = nearest_corner(corners, 1.0);
-    corners.rotate_left(nearest);
-    corners
+pub fn near_corner_first(corners: [DVec3; 3]) -> [DVec3; 3] {
+    let [v1, v2, v3] = corners;
+    match nearest_corner(corners, 1.0) {
+        0 => corners,
+        1 => [v2, v3, v1],
+        _ => [v3, v1, v2],
+    }
 }
 
 /// The index of a [near](NEAR_CORNER) corner, or else 0.
