@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Stability, Worst};
 
 /// `limits.csv`: what every engine may do on every family. `c` and `paper` are in it too: their limits say where the
-/// paper's formulas stop.
+/// paper's formulas stop. Engines with the same limits share a line.
 const CHECKED_IN: &str = include_str!("limits.csv");
 
 #[derive(Clone, Copy, Debug)]
@@ -64,11 +64,12 @@ const ROOM: f64 = 1.5;
 /// A limit so many times what was measured could be tightened.
 const LOOSE: f64 = 4.0;
 
-/// What one engine may do on one family.
+/// What engines may do on one family.
 #[derive(Clone, Debug, PartialEq)]
 struct Limit {
     family: String,
-    engine: String,
+    /// One name, or more with a space between.
+    engines: String,
     precision: String,
     most: Figures,
 }
@@ -116,8 +117,8 @@ impl Limits {
             };
             let numbers = numbers.iter().map(|number| number.parse::<f64>()).collect::<Result<Vec<_>, _>>();
             let most = numbers.ok().and_then(|numbers| Figures::try_from(numbers).ok()).ok_or_else(wrong)?;
-            let [family, engine, precision] = [family, engine, precision].map(|name| (*name).to_owned());
-            Ok(Limit { family, engine, precision, most })
+            let [family, engines, precision] = [family, engine, precision].map(|name| (*name).to_owned());
+            Ok(Limit { family, engines, precision, most })
         });
         limits.collect::<Result<Vec<_>, _>>().map(Limits)
     }
@@ -126,7 +127,8 @@ impl Limits {
     fn of(&self, row: &Stability) -> Option<&Limit> {
         let engine = if row.engine == "portable" { "sse41" } else { &row.engine };
         let is_of = |limit: &&Limit| {
-            (&*limit.family, &*limit.engine, &*limit.precision) == (&row.family, engine, &row.precision)
+            (&*limit.family, &*limit.precision) == (&row.family, &row.precision)
+                && limit.engines.split(' ').any(|name| name == engine)
         };
         self.0.iter().find(is_of)
     }
