@@ -412,7 +412,7 @@ impl<'a> LightSide<'a> {
             let across = FINEST >> grid.coarseness;
             let [columns, rows] = [0, 1]
                 .map(|i| &window.cells[i])
-                .map(|of| of.start >> grid.coarseness..(of.end - 1 >> grid.coarseness) + 1);
+                .map(|of| of.start >> grid.coarseness..((of.end - 1) >> grid.coarseness) + 1);
             for row in rows.clone() {
                 let first = if row == rows.start { FIRST_ROW } else { 0 };
                 say(grid, (row * across + columns.start) as usize..(row * across + columns.end) as usize, first);

@@ -433,7 +433,8 @@ fn shadows_of<E: Element>(
                     packets.triangle_casters.call(&asked, &casters.triangles, &mut groups, of);
                     add(&mut made, "open to triangles", &groups);
                 }
-                (casters.spheres.clear(), casters.triangles.clear());
+                casters.spheres.clear();
+                casters.triangles.clear();
             }
         }
     }
