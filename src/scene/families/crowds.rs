@@ -6,7 +6,7 @@ use super::maker::{BLUE, GREEN, GREY, Maker, RED, light, sphere, triangle};
 use super::{Family, Level, Made, names, numbers};
 use crate::scene::{Scene, Sphere, Triangle};
 
-pub(super) const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
+const COUNTS: [usize; 5] = [1, 31, 32, 200, 5000];
 pub(super) const VARIANTS: &[&str] = &["1 object", "31 objects", "32 objects", "200 objects", "5000 objects"];
 pub(super) const COLOURS: [Vec3; 4] = [RED, GREEN, BLUE, GREY];
 
