@@ -5,7 +5,7 @@ use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::render::{Engine, Film, PixelFormat, Plan, Precision, Purpose};
 use rayo::scene::mesh::shapes::icosphere;
-use rayo::scene::{Camera, MeshFormat, Rng, Scene, Setting, Triangle};
+use rayo::scene::{Camera, Light, MeshFormat, Rng, Scene, Setting, Sphere, Triangle};
 
 /// Triangles at random places in front of the camera, as wide as `size` pixels or so.
 fn spread(triangles: usize, size: f32, camera: Camera) -> Scene {
@@ -118,5 +118,23 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
             let each = peak.saturating_sub(FIXED) as f64 / count as f64;
             assert!(each <= 200.0, "{name} of {count} in {precision}: {peak} bytes, {each:.1} for each");
         }
+    }
+}
+
+#[test]
+fn shadows_take_at_most_64_bytes_for_a_pixel_of_a_band_and_a_light() {
+    const LIGHTS: usize = 200;
+    let camera = Camera::new(1632, 32, 1.0, 1.0).unwrap();
+    let mut rng = Rng::new(5);
+    let mut place = || Vec3::from_array([0; 3].map(|_| 20.0 * (rng.next_u64() % 1000) as f32 / 1000.0 - 10.0));
+    let lights = (0..LIGHTS).map(|_| Light { intensity: 0.01, colour: Vec3::ONE, position: 4.0 * place() });
+    let lights = lights.collect();
+    let spheres = (0..300).map(|_| Sphere { colour: Vec3::ONE, centre: place() + 15.0 * Vec3::Z, radius: 1.0 });
+    let plain = Scene { spheres: spheres.collect(), lights, ..Scene::new(camera) };
+    let shadows = Scene { shadows: true, ..plain.clone() };
+    for precision in [Precision::Single, Precision::Double] {
+        let [plain, shadows] = [&plain, &shadows].map(|scene| peak_beside(scene, precision));
+        let bytes = (shadows - plain) as f64 / (camera.pixels() as usize * LIGHTS) as f64;
+        assert!(bytes > 1.0 && bytes < 64.0, "{precision:?}: {bytes} bytes for each");
     }
 }

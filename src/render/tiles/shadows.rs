@@ -170,6 +170,10 @@ impl<E: Element> TileTracer<'_, E> {
             }
         }
         if !darkened.parts.is_empty() {
+            // Under one light all have pixels.
+            if shadows.lights().nth(1).is_some() {
+                darkened.forget(&mut scratch.left);
+            }
             self.part_with(&darkened, buffers, tile_objects, &mut scratch.left);
         }
     }
