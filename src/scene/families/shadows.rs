@@ -47,7 +47,7 @@ fn contact(maker: &mut Maker) -> Made {
     let gap = maker.value * radius;
     let (mut scene, count) = begin(maker, 0.6, 1);
     scene.spheres.push(sphere(unit * radius, RED, unit * centre));
-    if maker.variant % 2 == 0 {
+    if maker.variant.is_multiple_of(2) {
         let (normal, far) = plane(radius + gap);
         let mut on = (-far / normal.length_squared() * normal).round();
         on.x = -far - normal.y * on.y - normal.z * on.z;
@@ -90,7 +90,7 @@ pub const GRAZING: Family = Family {
 
 fn grazing(maker: &mut Maker) -> Made {
     let (mut scene, count) = begin(maker, 0.5, 0);
-    if maker.variant % 2 == 0 {
+    if maker.variant.is_multiple_of(2) {
         scene.spheres.push(sphere(1000.0, GREY, dvec3(0.0, -1001.0, 6.0)));
     } else {
         scene.triangles.extend(ground());
