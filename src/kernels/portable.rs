@@ -46,6 +46,8 @@ pub fn portable() -> &'static PacketKernels {
 
 /// Packet kernels in Rust of `N` lanes in f32, and half as many in f64; a product and a sum are rounded once if `FUSED`.
 pub const fn packets<const N: usize, const HALF: usize, const FUSED: bool>() -> PacketKernels {
+    // More would not divide what kernels share.
+    const { assert!(N <= 16 && HALF <= 8) };
     PacketKernels {
         single: elements::<Packet<f32, N, FUSED>, Packet<f64, HALF, FUSED>, f32>(),
         double: elements::<Packet<f64, HALF, FUSED>, Packet<f64, HALF, FUSED>, f64>(),

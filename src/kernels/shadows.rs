@@ -43,8 +43,11 @@ kinds! {
     /// Finds how a light sees the points of a tile.
     Seen as fn(&LightSideView<f64>, [&[f64; TILE_PIXELS]; 3], &mut LitGroups);
 
-    /// Sets the bounds of groups of points, whose coordinates are given along a side of the light's cube and in depth.
-    fn call(view: &LightSideView<f64>, axes: [&[f64; TILE_PIXELS]; 3], groups: &mut LitGroups); |way| {
+    /// Sets the bounds of the groups that are open; `axis` says which coordinate is the depth, 0 to 2.
+    fn call(view: &LightSideView<f64>, points: &TilePoints<f64>, axis: usize, groups: &mut LitGroups); |way| {
+        // Fields of the record, which is aligned.
+        let axes = [&points.x, &points.y, &points.z];
+        let axes = [1, 2, 0].map(|next| axes[(axis + next) % 3]);
         match way {
             Way::Code(enter) => {
                 let [across, down, depth] = axes.map(|axis| reads(axis));

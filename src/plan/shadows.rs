@@ -11,9 +11,7 @@ use glam::{DVec3, Vec3};
 
 use super::light;
 use super::team::Team;
-use crate::kernels::{
-    CasterList, Extent, LightSideView, PointObject, SphereCaster, TILE_PIXELS, TilePoints, TriangleCaster,
-};
+use crate::kernels::{CasterList, Extent, LightSideView, PointObject, SphereCaster, TilePoints, TriangleCaster};
 use crate::reference::geometry;
 use crate::scene::{Scene, Sphere, Triangle};
 
@@ -369,11 +367,9 @@ impl<'a> LightSide<'a> {
         }
     }
 
-    /// The coordinates of points along it and in depth.
-    pub fn axes<'b>(&self, points: &'b TilePoints<f64>) -> [&'b [f64; TILE_PIXELS]; 3] {
-        let (axis, _) = SIDES[self.side.number];
-        let axes = [&points.x, &points.y, &points.z];
-        [axes[(axis + 1) % 3], axes[(axis + 2) % 3], axes[axis]]
+    /// The axis that it looks along.
+    pub fn axis(&self) -> usize {
+        SIDES[self.side.number].0
     }
 
     /// Where the light is.
@@ -384,7 +380,7 @@ impl<'a> LightSide<'a> {
     /// The ends of a point, by the operations of the kernel for many; None if it is not on this side.
     pub fn ends(&self, points: &TilePoints<f64>, at: usize) -> Option<Ends> {
         let view = self.view();
-        let [x, y, z] = self.axes(points).map(|axis| axis[at]);
+        let [x, y, z] = [1, 2, 0].map(|next| [&points.x, &points.y, &points.z][(self.axis() + next) % 3][at]);
         let (x, y, z) = (x - view.across, y - view.down, (z - view.depth) * view.sign);
         let over = 1.0 / z;
         let x = ((x * over - view.low_x) * view.scale_x) as f32;
