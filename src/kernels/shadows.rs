@@ -96,7 +96,7 @@ pub struct LitPoints<'a> {
     pub light: &'a [f64; 3],
 }
 
-/// The bounds of an object as a light sees it, as in [`CasterBounds`].
+/// The bounds of an object as a light sees it.
 #[derive(Clone, Copy)]
 pub struct Extent {
     /// The least x and y, in cells.

@@ -95,7 +95,7 @@ pub struct LightSide<'a> {
     side: &'a Side,
 }
 
-/// The ends of points on a side, in cells, as the fields of [`LitGroups`] have them: greatest ones are negated.
+/// The ends of points on a side, in cells, as the fields of `LitGroups` have them: greatest ones are negated.
 pub type Ends = [f32; 5];
 
 /// Points with the same ends.
