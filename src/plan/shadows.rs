@@ -57,19 +57,12 @@ struct LightView {
 /// The objects on a side of the cube.
 #[derive(Clone, Default)]
 struct Side {
-    /// Its index.
-    number: usize,
-    cells: Cells,
+    /// The axis that it looks along.
+    axis: usize,
+    view: LightSideView<f64>,
     objects: Vec<Extent>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
-}
-
-/// Where the part of a side begins that objects are in, and how many of the finest cells it has for a unit across and down.
-#[derive(Clone, Copy, Default)]
-struct Cells {
-    low: [f64; 2],
-    scale: [f64; 2],
 }
 
 /// The cells of one size with objects.
@@ -180,18 +173,12 @@ impl Bounds {
     }
 }
 
-impl Cells {
-    /// The bounds of an object in cells. Rounding keeps the order of all numbers on a side: those of points are as well.
-    fn extent(&self, of: &Bounds, own: u32) -> Extent {
-        let at = |x: f64, i: usize| ((x - self.low[i]) * self.scale[i]) as f32;
-        Extent {
-            low: [0, 1].map(|i| at(of.low[i], i)),
-            high: [0, 1].map(|i| at(of.high[i], i)),
-            // Rounded down.
-            depth: (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32,
-            own,
-        }
-    }
+/// The bounds of an object in cells. Rounding keeps the order of all numbers on a side: those of points are as well.
+fn extent(view: &LightSideView<f64>, of: &Bounds, own: u32) -> Extent {
+    let at = |[x, y]: [f64; 2]| [((x - view.low_x) * view.scale_x) as f32, ((y - view.low_y) * view.scale_y) as f32];
+    // The depth is rounded down.
+    let depth = (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32;
+    Extent { low: at(of.low), high: at(of.high), depth, own }
 }
 
 /// The finest cell that a coordinate is in.
@@ -203,17 +190,20 @@ impl Side {
     /// Of the objects of a scene whose bounds are `whole`; the picture's longer side has so many `pixels`.
     fn of(scene: &Scene, light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
         let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
-        let cells = Cells { low, scale: [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i])) };
+        let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
+        let ((axis, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
+        let (depth, [low_x, low_y]) = (sign * depth, low);
+        let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
         let (mut own, mut objects) = (0, Vec::new());
         let mut add = |of: Option<Bounds>| {
-            objects.extend(of.map(|of| cells.extent(&of, own)));
+            objects.extend(of.map(|of| extent(&view, &of, own)));
             own += 1;
         };
         scene.spheres.iter().for_each(|sphere| add(Bounds::of_sphere(sphere, light, number)));
         scene.all_triangles().for_each(|triangle| add(Bounds::of_triangle(&triangle, light, number)));
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let grids = Grid::of(&objects, (FINEST / useful).ilog2());
-        Side { number, cells, objects, grids }
+        Side { axis, view, objects, grids }
     }
 }
 
@@ -273,7 +263,7 @@ impl Grid {
 }
 
 /// The least and the greatest coordinates of a scene's objects.
-fn extent(scene: &Scene) -> [DVec3; 2] {
+fn ends(scene: &Scene) -> [DVec3; 2] {
     let spheres = scene.spheres.iter().flat_map(|sphere| {
         let (centre, radius) = (sphere.centre.as_dvec3(), DVec3::splat(sphere.radius.into()));
         [centre - radius, centre + radius]
@@ -286,7 +276,7 @@ fn extent(scene: &Scene) -> [DVec3; 2] {
 impl<'a> Shadows<'a> {
     /// Those of all lights of a scene that are not dark.
     pub fn new(scene: &'a Scene, team: &Team) -> Self {
-        let (all, pixels) = (extent(scene), scene.camera.width().max(scene.camera.height()));
+        let (all, pixels) = (ends(scene), scene.camera.width().max(scene.camera.height()));
         let view = |position| LightView { position, sides: vec![Side::default(); SIDES.len()] };
         let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
         let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
@@ -351,25 +341,13 @@ impl<'a> Shadows<'a> {
 
 impl<'a> LightSide<'a> {
     /// How points are found on it.
-    pub fn view(&self) -> LightSideView<f64> {
-        let Side { number, cells: Cells { low, scale, .. }, .. } = self.side;
-        let (axis, sign) = SIDES[*number];
-        let light = self.position.to_array();
-        LightSideView {
-            across: light[(axis + 1) % 3],
-            down: light[(axis + 2) % 3],
-            depth: light[axis],
-            sign,
-            low_x: low[0],
-            low_y: low[1],
-            scale_x: scale[0],
-            scale_y: scale[1],
-        }
+    pub fn view(&self) -> &LightSideView<f64> {
+        &self.side.view
     }
 
     /// The axis that it looks along.
     pub fn axis(&self) -> usize {
-        SIDES[self.side.number].0
+        self.side.axis
     }
 
     /// Where the light is.

@@ -417,7 +417,7 @@ fn shadows_of<E: Element>(
         let asked = LitPoints { points: &points, light: &at };
         for side in shadows.sides(light) {
             let mut groups = Box::new(LitGroups::ZERO);
-            packets.seen.call(&side.view(), &points, side.axis(), &mut groups);
+            packets.seen.call(side.view(), &points, side.axis(), &mut groups);
             add(&mut made, "seen", &groups);
             groups.own.fill_with(|| choose(&mut rng, &owners));
             let (mut objects, mut casters) = (Vec::new(), Casters::default());

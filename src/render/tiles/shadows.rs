@@ -138,7 +138,7 @@ impl<E: Element> TileTracer<'_, E> {
                 if scratch.groups.open == [0; GROUPS] {
                     break;
                 }
-                self.packets.seen.call(&side.view(), &scratch.points, side.axis(), &mut scratch.groups);
+                self.packets.seen.call(side.view(), &scratch.points, side.axis(), &mut scratch.groups);
                 if self.plan.keep().has(Omission::OtherCells) {
                     (0..GROUPS).for_each(|group| set_ends(&mut scratch.groups, group, [f32::NEG_INFINITY; 5]));
                 }
