@@ -20,7 +20,7 @@
 ;               to r15, and r14 those that are still to come; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres
 ;               v3 v4 v5 g, and in memory that sum and g.g
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; 1 to MOST_CASTERS
-;               casters; bounds beyond the last caster are below those of any points
+;               casters; x of bounds beyond the last caster is no number
 ;   equals      kernels::portable::shadows::open
 
 %define SUM_OF_SIZES rsp                ; |P|, the sum of magnitudes of a register's points
