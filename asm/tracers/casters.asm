@@ -12,20 +12,21 @@
 ;       unsafe extern "sysv64" fn(task: *const CastersTask)
 ;
 ;   Leaves open those of the open points of groups that none of the objects hides; none is hidden by the object that it
-;   belongs to. First the objects are culled whose bounds, as the light sees them, do not meet those of a group, and the
-;   object that all of its points belong to.
+;   belongs to. First the objects are culled whose bounds, as the light sees them, do not meet those of a group, in
+;   blocks of 16 and then alone, and the object that all of its points belong to.
 ;
-;   registers   rdi task, r12 the group, from which LitGroups' fields are counted; rsi light, rdx points, r8d the
-;               points that are open, r13d those that are still so; r10 a caster; at LEFT the casters that are left, up
-;               to r15, and r14 those that are still to come; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres
-;               v3 v4 v5 g, and in memory that sum and g.g
-;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; 1 to MOST_CASTERS
-;               casters; x of bounds beyond the last caster is no number
+;   registers   rdi task, r12 the group, from which LitGroups' fields are counted; ebx blocks of casters that are left;
+;               rsi light, rdx points, r8d the points that are open, r13d those still so; r9 casters, r10 one of
+;               them, whose fields are 16 elements apart; at LEFT those that are left, up to r15, and r14 those that
+;               are still to come; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres v3 v4 v5 g, and in memory that
+;               sum and g.g
+;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; x of bounds beyond the
+;               last caster and the last block is no number
 ;   equals      kernels::portable::shadows::open
 
 %define SUM_OF_SIZES rsp                ; |P|, the sum of magnitudes of a register's points
 %define SUM_OF_SQUARES rsp + VBYTES     ; g.g
-%define LEFT rsp + 2 * VBYTES           ; addresses of casters
+%define LEFT rsp + 2 * VBYTES           ; offsets of casters
 
 ; POINT - v<n> = coordinate n of the points at rdx, and v3 = v3 + its magnitude. Clobbers v14.
 %macro POINT 1
@@ -50,12 +51,12 @@
 %macro PLANE_OF_CASTER 2
 %define %%d %1          ; [out]      vreg
 %define %%field %2      ; [in]       dx
-    VSPREAD %%d, [r10 + ELEM * (%%field + 3)]
+    VSPREAD %%d, [r10 + ELEM * (%%field + 3 * 16)]
     ELEMENT_OPERAND [r10 + ELEM * %%field], v14
     VFMA    %%d, v0, ONE, v13
-    ELEMENT_OPERAND [r10 + ELEM * (%%field + 1)], v14
+    ELEMENT_OPERAND [r10 + ELEM * (%%field + 16)], v14
     VFMA    %%d, v1, ONE, v13
-    ELEMENT_OPERAND [r10 + ELEM * (%%field + 2)], v14
+    ELEMENT_OPERAND [r10 + ELEM * (%%field + 2 * 16)], v14
     VFMA    %%d, v2, ONE, v13
 %endmacro
 
@@ -64,17 +65,17 @@
 ;   equals        kernels::portable::shadows::triangle_hides
 %macro TRIANGLE_HIDES 1
 %define %%own %1        ; [in]       memory: whose points they are
-    PLANE_OF_CASTER v6, TriangleCaster.e1x
-    PLANE_OF_CASTER v7, TriangleCaster.e2x
-    PLANE_OF_CASTER v8, TriangleCaster.e3x
-    PLANE_OF_CASTER v9, TriangleCaster.px
-    ELEMENT_OPERAND [r10 + ELEM * TriangleCaster.bound], v14
+    PLANE_OF_CASTER v6, TriangleCasters.e1x
+    PLANE_OF_CASTER v7, TriangleCasters.e2x
+    PLANE_OF_CASTER v8, TriangleCasters.e3x
+    PLANE_OF_CASTER v9, TriangleCasters.px
+    ELEMENT_OPERAND [r10 + ELEM * TriangleCasters.bound], v14
     VFMA    v9, v3, ONE, v13
     VMIN    v6, v6, v7
     VMIN    v6, v6, v8
     MASK_NOT_LESS v6, [PACKET(zeros)]
     MASK_AND_LESS v9, [PACKET(zeros)], v13
-    VSPREAD v14, [r10 + ELEM * TriangleCaster.own]
+    VSPREAD v14, [r10 + ELEM * TriangleCasters.own]
     MASK_AND_UNEQUAL v14, %%own, v13
 %endmacro
 
@@ -92,22 +93,22 @@
 ;   equals        kernels::portable::shadows::sphere_hides
 %macro SPHERE_HIDES 1
 %define %%own %1        ; [in]       memory: whose points they are
-    LESS_CASTER v6, v0, SphereCaster.ux
-    LESS_CASTER v7, v0, SphereCaster.wx
+    LESS_CASTER v6, v0, SphereCasters.ux
+    LESS_CASTER v7, v0, SphereCasters.wx
     VMUL    v9, v6, v7
-    LESS_CASTER v6, v1, SphereCaster.uy
-    LESS_CASTER v7, v1, SphereCaster.wy
+    LESS_CASTER v6, v1, SphereCasters.uy
+    LESS_CASTER v7, v1, SphereCasters.wy
     VFMA    v9, v6, v7, v14
-    LESS_CASTER v6, v2, SphereCaster.uz
-    LESS_CASTER v7, v2, SphereCaster.wz
+    LESS_CASTER v6, v2, SphereCasters.uz
+    LESS_CASTER v7, v2, SphereCasters.wz
     VFMA    v9, v6, v7, v14
-    ELEMENT_OPERAND [r10 + ELEM * SphereCaster.k], v14
+    ELEMENT_OPERAND [r10 + ELEM * SphereCasters.k], v14
     VADD    v9, v9, ONE                 ; q.q - r^2
-    VSPREAD v6, [r10 + ELEM * SphereCaster.x]
+    VSPREAD v6, [r10 + ELEM * SphereCasters.x]
     VSUB    v6, v6, v0
-    VSPREAD v7, [r10 + ELEM * SphereCaster.y]
+    VSPREAD v7, [r10 + ELEM * SphereCasters.y]
     VSUB    v7, v7, v1
-    VSPREAD v8, [r10 + ELEM * SphereCaster.z]
+    VSPREAD v8, [r10 + ELEM * SphereCasters.z]
     VSUB    v8, v8, v2                  ; q
     VMUL    v10, v6, v3
     VFMA    v10, v7, v4, v14
@@ -122,7 +123,7 @@
     VFNMA   v12, v7, v3, v14
     VFMA    v11, v12, v12, v14          ; |q x g|^2
     VMOV    v12, [SUM_OF_SQUARES]
-    VSPREAD v6, [r10 + ELEM * SphereCaster.r2]
+    VSPREAD v6, [r10 + ELEM * SphereCasters.r2]
     VMOV    v7, v6
     VMUL    v7, v7, v12
     VSUB    v7, v7, v11
@@ -133,27 +134,27 @@
     VSELECT v7, v11                     ; D
     MASK_NOT_LESS v7, [PACKET(zeros)]
     VSUB    v11, v10, v12
-    VSPREAD v6, [r10 + ELEM * SphereCaster.most]
+    VSPREAD v6, [r10 + ELEM * SphereCasters.most]
     MASK_AND_LESS v11, v6, v14          ; a wall is before the light
-    ELEMENT_OPERAND [r10 + ELEM * SphereCaster.past], v14
+    ELEMENT_OPERAND [r10 + ELEM * SphereCasters.past], v14
     VADD    v10, v10, ONE
-    VSPREAD v6, [r10 + ELEM * SphereCaster.bound]
+    VSPREAD v6, [r10 + ELEM * SphereCasters.bound]
     VMUL    v6, v6, [SUM_OF_SIZES]
-    VSPREAD v7, [r10 + ELEM * SphereCaster.side]
+    VSPREAD v7, [r10 + ELEM * SphereCasters.side]
     VFMA    v6, v7, v9, v14
     VZERO   v7
     VSUB    v7, v7, v6
     VMAX    v10, v10, v7
     VMOV    v7, [PACKET(zeros)]
     MASK_AND_GREATER v10, v7, v14       ; a wall is before P
-    VSPREAD v14, [r10 + ELEM * SphereCaster.own]
+    VSPREAD v14, [r10 + ELEM * SphereCasters.own]
     MASK_AND_UNEQUAL v14, %%own, v13
 %endmacro
 
 %assign FLOATS VBYTES / 4               ; bounds in a register
 
-; MEETS - eax = a bit for each of FLOATS casters, from a number on, whose bounds, at r9, meet those in v0 to v4, and
-;         which are not that in v5. Clobbers v6 and v7 without mask registers.
+; MEETS - eax = a bit for each of FLOATS bounds, from a number on of those at r9, that meet those in v0 to v4, and are
+;         not of what is in v5. Clobbers v6 and v7 without mask registers.
 ;
 ;   instructions   sse41 18   avx2 12   avx512 7
 %macro MEETS 1
@@ -198,14 +199,13 @@
 %macro CASTERS_OF 1
 %define %%kind %1       ; [in]       triangle or sphere
 %ifidn %%kind, triangle
-%assign %%bytes ELEM * TriangleCaster_size
+%assign %%bytes ELEM * TriangleCasters_size
 %else
-%assign %%bytes ELEM * SphereCaster_size
+%assign %%bytes ELEM * SphereCasters_size
 %endif
 FUNC ISA %+ _ %+ %%kind %+ _casters
-    ENTER_OWNED 2 * VBYTES + 8 * MOST_CASTERS, VBYTES
-    mov     r12, [rdi + CastersTask.first]
-    shl     r12, 2
+    ENTER_OWNED 2 * VBYTES + 4 * (MOST_CASTERS + 16), VBYTES
+    xor     r12d, r12d
 .group:
     mov     rax, [rdi + CastersTask.groups]
     add     rax, r12
@@ -222,10 +222,31 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
 %endif
 %assign %%n %%n + 1
 %endrep
-    mov     r9, [rdi + CastersTask.bounds]
-    mov     r10, [rdi + CastersTask.casters]
     lea     r15, [LEFT]
-.bounds:
+    mov     r11, [rdi + CastersTask.blocks]
+    xor     r14d, r14d                  ; the number of a block
+.blocks:
+    mov     r9, r11
+    MEETS   0
+    mov     ebx, eax
+.block:
+    bsf     ecx, ebx
+    jz      .next_blocks
+    lea     eax, [rbx - 1]
+    and     ebx, eax
+    add     ecx, r14d
+    imul    r9, rcx, CasterBounds_size
+    imul    r10, rcx, %%bytes
+    add     r9, [rdi + CastersTask.bounds]
+%if HAS_MASKS
+    MEETS   0
+    vpbroadcastd v6, r10d
+    vpaddd  v6, v6, [PACKET(of_block)]
+    vpcompressd v6 {k1} {z}, v6
+    VSTORE  [r15], v6
+    popcnt  eax, eax
+    lea     r15, [r15 + 4 * rax]
+%else
 %assign %%first 0
 %rep 16 / FLOATS
     MEETS   %%first
@@ -233,24 +254,27 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
     jz      .culled%[%%first]
 .meets%[%%first]:
     bsf     ecx, eax
-    imul    rcx, rcx, %%bytes
-    lea     rcx, [rcx + r10 + %%first * %%bytes]
-    mov     [r15], rcx
-    add     r15, 8
+    lea     ecx, [r10 + ELEM * (rcx + %%first)]
+    mov     [r15], ecx
+    add     r15, 4
     lea     ecx, [rax - 1]
     and     eax, ecx
     jnz     .meets%[%%first]
 .culled%[%%first]:
 %assign %%first %%first + FLOATS
 %endrep
-    add     r9, CasterBounds_size
-    add     r10, 16 * %%bytes
-    cmp     r9, [rdi + CastersTask.bounds_end]
-    jb      .bounds
+%endif
+    jmp     .block
+.next_blocks:
+    add     r11, 4 * FLOATS
+    add     r14d, FLOATS
+    cmp     r14d, MOST_CASTERS / 16
+    jb      .blocks
     lea     r14, [LEFT]
     cmp     r14, r15
     je      .next_group
     mov     rsi, [rdi + CastersTask.light]
+    mov     r9, [rdi + CastersTask.casters]
     mov     rdx, r12
     shl     rdx, ilog2e(GROUP * ELEM / 4)
     add     rdx, [rdi + CastersTask.points]
@@ -275,7 +299,8 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
 %endif
     lea     r14, [LEFT]
 .caster:
-    mov     r10, [r14]
+    mov     r10d, [r14]
+    add     r10, r9
 %ifidn %%kind, triangle
     TRIANGLE_HIDES [rdx + ELEM * TilePoints.own]
 %else
@@ -285,7 +310,7 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
     not     eax
     and     r13d, eax
     jz      .next_points
-    add     r14, 8
+    add     r14, 4
     cmp     r14, r15
     jb      .caster
 .next_points:
@@ -299,9 +324,7 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
     mov     [rax + r12 + LitGroups.open], r8d
 .next_group:
     add     r12, 4
-    mov     rax, r12
-    shr     rax, 2
-    cmp     rax, [rdi + CastersTask.end]
+    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
     jb      .group
     LEAVE_OWNED
 ENDFUNC

@@ -17,9 +17,10 @@
 ;   objects     *const PointObject, by id
 ;   points      *mut TilePoints
 ;
-;   registers   rdi view, rsi who, r8 objects, r10 their second halves, r9 points, edx blocks left in a row, ecx rows of
-;               blocks left; v0 the columns and v10 the rows of pixels' centres in the picture, number + 1/2; v2 and v1
-;               those of the first block of a row; v3 v4 v5 the vector c, v12 v13 the ray, v15 h, v6 D
+;   registers   rdi view, rsi who, r8 objects, r10 their second halves, r11 an object's offset, r9 points, edx blocks
+;               left in a row, ecx rows of blocks left; v0 the columns and v10 the rows of pixels' centres in the
+;               picture, number + 1/2; v2 and v1 those of the first block of a row; v3 v4 v5 the vector c, v12 v13 the
+;               ray, v15 h, v6 D
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written, ids below the objects'
 ;   equals      kernels::portable::shadows::points
 
@@ -38,11 +39,28 @@ FUNC ISA %+ _ %+ %%precision %+ _points
 %else
     VLOAD   v6, [rsi]
 %endif
+    VSPREAD v7, x6
+    MASK_EQUAL v7, v6
+    MASK_BITS eax
     LEVELS  6
     IOP     pslld, w6, w6, ilog2e(ELEM * PointObject_size)
+    cmp     eax, (1 << LANES) - 1
+    jne     .different%[%%part]
+    VEX(movd) r11d, x6
+    VSPREAD v3, [r8 + r11 + ELEM * PointObject.x]
+    VSPREAD v4, [r8 + r11 + ELEM * PointObject.y]
+    VSPREAD v5, [r8 + r11 + ELEM * PointObject.z]
+    VSPREAD v6, [r8 + r11 + ELEM * PointObject.a]
+    VSPREAD v7, [r8 + r11 + ELEM * PointObject.b]
+    VSPREAD v8, [r8 + r11 + ELEM * PointObject.e]
+    VSPREAD v9, [r8 + r11 + ELEM * PointObject.w]
+    VSPREAD v11, [r8 + r11 + ELEM * PointObject.own]
+    jmp     .loaded%[%%part]
+.different%[%%part]:
     STORE_NUMBERS SCRATCH, 6
     GATHER4 3, 4, 5, 6, 7, 8, 9, r8, SCRATCH, ax
     GATHER4 7, 8, 9, 11, 12, 13, 14, r10, SCRATCH, ax
+.loaded%[%%part]:
     VSTORE  [r9 + ELEM * TilePoints.own], v11
     MASK_NOT_LESS v11, [PACKET(zeros)]
     MASK_BITS eax
@@ -56,18 +74,24 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     VMUL    v11, v10, K(PointView.step)
     KLOAD   v13, PointView.half_height
     VSUB    v13, v13, v11
+    VADD    v14, v7, v8
+    MASK_GREATER v14, [PACKET(zeros)]
+    MASK_BITS eax
     KLOAD   v15, PointView.focal
-    VMUL    v14, v12, v12
-    VMUL    v11, v13, v13
-    VADD    v14, v14, v11
-    VMUL    v11, v15, v15
-    VADD    v14, v14, v11
-    VMUL    v6, v6, v14                             ; a d.d
     VMUL    v15, v15, v5
     VMUL    v14, v3, v12
     VMUL    v11, v4, v13
     VADD    v14, v14, v11
     VADD    v15, v15, v14                           ; h
+    test    eax, eax
+    jz      .add%[%%part]                           ; triangles alone: D is 0, as a
+    VMUL    v14, v12, v12
+    VMUL    v11, v13, v13
+    VADD    v14, v14, v11
+    KLOAD   v11, PointView.focal
+    VMUL    v11, v11, v11
+    VADD    v14, v14, v11
+    VMUL    v6, v6, v14                             ; a d.d
     VMUL    v7, v7, v15
     VMUL    v7, v7, v15
     VADD    v6, v6, v7
@@ -89,6 +113,7 @@ FUNC ISA %+ _ %+ %%precision %+ _points
     VSUB    v6, v6, v8
     VMAX    v6, v6, [PACKET(zeros)]                 ; D
     VSQRT   v6, v6
+.add%[%%part]:
     VADD    v15, v15, v6
     VMUL    v15, v15, v9                            ; 1/t
     VMOV    v6, [PACKET(ones)]

@@ -65,6 +65,9 @@ align 16
     MASK_GREATER v3, v4
     VABS    v4, v1
     MASK_AND_GREATER v3, v4, v5
+    MASK_BITS r9d
+    test    r9d, r9d
+    jz      .beside%[%%at]
     VMOV    v4, [PACKET(no_number)]
     VMOV    v5, v2
     VSELECT v4, v5                      ; no numbers are beside the side
@@ -84,6 +87,7 @@ align 16
     LEAST_SO_FAR v11, v1
     VXOR    v4, v4, [PACKET(sign)]
     LEAST_SO_FAR v12, v4
+.beside%[%%at]:
 %assign %%at %%at + LANES
 %endrep
 .store:

@@ -56,9 +56,9 @@ pub use records::{
     PointObject, PointView, ShortLight, Sphere, SphereHit, SphereView, TILE_HEIGHT, TILE_WIDTH, TileLight, TilePoint,
     TileRays, TileShade, TileSphere, TileView, Triangle, TriangleHit,
 };
-pub use records::{GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCaster, TilePoints, TriangleCaster};
+pub use records::{GROUP, LightSideView, LitGroups, MOST_CASTERS, SphereCasters, TilePoints, TriangleCasters};
 pub use records::{LIT_ROWS, LitRows, SphereArrays, SpherePlanes, TriangleArrays, TrianglePlanes};
-pub use shadows::{Caster, CasterList, Casters, Extent, LitPoints, Points, Seen, own_bits};
+pub use shadows::{Cast, Caster, CasterList, Casters, Extent, LitPoints, Points, Seen, own_bits};
 pub use tiles::{
     Around, Bounded, Bounds, Extremes, Farthest, NearerHalf, Nearest, Parts, PixelBounds, SetUp, ShadeTile,
     ShadingRecords, SphereChunk, SphereRecords, SphereSetUp, SphereShading, TILE_PARTS, TILE_PIXELS, TileBuffers,

@@ -111,7 +111,7 @@ unsafe impl ObjectList for &[Sphere] {
 impl TriangleList<'_> {
     /// The corners of a triangle.
     #[inline]
-    pub(super) fn vertices(&self, at: usize) -> [Vec3; 3] {
+    pub fn vertices(&self, at: usize) -> [Vec3; 3] {
         match self {
             TriangleList::Apart(triangles) => triangles[at].vertices,
             TriangleList::Joined(part) => part.corners[at].map(|corner| part.vertices[corner as usize]),

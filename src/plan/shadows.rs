@@ -7,13 +7,16 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
 use super::light;
 use super::team::Team;
-use crate::kernels::{CasterList, Extent, LightSideView, PointObject, SphereCaster, TilePoints, TriangleCaster};
+use crate::kernels::{
+    Cast, CasterList, Extent, LightSideView, MOST_CASTERS, ObjectList as _, Plain as _, PointObject, SphereCasters,
+    TriangleArrays, TriangleCasters, TriangleList,
+};
 use crate::reference::geometry;
-use crate::scene::{Scene, Sphere, Triangle};
+use crate::scene::{Scene, Sphere};
 
 /// The sides of a cube around a light: the axis of each, and its sign.
 const SIDES: [(usize, f64); 6] = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)];
@@ -24,21 +27,26 @@ const FINEST: u32 = 4096;
 /// Cells are not much smaller than what a group of pixels sees.
 const PIXELS_OF_A_CELL: u32 = 4;
 
-/// A group that may be in more cells is asked for in parts.
-const MOST_CELLS: u32 = 36;
-
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
 const CELLS_OF_AN_OBJECT: usize = 8;
 
 /// The rounding of a coordinate on a side, which is within 1.
 const SLACK: f64 = 8.0 * f64::EPSILON;
 
-/// What P's rounding, and that of products with it, may make of the plane of a triangle and of the power of a sphere.
-const TRIANGLE_ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// What P's rounding, and that of products with it, may make of the power of a sphere.
 const SPHERE_ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// With a larger share of what its terms are a volume has no doubtful sign, however thin the triangle.
-const PLAIN: f64 = 1e-10;
+/// Triangles next to each other in the scene that are one object of a side, if they are also near each other.
+const RUN: usize = 16;
+
+/// Objects that are next to each other in the scene.
+struct Run {
+    /// The least and the greatest coordinates.
+    ends: [DVec3; 2],
+    /// The first one's place in the scene, and how many they are.
+    first: u32,
+    count: u32,
+}
 
 /// The shadows of a scene.
 pub struct Shadows<'a> {
@@ -60,6 +68,7 @@ struct Side {
     /// The axis that it looks along.
     axis: usize,
     view: LightSideView<f64>,
+    /// From the nearest on.
     objects: Vec<Extent>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
@@ -99,10 +108,20 @@ pub struct Window {
 }
 
 /// Objects as a light sees them.
-#[derive(Default)]
 pub struct Casters {
-    pub triangles: CasterList<TriangleCaster<f64>>,
-    pub spheres: CasterList<SphereCaster<f64>>,
+    pub triangles: CasterList<TriangleCasters<f64>>,
+    pub spheres: CasterList<SphereCasters<f64>>,
+    arrays: Box<TriangleArrays>,
+}
+
+impl Default for Casters {
+    fn default() -> Self {
+        Casters {
+            triangles: CasterList::default(),
+            spheres: CasterList::default(),
+            arrays: Box::new(TriangleArrays::ZERO),
+        }
+    }
 }
 
 /// The bounds of an object on a side: its coordinates at depth 1, and its least depth.
@@ -124,7 +143,7 @@ fn turned(v: DVec3, side: usize) -> [f64; 3] {
 }
 
 impl Bounds {
-    /// Those of a box, from its least coordinates to its greatest; None if it is not on this side.
+    /// Those of a box, from its least coordinates to its greatest, with the light at 0; None if it is not on this side.
     fn of_box([low, high]: [DVec3; 2], side: usize) -> Option<Bounds> {
         let (a, b) = (turned(low, side), turned(high, side));
         let (near, far) = (a[2].min(b[2]), a[2].max(b[2]));
@@ -139,33 +158,6 @@ impl Bounds {
         Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: near }.clipped()
     }
 
-    /// Those of a sphere, from a light.
-    fn of_sphere(sphere: &Sphere, light: DVec3, side: usize) -> Option<Bounds> {
-        let (centre, radius) = (sphere.centre.as_dvec3() - light, DVec3::splat(sphere.radius.into()));
-        Bounds::of_box([centre - radius, centre + radius], side)
-    }
-
-    /// Those of a triangle.
-    fn of_triangle(triangle: &Triangle, light: DVec3, side: usize) -> Option<Bounds> {
-        let corners = triangle.vertices.map(|v| turned(v.as_dvec3() - light, side));
-        let all = |beside: fn(&[f64; 3]) -> bool| corners.iter().all(beside);
-        let is_outside = all(|v| v[2] <= 0.0)
-            || all(|v| v[0] > v[2])
-            || all(|v| -v[0] > v[2])
-            || all(|v| v[1] > v[2])
-            || all(|v| -v[1] > v[2]);
-        if is_outside {
-            return None;
-        }
-        if corners.iter().any(|v| v[2] <= 0.0) {
-            return Some(WHOLE);
-        }
-        let [a, b, c] = corners.map(|[x, y, z]| [x * z.recip(), y * z.recip(), z]);
-        let least = |i: usize| a[i].min(b[i]).min(c[i]);
-        let most = |i: usize| a[i].max(b[i]).max(c[i]);
-        Bounds { low: [least(0), least(1)], high: [most(0), most(1)], depth: least(2) }.clipped()
-    }
-
     /// Within the side, and wider by what rounding may move.
     fn clipped(self) -> Option<Bounds> {
         let (low, high) = (self.low.map(|x| (x - SLACK).max(-1.0)), self.high.map(|x| (x + SLACK).min(1.0)));
@@ -174,11 +166,11 @@ impl Bounds {
 }
 
 /// The bounds of an object in cells. Rounding keeps the order of all numbers on a side: those of points are as well.
-fn extent(view: &LightSideView<f64>, of: &Bounds, own: u32) -> Extent {
+fn extent(view: &LightSideView<f64>, of: &Bounds, Run { first, count, .. }: &Run) -> Extent {
     let at = |[x, y]: [f64; 2]| [((x - view.low_x) * view.scale_x) as f32, ((y - view.low_y) * view.scale_y) as f32];
     // The depth is rounded down.
     let depth = (of.depth * (1.0 - f64::from(f32::EPSILON))) as f32;
-    Extent { low: at(of.low), high: at(of.high), depth, own }
+    Extent { low: at(of.low), high: at(of.high), depth, first: *first, count: *count }
 }
 
 /// The finest cell that a coordinate is in.
@@ -187,20 +179,16 @@ fn cell(x: f32) -> u32 {
 }
 
 impl Side {
-    /// Of the objects of a scene whose bounds are `whole`; the picture's longer side has so many `pixels`.
-    fn of(scene: &Scene, light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
+    /// Of runs whose bounds are `whole`; the picture's longer side has so many `pixels`.
+    fn of(runs: &[Run], light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
         let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
         let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
         let ((axis, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
-        let (mut own, mut objects) = (0, Vec::new());
-        let mut add = |of: Option<Bounds>| {
-            objects.extend(of.map(|of| extent(&view, &of, own)));
-            own += 1;
-        };
-        scene.spheres.iter().for_each(|sphere| add(Bounds::of_sphere(sphere, light, number)));
-        scene.all_triangles().for_each(|triangle| add(Bounds::of_triangle(&triangle, light, number)));
+        let bounds = |run: &Run| Some(extent(&view, &Bounds::of_box(run.ends.map(|v| v - light), number)?, run));
+        let mut objects: Vec<_> = runs.iter().filter_map(bounds).collect();
+        objects.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let grids = Grid::of(&objects, (FINEST / useful).ilog2());
         Side { axis, view, objects, grids }
@@ -262,21 +250,49 @@ impl Grid {
     }
 }
 
-/// The least and the greatest coordinates of a scene's objects.
-fn ends(scene: &Scene) -> [DVec3; 2] {
-    let spheres = scene.spheres.iter().flat_map(|sphere| {
+/// The objects of a scene in runs.
+fn runs(scene: &Scene) -> Vec<Run> {
+    let sphere = |(sphere, first): (&Sphere, u32)| {
         let (centre, radius) = (sphere.centre.as_dvec3(), DVec3::splat(sphere.radius.into()));
-        [centre - radius, centre + radius]
-    });
-    spheres
-        .chain(scene.vertices().map(|v| v.as_dvec3()))
-        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+        Run { ends: [centre - radius, centre + radius], first, count: 1 }
+    };
+    let mut runs: Vec<_> = scene.spheres.iter().zip(0..).map(sphere).collect();
+    for (triangles, first) in lists(scene) {
+        let run = |of: Range<usize>| {
+            let (mut low, mut high, mut sizes) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, 0.0);
+            for at in of.clone() {
+                let [a, b, c] = triangles.vertices(at).map(Vec3A::from);
+                let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+                (low, high) = (low.min(least), high.max(most));
+                sizes += (most - least).element_sum();
+            }
+            let ends = [low.as_dvec3(), high.as_dvec3()];
+            let are_near = (high - low).element_sum() <= sizes;
+            (Run { ends, first: first + of.start as u32, count: of.len() as u32 }, are_near)
+        };
+        for start in (0..triangles.len()).step_by(RUN) {
+            let of = start..triangles.len().min(start + RUN);
+            match run(of.clone()) {
+                (run, true) => runs.push(run),
+                (_, false) => runs.extend(of.map(|at| run(at..at + 1).0)),
+            }
+        }
+    }
+    runs
+}
+
+/// The triangles of a scene, as kernels read them, and the place of the first of each list.
+fn lists(scene: &Scene) -> [(TriangleList<'_>, u32); 2] {
+    let (first, count) = (scene.spheres.len() as u32, scene.triangles.len() as u32);
+    [(TriangleList::Apart(&scene.triangles), first), (TriangleList::Joined((&scene.faces).into()), first + count)]
 }
 
 impl<'a> Shadows<'a> {
     /// Those of all lights of a scene that are not dark.
     pub fn new(scene: &'a Scene, team: &Team) -> Self {
-        let (all, pixels) = (ends(scene), scene.camera.width().max(scene.camera.height()));
+        let (runs, pixels) = (runs(scene), scene.camera.width().max(scene.camera.height()));
+        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let all = runs.iter().fold(none, |[low, high], run| [low.min(run.ends[0]), high.max(run.ends[1])]);
         let view = |position| LightView { position, sides: vec![Side::default(); SIDES.len()] };
         let lights = light::lights(scene).into_iter().map(|light| light.position.as_dvec3());
         let mut shadows = Shadows { scene, lights: lights.map(view).collect() };
@@ -288,7 +304,7 @@ impl<'a> Shadows<'a> {
             })
         });
         team.share(tasks.collect::<Vec<_>>().into_iter(), |(light, (number, whole), side)| {
-            *side = Side::of(scene, light, (number, &whole), pixels);
+            *side = Side::of(&runs, light, (number, &whole), pixels);
         });
         let is_alone = scene.spheres.len() + scene.triangle_count() == 1;
         shadows.lights.iter_mut().for_each(|light| light.sides.retain(|side| !is_alone && !side.grids.is_empty()));
@@ -328,8 +344,8 @@ impl<'a> Shadows<'a> {
         let Some(sphere) = self.scene.spheres.get(place) else {
             let triangle = self.scene.triangle(place - self.scene.spheres.len());
             let corners = triangle.vertices.map(|v: Vec3| v.as_dvec3());
-            let volume = geometry::triangle_volume(corners)?;
-            return Some(of(geometry::triangle_plane(corners) / volume));
+            let n = geometry::triangle_plane(corners);
+            return Some(of(n / geometry::side_of_plane(corners, n, DVec3::ZERO, 0.0)?));
         };
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, k) = (radius * radius, geometry::power(c, radius));
@@ -355,29 +371,11 @@ impl<'a> LightSide<'a> {
         self.position.to_array()
     }
 
-    /// The ends of a point, by the operations of the kernel for many; None if it is not on this side.
-    pub fn ends(&self, points: &TilePoints<f64>, at: usize) -> Option<Ends> {
-        let view = self.view();
-        let [x, y, z] = [1, 2, 0].map(|next| [&points.x, &points.y, &points.z][(self.axis() + next) % 3][at]);
-        let (x, y, z) = (x - view.across, y - view.down, (z - view.depth) * view.sign);
-        let over = 1.0 / z;
-        let x = ((x * over - view.low_x) * view.scale_x) as f32;
-        let y = ((y * over - view.low_y) * view.scale_y) as f32;
-        (z > 0.0).then_some([-x, -y, x, y, -z as f32])
-    }
-
     /// The cells of points with these ends; None if none is on this side, among objects.
     pub fn window(&self, ends: Ends) -> Option<Window> {
         let ([past_x, past_y, x, y, _], end) = (ends, FINEST as f32);
         (x <= end && y <= end && past_x <= 0.0 && past_y <= 0.0)
             .then(|| Window { ends, cells: [cell(x)..cell(-past_x) + 1, cell(y)..cell(-past_y) + 1] })
-    }
-
-    /// Whether it has so many cells that it pays to ask for parts of the points alone.
-    pub fn is_wide(&self, Window { cells, .. }: &Window) -> bool {
-        let finest = self.side.grids.first().map_or(0, |grid| grid.coarseness);
-        let [columns, rows] = [0, 1].map(|i| (cells[i].end - cells[i].start) >> finest);
-        (columns + 1) * (rows + 1) > MOST_CELLS
     }
 
     /// Calls `say` for each grid and each row of its cells in a window.
@@ -394,107 +392,77 @@ impl<'a> LightSide<'a> {
         }
     }
 
-    /// How many objects are in its cells; in several cells they count as often.
-    pub fn count(&self, window: &Window) -> u32 {
-        let mut count = 0;
-        self.each_row(window, |grid, cells, _| count += grid.starts[cells.end] - grid.starts[cells.start]);
-        count
-    }
-
-    /// Adds the objects in its cells that may be before its points.
-    pub fn gather(&self, window: &Window, all: &mut Vec<&'a Extent>) {
+    /// Adds the objects in its cells that may be before its points, to spheres and to either kind of triangles.
+    pub fn gather(&self, window: &Window, all: &mut [Vec<&'a Extent>; 3]) {
         let [past_x, past_y, x, y, depth] = window.ends;
-        let meets = |of: &&Extent| {
-            of.low[0] <= -past_x && of.low[1] <= -past_y && of.high[0] >= x && of.high[1] >= y && of.depth <= -depth
-        };
+        let meets = |of: &&Extent| of.low[0] <= -past_x && of.low[1] <= -past_y && of.high[0] >= x && of.high[1] >= y;
+        let [of_triangles, of_faces] = lists(self.scene).map(|(_, first)| first);
         self.each_row(window, |grid, cells, first_row| {
             let mut first = first_row | FIRST_COLUMN;
             for cell in cells {
                 let placed = &grid.placed[grid.starts[cell] as usize..grid.starts[cell + 1] as usize];
-                let firsts = placed.iter().filter(|object| (**object | first) & FIRSTS == FIRSTS);
-                all.extend(firsts.map(|object| &self.side.objects[(object & !FIRSTS) as usize]).filter(meets));
+                let objects = placed.iter().map(|object| (object, &self.side.objects[(object & !FIRSTS) as usize]));
+                let near = objects.take_while(|(_, of)| of.depth <= -depth);
+                for (_, of) in near.filter(|(object, of)| (**object | first) & FIRSTS == FIRSTS && meets(of)) {
+                    all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
+                }
                 first = first_row;
             }
         });
     }
 
-    /// Adds objects as the light sees them, but for triangles of which it sees an edge alone.
-    pub fn cast(&self, objects: &[&Extent], casters: &mut Casters) {
-        for object in objects {
-            match self.scene.spheres.get(object.own as usize) {
-                Some(sphere) => self.cast_sphere(object, sphere, &mut casters.spheres),
-                None => self.cast_triangle(object, &mut casters.triangles),
+    /// Adds the first of some objects of a kind as the light sees them, as many as there is room for; returns the others.
+    pub fn cast<'b>(
+        &self,
+        (kind, objects): (usize, &'b [&'a Extent]),
+        kernel: &Cast,
+        casters: &mut Casters,
+    ) -> &'b [&'a Extent] {
+        let mut room = MOST_CASTERS as u32;
+        let mut fits = |object: &&Extent| {
+            let fits = object.count <= room;
+            room = room.saturating_sub(object.count);
+            fits
+        };
+        let (now, later) = objects.split_at(objects.iter().position(|object| !fits(object)).unwrap_or(objects.len()));
+        let Casters { triangles, spheres, arrays } = casters;
+        spheres.clear();
+        triangles.clear();
+        let Some(list) = kind.checked_sub(1) else {
+            now.iter().for_each(|object| self.cast_sphere(object, spheres));
+            return later;
+        };
+        let (list, first) = lists(self.scene)[list];
+        now.iter().for_each(|object| triangles.push(object));
+        kernel.call(self.view(), self.axis(), list, first, arrays, triangles);
+        for (at, place) in triangles.doubtful() {
+            let corners = list.vertices((place - first) as usize).map(|v| v.as_dvec3());
+            let normal = geometry::triangle_plane(corners);
+            // Of one that the light sees as an edge nothing is set: it hides nothing.
+            if let Some(side) = geometry::side_of_plane(corners, normal, self.position, 0.0) {
+                let corners = corners.map(|v| v.to_array());
+                triangles.set_planes(at, self.axis(), corners, normal.to_array(), self.light(), side);
             }
         }
+        later
     }
 
-    fn cast_triangle(&self, object: &Extent, casters: &mut CasterList<TriangleCaster<f64>>) {
-        let triangle = self.scene.triangle(object.own as usize - self.scene.spheres.len());
-        let corners = triangle.vertices.map(|v| v.as_dvec3());
-        let n = geometry::triangle_plane(corners);
-        let from_light = corners[0] - self.position;
-        let volume = from_light.dot(n);
-        let is_plain = volume.abs() > PLAIN * from_light.abs().element_sum() * n.abs().max_element();
-        let volume = if is_plain { Some(volume) } else { geometry::side_of_plane(corners, n, self.position, 0.0) };
-        let Some(side) = volume.map(f64::signum) else { return };
-        // The plane through the light and an edge; turned round, the edge has exactly the other side.
-        let edge = |v: DVec3, w: DVec3| {
-            let middle = 0.5 * (v + w);
-            let n = side * (middle - self.position).cross(w - v);
-            (n, -n.dot(middle))
-        };
-        let [v1, v2, v3] = corners;
-        let [(e1, e10), (e2, e20), (e3, e30)] = [edge(v1, v2), edge(v2, v3), edge(v3, v1)];
-        let [nearest, ..] = geometry::near_corner_first(corners);
-        let (p, bound) = (-side * n, TRIANGLE_ROUNDING * n.abs().max_element());
-        let caster = TriangleCaster {
-            e1x: e1.x,
-            e1y: e1.y,
-            e1z: e1.z,
-            e10,
-            e2x: e2.x,
-            e2y: e2.y,
-            e2z: e2.z,
-            e20,
-            e3x: e3.x,
-            e3y: e3.y,
-            e3z: e3.z,
-            e30,
-            px: p.x,
-            py: p.y,
-            pz: p.z,
-            p0: bound * nearest.abs().element_sum() - p.dot(nearest),
-            bound,
-            own: object.own.into(),
-        };
-        casters.push(caster, object);
-    }
-
-    fn cast_sphere(&self, object: &Extent, sphere: &Sphere, casters: &mut CasterList<SphereCaster<f64>>) {
+    fn cast_sphere(&self, object: &Extent, casters: &mut CasterList<SphereCasters<f64>>) {
+        let sphere: &Sphere = &self.scene.spheres[object.first as usize];
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, of_light) = (radius * radius, geometry::power(c - self.position, radius));
         let is_outside = of_light > 0.0;
         // Points of a large sphere may be so near that |P - c|^2 - r^2 loses them.
         let is_large = c.dot(c) < 4.0 * r2;
         let (u, w, k) = if is_large { (DVec3::ZERO, 2.0 * c, geometry::power(c, radius)) } else { (c, c, -r2) };
-        let caster = SphereCaster {
-            x: c.x,
-            y: c.y,
-            z: c.z,
-            ux: u.x,
-            uy: u.y,
-            uz: u.z,
-            wx: w.x,
-            wy: w.y,
-            wz: w.z,
-            k,
-            r2,
-            side: if is_outside { 1.0 } else { -1.0 },
-            past: if is_outside { 0.0 } else { f64::NEG_INFINITY },
-            most: if of_light < 0.0 { f64::INFINITY } else { 0.0 },
-            bound: SPHERE_ROUNDING * radius,
-            own: object.own.into(),
-        };
-        casters.push(caster, object);
+        casters.push(object);
+        let Some((of, at)) = casters.last_mut() else { return };
+        (of.x[at], of.y[at], of.z[at]) = (c.x, c.y, c.z);
+        (of.ux[at], of.uy[at], of.uz[at]) = (u.x, u.y, u.z);
+        (of.wx[at], of.wy[at], of.wz[at]) = (w.x, w.y, w.z);
+        (of.k[at], of.r2[at], of.bound[at]) = (k, r2, SPHERE_ROUNDING * radius);
+        of.side[at] = if is_outside { 1.0 } else { -1.0 };
+        of.past[at] = if is_outside { 0.0 } else { f64::NEG_INFINITY };
+        of.most[at] = if of_light < 0.0 { f64::INFINITY } else { 0.0 };
     }
 }

@@ -11,10 +11,10 @@ use std::fmt::Debug;
 use glam::Vec3;
 use rayo::kernels::harness::checked;
 use rayo::kernels::{
-    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, GROUP, LIT_ROWS, LitGroups, LitPoints, LitRow,
-    LitRows, LitSphere, MOST_CASTERS, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows,
-    ShadingRecords, SphereChunk, SphereRecords, TILE_PARTS, TILE_PIXELS, TileBuffers, TileOut, TilePoints, TileShade,
-    TileWindow, TriangleChunk, Vec4, own_bits, packet_symbols,
+    BoundsView, CHUNK, Candidate, Element, ElementKernels, Fill, LIT_ROWS, LitGroups, LitPoints, LitRow, LitRows,
+    LitSphere, Narrow, ObjectList, PacketKernels, Parts, Plain, PointObject, ShadeRows, ShadingRecords, SphereChunk,
+    SphereRecords, TILE_PARTS, TileBuffers, TileOut, TilePoints, TileShade, TileWindow, TriangleChunk, Vec4, own_bits,
+    packet_symbols,
 };
 use rayo::plan::{Casters, Keep, LitForm, Raster, Scale, TilePlace, Tiles, Weighted};
 use rayo::render::{Engine, FilmMut};
@@ -96,6 +96,7 @@ kernels! {
     sphere_shading: single.tiles.sphere_shading, double.tiles.sphere_shading; tile_cases(), tiles;
     points: single.tiles.points, double.tiles.points; shadow_cases(), shadows;
     seen: seen; shadow_cases(), shadows;
+    cast: cast; shadow_cases(), shadows;
     triangle_casters: triangle_casters; shadow_cases(), shadows;
     sphere_casters: sphere_casters; shadow_cases(), shadows;
     tile_f32x4: single.tiles.f32x4, double.tiles.f32x4; tile_cases(), tiles;
@@ -420,21 +421,20 @@ fn shadows_of<E: Element>(
             packets.seen.call(side.view(), &points, side.axis(), &mut groups);
             add(&mut made, "seen", &groups);
             groups.own.fill_with(|| choose(&mut rng, &owners));
-            let (mut objects, mut casters) = (Vec::new(), Casters::default());
+            let (mut objects, mut casters) = (<[Vec<_>; 3]>::default(), Casters::default());
             let all = side.window([-f32::INFINITY, -f32::INFINITY, 0.0, 0.0, -f32::INFINITY]).unwrap();
             side.gather(&all, &mut objects);
-            for objects in objects.chunks(MOST_CASTERS - 9) {
-                side.cast(objects, &mut casters);
-                groups.open.fill_with(|| rng.next_u64() as u32 & choose(&mut rng, &[0xffff, 0xf0f0, 0]));
-                let end = rng.next_u64() as usize % (TILE_PIXELS / GROUP + 1);
-                for of in [0..end, end..TILE_PIXELS / GROUP] {
-                    packets.sphere_casters.call(&asked, &casters.spheres, &mut groups, of.clone());
+            for (kind, objects) in objects.iter().enumerate() {
+                let mut objects = &objects[..];
+                while !objects.is_empty() {
+                    objects = side.cast((kind, objects), &packets.cast, &mut casters);
+                    add(&mut made, "cast", &casters.triangles);
+                    groups.open.fill_with(|| rng.next_u64() as u32 & choose(&mut rng, &[0xffff, 0xf0f0, 0]));
+                    packets.sphere_casters.call(&asked, &casters.spheres, &mut groups);
                     add(&mut made, "open to spheres", &groups);
-                    packets.triangle_casters.call(&asked, &casters.triangles, &mut groups, of);
+                    packets.triangle_casters.call(&asked, &casters.triangles, &mut groups);
                     add(&mut made, "open to triangles", &groups);
                 }
-                casters.spheres.clear();
-                casters.triangles.clear();
             }
         }
     }

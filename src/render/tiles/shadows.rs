@@ -3,8 +3,6 @@
 //! A pixel in a shadow gets an object of its own: one that has the lights of the object there, without those that are hidden.
 //! So shading, and the pixels that all lights reach, know nothing of shadows.
 
-use std::ops::Range;
-
 use glam::DVec3;
 
 use super::TileTracer;
@@ -14,9 +12,6 @@ use crate::kernels::{
     TileWindow, own_bits,
 };
 use crate::plan::{Casters, Ends, LightSide, Omission, Shadows, TileSurvey};
-
-/// Where cells have more objects, parts of a tile are asked for alone, if they have fewer.
-const MANY: u32 = 2048;
 
 /// The groups of a tile.
 const GROUPS: usize = TILE_PIXELS / GROUP;
@@ -120,6 +115,7 @@ impl<E: Element> TileTracer<'_, E> {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
         let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
         let (mut instead, mut faces): (Vec<u32>, Vec<bool>) = Default::default();
+        let visible = scratch.ids.iter().filter(|id| **id > 0).count() as u64;
         for (light, position) in shadows.lights().enumerate() {
             faces.clear();
             faces.extend(scratch.objects.iter().map(|object| is_lit(object, position)));
@@ -132,7 +128,7 @@ impl<E: Element> TileTracer<'_, E> {
                 };
             }
             let facing: u64 = scratch.groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
-            scratch.counts.averted += ids.as_flattened().iter().filter(|id| **id > 0).count() as u64 - facing;
+            scratch.counts.averted += visible - facing;
             scratch.counts.facing += facing * shadows.objects(light);
             for side in shadows.sides(light) {
                 if scratch.groups.open == [0; GROUPS] {
@@ -140,9 +136,10 @@ impl<E: Element> TileTracer<'_, E> {
                 }
                 self.packets.seen.call(side.view(), &scratch.points, side.axis(), &mut scratch.groups);
                 if self.plan.keep().has(Omission::OtherCells) {
-                    (0..GROUPS).for_each(|group| set_ends(&mut scratch.groups, group, [f32::NEG_INFINITY; 5]));
+                    let LitGroups { x, y, past_x, past_y, depth, .. } = &mut *scratch.groups;
+                    [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
                 }
-                self.ask(&side, 0..GROUPS, scratch);
+                self.ask(&side, scratch);
             }
             instead.clear();
             instead.resize(darkened.count + darkened.parts.len(), 0);
@@ -207,76 +204,29 @@ impl<E: Element> TileTracer<'_, E> {
         self.kernels.tiles.points.call(&self.plan.point_view(), buffers, [window.column, window.row], objects, points);
     }
 
-    /// Closes those of the open points of some groups from which something on a side hides its light.
-    fn ask(&self, side: &LightSide<'_>, groups: Range<usize>, scratch: &mut ShadowScratch) {
-        let window = |groups: &Range<usize>| side.window(ends(&scratch.groups, groups.clone()));
-        let Some(whole) = window(&groups) else { return };
-        let count = side.count(&whole);
-        if count == 0 {
-            return;
-        }
-        if count > MANY && groups.len() > 1 {
-            let middle = groups.start.midpoint(groups.end);
-            let halves = [groups.start..middle, middle..groups.end];
-            // In large cells they have the same objects as the whole.
-            let counts = halves.each_ref().map(|half| window(half).map_or(0, |window| side.count(&window)));
-            if counts.iter().sum::<u32>() < count + count / 2 {
-                halves.into_iter().for_each(|half| self.ask(side, half, scratch));
-                return;
-            }
-        }
-        // Mostly they are of objects at different depths.
-        if count > MANY && groups.len() == 1 && side.is_wide(&whole) && self.ask_in_parts(side, groups.start, scratch) {
-            return;
-        }
-        let ShadowScratch { points, groups: all, casters, counts, .. } = scratch;
+    /// Closes the open points from which something on a side hides its light.
+    fn ask(&self, side: &LightSide<'_>, scratch: &mut ShadowScratch) {
+        let ShadowScratch { points, groups, casters, counts, .. } = scratch;
+        let Some(window) = side.window(ends(groups)) else { return };
         let light = side.light();
         let points = LitPoints { points, light: &light };
-        let mut near = Vec::new();
-        side.gather(&whole, &mut near);
-        if near.len() > MOST_CASTERS {
-            near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
-        }
-        let open: u64 = all.open[groups.clone()].iter().map(|open| u64::from(open.count_ones())).sum();
-        counts.asked += open * near.len() as u64;
-        for near in near.chunks(MOST_CASTERS) {
-            // What is farther than all points that are still open hides none.
-            if near[0].depth > -ends(all, groups.clone())[4] {
-                break;
+        let mut near = <[Vec<_>; 3]>::default();
+        side.gather(&window, &mut near);
+        let open: u64 = groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
+        for (kind, near) in near.iter_mut().enumerate() {
+            let count = near.iter().map(|of| of.count as usize).sum::<usize>();
+            counts.asked += open * count as u64;
+            if count > MOST_CASTERS {
+                near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
             }
-            side.cast(near, casters);
-            self.packets.sphere_casters.call(&points, &casters.spheres, all, groups.clone());
-            self.packets.triangle_casters.call(&points, &casters.triangles, all, groups.clone());
-            casters.spheres.clear();
-            casters.triangles.clear();
+            let mut near = &near[..];
+            // What is farther than all points that are still open hides none.
+            while near.first().is_some_and(|of| of.depth <= farthest(groups)) {
+                near = side.cast((kind, near), &self.packets.cast, casters);
+                self.packets.sphere_casters.call(&points, &casters.spheres, groups);
+                self.packets.triangle_casters.call(&points, &casters.triangles, groups);
+            }
         }
-    }
-
-    /// The same for the open points of a group on either side of the middle of their longer extent; false, and nothing done, if
-    /// they are all on one.
-    fn ask_in_parts(&self, side: &LightSide<'_>, group: usize, scratch: &mut ShadowScratch) -> bool {
-        let open = scratch.groups.open[group];
-        let [past_x, past_y, x, y, _] = ends(&scratch.groups, group..group + 1);
-        let (axis, middle) = if -past_x - x > -past_y - y { (2, (x - past_x) / 2.0) } else { (3, (y - past_y) / 2.0) };
-        let mut parts = [(0, [f32::INFINITY; 5]); 2];
-        for i in (0..GROUP).filter(|i| open >> i & 1 == 1) {
-            let Some(point) = side.ends(&scratch.points, group * GROUP + i) else { continue };
-            let (bits, ends) = &mut parts[usize::from(point[axis] > middle)];
-            *bits |= 1 << i;
-            ends.iter_mut().zip(point).for_each(|(least, end)| *least = end.min(*least));
-        }
-        if parts.iter().any(|(bits, _)| *bits == 0) {
-            return false;
-        }
-        let mut left = open & !(parts[0].0 | parts[1].0);
-        for (bits, ends) in parts {
-            set_ends(&mut scratch.groups, group, ends);
-            scratch.groups.open[group] = bits;
-            self.ask(side, group..group + 1, scratch);
-            left |= scratch.groups.open[group];
-        }
-        scratch.groups.open[group] = left;
-        true
     }
 
     /// Makes the shading records of objects that are without some lights, and gives the pixels their ids.
@@ -343,17 +293,18 @@ fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     own >= 0.0 && (is_sphere || DVec3::new(x, y, z).dot(light) < 1.0)
 }
 
-/// The ends of the open points of some groups.
-fn ends(LitGroups { x, y, past_x, past_y, depth, open, .. }: &LitGroups, groups: Range<usize>) -> Ends {
+/// The ends of all points on a side: those of groups without one are infinite.
+fn ends(LitGroups { x, y, past_x, past_y, depth, .. }: &LitGroups) -> Ends {
     [x, y, past_x, past_y, depth].map(|field| {
-        let of_open = field[groups.clone()].iter().zip(&open[groups.clone()]).filter(|(_, open)| **open != 0);
-        of_open.fold(f32::INFINITY, |least, (end, _)| least.min(f32::from_bits(*end)))
+        // Several at a time: of one alone each waits for the one before.
+        let least = |a: [f32; 8], b: &[u32; 8]| std::array::from_fn(|i| a[i].min(f32::from_bits(b[i])));
+        let least = field.as_chunks().0.iter().fold([f32::INFINITY; 8], least);
+        least.into_iter().fold(f32::INFINITY, f32::min)
     })
 }
 
-/// Sets those of a group.
-fn set_ends(LitGroups { x, y, past_x, past_y, depth, .. }: &mut LitGroups, group: usize, ends: Ends) {
-    for (field, end) in [x, y, past_x, past_y, depth].into_iter().zip(ends) {
-        field[group] = end.to_bits();
-    }
+/// The farthest open point of all.
+fn farthest(LitGroups { depth, open, .. }: &LitGroups) -> f32 {
+    let of_open = depth.iter().zip(open).filter(|(_, open)| **open != 0);
+    -of_open.fold(f32::INFINITY, |least, (end, _)| least.min(f32::from_bits(*end)))
 }
