@@ -28,7 +28,7 @@ const FINEST: u32 = 4096;
 const PIXELS_OF_A_CELL: u32 = 4;
 
 /// A grid has at most so many cells for each of its objects; smaller ones are in coarser grids.
-const CELLS_OF_AN_OBJECT: usize = 8;
+const CELLS_OF_AN_OBJECT: usize = 4;
 
 /// The rounding of a coordinate on a side, which is within 1.
 const SLACK: f64 = 8.0 * f64::EPSILON;
