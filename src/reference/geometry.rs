@@ -108,6 +108,9 @@ fn nearest_corner(corners: [DVec3; 3], share: f64) -> usize {
     }
 }
 
+/// From this share of the product of its terms on no rounding makes a volume of 0.
+const PLAIN: f64 = 1e-10;
+
 /// The normal of a sliver is shorter than this share of the product of two sides.
 const SLIVER: f64 = 1e-2;
 
@@ -125,13 +128,18 @@ pub fn triangle_side(vertices: [DVec3; 3], point: DVec3, units: f64) -> Option<f
 
 /// The same for one whose [plane](triangle_plane) is known.
 pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -> Option<f64> {
-    let [v1, v2, v3] = near_corner_first(vertices);
     let [nearest, ..] = near_corner_first(vertices.map(|v| v - point));
     let volume = nearest.dot(n);
-    let (a, b) = (v1 - v2, v1 - v3);
+    let sides = |[v1, v2, v3]: [DVec3; 3]| (v1 - v2, v1 - v3);
+    let size = |(a, b): (DVec3, DVec3)| a.abs().max_element() * b.abs().max_element();
+    if units == 0.0 && volume.abs() > PLAIN * nearest.abs().element_sum() * size(sides(vertices)) {
+        return Some(volume);
+    }
+    let [v1, v2, v3] = near_corner_first(vertices);
+    let (a, b) = sides([v1, v2, v3]);
     // If its sides are rounded, n has no more digits than the products that cancel in it.
     let exact = (v1 - a, v1 - b) == (v2, v3) && (v2 + a, v3 + b) == (v1, v1);
-    let size = if exact { n } else { DVec3::splat(a.abs().max_element() * b.abs().max_element()) };
+    let size = if exact { n } else { DVec3::splat(size((a, b))) };
     // A volume that is 0 except for rounding is 0.
     let rounded = 4.0 * nearest.abs() + units * point.abs();
     (volume.abs() > f64::EPSILON * rounded.dot(size.abs())).then_some(volume)
