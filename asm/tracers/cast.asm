@@ -187,43 +187,29 @@
     STORE_BOUND 1, CasterBounds.x, 0
 %endmacro
 
-; SIZE_OF - d = the greatest magnitude of the coordinates of a. Clobbers t.
+; OF_MAGNITUDES - d = the greatest (VMAX) or the sum (VADD) of the magnitudes of the coordinates of a. Clobbers t.
 ;
 ;   instructions   sse41 8   avx2, avx512 5
-%macro SIZE_OF 5
-%define %%d %1          ; [out]      vreg
-%define %%x %2          ; [in]       vreg
-%define %%y %3          ; [in]       vreg
-%define %%z %4          ; [in]       vreg
-%define %%t %5          ; [clobbered] vreg
+%macro OF_MAGNITUDES 6
+%define %%op %1         ; [in]       VMAX or VADD
+%define %%d %2          ; [out]      vreg
+%define %%x %3          ; [in]       vreg
+%define %%y %4          ; [in]       vreg
+%define %%z %5          ; [in]       vreg
+%define %%t %6          ; [clobbered] vreg
     VABS    %%d, %%x
     VABS    %%t, %%y
-    VMAX    %%d, %%d, %%t
+    %%op    %%d, %%d, %%t
     VABS    %%t, %%z
-    VMAX    %%d, %%d, %%t
+    %%op    %%d, %%d, %%t
 %endmacro
 
-; SUM_OF - d = the sum of the magnitudes of the coordinates of a. Clobbers t.
-;
-;   instructions   sse41 8   avx2, avx512 5
-%macro SUM_OF 5
-%define %%d %1          ; [out]      vreg
-%define %%x %2          ; [in]       vreg
-%define %%y %3          ; [in]       vreg
-%define %%z %4          ; [in]       vreg
-%define %%t %5          ; [clobbered] vreg
-    VABS    %%d, %%x
-    VABS    %%t, %%y
-    VADD    %%d, %%d, %%t
-    VABS    %%t, %%z
-    VADD    %%d, %%d, %%t
-%endmacro
-
-; NEARER - v0 v1 v2 and v8, its size, become those of a corner if that is nearer to the camera. Clobbers v9 to v14.
+; NEARER - v0 v1 v2 and v8, its greatest magnitude, become those of a corner if that is nearer to the camera. Clobbers
+;          v9 to v14.
 %macro NEARER 1
 %define %%n %1          ; [in]       1 or 2
     CORNER  v9, v10, v11, %%n
-    SIZE_OF v13, v9, v10, v11, v14
+    OF_MAGNITUDES VMAX, v13, v9, v10, v11, v14
     MASK_GREATER v8, v13
     VSELECT v0, v9
     VSELECT v1, v10
@@ -270,19 +256,19 @@
     CORNER  v6, v7, v8, 2
     SUB3    v9, v10, v11, v0, v1, v2, v3, v4, v5
     SUB3    v12, v13, v14, v0, v1, v2, v6, v7, v8
-    SIZE_OF v7, v9, v10, v11, v6
-    SIZE_OF v8, v12, v13, v14, v6
+    OF_MAGNITUDES VMAX, v7, v9, v10, v11, v6
+    OF_MAGNITUDES VMAX, v8, v12, v13, v14, v6
     VMUL    v7, v7, v8
     VMUL    v8, v7, [PACKET(sliver)]
     CROSS3_UNFUSED v3, v4, v5, v9, v10, v11, v12, v13, v14, v6
-    SIZE_OF v7, v3, v4, v5, v6
+    OF_MAGNITUDES VMAX, v7, v3, v4, v5, v6
     MASK_GREATER v7, v8                 ; no sliver
     VMOV    v9, v0
     VMOV    v10, v1
     VMOV    v11, v2
     FROM_LIGHT v9, v10, v11
     DOT3_UNFUSED v12, v9, v10, v11, v3, v4, v5, v13, v14
-    SUM_OF  v6, v9, v10, v11, v14
+    OF_MAGNITUDES VADD, v6, v9, v10, v11, v14
     VMUL    v6, v6, v7
     VMUL    v6, v6, [PACKET(plain)]
     VABS    v14, v12
@@ -299,10 +285,10 @@
     VXOR    v4, v4, v12
     VXOR    v5, v5, v12
     STORE_PLANE v3, v4, v5, 3
-    SIZE_OF v8, v0, v1, v2, v14
+    OF_MAGNITUDES VMAX, v8, v0, v1, v2, v14
     NEARER  1
     NEARER  2
-    SUM_OF  v9, v0, v1, v2, v14
+    OF_MAGNITUDES VADD, v9, v0, v1, v2, v14
     VMUL    v9, v9, v7
     DOT3_UNFUSED v10, v3, v4, v5, v0, v1, v2, v11, v13
     VSUB    v9, v9, v10

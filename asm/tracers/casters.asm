@@ -12,12 +12,12 @@
 ;       unsafe extern "sysv64" fn(task: *const CastersTask)
 ;
 ;   Leaves open those of the open points of groups that none of the objects hides; none is hidden by the object that it
-;   belongs to. First the objects are culled whose bounds, as the light sees them, do not meet those of a group, in
-;   blocks of 16 and then alone, and the object that all of its points belong to.
+;   belongs to. First the objects are culled whose bounds, as the light sees them, do not meet those of a group: blocks
+;   of 16, for FLOATS groups at once, then each of a block, and the object that all of its points belong to.
 ;
-;   registers   rdi task, r12 the group, from which LitGroups' fields are counted; ebx blocks of casters that are left;
-;               rsi light, rdx points, r8d the points that are open, r13d those still so; r9 casters, r10 one of
-;               them, whose fields are 16 elements apart; at LEFT those that are left, up to r15, and r14 those that
+;   registers   rdi task, r12 the group, from which LitGroups' fields are counted; ebx those of its BLOCKS that are
+;               left; rsi light, rdx points, r8d the points that are open, r13d those still so; r9 casters, r10 one
+;               of them, whose fields are 16 elements apart; at LEFT those that are left, up to r15, and r14 those that
 ;               are still to come; v0 v1 v2 P, v3 the sum of its magnitudes; for spheres v3 v4 v5 g, and in memory that
 ;               sum and g.g
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written; x of bounds beyond the
@@ -26,7 +26,8 @@
 
 %define SUM_OF_SIZES rsp                ; |P|, the sum of magnitudes of a register's points
 %define SUM_OF_SQUARES rsp + VBYTES     ; g.g
-%define LEFT rsp + 2 * VBYTES           ; offsets of casters
+%define BLOCKS rsp + 2 * VBYTES         ; for each group a bit for each block that it meets
+%define LEFT BLOCKS + 4 * TILE_WIDTH * TILE_HEIGHT / GROUP  ; offsets of casters
 
 ; POINT - v<n> = coordinate n of the points at rdx, and v3 = v3 + its magnitude. Clobbers v14.
 %macro POINT 1
@@ -153,19 +154,27 @@
 
 %assign FLOATS VBYTES / 4               ; bounds in a register
 
-; MEETS - eax = a bit for each of FLOATS bounds, from a number on of those at r9, that meet those in v0 to v4, and are
-;         not of what is in v5. Clobbers v6 and v7 without mask registers.
+; MEETS - the lanes of k1, or of v6, where the ends in v0 to v4 meet bounds and, with six fields, v5 is not their own.
+;         Clobbers v7 and v8.
 ;
-;   instructions   sse41 18   avx2 12   avx512 7
-%macro MEETS 1
-%define %%first %1      ; [in]       number of the first
+;   equals        kernels::shadows::CasterList::meeting
+%macro MEETS 3
+%define %%at %1         ; [in]       address of bounds
+%define %%fields %2     ; [in]       5 or 6
+%define %%spread %3     ; [in]       1: of one with all lanes; 0: of FLOATS each with its lane
 %assign %%n 0
-%rep 6
-%define %%of [r9 + 4 * %%first + CasterBounds_size / 6 * %%n]
+%rep %%fields
+%define %%of [%%at + CasterBounds_size / 6 * %%n]
 %if %%n < 5
 %assign %%relation 2                    ; less or equal
 %else
 %assign %%relation 4                    ; not equal
+%endif
+%if %%spread && HAS_MASKS
+%define %%of dword [%%at + CasterBounds_size / 6 * %%n] {1to16}
+%elif %%spread
+    SPREAD_FLOAT 7, %%of
+%define %%of v7
 %endif
 %if HAS_MASKS && %%n == 0
     vcmpps  k1, v%[%%n], %%of, %%relation
@@ -176,22 +185,30 @@
 %elif HAS_VEX
     vcmpps  v7, v%[%%n], %%of, %%relation
     vandps  v6, v6, v7
-%elif %%n == 0
-    movaps  v6, v%[%%n]
-    cmpps   v6, %%of, %%relation
 %else
-    movaps  v7, v%[%%n]
-    cmpps   v7, %%of, %%relation
-    andps   v6, v7
+    movaps  v8, v%[%%n]
+    cmpps   v8, %%of, %%relation
+%if %%n == 0
+    movaps  v6, v8
+%else
+    andps   v6, v8
+%endif
 %endif
 %assign %%n %%n + 1
 %endrep
-%if HAS_MASKS
-    kmovw   eax, k1
-%elif HAS_VEX
-    vmovmskps eax, v6
+%endmacro
+
+; SPREAD_FLOAT - v<n> = an f32 in every lane.
+;
+;   instructions   sse41 2   avx2, avx512 1
+%macro SPREAD_FLOAT 2
+%define %%n %1          ; [out]      number of a register
+%define %%of %2         ; [in]       memory
+%if HAS_VEX
+    vbroadcastss v%[%%n], %%of
 %else
-    movmskps eax, v6
+    movss   v%[%%n], %%of
+    shufps  v%[%%n], v%[%%n], 0
 %endif
 %endmacro
 
@@ -204,42 +221,64 @@
 %assign %%bytes ELEM * SphereCasters_size
 %endif
 FUNC ISA %+ _ %+ %%kind %+ _casters
-    ENTER_OWNED 2 * VBYTES + 4 * (MOST_CASTERS + 16), VBYTES
+    ENTER_OWNED 2 * VBYTES + 4 * (TILE_WIDTH * TILE_HEIGHT / GROUP + MOST_CASTERS + 16), VBYTES
+    mov     rax, [rdi + CastersTask.groups]
+    xor     r12d, r12d
+.groups:
+%assign %%n 0
+%rep 5
+    VMOV    v%[%%n], [rax + r12 + LitGroups_size / 7 * %%n]
+%assign %%n %%n + 1
+%endrep
+    VZERO   v9
+    VMOV    v10, [PACKET(first_bit)]
+    mov     r9, [rdi + CastersTask.blocks]
+    mov     r10, [rdi + CastersTask.block_count]
+.groups_block:
+    MEETS   r9, 5, 1
+%if HAS_MASKS
+    vmovaps v7 {k1} {z}, v10
+    IOR     v9, v9, v7
+%else
+    IOP     pand, v6, v6, v10
+    IOR     v9, v9, v6
+%endif
+    IOP     paddd, v10, v10, v10
+    add     r9, 4
+    dec     r10d
+    jnz     .groups_block
+    VMOV_TO [BLOCKS + r12], v9
+    add     r12d, VBYTES
+    cmp     r12d, 4 * TILE_WIDTH * TILE_HEIGHT / GROUP
+    jb      .groups
+
     xor     r12d, r12d
 .group:
     mov     rax, [rdi + CastersTask.groups]
     add     rax, r12
     mov     r8d, [rax + LitGroups.open]
+    mov     ebx, [BLOCKS + r12]
     test    r8d, r8d
+    jz      .next_group
+    test    ebx, ebx
     jz      .next_group
 %assign %%n 0
 %rep 6
-%if HAS_VEX
-    vbroadcastss v%[%%n], [rax + LitGroups_size / 7 * %%n]
-%else
-    movss   v%[%%n], [rax + LitGroups_size / 7 * %%n]
-    shufps  v%[%%n], v%[%%n], 0
-%endif
+    SPREAD_FLOAT %%n, [rax + LitGroups_size / 7 * %%n]
 %assign %%n %%n + 1
 %endrep
     lea     r15, [LEFT]
-    mov     r11, [rdi + CastersTask.blocks]
-    xor     r14d, r14d                  ; the number of a block
-.blocks:
-    mov     r9, r11
-    MEETS   0
-    mov     ebx, eax
 .block:
     bsf     ecx, ebx
-    jz      .next_blocks
+    jz      .blocks_done
     lea     eax, [rbx - 1]
     and     ebx, eax
-    add     ecx, r14d
     imul    r9, rcx, CasterBounds_size
     imul    r10, rcx, %%bytes
     add     r9, [rdi + CastersTask.bounds]
 %if HAS_MASKS
-    MEETS   0
+    MEETS   r9, 6, 0
+    kmovw   eax, k1
     vpbroadcastd v6, r10d
     vpaddd  v6, v6, [PACKET(of_block)]
     vpcompressd v6 {k1} {z}, v6
@@ -249,7 +288,12 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
 %else
 %assign %%first 0
 %rep 16 / FLOATS
-    MEETS   %%first
+    MEETS   r9 + 4 * %%first, 6, 0
+%if HAS_VEX
+    vmovmskps eax, v6
+%else
+    movmskps eax, v6
+%endif
     test    eax, eax
     jz      .culled%[%%first]
 .meets%[%%first]:
@@ -265,11 +309,7 @@ FUNC ISA %+ _ %+ %%kind %+ _casters
 %endrep
 %endif
     jmp     .block
-.next_blocks:
-    add     r11, 4 * FLOATS
-    add     r14d, FLOATS
-    cmp     r14d, MOST_CASTERS / 16
-    jb      .blocks
+.blocks_done:
     lea     r14, [LEFT]
     cmp     r14, r15
     je      .next_group

@@ -130,6 +130,7 @@ kinds! {
                     casters: reads(&*casters.casters),
                     bounds: reads(&*casters.bounds),
                     blocks: reads(&casters.blocks),
+                    block_count: casters.bounds.len() as u64,
                 };
                 enter([reads(&task), 0, 0, 0, 0, 0]);
             }

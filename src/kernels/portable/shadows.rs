@@ -184,13 +184,13 @@ pub fn cast<W: Lanes<Number = f64>>(
     }
 }
 
-/// SIZE_OF.
+/// OF_MAGNITUDES, the greatest.
 #[inline(always)]
 fn size_of<W: Lanes>(of: [W; 3]) -> W {
     of[0].abs().max(of[1].abs()).max(of[2].abs())
 }
 
-/// SUM_OF.
+/// OF_MAGNITUDES, the sum.
 #[inline(always)]
 fn sum_of<W: Lanes>(of: [W; 3]) -> W {
     of[0].abs() + of[1].abs() + of[2].abs()
