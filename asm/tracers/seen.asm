@@ -10,8 +10,8 @@
 ;
 ;   across, down, depth   *const f64: coordinates of the points of a tile, aligned to 64 bytes
 ;
-;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, eax groups left;
-;               v0 v1 v2 points, v8 to v12 the least of a group so far
+;   registers   rdi view, whose fields are the constants K; rsi across, rdx down, rcx depth, r8 groups, eax groups left,
+;               r10d whether a point is on the side; v0 v1 v2 points, v8 to v12 the least of a group so far
 ;   writes      x, y, past_x, past_y and depth: infinity where no point of a group is on the side, or none is open
 ;   requires    the CPUID features of the ISA; all addresses valid for what is read and written
 ;   equals      kernels::portable::shadows::seen
@@ -44,13 +44,14 @@ FUNC ISA %+ _seen
     mov     eax, TILE_WIDTH * TILE_HEIGHT / GROUP
 align 16
 .group:
+    cmp     dword [r8 + LitGroups.open], 0
+    je      .nowhere
 %assign %%n 8
 %rep 5
     VMOV    v%[%%n], [PACKET(infinite)]
 %assign %%n %%n + 1
 %endrep
-    cmp     dword [r8 + LitGroups.open], 0
-    je      .store
+    xor     r10d, r10d
 %assign %%at 0
 %rep GROUP / LANES
     VMOV    v0, [rsi + ELEM * %%at]
@@ -66,6 +67,7 @@ align 16
     VABS    v4, v1
     MASK_AND_GREATER v3, v4, v5
     MASK_BITS r9d
+    or      r10d, r9d
     test    r9d, r9d
     jz      .beside%[%%at]
     VMOV    v4, [PACKET(no_number)]
@@ -90,12 +92,21 @@ align 16
 .beside%[%%at]:
 %assign %%at %%at + LANES
 %endrep
-.store:
+    test    r10d, r10d
+    jz      .nowhere
     STORE_LEAST 8, LitGroups.x
     STORE_LEAST 9, LitGroups.y
     STORE_LEAST 10, LitGroups.past_x
     STORE_LEAST 11, LitGroups.past_y
     STORE_LEAST 12, LitGroups.depth
+    jmp     .next
+.nowhere:
+%assign %%n 0
+%rep 5
+    mov     dword [r8 + LitGroups_size / 7 * %%n], __?float32?__(__?Infinity?__)
+%assign %%n %%n + 1
+%endrep
+.next:
     add     rsi, ELEM * GROUP
     add     rdx, ELEM * GROUP
     add     rcx, ELEM * GROUP

@@ -68,7 +68,6 @@ struct Side {
     /// The axis that it looks along.
     axis: usize,
     view: LightSideView<f64>,
-    /// From the nearest on.
     objects: Vec<Extent>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
@@ -81,6 +80,7 @@ struct Grid {
     coarseness: u32,
     /// Where the objects of each cell begin, row by row; and the end of the last.
     starts: Vec<u32>,
+    /// Those of a cell from the nearest on.
     placed: Vec<u32>,
 }
 
@@ -187,8 +187,7 @@ impl Side {
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
         let bounds = |run: &Run| Some(extent(&view, &Bounds::of_box(run.ends.map(|v| v - light), number)?, run));
-        let mut objects: Vec<_> = runs.iter().filter_map(bounds).collect();
-        objects.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+        let objects: Vec<_> = runs.iter().filter_map(bounds).collect();
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let grids = Grid::of(&objects, (FINEST / useful).ilog2());
         Side { axis, view, objects, grids }
@@ -221,9 +220,13 @@ impl Grid {
                 count = 0;
             }
         }
+        // Depths are not below 0, so that their bits are in their order.
+        let key = |(of, object): (&Extent, u64)| u64::from(of.depth.to_bits()) << 32 | object;
+        let mut order: Vec<_> = objects.iter().zip(0..).map(key).collect();
+        order.sort_unstable();
         let each_cell = |grids: &mut Vec<Grid>, say: fn(&mut Grid, usize, u32)| {
-            for (object, of) in (0..).zip(objects) {
-                let (cells, level) = cells(of);
+            for object in order.iter().map(|key| *key as u32) {
+                let (cells, level) = cells(&objects[object as usize]);
                 let grid = &mut grids[of_level[level]];
                 let (shift, across) = (grid.coarseness, FINEST as usize >> grid.coarseness);
                 let [columns, rows] = cells.map(|of| of.map(|cell| cell >> shift));
