@@ -515,7 +515,7 @@ mod imp {
         }
 
         pub fn into_recording(self) -> Recording {
-            Recording { moments: Vec::new(), executed: 0, left_out: 0 }
+            Recording { moments: Vec::new(), executed: 0 }
         }
     }
 

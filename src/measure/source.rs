@@ -75,8 +75,6 @@ fn is_plain(of: &Macro) -> bool {
 /// The kernels of an instruction set in this process, with their source lines.
 #[derive(Debug)]
 pub struct Unit {
-    /// The instruction set.
-    pub isa: Isa,
     /// The addresses of their code.
     pub code: Range<usize>,
     pub macros: Vec<Macro>,
@@ -143,7 +141,7 @@ impl Unit {
             let number = table.number();
             Line { offset, call, number, text: strings[table.number()], comment: strings[table.number()] }
         });
-        Some(Unit { isa, code: start..start + text.size() as usize, macros, calls, lines, functions })
+        Some(Unit { code: start..start + text.size() as usize, macros, calls, lines, functions })
     }
 
     /// The line of the instruction at `address`.

@@ -14,11 +14,6 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Whether `value` lies in the interval, ends included.
-    pub fn contains(&self, value: f64) -> bool {
-        self.low <= value && value <= self.high
-    }
-
     /// Whether the two intervals have a value in common.
     pub fn overlaps(&self, other: &Estimate) -> bool {
         self.low <= other.high && other.low <= self.high

@@ -53,9 +53,6 @@ pub struct StepError {
 #[derive(Clone, Debug)]
 pub struct ElementError {
     pub at: Element,
-    /// f32 or f64.
-    pub format: Number,
-    pub found: f64,
     /// What it would be without rounding; None where it is not finite. Then there are no errors, which are 0.
     pub exact: Option<Exact>,
     /// The number less its exact value: what was inherited and what was added.
@@ -116,11 +113,11 @@ impl Made {
         [inherited, added]: [f64; 2],
         cancelled: Option<u32>,
     ) {
-        let (found, error) = (format.value(bits), inherited + added);
+        let error = inherited + added;
         if let (Some(exact), true) = (&exact, error != 0.0) {
             self.values.push((at, Value { format, bits, exact: exact.clone() }));
         }
-        self.errors.push(ElementError { at, format, found, exact, error, inherited, added, cancelled });
+        self.errors.push(ElementError { at, exact, error, inherited, added, cancelled });
     }
 }
 

@@ -57,8 +57,6 @@ pub struct Argument {
     pub name: &'static str,
     /// What it is for: `in`, `out`, `in/out`, `clobbered`.
     pub kind: &'static str,
-    /// The register, address or label.
-    pub is: &'static str,
     /// What a register held before the macro, and after it: of the lane that is told of, or of a vector its elements.
     pub values: Option<[Vec<Value>; 2]>,
 }
@@ -177,7 +175,6 @@ impl Grower<'_> {
         let argument = |(parameter, &is): (&Parameter, &&'static str)| Argument {
             name: parameter.name,
             kind: parameter.kind,
-            is,
             values: states.and_then(|states| self.values(is, parameter.says, states)),
         };
         let arguments = parameters.iter().zip(arguments).map(argument).collect();

@@ -45,7 +45,6 @@ struct Moments {
     wanted: Vec<Range<u64>>,
     most: usize,
     kept: Vec<Moment>,
-    left_out: u64,
     /// The instruction being executed, if it is wanted: its memory has to be read again.
     running: Option<Instruction>,
     /// Offsets of [`UPPER_YMM`], [`MASKS`], [`UPPER_ZMM`] and [`HIGH_ZMM`].
@@ -63,7 +62,6 @@ impl Recorder {
             most,
             // The moment after the last of each run of them is kept too.
             kept: room(most.saturating_add(1))?,
-            left_out: 0,
             running: None,
             offsets: [UPPER_YMM, MASKS, UPPER_ZMM, HIGH_ZMM].map(offset_of),
         });
@@ -82,11 +80,11 @@ impl Recorder {
     }
 
     pub fn into_recording(self) -> Recording {
-        let (moments, left_out) = match self.keeps {
-            Keeps::Visits(_) => (Vec::new(), 0),
-            Keeps::Moments(moments) => (moments.kept, moments.left_out),
+        let moments = match self.keeps {
+            Keeps::Visits(_) => Vec::new(),
+            Keeps::Moments(moments) => moments.kept,
         };
-        Recording { moments, executed: self.executed, left_out }
+        Recording { moments, executed: self.executed }
     }
 
     /// Called before each instruction, with the context that it interrupted. Returns whether the record is full.
@@ -141,7 +139,6 @@ impl Moments {
             unsafe { touch(&instruction, state, touched.address, &mut touched.after) };
         }
         if self.kept.len() > self.most {
-            self.left_out += u64::from(number.is_some());
             return;
         }
         // SAFETY: by the contract of this function.
@@ -157,7 +154,6 @@ impl Moments {
             });
             self.running = Some(instruction);
         }
-        self.left_out += u64::from(number.is_some() && self.running.is_none());
         self.kept.push(Moment { state, number: number.filter(|_| self.running.is_some()), code, touched });
     }
 

@@ -70,8 +70,6 @@ pub struct Recording {
     pub(super) moments: Vec<Moment>,
     /// The number of all of them.
     pub executed: u64,
-    /// The number of wanted instructions that are not recorded, beyond the most requested.
-    pub left_out: u64,
 }
 
 impl Recording {
