@@ -1,6 +1,6 @@
 //! What was found as a page: `docs/results/stability.md`.
 
-use super::table::{COLUMNS, costs, operations};
+use super::table::{costs, of_family, operations};
 use crate::cli::essay::{absent_engines, part};
 use crate::cli::table::Table;
 use crate::experiments::stability::StabilityReport;
@@ -22,12 +22,7 @@ pub fn text(document: &StabilityReport) -> String {
     for rows in document.rows.chunk_by(|a, b| a.family == b.family) {
         let Some(family) = family(&rows[0].family) else { continue };
         text += &format!("### {}: {}\n\n", family.id, family.name);
-        let mut table = Table::new(usize::MAX, ["engine"].into_iter().chain(COLUMNS.map(|(head, _)| head)));
-        for row in rows {
-            let engine = format!("`{}` {}", row.engine, row.precision);
-            table.row([engine].into_iter().chain(COLUMNS.map(|(_, cell)| cell(row))).collect());
-        }
-        text += &(table.compact() + "\n");
+        text += &(of_family(rows).left(usize::MAX).compact() + "\n");
     }
     if !document.costs.is_empty() {
         text += part(EXPLANATION, "costs");

@@ -7,7 +7,7 @@ use crate::experiments::stability::{Stability, StabilityReport};
 use crate::scene::families::family;
 
 /// The columns after engine and precision.
-pub(super) const COLUMNS: [Column<Stability>; 10] = [
+const COLUMNS: [Column<Stability>; 10] = [
     ("t, ulp", |row| number(row.worst)),
     ("of bound", |row| number(row.bound)),
     ("normal", |row| number(row.angle)),
@@ -20,10 +20,14 @@ pub(super) const COLUMNS: [Column<Stability>; 10] = [
     ("slowdown", |row| number(row.slowdown)),
 ];
 
-fn line(engine: &str, cells: [String; COLUMNS.len()]) -> String {
-    let [cells @ .., slowdown] = cells;
-    let cells = cells.map(|cell| format!(" {cell:>10}")).concat();
-    format!("  {engine:<16}{cells} {slowdown:>9}\n")
+/// A row for each engine.
+pub(super) fn of_family(rows: &[Stability]) -> Table {
+    let mut table = Table::new(1, ["engine"].into_iter().chain(COLUMNS.map(|(head, _)| head)));
+    for row in rows {
+        let engine = format!("`{}` {}", row.engine, row.precision);
+        table.row([engine].into_iter().chain(COLUMNS.map(|(_, cell)| cell(row))).collect());
+    }
+    table
 }
 
 /// A table for each family, and what limits could be tightened.
@@ -33,12 +37,8 @@ pub fn text(document: &StabilityReport) -> String {
         let Some(family) = family(&rows[0].family) else { continue };
         let (first, last) = (family.levels[0], family.levels[family.levels.len() - 1]);
         text += &format!("{} {}: {}, {first} to {last}\n", family.id, family.name, family.parameter);
-        text += &format!("  correct: {}\n", family.correct);
-        text += &line("engine", COLUMNS.map(|(head, _)| head.to_owned()));
-        for row in rows {
-            text += &line(&format!("{} {}", row.engine, row.precision), COLUMNS.map(|(_, cell)| cell(row)));
-        }
-        text += "\n";
+        text += &format!("correct: {}\n\n", family.correct);
+        text += &(of_family(rows).text() + "\n");
     }
     if !document.costs.is_empty() {
         text += "The time of a stiff picture by that of the same picture of an ordinary scene\n\n";
