@@ -116,7 +116,7 @@ fn sound(scene: &Scene) {
 /// An error has a place in the file, and words of bounded length that cannot steer a terminal.
 fn explained(error: &SceneError, source: &[u8]) {
     assert!((1..=20).contains(&error.diagnostics().len()));
-    assert!(error.render(true).len() < 60_000);
+    assert!(error.render(false).len() < 20_000 && error.render(true).len() < 40_000);
     for diagnostic in error.diagnostics() {
         assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.span.end <= source.len());
         assert!(!diagnostic.message.is_empty() && !diagnostic.expected.is_empty());

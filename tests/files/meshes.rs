@@ -6,7 +6,6 @@ use std::path::Path;
 
 use crate::counting::peak_of;
 use glam::{DVec2, DVec3, Vec3};
-use proptest::prelude::*;
 use rayo::scene::mesh::shapes::{icosphere, terrain, torus};
 use rayo::scene::{Camera, Mesh, MeshError, MeshFormat, Rng, Scene, SceneError, Setting, ToCamera, open};
 
@@ -768,88 +767,6 @@ fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
     // An outline that crosses itself, and one on a line, have no inside; they are cut all the same.
     assert_eq!(cut(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]).unwrap().len(), 2);
     assert_eq!(cut(&[(0.0, 0.0), (3.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.5, 0.0)]).unwrap().len(), 3);
-}
-
-/// Whatever the file, an error is one line, and a mesh is sound.
-fn survives(format: MeshFormat, source: &[u8]) {
-    match read(format, source) {
-        Ok(mesh) => {
-            assert!(!mesh.triangles.is_empty());
-            assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()));
-            assert!(mesh.triangles.iter().flatten().all(|&index| (index as usize) < mesh.vertices.len()));
-        }
-        Err(error) => {
-            let text = error.to_string();
-            assert!(text.starts_with("test") && text.len() < 2000 && !text.contains(['\n', '\x1b']), "{text}");
-        }
-    }
-}
-
-/// Sound files of every kind, to be damaged.
-fn samples() -> Vec<(MeshFormat, Vec<u8>)> {
-    let ply = |encoding| (MeshFormat::Ply, ply_square(encoding, "float", "int"));
-    vec![
-        (MeshFormat::Obj, format!("{OBJ_SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2//1 -2 4\no b\nf 1 2 3").into_bytes()),
-        ply("ascii"),
-        ply("binary_little_endian"),
-        ply("binary_big_endian"),
-        (MeshFormat::Stl, stl_text(" a").into_bytes()),
-        (MeshFormat::Stl, stl_binary("solid a")),
-    ]
-}
-
-#[test]
-fn a_file_cut_off_anywhere_is_refused_or_sound() {
-    for (format, source) in samples() {
-        (0..source.len()).for_each(|length| survives(format, &source[..length]));
-    }
-}
-
-proptest! {
-    // A failure is printed with its smallest input, to become a case above.
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 1000, ..ProptestConfig::default() })]
-
-    #[test]
-    fn no_bytes_make_a_reader_panic(
-        which in 0..FORMATS.len(),
-        start in prop::sample::select(vec!["", "ply\nformat ascii 1.0\n", "solid ", "v 1 2 3\nf "]),
-        bytes in prop::collection::vec(any::<u8>(), 0..300),
-    ) {
-        survives(FORMATS[which], &[start.as_bytes(), &bytes].concat());
-    }
-
-    #[test]
-    fn no_damage_to_a_mesh_makes_a_reader_panic(
-        which in 0..6_usize,
-        edits in prop::collection::vec((any::<prop::sample::Index>(), 0..6_usize, prop::collection::vec(any::<u8>(), 0..4)), 1..8),
-    ) {
-        let (format, mut source) = samples().swap_remove(which);
-        for (at, removed, inserted) in edits {
-            let at = at.index(source.len() + 1);
-            let end = source.len().min(at + removed);
-            source.splice(at..end, inserted);
-        }
-        survives(format, &source);
-    }
-
-    #[test]
-    fn no_word_in_the_place_of_another_makes_a_reader_panic(
-        which in 0..5_usize,
-        at in any::<prop::sample::Index>(),
-        word in prop::sample::select(vec![
-            "-1", "0", "1", "4", "1e39", "nan", "-inf", "4294967295", "4294967296", "99999999999999999999", "x", "", "\\",
-            "list", "double", "uchar", "element vertex 9", "endloop", "f", "v", "o", "-9223372036854775808", "1/2/3/4",
-        ]),
-    ) {
-        let (format, source) = samples().swap_remove(which);
-        let text = String::from_utf8_lossy(&source);
-        let mut words: Vec<&str> = text.split_inclusive([' ', '\n']).collect();
-        let place = at.index(words.len());
-        let end = if words[place].ends_with('\n') { "\n" } else { " " };
-        let new = format!("{word}{end}");
-        words[place] = &new;
-        survives(format, words.concat().as_bytes());
-    }
 }
 
 #[test]

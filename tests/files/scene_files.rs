@@ -512,19 +512,6 @@ fn bits(scene: &Scene) -> Vec<u32> {
     numbers.into_iter().map(f32::to_bits).collect()
 }
 
-/// Whatever the file, an error says where it is, and both of its forms are of bounded length.
-fn survives(source: &[u8]) {
-    if let Err(error) = parse_bounded(source) {
-        assert!((1..=20).contains(&error.diagnostics().len()));
-        assert!(error.render(false).len() < 20_000 && error.render(true).len() < 40_000);
-        for diagnostic in error.diagnostics() {
-            assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.span.end <= source.len());
-            assert!(!diagnostic.message.is_empty() && !diagnostic.expected.is_empty());
-            assert!(!diagnostic.one_line("a.in").contains(['\n', '\r', '\x1b']));
-        }
-    }
-}
-
 proptest! {
     // A failure is printed with its smallest input, to become a case above.
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
@@ -534,48 +521,6 @@ proptest! {
         let read = accepted(scene.to_text());
         prop_assert_eq!(&read, &scene);
         prop_assert_eq!(bits(&read), bits(&scene));
-    }
-
-    #[test]
-    fn no_bytes_make_the_parser_panic(source in prop::collection::vec(any::<u8>(), 0..300)) {
-        survives(&source);
-    }
-
-    #[test]
-    fn no_text_makes_the_parser_panic(source in "[ \\n\\r\\t0-9a-e+.#/ñ\u{feff}\u{301}-]{0,300}") {
-        survives(source.as_bytes());
-    }
-
-    #[test]
-    fn no_mutation_of_a_valid_file_makes_the_parser_panic(
-        scene in any_scene(),
-        edits in prop::collection::vec((any::<prop::sample::Index>(), 0..4usize, prop::collection::vec(any::<u8>(), 0..4)), 1..8),
-        cut in any::<prop::sample::Index>(),
-        truncated in any::<bool>(),
-    ) {
-        let mut source = scene.to_text().into_bytes();
-        for (at, removed, inserted) in edits {
-            let at = at.index(source.len());
-            let end = source.len().min(at + removed);
-            source.splice(at..end, inserted);
-            source.push(b' ');
-        }
-        if truncated {
-            source.truncate(cut.index(source.len()));
-        }
-        survives(&source);
-    }
-
-    #[test]
-    fn a_token_replaced_by_another_never_makes_the_parser_panic(
-        at in any::<prop::sample::Index>(),
-        token in prop::sample::select(vec![
-            "-1", "0", "1", "2", "7", "1e39", "nan", "-inf", "1000000", "99999999999999999999", "x", "", "#", "//", "\u{feff}",
-        ]),
-    ) {
-        let mut tokens: Vec<&str> = VALID.split_whitespace().collect();
-        *at.get_mut(&mut tokens) = token;
-        survives(tokens.join(" ").as_bytes());
     }
 }
 

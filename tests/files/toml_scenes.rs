@@ -5,7 +5,6 @@ use std::path::Path;
 
 use crate::counting::peak_of;
 use glam::{DMat3, DVec3, Vec3};
-use proptest::prelude::*;
 use rayo::scene::mesh::Placement;
 use rayo::scene::mesh::shapes::icosphere;
 use rayo::scene::{Camera, Light, MeshFormat, Opened, Scene, SceneError, Setting, many, open, parse_toml, read};
@@ -459,60 +458,5 @@ fn the_scene_of_a_mesh_is_the_same_by_way_of_toml() {
         let toml = folder.path().join("ball.toml");
         fs::write(&toml, setting.to_toml(&file, "ball.png", &camera)).unwrap();
         assert_eq!(read(&toml).unwrap(), alone.scene, "{format}");
-    }
-}
-
-fn survives(source: &[u8]) {
-    if let Err(error) = parse(source) {
-        assert!((1..=20).contains(&error.diagnostics().len()));
-        for diagnostic in error.diagnostics() {
-            assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.span.end <= source.len());
-            assert!(!diagnostic.message.is_empty() && !diagnostic.expected.is_empty());
-            let line = diagnostic.one_line("a.toml");
-            assert!(!line.contains(['\n', '\r', '\x1b']), "{line:?}");
-        }
-        assert!(error.render(true).len() < 40_000);
-    }
-}
-
-proptest! {
-    // A failure is printed with its smallest input, to become a case above.
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 600, ..ProptestConfig::default() })]
-
-    #[test]
-    fn no_bytes_make_the_parser_panic(source in prop::collection::vec(any::<u8>(), 0..200)) {
-        survives(&source);
-    }
-
-    #[test]
-    fn no_text_makes_the_parser_panic(source in "[ \\n\\[\\]{}=\"'0-9a-e+.,#_ñ-]{0,200}") {
-        survives(source.as_bytes());
-    }
-
-    #[test]
-    fn no_mutation_of_a_valid_file_makes_the_parser_panic(
-        edits in prop::collection::vec((any::<prop::sample::Index>(), 0..6_usize, prop::collection::vec(any::<u8>(), 0..4)), 1..8),
-    ) {
-        let mut source = VALID.as_bytes().to_vec();
-        for (at, removed, inserted) in edits {
-            let at = at.index(source.len());
-            let end = source.len().min(at + removed);
-            source.splice(at..end, inserted);
-            source.push(b'\n');
-        }
-        survives(&source);
-    }
-
-    #[test]
-    fn no_word_in_the_place_of_another_makes_the_parser_panic(
-        at in any::<prop::sample::Index>(),
-        word in prop::sample::select(vec![
-            "-1", "0", "1e39", "nan", "-inf", "[]", "[[]]", "{}", "\"\"", "[[", "]]", "[image]", "[[image]]", "true",
-            "1979-05-27", "99999999999999999999", "'", "\"\"\"", "=", "mesh", "a.b.c", "#", "\u{feff}", "\0",
-        ]),
-    ) {
-        let mut words: Vec<&str> = VALID.split_inclusive([' ', '\n']).collect();
-        *at.get_mut(&mut words) = word;
-        survives(words.concat().as_bytes());
     }
 }
