@@ -237,59 +237,14 @@ mod tests {
     const E: f64 = f64::EPSILON;
 
     #[test]
-    fn a_sphere_ahead_is_hit_at_its_near_wall() {
-        assert_eq!(sphere(Z, 10.0 * Z, 3.0), Some(7.0));
-    }
-
-    #[test]
-    fn a_camera_inside_a_sphere_sees_its_far_wall() {
-        assert_eq!(sphere(Z, DVec3::ZERO, 3.0), Some(3.0));
-        assert_eq!(sphere(Z, Z, 3.0), Some(4.0));
-        assert_eq!(sphere(Z, -Z, 3.0), Some(2.0));
-    }
-
-    #[test]
-    fn a_sphere_behind_or_beside_the_camera_is_not_hit() {
-        assert_eq!(sphere(Z, -10.0 * Z, 3.0), None);
-        assert_eq!(sphere(Z, DVec3::new(4.0, 0.0, 10.0), 3.0), None);
-    }
-
-    #[test]
-    fn a_sphere_that_the_ray_touches_is_hit() {
+    fn a_sphere_that_the_ray_touches_is_hit_and_one_that_the_camera_is_on_at_its_far_wall_if_at_all() {
         assert_eq!(sphere(Z, DVec3::new(3.0, 0.0, 10.0), 3.0), Some(10.0));
-    }
-
-    #[test]
-    fn a_camera_on_a_sphere_sees_the_far_wall_or_nothing() {
         assert_eq!(sphere(Z, 3.0 * Z, 3.0), Some(6.0));
         assert_eq!(sphere(Z, -3.0 * Z, 3.0), None);
     }
 
     fn corner(x: f64, y: f64, z: f64) -> DVec3 {
         DVec3::new(x, y, z)
-    }
-
-    #[test]
-    fn edges_and_vertices_belong_to_a_triangle_in_either_order() {
-        let [a, b, c] = [corner(0.0, 0.0, 4.0), corner(4.0, 0.0, 4.0), corner(0.0, 4.0, 4.0)];
-        for v in [[a, b, c], [c, b, a], [b, c, a]] {
-            for (x, y, hit) in
-                [(1.0, 1.0, true), (0.0, 0.0, true), (2.0, 2.0, true), (0.0, 3.0, true), (2.1, 2.0, false)]
-            {
-                assert_eq!(triangle(corner(x, y, 4.0), v), hit.then_some(1.0), "{x} {y}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_triangle_of_no_area_behind_the_camera_or_seen_from_its_edge_is_not_hit() {
-        let flat = [corner(-1.0, 0.0, 4.0), corner(0.0, 0.0, 4.0), corner(1.0, 0.0, 4.0)];
-        assert_eq!(triangle(Z, flat), None);
-        let behind = [corner(-1.0, -1.0, -4.0), corner(1.0, -1.0, -4.0), corner(0.0, 1.0, -4.0)];
-        assert_eq!(triangle(Z, behind), None);
-        let edge_on = [corner(0.1, -1.0, 3.0), corner(0.2, 2.0, 6.0), corner(0.1, 1.0, 3.0)];
-        let through_camera = [edge_on[0], edge_on[1], -edge_on[0]];
-        assert_eq!(triangle(edge_on[1], through_camera), None);
     }
 
     #[test]
@@ -453,14 +408,5 @@ mod tests {
                 assert_eq!(triangle_is_turned_away(corner(7.0, 0.0, z), vertices), away, "{z}");
             }
         }
-    }
-
-    #[test]
-    fn a_light_on_the_surface_gives_nothing() {
-        assert_eq!(lambert(Z, Z, Z), 0.0);
-        assert_eq!(lambert_two_sided(Z, Z, Z), 0.0);
-        assert_eq!(lambert(2.0 * Z, Z, Z), 1.0);
-        assert_eq!(lambert(Z, 2.0 * Z, Z), 0.0);
-        assert_eq!(lambert_two_sided(Z, 2.0 * Z, Z), 1.0);
     }
 }

@@ -335,20 +335,6 @@ mod tests {
     }
 
     #[test]
-    fn by_default_nothing_changes_and_rows_are_the_same_alone_and_together() {
-        let scene = scene();
-        let tracer = Engine::Rust.prepare(None, &scene).unwrap();
-        let mut film = Film::new(PixelFormat::F32x4, 48 * 36).unwrap();
-        tracer.rows(0..36, film.as_mut());
-        let Film::F32x4(pixels) = film else { unreachable!() };
-        let own: Vec<_> = pixels.iter().map(<[f32; 3]>::of_linear).collect();
-        assert_eq!(own, light(&scene, Development::default(), 0..36));
-        let development = Development { samples: 2, background: [0.25, 0.5, 1.0], exposure: -1.0, srgb: false };
-        let whole = light(&scene, development, 0..36);
-        assert_eq!(light(&scene, development, 7..20), whole[7 * 48..20 * 48]);
-    }
-
-    #[test]
     fn the_background_is_where_no_ray_hits_which_the_picture_tells_and_exposure_doubles_with_each_stop() {
         let development = Development { background: [0.25, 0.5, 1.0], exposure: 2.0, ..Development::default() };
         let mut seen = [0, 0];

@@ -303,36 +303,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn at_rest_a_scene_is_seen_as_it_is_to_the_last_bit() {
-        let mut scene = many(20, 20, 3);
-        scene.spheres[0].centre.x = -0.0;
-        let seen = scene.seen_from(View::default()).unwrap();
-        assert_eq!(seen, scene);
-        assert!(seen.spheres[0].centre.x.is_sign_negative());
-    }
-
-    #[test]
-    fn a_camera_that_steps_back_and_turns_round_sees_what_was_behind_it_in_front_and_the_sides_exchanged() {
-        let scene = many(5, 5, 3);
-        let view = View { position: DVec3::new(0.0, 0.0, 8.0), look_at: DVec3::ZERO, up: DVec3::Y };
-        let seen = scene.seen_from(view).unwrap();
-        let expected = |point: Vec3| Vec3::new(-point.x, point.y, 8.0 - point.z);
-        for (seen, object) in seen.spheres.iter().zip(&scene.spheres) {
-            assert_eq!(
-                (seen.centre, seen.radius, seen.colour),
-                (expected(object.centre), object.radius, object.colour)
-            );
-        }
-        for (seen, object) in seen.triangles.iter().zip(&scene.triangles) {
-            assert_eq!((seen.vertices, seen.colour), (object.vertices.map(expected), object.colour));
-        }
-        for (seen, light) in seen.lights.iter().zip(&scene.lights) {
-            assert_eq!(*seen, Light { position: expected(light.position), ..*light });
-        }
-        assert_eq!((seen.camera, &seen.name), (scene.camera, &scene.name));
-    }
-
-    #[test]
     fn what_is_placed_in_a_world_keeps_its_digits_however_far_both_are_from_the_origin() {
         let position = DVec3::new(1.5, -2.25, 0.5);
         let view = View { position, look_at: DVec3::new(0.5, 0.0, 4.0), up: DVec3::Y };
@@ -363,19 +333,9 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_of_no_area_has_none_from_anywhere() {
-        let mut scene = many(0, 1, 1);
-        scene.triangles[0].vertices = [1.0, 2.0, 7.0].map(|z| z * Vec3::new(77.0, 179.0, 256.0));
-        assert!(scene.triangles[0].has_no_area());
-        for x in 1..50 {
-            let view = View { position: DVec3::new(0.1 * f64::from(x), 1.0, -2.0), look_at: DVec3::Z, up: DVec3::Y };
-            assert!(scene.seen_from(view).unwrap().triangles[0].has_no_area(), "x = {x}");
-        }
-    }
-
-    #[test]
     fn what_a_moving_camera_sees_is_the_world_moved_once_wherever_it_was_before() {
         let mut world = many(5, 40, 3);
+        world.spheres[0].centre.x = -0.0;
         let line = [1.0, 2.0, 7.0].map(|z| z * Vec3::new(77.0, 179.0, 256.0));
         (0..9).for_each(|i| world.triangles[4 * i].vertices = line);
         let vertices = [line, world.triangles[1].vertices].concat();
@@ -397,7 +357,8 @@ mod tests {
                     triangle.vertices == world.triangles[i].vertices.map(|v| moved(&v))
                 });
             }
-            assert!(*camera.seen_from(View::default()).unwrap() == world);
+            let at_rest = camera.seen_from(View::default()).unwrap();
+            assert!(*at_rest == world && at_rest.spheres[0].centre.x.is_sign_negative());
             assert!(camera.seen_from(View { position: DVec3::splat(-1e39), ..view }).is_err());
         }
     }

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use crate::contenders::{Contender, contenders};
-use rayo::kernels::Vec4;
 use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::{self, Camera, Scene, many};
 
@@ -127,14 +126,4 @@ fn three_channels_are_the_first_three_of_four_where_they_are_stored_past_the_cac
             check(&contender, &scene, 3, name);
         }
     }
-}
-
-#[test]
-fn four_floats_become_what_a_file_has() {
-    let linear = [Vec4::new(0.5, 1.5, -0.25)];
-    let (mut floats, mut bytes, mut rgba) = ([[9.0; 3]], [[9; 3]], [[9; 4]]);
-    FilmMut::F32x3(&mut floats).set(&linear);
-    FilmMut::Rgb8(&mut bytes).set(&linear);
-    FilmMut::Rgba8(&mut rgba).set(&linear);
-    assert_eq!((floats, bytes, rgba), ([[0.5, 1.5, -0.25]], [[127, 255, 0]], [[127, 255, 0, 255]]));
 }
