@@ -59,6 +59,14 @@ impl Place {
         Run { status, stdout: text(output.stdout), stderr: text(output.stderr) }
     }
 
+    /// Runs a line of the shell in which the program is called rayo.
+    #[cfg(unix)]
+    fn shell(&self, line: &str) -> std::process::Output {
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &format!("rayo() {{ exec \"$0\" \"$@\"; }}; {line}")]);
+        command.arg(assert_cmd::cargo::cargo_bin!("rayo")).current_dir(&self.directory).output().unwrap()
+    }
+
     /// Runs it, and checks that it refuses with `status` and says `message` and nothing else.
     #[track_caller]
     fn refuses(&self, arguments: &str, status: i32, message: &str) {
@@ -662,16 +670,12 @@ fn a_standard_output_that_takes_nothing_is_told() {
         ["render scene.in -o -", "info", "--help", "diff picture.png picture.png", "render scene.in --preview"]
     {
         for how in [">&-", "1</dev/null"] {
-            let mut command = std::process::Command::new("sh");
-            command.args(["-c", &format!("exec \"$0\" {arguments} {how}")]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
-            let output = command.current_dir(&place.directory).output().unwrap();
+            let output = place.shell(&format!("rayo {arguments} {how}"));
             let told = String::from_utf8(output.stderr).unwrap();
             assert!(output.status.code() == Some(1) && told.contains(" closed"), "{arguments} {how}: {told}");
         }
     }
-    let mut command = std::process::Command::new("sh");
-    command.args(["-c", "exec \"$0\" render scene.in -o a.png --quiet >&-"]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
-    assert!(command.current_dir(&place.directory).status().unwrap().success());
+    assert!(place.shell("rayo render scene.in -o a.png --quiet >&-").status.success());
     assert!(is_png(&place.path("a.png")));
 }
 
@@ -1287,17 +1291,12 @@ fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
 #[test]
 fn what_there_is_no_memory_for_is_told_and_a_plan_needs_no_thread() {
     let place = Place::new();
-    let run = |run: &str, stack: &str| {
-        let mut command = std::process::Command::new("sh");
-        command.args(["-c", run]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("RUST_MIN_STACK", stack);
-        command.current_dir(&place.directory).output().unwrap()
-    };
-    let output = run("ulimit -v 500000; exec \"$0\" make torus --triangles 100000000 -o a.ply", "2000000");
+    let output = place.shell("ulimit -v 500000; rayo make torus --triangles 100000000 -o a.ply");
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(1) && told.starts_with("error: there is no memory for "), "{output:?}");
     // A stack that no thread can have.
-    let plan = concat!("exec \"$0\" plan ", env!("CARGO_MANIFEST_DIR"), "/scenes/many.in");
-    let output = run(plan, "100000000000000");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/many.in");
+    let output = place.shell(&format!("export RUST_MIN_STACK=100000000000000; rayo plan {scene}"));
     assert!(output.status.success(), "{output:?}");
     assert_eq!(place.files(), ["scene.in"]);
 }
@@ -1310,15 +1309,8 @@ fn a_picture_is_by_as_many_threads_as_the_system_gives_unless_their_number_is_as
     // Each other thread has a stack of a gigabyte, and one listens for signals.
     for (others, threads) in [(0, 1), (1, 1), (2, 2), (4, 4)] {
         let run = |arguments: &str| {
-            let render =
-                format!("ulimit -v {}; exec \"$0\" render scene.in -o a.png {arguments}", 1_000_000 * others + 500_000);
-            let mut command = std::process::Command::new("sh");
-            command
-                .args(["-c", &render])
-                .arg(assert_cmd::cargo::cargo_bin!("rayo"))
-                .env("RUST_MIN_STACK", "1000000000")
-                .env("MALLOC_ARENA_MAX", "1");
-            command.current_dir(&place.directory).output().unwrap()
+            let limits = format!("export RUST_MIN_STACK=1000000000; ulimit -v {}", 1_000_000 * others + 500_000);
+            place.shell(&format!("export MALLOC_ARENA_MAX=1; {limits}; rayo render scene.in -o a.png {arguments}"))
         };
         let output = run("--json");
         assert!(output.status.success(), "{others}: {output:?}");
@@ -1337,11 +1329,8 @@ fn a_picture_is_by_as_many_threads_as_the_system_gives_unless_their_number_is_as
 fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_by_row() {
     let place = Place::new();
     let limited = |name: &str, size: &str| {
-        let render =
-            format!("ulimit -v 163840; exec \"$0\" render scene.in --threads 1 --quiet --size {size} -o {name}");
-        let mut command = std::process::Command::new("sh");
-        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo")).env("MALLOC_ARENA_MAX", "1");
-        command.current_dir(&place.directory).output().unwrap()
+        let render = format!("rayo render scene.in --threads 1 --quiet --size {size} -o {name}");
+        place.shell(&format!("export MALLOC_ARENA_MAX=1; ulimit -v 163840; {render}"))
     };
     // As floats these are 205 MB, and the address space is held to 160 MiB.
     for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr"] {
@@ -1362,26 +1351,18 @@ fn a_picture_larger_than_memory_is_rendered_in_every_format_that_is_written_row_
 fn a_disk_that_fills_up_is_told_and_leaves_nothing() {
     let place = Place::new();
     place.write("scene.in", &rayo::scene::many(300, 300, 1).to_text());
-    for name in ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr", "a.qoi"] {
+    let names = ["a.png", "a.ppm", "a.pgm", "a.pfm", "a.hdr", "a.tiff", "a.exr", "a.qoi"];
+    let renders = names.map(|name| (name, format!("render scene.in --size 800x600 -o {name}")));
+    let others =
+        [("a.obj", "make torus --triangles 100000 -o a.obj".into()), ("a.toml", "convert scene.in a.toml".into())];
+    for (name, command) in renders.into_iter().chain(others) {
         // No file may be longer than 64 blocks of 512 bytes.
-        let render = format!("ulimit -f 64; exec \"$0\" render scene.in --size 800x600 --quiet -o {name}");
-        let mut command = std::process::Command::new("sh");
-        command.args(["-c", &render]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
-        let output = command.current_dir(&place.directory).output().unwrap();
+        let output = place.shell(&format!("ulimit -f 64; rayo {command} --quiet"));
         let told = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{name}: {told}");
         let expected = format!("error: cannot write {name}: File too large");
         assert!(told.starts_with(&expected) && told.lines().count() == 1, "{name}: {told}");
         assert_eq!(place.files(), ["scene.in"], "{name}");
-    }
-    for command in ["make torus --triangles 100000 -o a.obj", "convert scene.in a.toml"] {
-        let run = format!("ulimit -f 64; exec \"$0\" {command} --quiet");
-        let mut command = std::process::Command::new("sh");
-        command.args(["-c", &run]).arg(assert_cmd::cargo::cargo_bin!("rayo"));
-        let output = command.current_dir(&place.directory).output().unwrap();
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(1) && told.contains("File too large"), "{told}");
-        assert_eq!(place.files(), ["scene.in"]);
     }
 }
 
