@@ -72,6 +72,11 @@ pub fn contenders() -> Vec<Contender> {
     contenders
 }
 
+/// The packet engines among them.
+pub fn packets() -> Vec<Contender> {
+    contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
+}
+
 /// Packet engines that round alike, two of each precision that has no estimates, one after the other: they make the same floats.
 pub fn twins() -> Vec<[Contender; 2]> {
     let arithmetic = |c: &Contender| Some((c.engine.packets()?.single.fused, c.precision.name()));

@@ -280,15 +280,6 @@ fn the_fourth_value_is_0_in_floats_and_255_in_bytes() {
     }
 }
 
-/// The packet engines of a precision that run here, by their names.
-#[cfg(rayo_asm)]
-fn packets(precision: &str) -> Vec<crate::contenders::Contender> {
-    let of = |contender: &crate::contenders::Contender| {
-        contender.engine.is_packet() && contender.precision.name() == precision
-    };
-    contenders().into_iter().filter(of).collect()
-}
-
 /// Random scenes, under one light as the short form needs it and under two, from outside and from inside a sphere.
 #[cfg(rayo_asm)]
 fn lit_scenes() -> Vec<(String, Scene)> {
@@ -331,8 +322,10 @@ fn cosine_error(engine: rayo::render::Engine) -> f32 {
 #[test]
 fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_level() {
     // Those in Rust have no estimates.
-    let (exact, fast) = (packets("single").into_iter().filter(|c| c.engine.name() != "portable"), packets("fast"));
-    for (exact, fast) in exact.zip(&fast) {
+    let packets = crate::contenders::packets();
+    let exact = packets.iter().filter(|c| c.precision.name() == "single" && c.engine.name() != "portable");
+    let fast = packets.iter().filter(|c| c.precision.name() == "fast");
+    for (exact, fast) in exact.zip(fast) {
         assert_eq!(exact.engine, fast.engine);
         let mut worst = 0.0_f32;
         for (name, scene) in extent::sampled(lit_scenes(), 2) {
@@ -371,8 +364,7 @@ mod short_form {
     use rayo::render::{Engine, Plan, Precision, Purpose};
     use rayo::scene::{self, Camera, Rng, Scene};
 
-    use super::packets;
-    use crate::contenders::{Contender, Truth};
+    use crate::contenders::{Contender, Truth, packets};
 
     /// A sphere of radius 1 that fills a picture from `kappa` radii away, or lies somewhere at its border, under a light at
     /// `gap` from its surface.
@@ -395,7 +387,7 @@ mod short_form {
     #[test]
     fn a_sphere_alone_under_one_light_is_shaded_within_its_bound_from_any_distance() {
         let mut rng = Rng::new(7);
-        let packets: Vec<_> = ["single", "fast", "double"].into_iter().flat_map(packets).collect();
+        let packets = packets();
         let mut worst = 0.0_f64;
         for case in 0..300 {
             let kappa = 10f64.powf(0.2 + 4.8 * f64::from(case) / 300.0);

@@ -4,18 +4,12 @@ use crate::program;
 use std::path::Path;
 use std::process::Output;
 
-use crate::contenders::{Contender, Truth, contenders, film};
+use crate::contenders::{Contender, Truth, contenders, film, packets};
 use crate::extent;
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
 use rayo::render::{Counted, Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
-
-/// The packet engines in all of their precisions, as far as this machine runs them.
-fn packets() -> Vec<Contender> {
-    let packet = |contender: &Contender| contender.engine.is_packet();
-    contenders().into_iter().filter(packet).collect()
-}
 
 /// The bytes of a picture.
 fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {

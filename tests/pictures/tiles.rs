@@ -1,6 +1,6 @@
 //! Objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
 
-use crate::contenders::{Contender, Truth, contenders, film, levels};
+use crate::contenders::{Contender, Truth, film, levels, packets};
 use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::plan::{Keep, Omission, Report};
@@ -9,11 +9,6 @@ use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
-
-/// The packet engines that run here, in each of their precisions.
-fn packets() -> Vec<Contender> {
-    contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
-}
 
 fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
     by_tiles(
