@@ -111,6 +111,34 @@ fn the_shadow_of_a_sphere_on_a_ground_is_the_conic_of_its_cone() {
 }
 
 #[test]
+fn the_shadow_of_a_sliver_is_its_projection() {
+    // It is at the camera's height, which does not see it, and so thin that its normal loses digits.
+    let (at, thin) = (vec3(0.5, 3.0, 5.0), 0.0625);
+    let mut scene = shadowed(403, 301);
+    scene.lights = vec![light(at)];
+    scene.triangles = ground().to_vec();
+    scene.triangles.push(triangle([vec3(-8.0, 0.0, 3.0), vec3(8.0, 0.0, 3.0), vec3(8.0, 0.0, 3.0 + thin)]));
+    for contender in casting() {
+        let (mut dark, mut bright) = (0, 0);
+        for (pixel, lit) in lit(&contender, &scene).into_iter().enumerate() {
+            let ray = ray(&scene, pixel);
+            let p = ray / -ray.y;
+            if ray.y >= 0.0 || p.z > 60.0 {
+                continue;
+            }
+            // Where the segment to the light is as high as the sliver, and how far it is within.
+            let q = p + (at.as_dvec3() - p) / 4.0;
+            let within = (q.z - 3.0).min(f64::from(thin) * (q.x + 8.0) / 16.0 + 3.0 - q.z).min(8.0 - q.x);
+            if within.abs() > 1e-5 {
+                assert_eq!(lit, within < 0.0, "{contender}: pixel {pixel}, {p}");
+                *if lit { &mut bright } else { &mut dark } += 1;
+            }
+        }
+        assert!(dark > 200 && bright > 10_000, "{contender}: {dark} dark and {bright} bright");
+    }
+}
+
+#[test]
 fn what_is_between_hides_and_what_is_not_does_not() {
     // The one pixel sees the wall at (0, 0, 4).
     let wall = triangle([vec3(-64.0, -64.0, 4.0), vec3(192.0, -64.0, 4.0), vec3(-64.0, 192.0, 4.0)]);
