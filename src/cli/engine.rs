@@ -19,18 +19,13 @@ const VARIABLE: &str = "RAYO_ENGINE";
 pub struct EngineArgs {
     /// Who computes it: reference, rust, c, paper, portable, sse41, avx2, avx512, or auto for the fastest that this CPU runs
     #[arg(long, value_name = "ENGINE", env = VARIABLE, default_value = "auto")]
-    engine: String,
+    pub(super) engine: String,
     /// In what numbers: single, fast (estimates where only the shade depends on them) or double. Default: the engine's own
     #[arg(long)]
     precision: Option<String>,
 }
 
 impl EngineArgs {
-    /// Whether the engine is the fastest that there is.
-    pub(super) fn is_auto(&self) -> bool {
-        self.engine == "auto"
-    }
-
     /// The engine, which this CPU runs, and the precision that it is asked for.
     pub(super) fn chosen(&self) -> Result<(Engine, Option<Precision>), Failure> {
         let EngineArgs { engine, precision } = self;

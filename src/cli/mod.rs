@@ -148,6 +148,8 @@ fn keep_apart<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> 
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    memory::use_large_pages();
     memory::before_the_end(remove_unfinished);
     signals::survive_file_size_limit();
     let party = Party::join();

@@ -28,7 +28,7 @@ pub fn run(args: &RenderArgs, party: &Party) -> Result<ExitCode, Failure> {
     // Before any work: what no scene can make right.
     let (engine, precision) = party.agree(args.engine.chosen())?;
     let tracing = Tracing {
-        engine: if args.engine.is_auto() { party.fastest() } else { engine },
+        engine: if args.engine.engine == "auto" { party.fastest() } else { engine },
         precision,
         keep: if args.keep_all { Keep::all() } else { Keep::NOTHING },
         threads: args.threads,

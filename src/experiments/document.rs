@@ -88,15 +88,4 @@ impl Experiment {
             Some(format!("in its rows, {}x{} has {what}", rows[0].width, rows[0].height))
         })
     }
-
-    /// In how many runs of all of [`Experiment::rows`] others had the core, of it or of the baseline.
-    pub fn taken_runs(&self) -> (usize, usize) {
-        self.rows.iter().fold((0, 0), |(taken, all), row| (taken + row.taken, all + row.samples.len()))
-    }
-
-    /// Of all runs of [`Experiment::rows`]: those that migrated, those that were off, and how many there are.
-    pub fn odd_runs(&self) -> (usize, usize, usize) {
-        let sum = |of: fn(&Timing) -> usize| self.rows.iter().map(of).sum();
-        (sum(|row| row.migrations), sum(|row| row.off), sum(|row| row.samples.len()))
-    }
 }

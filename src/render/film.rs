@@ -287,12 +287,6 @@ impl Film {
         Ok(())
     }
 
-    /// Drops its first pixels.
-    #[cfg(feature = "files")]
-    pub(super) fn remove_first(&mut self, pixels: usize) {
-        with_pixels!(Film(film) = self => drop(film.drain(..pixels)));
-    }
-
     /// Pixels.
     pub fn len(&self) -> usize {
         with_pixels!(Film(pixels) = self => pixels.len())

@@ -9,6 +9,7 @@ mod png;
 mod read;
 mod threaded;
 
+use super::film::with_pixels;
 use super::output::{self, Destination, Existing, OutputError};
 use super::{Film, PixelFormat};
 use crate::scene::shown;
@@ -381,7 +382,7 @@ impl ImageWriter {
             from += rows;
         }
         self.pending = film;
-        self.pending.remove_first(width * from as usize);
+        with_pixels!(Film(film) = &mut self.pending => drop(film.drain(..width * from as usize)));
         Ok(())
     }
 

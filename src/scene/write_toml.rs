@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Write};
 use glam::{DVec3, Vec3};
 
 use super::write::Decimal;
-use super::{Camera, Light, Scene, Setting, Sphere, Triangle};
+use super::{Camera, Scene, Setting, Sphere, Triangle};
 
 impl Scene {
     /// The scene in TOML: its camera at rest, so that every number is the scene's own.
@@ -24,7 +24,8 @@ impl Scene {
         }
         write_lens(out, &self.camera)?;
         for light in &self.lights {
-            write_light(out, light)?;
+            writeln!(out, "\n[[light]]\nposition = {}", Array(light.position))?;
+            writeln!(out, "colour = {}\nintensity = {}", Array(light.colour), Decimal(light.intensity))?;
         }
         for Sphere { radius, colour, centre } in &self.spheres {
             writeln!(out, "\n[[sphere]]\ncentre = {}\nradius = {}", Array(*centre), Decimal(*radius))?;
@@ -72,11 +73,6 @@ fn write_image(out: &mut String, name: &str, camera: &Camera) -> fmt::Result {
 
 fn write_lens(out: &mut String, camera: &Camera) -> fmt::Result {
     writeln!(out, "\n[camera]\nfocal = {}\nfilm = {}", Decimal(camera.focal()), Decimal(camera.film()))
-}
-
-fn write_light(out: &mut String, light: &Light) -> fmt::Result {
-    writeln!(out, "\n[[light]]\nposition = {}", Array(light.position))?;
-    writeln!(out, "colour = {}\nintensity = {}", Array(light.colour), Decimal(light.intensity))
 }
 
 /// A string in TOML; JSON's are the same but for one character.

@@ -31,7 +31,8 @@ pub(super) fn preamble(document: &Experiment) -> String {
     let facts: String = document.machine.facts().map(|(name, value)| format!("- {name}: {value}\n")).collect();
     let Conditions { core, runs, timed_share, taken_share, .. } = &document.conditions;
     let core = core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
-    let (migrated, off, all) = document.odd_runs();
+    let sum = |of: fn(&Timing) -> usize| document.rows.iter().map(of).sum::<usize>();
+    let (migrated, off, all) = (sum(|row| row.migrations), sum(|row| row.off), sum(|row| row.samples.len()));
     let Estimate { value, low, high } = document.control_overall;
     let percent = |share: &Option<f64>| share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
     let (timed, taken) = (percent(timed_share), percent(taken_share));
@@ -44,7 +45,7 @@ pub(super) fn preamble(document: &Experiment) -> String {
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
         floor = 100.0 * document.noise_floor,
     );
-    let (taken, all) = document.taken_runs();
+    let taken = sum(|row| row.taken);
     if taken > 0 {
         text += &format!(
             "Of {all} pairs with `{BASELINE}`, others had the core in {taken}, each time that they were tried; they are in no \

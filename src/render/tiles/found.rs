@@ -111,7 +111,11 @@ impl<E: Element> TileTracer<'_, E> {
                                 self.normal_of_sphere((who, near), (window, row, column), &scratch.objects.spheres);
                             (Object::Sphere(place), normal)
                         }
-                        Some(triangle) => (Object::Triangle(triangle), self.normal_of_triangle(triangle)),
+                        // From the scene: kernels have only its product with each light.
+                        Some(i) => {
+                            let corners = self.plan.scene().triangle(i).vertices.map(|v| v.as_dvec3());
+                            (Object::Triangle(i), geometry::triangle_plane(corners).normalize())
+                        }
                     };
                     let distance = Distance::Inverse(near.to_f64() / self.plan.inverse_unit());
                     let place = (window.row as usize + row - rows.start as usize) * width;
@@ -121,11 +125,6 @@ impl<E: Element> TileTracer<'_, E> {
             }
         });
         found
-    }
-
-    /// The normal of a triangle, from the scene: kernels have only its product with each light.
-    pub(super) fn normal_of_triangle(&self, triangle: usize) -> DVec3 {
-        geometry::triangle_plane(self.plan.scene().triangle(triangle).vertices.map(|v| v.as_dvec3())).normalize()
     }
 
     pub(super) fn ray(&self, window: &TileWindow, column: u32, row: u32) -> DVec3 {
