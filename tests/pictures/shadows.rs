@@ -139,6 +139,23 @@ fn the_shadow_of_a_sliver_is_its_projection() {
 }
 
 #[test]
+fn a_ground_of_any_size_hides_what_is_below_it() {
+    let mut scene = shadowed(67, 51);
+    scene.lights = vec![light(vec3(0.0, -2.0, 3.0))];
+    let wall = [vec3(-2.0, -1.0, 4.0), vec3(2.0, -1.0, 4.0), vec3(0.0, 2.0, 4.0)];
+    for size in [64.0, 1e8, 1e14] {
+        for contender in casting() {
+            scene.triangles = vec![triangle(wall)];
+            assert!(lit(&contender, &scene).contains(&true), "{contender}");
+            // Its nearest corner tells where it is.
+            let corners = [vec3(-size, -1.0, size), vec3(size, -1.0, size), vec3(0.0, -1.0, -8.0)];
+            scene.triangles.push(triangle(corners));
+            assert!(!lit(&contender, &scene).contains(&true), "{contender}: {size}");
+        }
+    }
+}
+
+#[test]
 fn what_is_between_hides_and_what_is_not_does_not() {
     // The one pixel sees the wall at (0, 0, 4).
     let wall = triangle([vec3(-64.0, -64.0, 4.0), vec3(192.0, -64.0, 4.0), vec3(-64.0, 192.0, 4.0)]);
