@@ -3,7 +3,7 @@
 //! A light is a camera. The rays from all visible points to a light meet in it, so that what bounds and tiles do for the
 //! camera's rays they do for these: an object is in few cells of a cube around the light, and a point asks those of its tile's
 //! cells. How fine the cells are decides how long that takes, and nothing else. Of a pyramid of grids an object is in that
-//! whose cells are about as large as it, and so in at most four of them.
+//! whose cells are about as large as it, in the one where it begins, and so reaches at most into the next ones.
 
 use std::ops::Range;
 
@@ -68,6 +68,7 @@ struct Side {
     /// The axis that it looks along.
     axis: usize,
     view: LightSideView<f64>,
+    /// Grid by grid and cell by cell, those of a cell from the nearest on.
     objects: Vec<Extent>,
     /// The grids that have objects, from the finest on.
     grids: Vec<Grid>,
@@ -80,14 +81,7 @@ struct Grid {
     coarseness: u32,
     /// Where the objects of each cell begin, row by row; and the end of the last.
     starts: Vec<u32>,
-    /// Those of a cell from the nearest on.
-    placed: Vec<u32>,
 }
-
-/// An object in a cell is its index in those of a side, and whether this is its first cell in a row, and in a column.
-const FIRST_COLUMN: u32 = 1 << 31;
-const FIRST_ROW: u32 = 1 << 30;
-const FIRSTS: u32 = FIRST_COLUMN | FIRST_ROW;
 
 /// A side of a light's cube.
 #[derive(Clone, Copy)]
@@ -187,27 +181,26 @@ impl Side {
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
         let bounds = |run: &Run| Some(extent(&view, &Bounds::of_box(run.ends.map(|v| v - light), number)?, run));
-        let objects: Vec<_> = runs.iter().filter_map(bounds).collect();
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
-        let grids = Grid::of(&objects, (FINEST / useful).ilog2());
+        let (grids, objects) = Grid::of(&runs.iter().filter_map(bounds).collect::<Vec<_>>(), (FINEST / useful).ilog2());
         Side { axis, view, objects, grids }
     }
 }
 
-/// The first and the last of the finest columns that an object is in, and of the rows; and the binary logarithm of the side of
-/// cells of which it is in at most two across and two down.
-fn cells(Extent { low, high, .. }: &Extent) -> ([[usize; 2]; 2], usize) {
-    let cells = [0, 1].map(|i| [low[i], high[i]].map(|x| cell(x) as usize));
+/// The first of the finest columns and rows that an object is in; and the binary logarithm of the side of cells of which it is
+/// in at most two across and two down.
+fn cells(Extent { low, high, .. }: &Extent) -> ([u32; 2], usize) {
+    let cells = [0, 1].map(|i| [low[i], high[i]].map(cell));
     let [across, down] = cells.map(|[first, last]| last - first);
-    (cells, across.max(down).next_power_of_two().ilog2() as usize)
+    (cells.map(|[first, _]| first), across.max(down).next_power_of_two().ilog2() as usize)
 }
 
 impl Grid {
-    /// Those of objects, from the `finest` coarseness on.
-    fn of(objects: &[Extent], finest: u32) -> Vec<Grid> {
+    /// Those of objects, from the `finest` coarseness on, and the objects in their order.
+    fn of(unsorted: &[Extent], finest: u32) -> (Vec<Grid>, Vec<Extent>) {
         const LEVELS: usize = 1 + FINEST.ilog2() as usize;
         let mut counts = [0; LEVELS];
-        objects.iter().for_each(|of| counts[cells(of).1.max(finest as usize)] += 1);
+        unsorted.iter().for_each(|of| counts[cells(of).1.max(finest as usize)] += 1);
         // The grid of each level.
         let (mut grids, mut of_level, mut count) = (Vec::new(), [0; LEVELS], 0);
         for level in 0..LEVELS {
@@ -215,41 +208,30 @@ impl Grid {
             count += counts[level];
             let across = FINEST as usize >> level;
             if count > 0 && across.pow(2) <= CELLS_OF_AN_OBJECT * count {
-                // Two more: see below.
-                grids.push(Grid { coarseness: level as u32, starts: vec![0; across.pow(2) + 2], placed: Vec::new() });
+                grids.push(Grid { coarseness: level as u32, starts: vec![0; across.pow(2) + 1] });
                 count = 0;
             }
         }
-        // Depths are not below 0, so that their bits are in their order.
-        let key = |(of, object): (&Extent, u64)| u64::from(of.depth.to_bits()) << 32 | object;
-        let mut order: Vec<_> = objects.iter().zip(0..).map(key).collect();
-        order.sort_unstable();
-        let each_cell = |grids: &mut Vec<Grid>, say: fn(&mut Grid, usize, u32)| {
-            for object in order.iter().map(|key| *key as u32) {
-                let (cells, level) = cells(&objects[object as usize]);
-                let grid = &mut grids[of_level[level]];
-                let (shift, across) = (grid.coarseness, FINEST as usize >> grid.coarseness);
-                let [columns, rows] = cells.map(|of| of.map(|cell| cell >> shift));
-                for row in rows[0]..=rows[1] {
-                    for column in columns[0]..=columns[1] {
-                        let first = if column == columns[0] { FIRST_COLUMN } else { 0 };
-                        say(grid, row * across + column, object | first | if row == rows[0] { FIRST_ROW } else { 0 });
-                    }
-                }
-            }
-        };
-        // First where the next object of a cell goes, at the index after its own; and so in the end where the next cell begins.
-        each_cell(&mut grids, |grid, cell, _| grid.starts[cell + 2] += 1);
-        for Grid { starts, placed, .. } in &mut grids {
-            (2..starts.len()).for_each(|cell| starts[cell] += starts[cell - 1]);
-            placed.resize(starts[starts.len() - 1] as usize, 0);
+        let mut order: Vec<_> = unsorted
+            .iter()
+            .map(|of| {
+                let (cells, level) = cells(of);
+                let (grid, coarseness) = (of_level[level], grids[of_level[level]].coarseness);
+                let [column, row] = cells.map(|cell| cell >> coarseness);
+                // Depths are not below 0, so that their bits are in their order.
+                (grid, row * (FINEST >> coarseness) + column, of.depth.to_bits(), of)
+            })
+            .collect();
+        order.sort_unstable_by_key(|&(grid, cell, depth, _)| (grid, cell, depth));
+        for ((grid, cell, ..), end) in order.iter().zip(1..) {
+            grids[*grid].starts[*cell as usize + 1] = end;
         }
-        each_cell(&mut grids, |grid, cell, object| {
-            let next = &mut grid.starts[cell + 1];
-            grid.placed[*next as usize] = object;
-            *next += 1;
-        });
-        grids
+        let mut end = 0;
+        for start in grids.iter_mut().flat_map(|grid| &mut grid.starts) {
+            end = end.max(*start);
+            *start = end;
+        }
+        (grids, order.into_iter().map(|(.., of)| *of).collect())
     }
 }
 
@@ -381,37 +363,23 @@ impl<'a> LightSide<'a> {
             .then(|| Window { ends, cells: [cell(x)..cell(-past_x) + 1, cell(y)..cell(-past_y) + 1] })
     }
 
-    /// Calls `say` for each grid and each row of its cells in a window.
-    fn each_row(&self, window: &Window, mut say: impl FnMut(&Grid, Range<usize>, u32)) {
-        for grid in &self.side.grids {
-            let across = FINEST >> grid.coarseness;
-            let [columns, rows] = [0, 1]
-                .map(|i| &window.cells[i])
-                .map(|of| of.start >> grid.coarseness..((of.end - 1) >> grid.coarseness) + 1);
-            for row in rows.clone() {
-                let first = if row == rows.start { FIRST_ROW } else { 0 };
-                say(grid, (row * across + columns.start) as usize..(row * across + columns.end) as usize, first);
-            }
-        }
-    }
-
     /// Adds the objects in its cells that may be before its points, to spheres and to either kind of triangles.
-    pub fn gather(&self, window: &Window, all: &mut [Vec<&'a Extent>; 3]) {
-        let [past_x, past_y, x, y, depth] = window.ends;
+    pub fn gather(&self, Window { ends, cells }: &Window, all: &mut [Vec<&'a Extent>; 3]) {
+        let [past_x, past_y, x, y, depth] = *ends;
         let meets = |of: &&Extent| of.low[0] <= -past_x && of.low[1] <= -past_y && of.high[0] >= x && of.high[1] >= y;
         let [of_triangles, of_faces] = lists(self.scene).map(|(_, first)| first);
-        self.each_row(window, |grid, cells, first_row| {
-            let mut first = first_row | FIRST_COLUMN;
-            for cell in cells {
-                let placed = &grid.placed[grid.starts[cell] as usize..grid.starts[cell + 1] as usize];
-                let objects = placed.iter().map(|object| (object, &self.side.objects[(object & !FIRSTS) as usize]));
-                let near = objects.take_while(|(_, of)| of.depth <= -depth);
-                for (_, of) in near.filter(|(object, of)| (**object | first) & FIRSTS == FIRSTS && meets(of)) {
+        for Grid { coarseness, starts } in &self.side.grids {
+            let across = FINEST >> coarseness;
+            // What begins in the cells before may reach into them.
+            let [columns, rows] =
+                [0, 1].map(|i| (cells[i].start >> coarseness).saturating_sub(1)..=(cells[i].end - 1) >> coarseness);
+            for cell in rows.flat_map(|row| columns.clone().map(move |column| (row * across + column) as usize)) {
+                let placed = &self.side.objects[starts[cell] as usize..starts[cell + 1] as usize];
+                for of in placed.iter().take_while(|of| of.depth <= -depth).filter(meets) {
                     all[usize::from(of.first >= of_triangles) + usize::from(of.first >= of_faces)].push(of);
                 }
-                first = first_row;
             }
-        });
+        }
     }
 
     /// Adds the first of some objects of a kind as the light sees them, as many as there is room for; returns the others.
