@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3A};
 
 use super::light;
 use super::team::Team;
@@ -328,9 +328,7 @@ impl<'a> Shadows<'a> {
         let of = |DVec3 { x, y, z }: DVec3| PointObject { x, y, z, own, w: 1.0, ..PointObject::default() };
         let Some(sphere) = self.scene.spheres.get(place) else {
             let triangle = self.scene.triangle(place - self.scene.spheres.len());
-            let corners = triangle.vertices.map(|v: Vec3| v.as_dvec3());
-            let n = geometry::triangle_plane(corners);
-            return Some(of(n / geometry::side_of_plane(corners, n, DVec3::ZERO, 0.0)?));
+            return geometry::plane_of_one(triangle.vertices.map(|v| v.as_dvec3())).map(of);
         };
         let (c, radius) = (sphere.centre.as_dvec3(), f64::from(sphere.radius));
         let (r2, k) = (radius * radius, geometry::power(c, radius));
