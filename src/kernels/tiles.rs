@@ -256,7 +256,7 @@ kinds! {
         records: &mut SphereRecords<E>,
     ); |way| {
         let (chunk, ahead) = spheres.chunk();
-        records.hold(first.saturating_add(chunk.candidates.len()), lights.len());
+        records.hold(1 + last_id(first, chunk.candidates.len()), lights.len());
         let enter = match way {
             Way::Code(enter) => enter,
             Way::Rust(shade) => return shade(view, chunk, lights, short, first, records),
@@ -597,12 +597,13 @@ impl<E: Element> TileBuffers<E> {
         (self.tile.near[i], self.tile.who[i].to_f64() as usize)
     }
 
-    /// Makes the pixels outside a window nearer than all objects, so that they do not affect the hierarchical depth.
+    /// Makes the pixels outside a window nobody's and nearer than all objects: they do not affect the hierarchical depth.
     pub(crate) fn close_around(&mut self, lanes: usize, window: &TileWindow) {
         let (width, height) = (window.columns as usize, window.rows.start as usize..window.rows.end as usize);
         for row in 0..TILE_HEIGHT {
             for column in if height.contains(&row) { width } else { 0 }..TILE_WIDTH {
-                self.tile.near[Self::index(lanes, column, row)] = E::from_f64(f64::INFINITY);
+                let i = Self::index(lanes, column, row);
+                (self.tile.near[i], self.tile.who[i]) = (E::from_f64(f64::INFINITY), E::ZERO);
             }
         }
     }

@@ -24,6 +24,10 @@ use crate::scene::Scene;
 const FEW: usize = 8;
 const QUICK: u64 = 1 << 21;
 
+/// Each pixel may be in shadows of its own, and has then a record of what each light does there. For more of these a
+/// tile is traced in parts, row by row at the least.
+const MOST_EFFECTS: usize = 1 << 22;
+
 /// A scene planned for tiles, and the kernels that trace it.
 pub struct TileTracer<'a, E: Element> {
     packets: &'static PacketKernels,
@@ -236,12 +240,20 @@ impl<E: Element> TileTracer<'_, E> {
         (scratch, wide_scratch): &mut Scratches<E>,
         misses: &mut Misses<P>,
     ) -> bool {
-        match &self.wide {
-            Some(wide) if self.plan.is_wide(tile) => {
-                wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses)
+        let lights = self.plan.shadows().map_or(0, |_| self.plan.points().len()).max(1);
+        let (rows, most) = (&window.rows, (MOST_EFFECTS / (lights * TILE_WIDTH)).clamp(1, TILE_HEIGHT) as u32);
+        // If no object can be in the first rows, none can be in the tile.
+        rows.clone().step_by(most as usize).all(|start| {
+            let window = &TileWindow { rows: start..rows.end.min(start + most), ..*window };
+            let first = out.first + (start - rows.start) as usize * out.width;
+            let out = TileOut { pixels: &mut *out.pixels, first, width: out.width };
+            match &self.wide {
+                Some(wide) if self.plan.is_wide(tile) => {
+                    wide.trace_own(tile, window, out, wide_scratch.get_or_insert_default(), misses)
+                }
+                _ => self.trace_own(tile, window, out, scratch, misses),
             }
-            _ => self.trace_own(tile, window, out, scratch, misses),
-        }
+        })
     }
 
     /// Calls `say` for all tiles of `rows` with their windows within these.
@@ -309,7 +321,7 @@ impl<E: Element> TileTracer<'_, E> {
         }
         if let Some(of) = self.plan.shadows() {
             let Scratch { buffers, objects, shadows, .. } = scratch;
-            self.cast_shadows(of, window, buffers, objects, shadows.get_or_insert_default());
+            self.cast_shadows((of, true), window, buffers, objects, shadows.get_or_insert_default());
         }
         let Scratch { buffers, objects, .. } = scratch;
         if let Some(hits) = &mut misses.hits {

@@ -93,6 +93,7 @@ fn tiles<E: Element>(packets: &PacketKernels, kernels: &ElementKernels<E>, plan:
         ("numbers of spheres that f32 has not", &|| set_up_spheres(1 << 24, &mut TileBuffers::default())),
         ("numbers of spheres past the last", &|| set_up_spheres(usize::MAX, &mut TileBuffers::default())),
         ("records past the last", &|| records(usize::MAX)),
+        ("more records than there is memory for", &|| records(1 << 40)),
         ("an eighth as many records as there are numbers", &|| records(eighth)),
         ("half as many", &|| records(half)),
         ("shades of triangles that were not set up", &|| shade(&[], &triangles(1).0, 0, 64)),

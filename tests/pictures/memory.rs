@@ -121,20 +121,39 @@ fn a_triangle_takes_at_most_200_bytes_beside_the_scene() {
     }
 }
 
+/// Spheres in each other's shadows, under lights all around.
+fn under(lights: usize, spheres: usize, camera: Camera) -> Scene {
+    let mut rng = Rng::new(5);
+    let mut place = || Vec3::from_array([0; 3].map(|_| 20.0 * (rng.next_u64() % 1000) as f32 / 1000.0 - 10.0));
+    let lights = (0..lights).map(|_| Light { intensity: 0.01, colour: Vec3::ONE, position: 4.0 * place() });
+    let lights = lights.collect();
+    let spheres = (0..spheres).map(|_| Sphere { colour: Vec3::ONE, centre: place() + 15.0 * Vec3::Z, radius: 1.0 });
+    Scene { spheres: spheres.collect(), lights, shadows: true, ..Scene::new(camera) }
+}
+
 #[test]
 fn shadows_take_at_most_64_bytes_for_a_pixel_of_a_band_and_a_light() {
     const LIGHTS: usize = 200;
     let camera = Camera::new(1632, 32, 1.0, 1.0).unwrap();
-    let mut rng = Rng::new(5);
-    let mut place = || Vec3::from_array([0; 3].map(|_| 20.0 * (rng.next_u64() % 1000) as f32 / 1000.0 - 10.0));
-    let lights = (0..LIGHTS).map(|_| Light { intensity: 0.01, colour: Vec3::ONE, position: 4.0 * place() });
-    let lights = lights.collect();
-    let spheres = (0..300).map(|_| Sphere { colour: Vec3::ONE, centre: place() + 15.0 * Vec3::Z, radius: 1.0 });
-    let plain = Scene { spheres: spheres.collect(), lights, ..Scene::new(camera) };
-    let shadows = Scene { shadows: true, ..plain.clone() };
+    let shadows = under(LIGHTS, 300, camera);
+    let plain = Scene { shadows: false, ..shadows.clone() };
     for precision in [Precision::Single, Precision::Double] {
         let [plain, shadows] = [&plain, &shadows].map(|scene| peak_beside(scene, precision));
         let bytes = (shadows - plain) as f64 / (camera.pixels() as usize * LIGHTS) as f64;
         assert!(bytes > 1.0 && bytes < 64.0, "{precision:?}: {bytes} bytes for each");
+    }
+}
+
+#[test]
+fn shadows_of_many_lights_take_memory_by_the_objects_and_for_a_part_of_a_tile_alone() {
+    const LIGHTS: usize = 16384;
+    /// The effects of lights on what pixels show that are kept at once.
+    const EFFECTS: usize = 1 << 22;
+    let scene = under(LIGHTS, 60, Camera::new(64, 32, 1.0, 1.0).unwrap());
+    for (precision, of_effect) in [(Precision::Single, 110), (Precision::Double, 220)] {
+        let peak = peak_beside(&scene, precision);
+        let most = EFFECTS * of_effect + LIGHTS * (2048 + scene.spheres.len() * 150);
+        println!("{precision:?} {peak} {most}");
+        assert!(peak < most, "{precision:?}: {peak} bytes, at most {most}");
     }
 }

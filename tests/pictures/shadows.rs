@@ -391,7 +391,7 @@ fn lights_far_away_and_lights_on_things_are_decided() {
 }
 
 #[test]
-fn no_object_no_light_and_a_thousand_lights_are_as_they_must_be() {
+fn no_object_no_light_and_thousands_of_lights_are_as_they_must_be() {
     let mut scene = shadowed(31, 23);
     scene.lights = vec![light(vec3(1.0, 2.0, 3.0))];
     for contender in casting() {
@@ -416,6 +416,15 @@ fn no_object_no_light_and_a_thousand_lights_are_as_they_must_be() {
         for ([r, ..], sum) in together.into_iter().zip(expected) {
             let bound = 1000.0 * f64::from(contender.shade_error(PixelFormat::F32x4));
             assert!((f64::from(r) - sum).abs() <= bound, "{contender}: {r}, not {sum}");
+        }
+    }
+    // As many that a tile is traced in parts: some lights, each of them a thousand times.
+    scene.lights.truncate(8);
+    let dim = scene.lights.iter().map(|of| Light { intensity: of.intensity / 1024.0, ..*of });
+    let parted = Scene { lights: dim.cycle().take(8192).collect(), ..scene.clone() };
+    for contender in casting() {
+        for (a, b) in contender.floats(&parted).into_iter().zip(contender.floats(&scene)) {
+            assert!((a[0] - b[0]).abs() <= 1e-3, "{contender}: {}, not {}", a[0], b[0]);
         }
     }
 }

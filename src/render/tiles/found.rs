@@ -77,7 +77,7 @@ impl<E: Element> TileTracer<'_, E> {
                 (objects.forgotten + candidates[1..].iter().filter(|candidate| !**candidate).count()) as u64;
             if let Some(of) = self.plan.shadows() {
                 let scratch = shadows.get_or_insert_default();
-                self.cast_shadows(of, window, buffers, objects, scratch);
+                self.cast_shadows((of, false), window, buffers, objects, scratch);
                 survey = survey.and(std::mem::take(&mut scratch.counts));
             }
         });

@@ -103,10 +103,10 @@ impl Darkened {
 }
 
 impl<E: Element> TileTracer<'_, E> {
-    /// Takes the light that does not reach them from the pixels of a tile.
+    /// Asks which light does not reach the pixels of a tile, and takes it from them if `darkens`.
     pub(super) fn cast_shadows(
         &self,
-        shadows: &Shadows<'_>,
+        (shadows, darkens): (&Shadows<'_>, bool),
         window: &TileWindow,
         buffers: &mut TileBuffers<E>,
         tile_objects: &mut TileObjects<E>,
@@ -140,6 +140,9 @@ impl<E: Element> TileTracer<'_, E> {
                     [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
                 }
                 self.ask(&side, scratch);
+            }
+            if !darkens {
+                continue;
             }
             instead.clear();
             instead.resize(darkened.count + darkened.parts.len(), 0);
@@ -180,10 +183,11 @@ impl<E: Element> TileTracer<'_, E> {
         &self,
         shadows: &Shadows<'_>,
         window: &TileWindow,
-        buffers: &TileBuffers<E>,
+        buffers: &mut TileBuffers<E>,
         order: &[u32],
         ShadowScratch { points, groups, objects, owners, of_one, ids, left, .. }: &mut ShadowScratch,
     ) {
+        buffers.close_around(self.kernels.lanes, window);
         buffers.ids(ids);
         left.copy_from_slice(&ids[..]);
         owners.clear();
