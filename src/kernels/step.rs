@@ -81,7 +81,8 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
     imp::run(0, 0, None, action).map(|counts| counts.total)
 }
 
-/// The instructions of the function of `bytes` bytes at `address` and of what it calls, over all its calls in `action`.
+/// The instructions of the function of `bytes` bytes at `address`, or as many as there are of this program's code, and of
+/// what it calls, over all its calls in `action`.
 ///
 /// There are no calls if no function begins at `address`.
 ///
@@ -92,6 +93,7 @@ pub fn count_instructions(action: impl FnOnce()) -> Result<u64, Unavailable> {
 /// As [`count_instructions`].
 pub fn count_function(address: usize, bytes: usize, action: impl FnOnce()) -> Result<Visits, Unavailable> {
     imp::self_test()?;
+    let bytes = bytes.min(code_at(address).map_or(0, <[u8]>::len));
     imp::run(address, bytes, None, action).map(|counts| counts.visits)
 }
 

@@ -2,7 +2,7 @@
 
 mod executed {
     use rayo::kernels::harness::KNOWN;
-    use rayo::kernels::step::{Unavailable, count_function, count_instructions};
+    use rayo::kernels::step::{Unavailable, count_function, count_instructions, record, visits as visits_of};
 
     #[test]
     fn single_stepping_counts_known_functions_exactly() {
@@ -39,6 +39,23 @@ mod executed {
     fn a_function_that_is_not_called_has_no_visits() {
         let visits = count_function(KNOWN[0].address(), 64, || KNOWN[1].call()).unwrap();
         assert_eq!((visits.calls, visits.instructions), (0, 0));
+    }
+
+    #[test]
+    fn more_than_memory_holds_is_neither_counted_nor_recorded() {
+        let known = &KNOWN[0];
+        let counted = count_function(known.address(), 64, || known.call()).unwrap();
+        let (code, first) = (known.address()..known.address() + 16, 0..1);
+        let (code, first) = (std::slice::from_ref(&code), std::slice::from_ref(&first));
+        for many in [1 << 40, usize::MAX] {
+            let visits = count_function(known.address(), many, || known.call()).unwrap();
+            assert_eq!((visits.calls, visits.instructions), (1, counted.instructions));
+            assert_eq!(visits.at[..64], counted.at);
+            let refused = Unavailable::Memory { bytes: 0 };
+            let is_refused = |error| std::mem::discriminant(&error) == std::mem::discriminant(&refused);
+            assert!(visits_of(code, many, || known.call()).is_err_and(is_refused));
+            assert!(record(code, first, many, || known.call()).is_err_and(is_refused));
+        }
     }
 
     #[test]
