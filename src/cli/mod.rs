@@ -53,7 +53,7 @@ use self::party::Party;
 use crate::kernels::sys::is_standard_output_open;
 use crate::kernels::{Isa, memory};
 use crate::render::{RenderError, remove_unfinished};
-use crate::scene::shown;
+use crate::scene::{is_unseen, shown};
 
 /// Trace spheres and triangles with hand-written SIMD kernels, and measure them
 ///
@@ -136,14 +136,12 @@ fn require_assembly(what: &str) -> Result<(), Failure> {
 /// Refuses a file to write that is one of those to read, which it would replace.
 fn keep_apart<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     let canonical = output.canonicalize().ok().filter(|path| path.is_file());
-    let is_output = |input: &&Path| canonical.is_some() && input.canonicalize().ok() == canonical;
-    match inputs.into_iter().find(is_output) {
-        Some(_) => {
-            let path = shown(output);
-            Err(Failure::input(format!("{path} is what is read, and would be replaced: name another file")))
-        }
-        None => Ok(()),
+    let is_output = |input: &Path| canonical.is_some() && input.canonicalize().ok() == canonical;
+    if inputs.into_iter().any(is_output) {
+        let path = shown(output);
+        return Err(Failure::input(format!("{path} is what is read, and would be replaced: name another file")));
     }
+    Ok(())
 }
 
 /// Runs the program with the arguments of this process.
@@ -248,27 +246,15 @@ fn say(text: &str) {
     }
 }
 
-/// Text without control characters but ends of lines and the styles of terminals, whatever files it was made of.
+/// Text without unseen characters but ends of lines and the styles of terminals, whatever files it was made of.
 fn harmless(text: &str) -> String {
-    let mut rest = text;
-    let mut kept = String::with_capacity(text.len());
-    while let Some(c) = rest.chars().next() {
-        let after = rest
-            .strip_prefix("\u{1b}[")
-            .map(|style| style.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
-        let length = match after.and_then(|after| after.strip_prefix('m')) {
-            Some(after) => rest.len() - after.len(),
-            None => c.len_utf8(),
-        };
-        let (piece, after) = rest.split_at(length);
-        match piece {
-            "\n" | "\t" => kept.push_str(piece),
-            _ if length == c.len_utf8() && c.is_control() => kept.extend(c.escape_default()),
-            _ => kept.push_str(piece),
-        }
-        rest = after;
-    }
-    kept
+    let is_style = |at: usize| {
+        let style = text[at..].strip_prefix("\u{1b}[");
+        style.is_some_and(|style| style.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';').starts_with('m'))
+    };
+    let is_kept = |(at, c): (usize, char)| !is_unseen(c) || c == '\n' || c == '\t' || is_style(at);
+    let spell = |(at, c)| if is_kept((at, c)) { c.to_string() } else { c.escape_default().to_string() };
+    text.char_indices().map(spell).collect()
 }
 
 /// A JSON document: the number of its schema, and then what it says.

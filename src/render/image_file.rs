@@ -152,7 +152,7 @@ pub enum ImageError {
         what: &'static str,
     },
     /// There is no memory for its pixels.
-    #[error("{path} has {width}x{height} pixels, and there is no memory for {bytes} bytes of them", path = path.display())]
+    #[error("{path} has {width}x{height} pixels, and there is no memory for {bytes} bytes of them", path = shown(path))]
     Memory {
         path: PathBuf,
         width: u32,

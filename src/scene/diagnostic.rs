@@ -261,10 +261,18 @@ pub(crate) fn shown(path: impl AsRef<Path>) -> String {
     printable(&path.as_ref().to_string_lossy())
 }
 
-/// `text` with its control characters escaped, so that a file cannot control the terminal.
+/// `text` with its unseen characters escaped, so that a file cannot control the terminal.
 pub(crate) fn printable(text: &str) -> String {
-    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    let spell = |c: char| if is_unseen(c) { c.escape_default().to_string() } else { c.to_string() };
     text.chars().map(spell).collect()
+}
+
+/// Whether a character shows nothing itself, but may change what a terminal shows of others: Unicode's controls, formats
+/// (as those that turn the direction of writing), and ends of lines and paragraphs.
+pub(crate) fn is_unseen(c: char) -> bool {
+    let is_format = matches!(u32::from(c), 0xad | 0x61c | 0x180e | 0x200b..=0x200f | 0x2028..=0x202e | 0x2060..=0x206f | 0xfeff
+        | 0xfff9..=0xfffb | 0x13430..=0x1343f | 0x1bca0..=0x1bca3 | 0x1d173..=0x1d17a | 0xe0000..=0xe007f);
+    is_format || c.is_control()
 }
 
 fn unreadable(path: &Path, cause: &io::Error) -> String {

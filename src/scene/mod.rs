@@ -26,10 +26,10 @@ mod write_toml;
 
 pub use camera::{Camera, CameraError, Grid, MAX_PIXELS, MAX_SIDE};
 #[cfg(feature = "render")]
-pub(crate) use diagnostic::printable;
-#[cfg(feature = "files")]
-pub(crate) use diagnostic::shown;
+pub(crate) use diagnostic::is_unseen;
 pub use diagnostic::{Diagnostic, SceneError};
+#[cfg(feature = "files")]
+pub(crate) use diagnostic::{printable, shown};
 pub use mesh::{Mesh, MeshError, MeshFormat};
 #[cfg(feature = "lab")]
 pub(crate) use open::text_within;

@@ -459,12 +459,24 @@ fn no_file_steers_the_terminal() {
     // The title of a window, and a line that nobody wrote.
     let (title, shown) = ("\u{1b}]0;x\u{7}.png", "\\u{1b}]0;x\\u{7}.png");
     place.write("scene.in", &SCENE.replace("picture.png", title));
-    let message =
-        |name: &str| format!("error: the scene's image name `{name}` has control characters: name a file with -o");
+    let message = |name: &str| {
+        format!("error: the scene's image name `{name}` has control or format characters: name a file with -o")
+    };
     place.refuses("render scene.in", 2, &message(shown));
     let toml = "[image]\nfile = \"\\u001b]0;x\\u0007.png\\n\"\nwidth = 1\nheight = 1\n";
     place.write("scene.toml", toml);
     assert!(place.run("render scene.toml").stderr.contains(&message(&format!("{shown}\\n"))));
+    // A name that reads from right to left, characters that nobody sees, and a line for those who read Unicode.
+    for c in "\u{202e}\u{200b}\u{2066}\u{feff}\u{ad}\u{2028}\u{e0041}".chars() {
+        let (name, shown) = (format!("a{c}gnp.png"), message(&format!("a\\u{{{:x}}}gnp.png", u32::from(c))));
+        place.write("scene.in", &SCENE.replace("picture.png", &name));
+        place.refuses("render scene.in", 2, &shown);
+        place.write("scene.toml", &format!("[image]\nfile = \"{name}\"\nwidth = 1\nheight = 1\n"));
+        assert!(place.run("render scene.toml").stderr.contains(&shown));
+        let output = place.command().args(["render", &name]).output().unwrap();
+        assert!(!String::from_utf8_lossy(&output.stderr).contains(c), "{output:?}");
+    }
+    place.write("scene.in", &SCENE.replace("picture.png", title));
     place.write("a.in", SCENE);
     place.write(title, "P3 1 1 255 1 2 3");
     place.write("a\nb.stl", "solid");
@@ -1289,7 +1301,7 @@ fn shapes_are_made_as_meshes_and_as_scenes_that_show_the_same() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn what_there_is_no_memory_for_is_told_and_a_plan_needs_no_thread() {
+fn what_there_is_no_memory_for_is_told_and_neither_plans_nor_pictures_need_another_thread() {
     let place = Place::new();
     let output = place.shell("ulimit -v 500000; rayo make torus --triangles 100000000 -o a.ply");
     let told = String::from_utf8_lossy(&output.stderr);
@@ -1299,6 +1311,16 @@ fn what_there_is_no_memory_for_is_told_and_a_plan_needs_no_thread() {
     let output = place.shell(&format!("export RUST_MIN_STACK=100000000000000; rayo plan {scene}"));
     assert!(output.status.success(), "{output:?}");
     assert_eq!(place.files(), ["scene.in"]);
+    // Nor do pictures whose encoders have one of their own if there is one.
+    for format in ["exr", "tiff"] {
+        let render = format!("rayo render scene.in --force --threads 1 -o a.{format}");
+        let pictures = ["100000000000000", "2000000"].map(|stack| {
+            let output = place.shell(&format!("export RUST_MIN_STACK={stack}; {render}"));
+            assert!(output.status.success(), "{format}: {output:?}");
+            std::fs::read(place.path(&format!("a.{format}"))).unwrap()
+        });
+        assert!(pictures[0] == pictures[1], "{format}");
+    }
 }
 
 #[cfg(target_os = "linux")]

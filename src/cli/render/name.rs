@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::args::RenderArgs;
 use crate::cli::{Failure, say};
 use crate::render::{Format, is_standard_output};
-use crate::scene::{Scene, printable};
+use crate::scene::{Scene, is_unseen, printable};
 
 /// The name of the picture of this number, where a name has a place for it: `%d`, or `%04d` for one of four digits.
 pub(super) fn numbered(name: &Path, number: u32) -> Option<PathBuf> {
@@ -42,9 +42,9 @@ fn bare_name(name: &str) -> Result<PathBuf, Failure> {
     if ["", ".", ".."].contains(&bare) || is_standard_output(Path::new(bare)) {
         return Err(Failure::input(format!("the scene's image name `{shown}` names no file: name one with -o")));
     }
-    if name.contains(char::is_control) {
+    if name.contains(is_unseen) {
         return Err(Failure::input(format!(
-            "the scene's image name `{shown}` has control characters: name a file with -o"
+            "the scene's image name `{shown}` has control or format characters: name a file with -o"
         )));
     }
     if bare != name {

@@ -39,12 +39,12 @@ pub(super) fn joiner(format: Format, mut sink: Sink, extent: &Extent) -> io::Res
             Box::new(InOrder { sink })
         }
         Format::Pfm => Box::new(BottomUp::new(sink, width, height)?),
-        Format::Exr => Box::new(Threaded::exr(sink, extent)?),
+        Format::Exr => Box::new(Threaded::exr(sink, extent)),
         Format::Hdr => {
             write!(sink, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n")?;
             Box::new(InOrder { sink })
         }
-        Format::Tiff => Box::new(Threaded::tiff(sink, extent)?),
+        Format::Tiff => Box::new(Threaded::tiff(sink, extent)),
         Format::Qoi => Box::new(Qoi { sink, size: (width, height), pixels: Vec::new() }),
     })
 }

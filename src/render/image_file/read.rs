@@ -391,9 +391,8 @@ fn malformed(path: &Path, error: image::ImageError) -> ImageError {
 /// A decoder's words, which may repeat the file's, made safe so that they neither control a terminal nor fill it.
 fn printable(text: &str) -> String {
     const LONGEST: usize = 300;
-    let cut = if text.chars().nth(LONGEST).is_some() { "..." } else { "" };
-    let spell = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    text.chars().take(LONGEST).map(spell).chain([cut.to_owned()]).collect()
+    let (end, cut) = text.char_indices().nth(LONGEST).map_or((text.len(), ""), |(end, _)| (end, "..."));
+    crate::scene::printable(&text[..end]) + cut
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use flate2::write::ZlibEncoder;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::thread;
 use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, Predictor, Tag};
 use tiff::{TiffError, TiffResult};
@@ -23,29 +23,35 @@ use tiff::{TiffError, TiffResult};
 /// The least bytes of a strip but the last.
 const STRIP_BYTES: usize = 1 << 20;
 
-/// A writer in a thread, which takes the parts of a picture.
+/// A writer in a thread, which takes the parts of a picture; where none can be started it writes when all are there.
 pub(super) struct Threaded {
-    /// None once the thread has ended early.
+    /// None once the writer has ended early.
     parts: Option<SyncSender<Vec<u8>>>,
-    thread: Option<JoinHandle<io::Result<()>>>,
+    rest: Option<Box<dyn FnOnce() -> io::Result<()> + Send>>,
 }
 
 impl Threaded {
-    fn new(write: impl FnOnce(Receiver<Vec<u8>>) -> io::Result<()> + Send + 'static) -> io::Result<Self> {
-        let (parts, receiver) = sync_channel(1);
-        let unstarted = |error| io::Error::other(format!("the thread that encodes it cannot be started: {error}"));
-        let thread = thread::Builder::new().name("writer".into()).spawn(move || write(receiver)).map_err(unstarted)?;
-        Ok(Threaded { parts: Some(parts), thread: Some(thread) })
+    fn new(count: usize, write: impl FnOnce(Receiver<Vec<u8>>) -> io::Result<()> + Send + 'static) -> Self {
+        let (give, take) = sync_channel(1);
+        let work = move || take.recv().map_or(Ok(()), |write: Box<dyn FnOnce() -> _ + Send>| write());
+        let thread = thread::Builder::new().name("writer".into()).spawn(work);
+        let (parts, receiver) = sync_channel(if thread.is_ok() { 1 } else { count });
+        let write = Box::new(move || write(receiver));
+        let rest: Box<dyn FnOnce() -> _ + Send> = match thread {
+            Err(_) => write,
+            Ok(thread) => {
+                // It waits for this.
+                let _ = give.send(write);
+                Box::new(|| thread.join().unwrap_or_else(|_| Err(io::Error::other("the encoder has failed"))))
+            }
+        };
+        Threaded { parts: Some(parts), rest: Some(rest) }
     }
 
-    /// Lets the thread finish, and returns its result.
+    /// Lets the writer finish, and returns its result.
     fn end(&mut self) -> io::Result<()> {
         self.parts = None;
-        match self.thread.take().map(JoinHandle::join) {
-            Some(Ok(result)) => result,
-            Some(Err(_)) => Err(io::Error::other("the encoder has failed")),
-            None => Ok(()),
-        }
+        self.rest.take().map_or(Ok(()), |rest| rest())
     }
 }
 
@@ -65,9 +71,8 @@ impl Join for Threaded {
 
 impl Drop for Threaded {
     fn drop(&mut self) {
-        self.parts = None;
         // The file must not be written to after its writer is gone.
-        let _ = self.thread.take().map(JoinHandle::join);
+        let _ = self.end();
     }
 }
 
@@ -105,11 +110,11 @@ impl Encode for TiffParts {
 
 impl Threaded {
     /// Begins a TIFF.
-    pub(super) fn tiff(sink: Sink, extent: &Extent) -> io::Result<Self> {
+    pub(super) fn tiff(sink: Sink, extent: &Extent) -> Self {
         let (size, rows) = ((extent.width, extent.height()), TiffParts::new(extent).rows);
         // Compression could make it smaller, but not certainly; index and growth of incompressible strips are added.
         let big = u64::from(size.1) * (3 * u64::from(size.0) + 64) > u64::from(u32::MAX) - (1 << 20);
-        Threaded::new(move |strips| {
+        Threaded::new(size.1.div_ceil(rows) as usize, move |strips| {
             let result = if big {
                 TiffEncoder::new_big(sink).and_then(|encoder| write_tiff(encoder, size, rows, strips))
             } else {
@@ -216,10 +221,10 @@ fn deflated(bytes: &[u8], level: u32) -> io::Result<Vec<u8>> {
 
 impl Threaded {
     /// Begins an EXR, whose data window is the rows and whose display window is the whole picture.
-    pub(super) fn exr(sink: Sink, extent: &Extent) -> io::Result<Self> {
+    pub(super) fn exr(sink: Sink, extent: &Extent) -> Self {
         let header = ExrParts::new(extent).header;
         let top = header.own_attributes.layer_position.y();
-        Threaded::new(move |parts| {
+        Threaded::new(header.chunk_count, move |parts| {
             let written = exr::block::write(sink, SmallVec::from_iter([header]), true, |meta, chunks| {
                 for (index, place) in enumerate_ordered_header_block_indices(&meta.headers) {
                     let block = CompressedScanLineBlock {
