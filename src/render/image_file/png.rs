@@ -1,11 +1,13 @@
-//! PNG: strips of rows compressed independently, one after another in one stream.
+//! PNG: strips of rows compressed independently, one after another in one stream; and the pixels read back.
 
 use super::Extent;
 use super::deflate;
 use super::parts::{Encode, Join, Split};
 use crate::render::output::Sink;
+use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
+use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
 use std::borrow::Cow;
-use std::io;
+use std::io::{self, BufRead, Seek};
 
 /// The least bytes of a strip but the last. Its first row and its code cost some hundred bytes.
 const STRIP_BYTES: usize = 256 << 10;
@@ -76,5 +78,60 @@ impl Join for PngJoin {
         let [a, b] = self.sum.map(|half| (half as u16).to_be_bytes());
         self.file.write_chunk(png::chunk::IDAT, &[&LAST_BLOCK[..], &b, &a].concat())?;
         Ok(self.file.finish()?)
+    }
+}
+
+/// Decodes only the pixels: texts and colour profiles, which may unpack to a thousand times the file, are skipped.
+pub(super) struct PngDecoder<R: BufRead + Seek> {
+    reader: png::Reader<R>,
+}
+
+impl<R: BufRead + Seek> PngDecoder<R> {
+    /// Reads the header before the pixels, and allocates at most `bytes` for rows.
+    pub(super) fn new(reader: R, bytes: usize) -> ImageResult<Self> {
+        let mut decoder = png::Decoder::new_with_limits(reader, png::Limits { bytes });
+        decoder.set_ignore_text_chunk(true);
+        decoder.set_ignore_iccp_chunk(true);
+        decoder.set_transformations(png::Transformations::EXPAND);
+        Ok(PngDecoder { reader: decoder.read_info().map_err(png_error)? })
+    }
+}
+
+impl<R: BufRead + Seek> ImageDecoder for PngDecoder<R> {
+    fn dimensions(&self) -> (u32, u32) {
+        self.reader.info().size()
+    }
+
+    fn color_type(&self) -> ColorType {
+        use png::ColorType as Of;
+        match self.reader.output_color_type() {
+            // Not used.
+            (_, png::BitDepth::Sixteen) => ColorType::Rgb16,
+            (Of::Grayscale, _) => ColorType::L8,
+            (Of::GrayscaleAlpha, _) => ColorType::La8,
+            (Of::Rgb | Of::Indexed, _) => ColorType::Rgb8,
+            (Of::Rgba, _) => ColorType::Rgba8,
+        }
+    }
+
+    fn read_image(mut self, out: &mut [u8]) -> ImageResult<()> {
+        self.reader.next_frame(out).map(drop).map_err(png_error)
+    }
+
+    fn read_image_boxed(self: Box<Self>, out: &mut [u8]) -> ImageResult<()> {
+        (*self).read_image(out)
+    }
+}
+
+fn png_error(error: png::DecodingError) -> ImageError {
+    match error {
+        png::DecodingError::IoError(error) => ImageError::IoError(error),
+        png::DecodingError::Format(_) => ImageError::Decoding(DecodingError::new(ImageFormat::Png.into(), error)),
+        png::DecodingError::Parameter(_) => {
+            ImageError::Parameter(ParameterError::from_kind(ParameterErrorKind::Generic(error.to_string())))
+        }
+        png::DecodingError::LimitsExceeded => {
+            ImageError::Limits(LimitError::from_kind(LimitErrorKind::InsufficientMemory))
+        }
     }
 }

@@ -4,10 +4,11 @@ use super::ImageError;
 use super::deflate::DEFLATE_EXPANSION;
 use super::exr::ExrDecoder;
 use super::pfm::PfmDecoder;
+use super::png::PngDecoder;
 use crate::kernels::Plain;
 use crate::kernels::memory::try_reserve;
 use crate::measure::picture::{Picture, Pixels};
-use image::codecs::{hdr::HdrDecoder, png::PngDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
+use image::codecs::{hdr::HdrDecoder, pnm::PnmDecoder, qoi::QoiDecoder, tiff::TiffDecoder};
 use image::error::{DecodingError, ImageFormatHint, UnsupportedError, UnsupportedErrorKind};
 use image::{ColorType, ImageDecoder, ImageFormat, Limits};
 use std::cell::Cell;
@@ -203,10 +204,9 @@ fn by_magic(
     let by_deflate = length.saturating_mul(DEFLATE_EXPANSION);
     Ok(match magic {
         Magic::Png => {
-            let mut limits = Limits::no_limits();
             // The rows, and the file's content beside the pixels.
-            limits.max_alloc = Some(by_deflate.saturating_add(1 << 20).min(MAX_BYTES));
-            (Box::new(PngDecoder::with_limits(reader, limits)?), by_deflate.saturating_mul(8) / png_bits)
+            let most = by_deflate.saturating_add(1 << 20).min(MAX_BYTES);
+            (Box::new(PngDecoder::new(reader, most as usize)?), by_deflate.saturating_mul(8) / png_bits)
         }
         Magic::Exr => {
             let decoder = ExrDecoder::new(reader, length)?;
