@@ -747,6 +747,25 @@ fn what_a_file_says_takes_no_more_memory_than_the_file_can_mean() {
 }
 
 #[test]
+fn a_colour_profile_of_a_png_is_not_unpacked() {
+    const UNPACKED: u64 = 64 << 20;
+    let mut packed = flate2::write::ZlibEncoder::new(b"iCCPx\0\0".to_vec(), flate2::Compression::fast());
+    std::io::copy(&mut std::io::repeat(0).take(UNPACKED), &mut packed).unwrap();
+    let chunk = packed.finish().unwrap();
+    let mut crc = flate2::Crc::new();
+    crc.update(&chunk);
+    let chunk = [&(chunk.len() as u32 - 4).to_be_bytes()[..], &chunk, &crc.sum().to_be_bytes()].concat();
+    // After the signature and IHDR.
+    let mut png = bytes_of_tiny(Format::Png);
+    png.splice(33..33, chunk);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("of_a_profile.png");
+    fs::write(&path, png).unwrap();
+    let (picture, peak) = crate::counting::peak_of(|| read(&path));
+    assert!(picture.is_ok() && peak < 8 << 20, "{peak} bytes");
+}
+
+#[test]
 fn a_file_cut_off_anywhere_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     for (name, format) in FORMATS {
