@@ -293,6 +293,20 @@ fn a_convex_body_lit_from_outside_is_as_without_shadows_where_its_face_is_turned
 }
 
 #[test]
+fn points_are_asked_about_triangles_after_spheres_have_hidden_those_farther_away() {
+    // In a tile of this scene the first triangle is farther than what spheres leave of the points, and others are not.
+    let contact = rayo::scene::families::FAMILIES.iter().find(|family| family.id == "H1").unwrap();
+    let scene = contact.case(8, 1, 142).scene;
+    let reference = casting().next().unwrap().floats(&scene);
+    for contender in casting().filter(|contender| contender.engine != Engine::Rust) {
+        for (pixel, (found, expected)) in contender.floats(&scene).iter().zip(&reference).enumerate() {
+            let off = (0..3).any(|channel| (found[channel] - expected[channel]).abs() > 0.01);
+            assert!(!off, "{contender}: pixel {pixel}: {found:?} in place of {expected:?}");
+        }
+    }
+}
+
+#[test]
 fn what_is_there_twice_is_lit_as_once() {
     let mut scene = shadowed(61, 47);
     scene.lights = vec![light(vec3(-3.0, 4.0, 1.0)), light(vec3(7.0, 1.0, 9.0))];
