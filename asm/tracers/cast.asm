@@ -38,9 +38,8 @@
 
 ; TRANSPOSE_PLACED - transposes the objects of the block of bounds at r10. Clobbers rax, rbx, rcx, rdx, r8, r12 to r15
 ;                    and v0 to v4.
-%macro TRANSPOSE_PLACED 2
-%define %%bytes %1      ; [in]       of an object
-%define %%transpose %2  ; [in]       macro that transposes four of them
+%macro TRANSPOSE_PLACED 1
+%define %%bytes %1      ; [in]       of an object: a face, or a triangle
     lea     r8, [r10 + CasterBounds.own]
     mov     r15, [rsi + CastTask.arrays]
     mov     edx, 16 / 4
@@ -49,22 +48,16 @@
     PLACED_OBJECT 1, rcx, ecx, %%bytes
     PLACED_OBJECT 2, r12, r12d, %%bytes
     PLACED_OBJECT 3, r13, r13d, %%bytes
-    %%transpose  r15, rbx, rcx, r12, r13
+%if %%bytes == FACE_BYTES
+    mov     r14, [rsi + CastTask.vertices]
+    TRANSPOSE_FACES r15, rbx, rcx, r12, r13, r14, rax
+%else
+    TRANSPOSE_TRIANGLES r15, rbx, rcx, r12, r13
+%endif
     add     r8, 16
     add     r15, 16
     dec     edx
     jnz     %%four
-%endmacro
-
-; TRANSPOSE_PLACED_FACES - transposes four faces. Clobbers rax, r14 and v0 to v4.
-%macro TRANSPOSE_PLACED_FACES 5
-%define %%to %1         ; [out]      general register: address of the first of the four in TriangleArrays
-%define %%f0 %2         ; [in]       general register: address of a face
-%define %%f1 %3         ; [in]       general register
-%define %%f2 %4         ; [in]       general register
-%define %%f3 %5         ; [in]       general register
-    mov     r14, [rsi + CastTask.vertices]
-    TRANSPOSE_FACES %%to, %%f0, %%f1, %%f2, %%f3, r14, rax
 %endmacro
 
 ; CORNER - loads a corner in the axes of the side.
@@ -326,10 +319,10 @@ FUNC ISA %+ _cast
 .block:
     cmp     qword [rsi + CastTask.vertices], 0
     jne     .faces
-    TRANSPOSE_PLACED Triangle_size, TRANSPOSE_TRIANGLES
+    TRANSPOSE_PLACED Triangle_size
     jmp     .transposed
 .faces:
-    TRANSPOSE_PLACED FACE_BYTES, TRANSPOSE_PLACED_FACES
+    TRANSPOSE_PLACED FACE_BYTES
 .transposed:
     mov     r8, [rsi + CastTask.arrays]
     AXES    rbx, rcx, rdx, r8, AXIS_BYTES
