@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::TileTracer;
 use super::nearest::TileObjects;
 use crate::kernels::{
-    Element, Extent, GROUP, LitGroups, LitPoints, MOST_CASTERS, Plain, PointObject, TILE_PIXELS, TileBuffers,
-    TilePoints, TileWindow, own_bits,
+    Element, GROUP, LitGroups, LitPoints, Plain, PointObject, TILE_PIXELS, TileBuffers, TilePoints, TileWindow,
+    own_bits,
 };
 use crate::plan::{Casters, Ends, LightSide, Omission, Shadows, TileSurvey};
 
@@ -220,12 +220,10 @@ impl<E: Element> TileTracer<'_, E> {
         for (kind, near) in near.iter_mut().enumerate() {
             let count = near.iter().map(|of| of.count as usize).sum::<usize>();
             counts.asked += open * count as u64;
-            if count > MOST_CASTERS {
-                near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
-            }
+            near.sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
             let mut near = &near[..];
-            // What is farther than all points that are still open hides none. Few are in no order.
-            while !near.is_empty() && nearest(near) <= farthest(groups) {
+            // What is farther than all points that are still open hides none.
+            while near.first().is_some_and(|of| of.depth <= farthest(groups)) {
                 near = side.cast((kind, near), &self.packets.cast, casters);
                 self.packets.sphere_casters.call(&points, &casters.spheres, groups);
                 self.packets.triangle_casters.call(&points, &casters.triangles, groups);
@@ -305,11 +303,6 @@ fn ends(LitGroups { x, y, past_x, past_y, depth, .. }: &LitGroups) -> Ends {
         let least = field.as_chunks().0.iter().fold([f32::INFINITY; 8], least);
         least.into_iter().fold(f32::INFINITY, f32::min)
     })
-}
-
-/// The depth of the nearest of some objects.
-fn nearest(objects: &[&Extent]) -> f32 {
-    objects.iter().fold(f32::INFINITY, |least, of| of.depth.min(least))
 }
 
 /// The farthest open point of all.
