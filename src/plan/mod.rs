@@ -22,7 +22,7 @@ pub use report::{ByTiles, Kept, LeftOut, Report, grouped};
 pub use shadows::{Casters, Ends, LightSide, Shadows};
 pub use team::{Team, on_all_cores};
 pub use tile_report::TileSurvey;
-pub use tiles::{ExactPlane, LargeObjects, Raster, TilePlace, Tiles, Weighted};
+pub use tiles::{ExactPlane, LargeInRow, LargeObjects, Raster, TilePlace, Tiles, Weighted};
 
 use crate::scene::Grid;
 

@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+pub use self::bins::LargeInRow;
 use self::bins::{Bins, MOST_SORTED, tiles_of};
 use self::bounds::{Planned, Planning, Widening, bounds_view, sphere_view};
 use self::forms::Forms;
@@ -140,21 +141,23 @@ pub struct Weighted {
 }
 
 /// An iterator over the objects that are in many tiles, from near to far.
-#[derive(Clone, Copy)]
 pub struct LargeObjects<'a> {
     bins: &'a Bins,
+    in_row: &'a mut LargeInRow,
     next: usize,
+    more: bool,
 }
 
 impl LargeObjects<'_> {
     /// Whether all have been visited.
     pub fn are_through(&self) -> bool {
-        self.next == self.bins.count_large()
+        !self.more
     }
 
     /// Adds up to `count` of the next ones, those that may be in a tile, and at `least` or nearer there.
     pub fn add(&mut self, tile: TilePlace, count: usize, least: f32, room: &mut Vec<Candidate>) {
-        self.bins.add_large(tile, &mut self.next, count.min(MOST_AT_ONCE), least, room);
+        let limits = (count.min(MOST_AT_ONCE), least);
+        self.more = self.more && self.bins.add_large(tile, self.in_row, &mut self.next, limits, room);
     }
 }
 
@@ -211,7 +214,7 @@ impl<'a> Binned<'a> {
         scene: &'a Scene,
         &Frame { grid, picture, extent, scale, .. }: &Frame,
         kernels: &PacketKernels,
-        (keep, team): (Keep, &Team),
+        (keep, threads): (Keep, usize),
         in_f32: bool,
     ) -> Self {
         let forms = Forms::new(grid, scale, &light::lights(scene), far::<f32>(extent));
@@ -248,9 +251,9 @@ impl<'a> Binned<'a> {
             most_sorted: 0,
             in_f32,
         };
-        let of_spheres = spheres.plan(&scene.spheres, team);
-        let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), team);
-        let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), team);
+        let of_spheres = spheres.plan(&scene.spheres, threads);
+        let of_triangles = triangles.plan(TriangleList::Apart(&scene.triangles), threads);
+        let of_faces = triangles.plan(TriangleList::Joined((&scene.faces).into()), threads);
         let near_corners = |of: &Planned| of.extremes.is_some_and(|extremes| forms.may_have_near_corners(&extremes));
         // For few triangles it is cheaper to look at each.
         let few = scene.triangle_count() <= FEW_TRIANGLES;
@@ -281,9 +284,8 @@ impl<'a, E: Element> Tiles<'a, E> {
     /// `keep`.
     pub fn new(scene: &'a Scene, raster: Raster, kernels: &PacketKernels, keep: Keep, threads: usize) -> Self {
         let frame = Frame::new(scene, raster);
-        let team = Team::up_to(threads);
-        let binned = Binned::new(scene, &frame, kernels, (keep, &team), is_f32::<E>());
-        let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, &team)));
+        let binned = Binned::new(scene, &frame, kernels, (keep, threads), is_f32::<E>());
+        let shadows = scene.shadows.then(|| Arc::new(Shadows::new(scene, &Team::up_to(threads))));
         Self::of((scene, raster), frame, keep, (Arc::new(binned), shadows))
     }
 
@@ -293,7 +295,7 @@ impl<'a, E: Element> Tiles<'a, E> {
         let binned = if keep == Keep::NOTHING {
             Arc::clone(binned)
         } else {
-            Arc::new(Binned::new(scene, &frame, kernels, (keep, &Team::up_to(threads)), false))
+            Arc::new(Binned::new(scene, &frame, kernels, (keep, threads), false))
         };
         Tiles::of((scene, raster), frame, keep, (binned, shadows.clone()))
     }
@@ -354,6 +356,16 @@ impl<'a, E: Element> Tiles<'a, E> {
             most.is_finite() && least > 0.0 && brightest.is_sign_positive() && brightest.is_finite()
         };
         self.binned.extremes.is_none_or(valid)
+    }
+
+    /// A lower bound of 1/t at all pixels of a tile, if the nearest of the triangles in many tiles covers it; otherwise 0.
+    pub fn least_of_large(&self, tile: TilePlace) -> f32 {
+        let Frame { grid, scale, picture, .. } = self.frame;
+        let of_kinds = self.binned.of_triangles.iter().zip(self.triangle_lists());
+        of_kinds.fold(0.0, |least, (bins, triangles)| {
+            let of = |id| forms::least_over(&triangles.get(id as usize), grid, scale, picture, tile);
+            bins.first_large().map_or(least, |id| least.max(of(id)))
+        })
     }
 
     /// Whether any tile has an object whose numbers are beyond f32.
@@ -453,12 +465,19 @@ impl<'a, E: Element> Tiles<'a, E> {
         self.keep
     }
 
+    /// The number of objects in many tiles, and of entries in the lists of the others.
+    pub fn counts(&self) -> [usize; 2] {
+        let Binned { of_spheres, of_triangles: [triangles, faces], .. } = &*self.binned;
+        let of = [of_spheres, triangles, faces].map(Bins::counts);
+        [0, 1].map(|kind| of.iter().map(|counts| counts[kind]).sum())
+    }
+
     /// The number of objects that may be visible in a tile.
     pub fn count_in(&self, &TileWindow { column, row, .. }: &TileWindow) -> usize {
         let tile = TilePlace { across: column / TILE_WIDTH as u32, down: row / TILE_HEIGHT as u32 };
         let [triangles, faces] = &self.binned.of_triangles;
         let mut large = Vec::new();
-        for mut of in self.large() {
+        for mut of in self.large(&mut Default::default()) {
             while !of.are_through() {
                 of.add(tile, MOST_AT_ONCE, 0.0, &mut large);
             }
@@ -570,9 +589,15 @@ impl<'a, E: Element> Tiles<'a, E> {
     }
 
     /// The objects in many tiles: spheres, then triangles of both [kinds](Tiles::triangle_lists).
-    pub fn large(&self) -> [LargeObjects<'_>; 3] {
+    pub fn large<'b>(&'b self, in_row: &'b mut [LargeInRow; 3]) -> [LargeObjects<'b>; 3] {
         let [triangles, faces] = &self.binned.of_triangles;
-        [&self.binned.of_spheres, triangles, faces].map(|bins| LargeObjects { bins, next: 0 })
+        let [first, second, third] = in_row;
+        [(&self.binned.of_spheres, first), (triangles, second), (faces, third)].map(|(bins, in_row)| LargeObjects {
+            bins,
+            in_row,
+            next: 0,
+            more: true,
+        })
     }
 
     /// A tile's rays, for set-up and for shading.

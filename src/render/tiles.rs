@@ -20,8 +20,10 @@ use crate::kernels::{
 use crate::plan::{Keep, Omission, Raster, Report, TilePlace, Tiles, Weighted};
 use crate::scene::Scene;
 
-/// One thread has traced this many objects, in a picture of this many pixels, before another one has memory for its part.
+/// One thread has traced this many objects in many tiles, and so many entries in lists of tiles, in a picture of this many
+/// pixels, before another one has memory for its part.
 const FEW: usize = 8;
+const FEW_LISTED: usize = 1 << 12;
 const QUICK: u64 = 1 << 21;
 
 /// Each pixel may be in shadows of its own, and has then a record of what each light does there. For more of these a
@@ -340,7 +342,7 @@ fn ask_for_next<P>(out: &[P], window: &TileWindow, first: usize, width: usize) {
     let left = width - window.column as usize - window.columns as usize;
     for row in 0..window.rows.len() {
         let next = first + row * width + window.columns as usize;
-        sys::ask_for(&out[next..next + left.min(TILE_WIDTH)]);
+        sys::ask_to_write(&out[next..next + left.min(TILE_WIDTH)]);
     }
 }
 
@@ -368,9 +370,9 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn is_quick(&self) -> bool {
-        let (scene, [width, height]) = (self.plan.scene(), self.plan.size());
-        let (objects, pixels) = (scene.spheres.len() + scene.triangle_count(), u64::from(width) * u64::from(height));
-        objects <= FEW && pixels <= QUICK
+        let ([large, listed], [width, height]) = (self.plan.counts(), self.plan.size());
+        let few = large <= FEW && listed <= FEW_LISTED && self.plan.shadows().is_none();
+        few && u64::from(width) * u64::from(height) <= QUICK
     }
 
     fn rows_together(&self) -> u32 {

@@ -130,6 +130,24 @@ fn what_is_behind_parts_of_a_tile_is_seen_between_them() {
     }
 }
 
+/// Spheres before and behind a tilted triangle, which covers some tiles of a picture of many, one below another, and is in
+/// parts of others.
+fn about_a_wall(seed: u64) -> Scene {
+    let (camera, mut rng) = (Camera::new(16, 3200, 1.0, 2.0).unwrap(), Rng::new(seed));
+    let corners = [[-9.0, 4.0, 3.0], [0.2, 4.0, 3.0], [-0.05, -3.0, 6.0]].map(Vec3::from_array);
+    let mut sphere = |_| {
+        let y = rng.between(-4.0, 4.0);
+        let centre = Vec3::new(0.0, y, 3.0 + 3.0 * (4.0 - y) / 7.0 + rng.between(-0.01, 0.8));
+        Sphere { centre, radius: rng.between(0.005, 0.03), colour: Vec3::ONE }
+    };
+    let spheres = (0..8000).map(&mut sphere).collect();
+    Scene {
+        spheres,
+        triangles: vec![Triangle { vertices: corners, colour: Vec3::X }],
+        ..Scene { camera, ..many(0, 0, seed) }
+    }
+}
+
 /// Scenes of great depth: one object behind another all over the picture, and all around the camera.
 fn deep(seed: u64) -> Vec<(&'static str, Scene)> {
     let mut rng = Rng::new(seed);
@@ -181,6 +199,7 @@ fn deep(seed: u64) -> Vec<(&'static str, Scene)> {
             ("the camera in many spheres", spheres(100, 2.0, 0.0)),
             ("large spheres", spheres(2000, 0.3, 4.0)),
             ("spheres behind a wall", with(spheres(2000, 0.05, 3.0), &one_wall)),
+            ("spheres about a wall", about_a_wall(seed)),
         ])
         .collect()
 }

@@ -36,6 +36,16 @@ struct Large {
     most: [f32; 3],
 }
 
+/// The objects in many tiles that meet a row of tiles, the nearest first, as far as a tile has asked: its neighbours need
+/// not go through all of the picture's.
+#[derive(Default)]
+pub struct LargeInRow {
+    down: u32,
+    /// How many of the picture's have been looked at.
+    seen: usize,
+    objects: Vec<Large>,
+}
+
 /// Consecutive objects of a piece that are in the same tiles, as neighbours in a mesh mostly are, and the first of
 /// these tiles.
 #[derive(Clone, Copy, Default)]
@@ -171,36 +181,32 @@ impl Bins {
         self.of_tile(tile).for_each(sys::ask_for);
     }
 
-    /// Adds objects in many tiles that may be visible in this one, the nearest first: up to `count` of them, from index
-    /// `next` on, which is advanced. It stops at objects that cannot be at `least` or nearer.
+    /// Adds objects in many tiles that may be visible in this one, the nearest first: up to `count` of them, from place
+    /// `next` in the row of tiles on, which is advanced. It stops at objects that cannot be at `least` or nearer.
+    /// Returns whether more may come.
     pub(super) fn add_large(
         &self,
         tile: TilePlace,
+        in_row: &mut LargeInRow,
         next: &mut usize,
-        count: usize,
-        least: f32,
+        (count, least): (usize, f32),
         room: &mut Vec<Candidate>,
-    ) {
+    ) -> bool {
         let (column, row) = tile.first();
         let everywhere = self.most_tiles.is_none();
         let [half_width, half_height] = [TILE_WIDTH, TILE_HEIGHT].map(|side| 0.5 * (side - 1) as f32);
         let (x, y) = (column as f32 + half_width, row as f32 + half_height);
         let enough = room.len() + count;
-        for large in &self.large[*next..] {
-            let Large { mut candidate, most: [most, across, down] } = *large;
+        while let Some(Large { mut candidate, most: [most, across, down] }) = self.next_in_row(tile, in_row, *next) {
             if candidate.most < least {
-                *next = self.large.len();
-                return;
+                return false;
             }
             if room.len() == enough {
-                return;
+                return true;
             }
             *next += 1;
-            let (columns, rows) = (range(candidate.columns), range(candidate.rows));
-            let is_in = columns.start < column + TILE_WIDTH as u32
-                && column < columns.end
-                && rows.start < row + TILE_HEIGHT as u32
-                && row < rows.end;
+            let columns = range(candidate.columns);
+            let is_in = columns.start < column + TILE_WIDTH as u32 && column < columns.end;
             let here = most + across * x + down * y + across.abs() * half_width + down.abs() * half_height;
             // A NaN is not less.
             if here < candidate.most {
@@ -210,11 +216,35 @@ impl Bins {
                 room.push(candidate);
             }
         }
+        false
     }
 
-    /// The number of objects in many tiles.
-    pub(super) fn count_large(&self) -> usize {
-        self.large.len()
+    /// The object in many tiles at place `next` of a tile's row.
+    fn next_in_row(&self, tile: TilePlace, in_row: &mut LargeInRow, next: usize) -> Option<Large> {
+        if in_row.down != tile.down {
+            in_row.objects.clear();
+            (in_row.down, in_row.seen) = (tile.down, 0);
+        }
+        let (_, row) = tile.first();
+        while in_row.objects.len() == next {
+            let large = self.large.get(in_row.seen)?;
+            in_row.seen += 1;
+            let rows = range(large.candidate.rows);
+            if self.most_tiles.is_none() || rows.start < row + TILE_HEIGHT as u32 && row < rows.end {
+                in_row.objects.push(*large);
+            }
+        }
+        Some(in_row.objects[next])
+    }
+
+    /// The nearest of the objects in many tiles.
+    pub(super) fn first_large(&self) -> Option<u32> {
+        self.large.first().map(|large| large.candidate.id)
+    }
+
+    /// The number of objects in many tiles, and of entries in the lists of the others.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [self.large.len(), self.blocks.iter().map(Vec::len).sum()]
     }
 }
 

@@ -107,8 +107,9 @@ where
     /// The tiles that all `objects` may be in. Objects are processed piece by piece, so that their bounds are still
     /// cached when they are binned. Threads take pieces as they become free, and reuse their lists and memory from one
     /// to the next; the result does not depend on which thread took which.
-    pub(super) fn plan(&self, objects: T::Many<'_>, team: &Team) -> Planned {
+    pub(super) fn plan(&self, objects: T::Many<'_>, threads: usize) -> Planned {
         let bins = || Bins::new(self.picture, self.most_tiles);
+        let team = Team::up_to(if objects.len() > FEWEST_PER_THREAD { threads } else { 1 });
         let threads = team.threads().min(objects.len().div_ceil(FEWEST_PER_THREAD)).max(1);
         let share = if threads > 1 { objects.len().div_ceil(PIECES_PER_THREAD * threads) } else { usize::MAX };
         let most = objects.len().div_ceil(MOST_PIECES).clamp(PIECE, LARGE_PIECE);
@@ -129,7 +130,6 @@ where
             planned.bins.add(number, candidates, left);
             planned.extremes = planned.extremes.into_iter().chain(extremes).reduce(Extremes::and);
         };
-        let team = if threads > 1 { team } else { &Team::alone() };
         let planned =
             team.share_with(0..pieces, |piece| (piece, None), begin, add).into_iter().map(|(planned, _)| planned);
         planned.reduce(Planned::and).unwrap_or_else(|| Planned { bins: bins(), wide: Vec::new(), extremes: None })

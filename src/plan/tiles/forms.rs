@@ -240,6 +240,26 @@ pub(super) fn most_at(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture:
     (terms < f32::MAX.into()).then_some(most)
 }
 
+/// A lower bound of 1/t, as kernels round it, of a triangle at the pixels of a tile; 0 if it may not cover all of them.
+pub(super) fn least_over(triangle: &Triangle, grid: Grid<f64>, scale: f64, picture: Picture, tile: TilePlace) -> f32 {
+    let (column, row) = tile.first();
+    let corners = [[0, 0], [TILE_WIDTH, 0], [0, TILE_HEIGHT], [TILE_WIDTH, TILE_HEIGHT]];
+    let corners = corners.map(|[across, down]| [column + across as u32, row + down as u32]);
+    let [a, b, c] = triangle.vertices.map(|v| v.as_dvec3());
+    let volume = a.dot(b.cross(c)).signum();
+    let is_inside = |[column, row]: [u32; 2]| {
+        let ray = DVec3::from(grid.ray(row, column));
+        [(a, b), (b, c), (c, a)]
+            .iter()
+            .all(|(from, to)| volume * from.cross(*to).dot(ray) > 1e-14 * from.length() * to.length() * ray.length())
+    };
+    let Some([first, across, down]) = most_at(triangle, grid, scale, picture) else { return 0.0 };
+    let terms = first.abs() + across.abs() * picture.width as f32 + down.abs() * picture.height as f32;
+    let there = |[column, row]: [u32; 2]| first + across * column as f32 + down * row as f32;
+    let least = corners.into_iter().map(there).fold(f32::MAX, f32::min) - terms / (1 << 14) as f32;
+    if corners.into_iter().all(is_inside) { least.max(0.0) } else { 0.0 }
+}
+
 /// The greatest magnitude of a vector's components.
 fn size(v: DVec3) -> f64 {
     greatest(v.abs().to_array())

@@ -7,7 +7,7 @@ use crate::kernels::{
     CHUNK, Candidate, Element, ObjectList, Parts, SphereChunk, TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileShade,
     TileView, TileWindow, TriangleChunk,
 };
-use crate::plan::{LargeObjects, Omission, TilePlace, Weighted};
+use crate::plan::{LargeInRow, LargeObjects, Omission, TilePlace, Weighted};
 
 /// In a tile of fewer triangles, or spheres, culling the hidden ones costs more than testing all.
 const FEWEST_HIDDEN: usize = 64;
@@ -47,6 +47,8 @@ const MOST_SPHERES: usize = 1 << 16;
 #[derive(Default)]
 pub(super) struct Scratch<E: Element> {
     pub buffers: TileBuffers<E>,
+    /// Of spheres and of both kinds of triangles.
+    large: [LargeInRow; 3],
     /// The candidates of a tile, if they are not in one list of the plan.
     room: Vec<Candidate>,
     layers: Layers,
@@ -94,14 +96,14 @@ impl<E: Element> TileTracer<'_, E> {
         weighted: &Weighted,
         scratch: &mut Scratch<E>,
     ) -> bool {
-        let Scratch { buffers, room, layers, objects, .. } = scratch;
+        let Scratch { buffers, large, room, layers, objects, .. } = scratch;
         objects.forgotten = 0;
         objects.order.clear();
         objects.order.push(0);
         objects.spheres.candidates.clear();
         objects.spheres.places.clear();
         room.clear();
-        let [mut large_spheres, large @ ..] = self.plan.large();
+        let [mut large_spheres, large @ ..] = self.plan.large(large);
         large_spheres.add(tile, LARGE_AT_FIRST, 0.0, room);
         self.plan.spheres_in(tile, room);
         let mut any = !room.is_empty() || self.plan.keep().has(Omission::EmptyTiles);
@@ -111,6 +113,11 @@ impl<E: Element> TileTracer<'_, E> {
         let (view, _) = self.plan.view(tile);
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if !room.is_empty() {
+            if room.len() >= FEWEST_HIDDEN && !self.plan.keep().has(Omission::Occluded) {
+                let all = room.len();
+                let left = not_behind(room, all, self.plan.least_of_large(tile));
+                room.truncate(left);
+            }
             self.nearest_spheres(room, weighted, buffers, layers, objects, window);
             self.each_large(large_spheres, (tile, window), room, buffers, |candidates, buffers| {
                 self.nearest_spheres(candidates, weighted, buffers, layers, objects, window);
