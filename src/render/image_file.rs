@@ -369,7 +369,7 @@ impl ImageWriter {
         let width = self.extent.width as usize;
         let pending = (self.pending.len() / width) as u32;
         let part = match self.encoder.split() {
-            Split::Bytes | Split::Any => pending,
+            Split::Any => pending,
             Split::Strips(rows) => rows,
         };
         let is_last = self.rows + pending == self.extent.height();

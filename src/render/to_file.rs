@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 use std::io;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::image_file::{PartEncoder, Split};
-use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError};
+use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISONED};
 use crate::measure::Cycles;
 
 /// A band is as many whole rows as fit into this for each thread, and at least one. The first picture waits for the
@@ -105,7 +105,7 @@ impl<'a> Bands<'a> {
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
         let height = if threads > 1 { height.max(TASKS * threads * self.frame.task_rows()) } else { height };
         let height = match self.encoder.split() {
-            Split::Bytes | Split::Any => height,
+            Split::Any => height,
             Split::Strips(strip) => height.max(strip as usize * threads),
         };
         // Fewer if ranks would have too few bands to finish together.
@@ -137,10 +137,11 @@ impl<'a> Bands<'a> {
         Ok(None)
     }
 
-    /// Encodes what was traced, each part on one thread, and hands over the parts and their rows from the top.
-    pub(super) fn encode<E>(
+    /// Encodes what was traced, each part on one thread, which hands over in order what is ready: its own parts need not
+    /// come from another core's caches and go back there for the next band.
+    pub(super) fn encode<E: Send>(
         &mut self,
-        mut take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E>,
+        take: impl FnMut(u32, io::Result<Cow<'_, [u8]>>) -> Result<(), E> + Send,
     ) -> Result<(), E> {
         let (width, threads) = (self.frame.camera.width() as usize, self.frame.threads() as u32);
         if let (Some(converted), Film::F32x4(floats)) = (&mut self.converted, &self.film) {
@@ -149,18 +150,24 @@ impl<'a> Bands<'a> {
         }
         let film = self.converted.as_ref().unwrap_or(&self.film);
         let height = match self.encoder.split() {
-            Split::Bytes => self.rows,
             Split::Any => self.rows.div_ceil(threads),
             Split::Strips(rows) => rows,
         };
         let starts = (0..self.rows).step_by(height as usize);
-        let mut parts: Vec<_> = starts.map(|start| (start..self.rows.min(start + height), None)).collect();
-        self.frame.share(parts.iter_mut(), |(rows, part)| {
-            *part = Some(self.encoder.encode(film, width * rows.start as usize..width * rows.end as usize));
+        let ready: Vec<_> = starts.clone().map(|_| None).collect();
+        let in_order = Mutex::new((ready, 0, take, Ok(())));
+        self.frame.share(starts.enumerate(), |(index, start)| {
+            let rows = start as usize..self.rows.min(start + height) as usize;
+            let part = self.encoder.encode(film, width * rows.start..width * rows.end);
+            let (ready, next, take, taken) = &mut *in_order.lock().expect(UNPOISONED);
+            ready[index] = Some((rows.len() as u32, part));
+            while let Some((rows, part)) = ready.get_mut(*next).and_then(Option::take) {
+                *next += 1;
+                if taken.is_ok() {
+                    *taken = take(rows, part);
+                }
+            }
         });
-        for (rows, part) in parts {
-            take(rows.len() as u32, part.expect("each part is encoded"))?;
-        }
-        Ok(())
+        in_order.into_inner().expect(UNPOISONED).3
     }
 }

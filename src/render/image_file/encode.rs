@@ -1,6 +1,6 @@
 //! One encoder per format: rows of a picture in, bytes out, part by part; and a writer that joins the parts to a file.
 
-use super::parts::{Encode, Join, Split};
+use super::parts::{Encode, Join};
 use super::png::{PngJoin, PngParts};
 use super::threaded::{ExrParts, Threaded, TiffParts};
 use super::{Extent, Format};
@@ -85,10 +85,6 @@ impl Join for InOrder {
 struct Bytes;
 
 impl Encode for Bytes {
-    fn split(&self) -> Split {
-        Split::Bytes
-    }
-
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
         Ok(rows.as_flattened().into())
     }

@@ -21,11 +21,9 @@ pub(super) trait Encode: Send + Sync {
     }
 }
 
-/// How many rows an encoder takes for a part. The file does not depend on where `Bytes` and `Any` are cut.
+/// How many rows an encoder takes for a part. The file does not depend on where `Any` is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Split {
-    /// Any number, without a gain from several parts: pixels are written as they are.
-    Bytes,
     Any,
     /// So many, and the rest in the last part.
     Strips(u32),
