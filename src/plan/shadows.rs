@@ -212,26 +212,30 @@ impl Grid {
                 count = 0;
             }
         }
-        let mut order: Vec<_> = unsorted
-            .iter()
-            .map(|of| {
-                let (cells, level) = cells(of);
-                let (grid, coarseness) = (of_level[level], grids[of_level[level]].coarseness);
-                let [column, row] = cells.map(|cell| cell >> coarseness);
-                // Depths are not below 0, so that their bits are in their order.
-                (grid, row * (FINEST >> coarseness) + column, of.depth.to_bits(), of)
-            })
-            .collect();
-        order.sort_unstable_by_key(|&(grid, cell, depth, _)| (grid, cell, depth));
-        for ((grid, cell, ..), end) in order.iter().zip(1..) {
-            grids[*grid].starts[*cell as usize + 1] = end;
+        let coarseness: Vec<_> = grids.iter().map(|grid: &Grid| grid.coarseness).collect();
+        let place = |of: &Extent| {
+            let (cells, level) = cells(of);
+            let (grid, coarseness) = (of_level[level], coarseness[of_level[level]]);
+            let [column, row] = cells.map(|cell| cell >> coarseness);
+            (grid, (row * (FINEST >> coarseness) + column) as usize)
+        };
+        for (grid, cell) in unsorted.iter().map(place) {
+            grids[grid].starts[cell] += 1;
         }
-        let mut end = 0;
+        let mut sum = 0;
         for start in grids.iter_mut().flat_map(|grid| &mut grid.starts) {
-            end = end.max(*start);
-            *start = end;
+            sum += std::mem::replace(start, sum);
         }
-        (grids, order.into_iter().map(|(.., of)| *of).collect())
+        let mut next: Vec<_> = grids.iter().map(|grid| grid.starts.clone()).collect();
+        let mut objects = unsorted.to_vec();
+        for (of, (grid, cell)) in unsorted.iter().zip(unsorted.iter().map(place)) {
+            objects[next[grid][cell] as usize] = *of;
+            next[grid][cell] += 1;
+        }
+        for ends in grids.iter().flat_map(|grid| grid.starts.windows(2)) {
+            objects[ends[0] as usize..ends[1] as usize].sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+        (grids, objects)
     }
 }
 
