@@ -65,8 +65,8 @@ struct LightView {
 /// The objects on a side of the cube.
 #[derive(Clone, Default)]
 struct Side {
-    /// The axis that it looks along.
-    axis: usize,
+    /// In [`SIDES`].
+    number: usize,
     view: LightSideView<f64>,
     /// Grid by grid and cell by cell, those of a cell from the nearest on.
     objects: Vec<Extent>,
@@ -177,13 +177,13 @@ impl Side {
     fn of(runs: &[Run], light: DVec3, (number, whole): (usize, &Bounds), pixels: u32) -> Self {
         let (low, high) = (whole.low.map(|x| x - 4.0 * SLACK), whole.high.map(|x| x + 4.0 * SLACK));
         let [scale_x, scale_y] = [0, 1].map(|i| f64::from(FINEST) / (high[i] - low[i]));
-        let ((axis, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
+        let ((_, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
         let bounds = |run: &Run| Some(extent(&view, &Bounds::of_box(run.ends.map(|v| v - light), number)?, run));
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let (grids, objects) = Grid::of(&runs.iter().filter_map(bounds).collect::<Vec<_>>(), (FINEST / useful).ilog2());
-        Side { axis, view, objects, grids }
+        Side { number, view, objects, grids }
     }
 }
 
@@ -320,7 +320,7 @@ impl<'a> Shadows<'a> {
     }
 
     /// The sides on which a light sees objects.
-    pub fn sides(&self, light: usize) -> impl Iterator<Item = LightSide<'_>> {
+    pub fn sides(&self, light: usize) -> impl ExactSizeIterator<Item = LightSide<'_>> {
         let LightView { position, sides } = &self.lights[light];
         sides.iter().map(move |side| LightSide { scene: self.scene, position: *position, side })
     }
@@ -350,7 +350,13 @@ impl<'a> LightSide<'a> {
 
     /// The axis that it looks along.
     pub fn axis(&self) -> usize {
-        self.side.axis
+        SIDES[self.side.number].0
+    }
+
+    /// Whether points with these least and greatest coordinates may be on it.
+    pub fn may_see(&self, [low, high]: [DVec3; 2]) -> bool {
+        let rounding = DVec3::splat(SLACK * (low.abs().max(high.abs()) + self.position.abs()).max_element());
+        Bounds::of_box([low - rounding, high + rounding].map(|v| v - self.position), self.side.number).is_some()
     }
 
     /// Where the light is.

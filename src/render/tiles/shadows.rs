@@ -115,6 +115,7 @@ impl<E: Element> TileTracer<'_, E> {
         self.find_points(shadows, window, buffers, &tile_objects.order, scratch);
         let mut darkened = Darkened { count: tile_objects.order.len(), ..Darkened::default() };
         let (mut instead, mut faces): (Vec<u32>, Vec<bool>) = Default::default();
+        let mut ends_of_points = None;
         let visible = scratch.ids.iter().filter(|id| **id > 0).count() as u64;
         for (light, position) in shadows.lights().enumerate() {
             faces.clear();
@@ -130,12 +131,17 @@ impl<E: Element> TileTracer<'_, E> {
             let facing: u64 = scratch.groups.open.iter().map(|open| u64::from(open.count_ones())).sum();
             scratch.counts.averted += visible - facing;
             scratch.counts.facing += facing * shadows.objects(light);
-            for side in shadows.sides(light) {
+            let (sides, all_cells) = (shadows.sides(light), self.plan.keep().has(Omission::OtherCells));
+            let several = sides.len() > 1 && !all_cells;
+            for side in sides {
                 if scratch.groups.open == [0; GROUPS] {
                     break;
                 }
+                if several && !side.may_see(*ends_of_points.get_or_insert_with(|| ends_of_all(&scratch.points))) {
+                    continue;
+                }
                 self.packets.seen.call(side.view(), &scratch.points, side.axis(), &mut scratch.groups);
-                if self.plan.keep().has(Omission::OtherCells) {
+                if all_cells {
                     let LitGroups { x, y, past_x, past_y, depth, .. } = &mut *scratch.groups;
                     [x, y, past_x, past_y, depth].into_iter().for_each(|ends| ends.fill(f32::NEG_INFINITY.to_bits()));
                 }
@@ -293,6 +299,20 @@ fn is_lit(object: &PointObject<f64>, light: DVec3) -> bool {
     let &PointObject { x, y, z, a, b, own, .. } = object;
     let is_sphere = a != 0.0 || b != 0.0;
     own >= 0.0 && (is_sphere || DVec3::new(x, y, z).dot(light) < 1.0)
+}
+
+/// The least and the greatest coordinates of points; those of nobody are no numbers.
+fn ends_of_all(TilePoints { x, y, z, .. }: &TilePoints<f64>) -> [DVec3; 2] {
+    let of = |sign: f64| {
+        [x, y, z].map(|field| {
+            let least = |a: [f64; 8], b: &[f64; 8]| {
+                std::array::from_fn(|i| if sign * b[i] < a[i] { sign * b[i] } else { a[i] })
+            };
+            let least = field.as_chunks().0.iter().fold([f64::INFINITY; 8], least);
+            sign * least.into_iter().fold(f64::INFINITY, f64::min)
+        })
+    };
+    [of(1.0), of(-1.0)].map(DVec3::from)
 }
 
 /// The ends of all points on a side: those of groups without one are infinite.
