@@ -146,6 +146,7 @@ pub fn side_of_plane(vertices: [DVec3; 3], n: DVec3, point: DVec3, units: f64) -
 }
 
 /// The vector p of the plane p . x = 1 of a triangle; None if the [volume](triangle_volume) is 0.
+#[inline]
 pub fn plane_of_one(vertices: [DVec3; 3]) -> Option<DVec3> {
     let [v1, v2, v3] = near_corner_first(vertices);
     let (a, b) = (v1 - v2, v1 - v3);
