@@ -176,12 +176,12 @@ pub fn ask_for<T>(soon: &[T]) {
 
 /// Prefetches what will soon be written: another core that has read it gives it up, which takes longer than a store can wait.
 pub fn ask_to_write<T>(soon: &[T]) {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(miri)))]
     for line in soon.as_ptr_range().start.addr() / 64..soon.as_ptr_range().end.addr().div_ceil(64) {
         // SAFETY: a hint, which writes nothing and never faults, whatever the address; no operation where it is unknown.
         unsafe { std::arch::asm!("prefetchw [{}]", in(reg) 64 * line, options(nostack, preserves_flags)) };
     }
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(miri))))]
     let _ = soon;
 }
 
