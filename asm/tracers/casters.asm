@@ -132,10 +132,11 @@
     VMUL    v8, v9, v12
     VSUB    v11, v11, v8
     MASK_GREATER v6, v9
-    VSELECT v7, v11                     ; D
+    VSELECT v7, v11
+    VSPREAD v6, [r10 + ELEM * SphereCasters.most]
+    VADD    v7, v7, v6                  ; D; infinite around the light, whatever rounding makes of it
     MASK_NOT_LESS v7, [PACKET(zeros)]
     VSUB    v11, v10, v12
-    VSPREAD v6, [r10 + ELEM * SphereCasters.most]
     MASK_AND_LESS v11, v6, v14          ; a wall is before the light
     ELEMENT_OPERAND [r10 + ELEM * SphereCasters.past], v14
     VADD    v10, v10, ONE

@@ -129,6 +129,11 @@ struct Bounds {
 /// Of what is beside the light or around it.
 const WHOLE: Bounds = Bounds { low: [-1.0; 2], high: [1.0; 2], depth: 0.0 };
 
+/// Whether an object's least distance from a light is so small beside its greatest one that the rounding of its middle matters.
+fn is_near(least: f64, greatest: f64) -> bool {
+    least * 1024.0 < greatest
+}
+
 /// A vector in the axes of a side: across, down, and depth.
 fn turned(v: DVec3, side: usize) -> [f64; 3] {
     let (axis, sign) = SIDES[side];
@@ -180,7 +185,13 @@ impl Side {
         let ((_, sign), [across, down, depth]) = (SIDES[number], turned(light, number));
         let (depth, [low_x, low_y]) = (sign * depth, low);
         let view = LightSideView { across, down, depth, sign, low_x, low_y, scale_x, scale_y };
-        let bounds = |run: &Run| Some(extent(&view, &Bounds::of_box(run.ends.map(|v| v - light), number)?, run));
+        let bounds = |run: &Run| {
+            let [low, high] = run.ends.map(|v| v - light);
+            let of = Bounds::of_box([low, high], number)?;
+            let (nearest, farthest) = (low.max(-high).max_element(), high.max(-low).max_element());
+            let depth = if is_near(nearest, farthest) { 0.0 } else { of.depth };
+            Some(extent(&view, &Bounds { depth, ..of }, run))
+        };
         let useful = (pixels / PIXELS_OF_A_CELL).next_power_of_two().min(FINEST);
         let (grids, objects) = Grid::of(&runs.iter().filter_map(bounds).collect::<Vec<_>>(), (FINEST / useful).ilog2());
         Side { number, view, objects, grids }
@@ -242,7 +253,9 @@ impl Grid {
 /// The objects of a scene in runs.
 fn runs(scene: &Scene) -> Vec<Run> {
     let sphere = |(sphere, first): (&Sphere, u32)| {
-        let (centre, radius) = (sphere.centre.as_dvec3(), DVec3::splat(sphere.radius.into()));
+        let centre = sphere.centre.as_dvec3();
+        // A far one has less than the rounding of its centre.
+        let radius = DVec3::splat(sphere.radius.into()) + f64::EPSILON * centre.abs();
         Run { ends: [centre - radius, centre + radius], first, count: 1 }
     };
     let mut runs: Vec<_> = scene.spheres.iter().zip(0..).map(sphere).collect();
@@ -414,13 +427,25 @@ impl<'a> LightSide<'a> {
         let (list, first) = lists(self.scene)[list];
         now.iter().for_each(|object| triangles.push(object));
         kernel.call(self.view(), self.axis(), list, first, arrays, triangles);
-        for (at, place) in triangles.doubtful() {
+        let mut count = 0;
+        let beside = now.iter().flat_map(|of| {
+            let at = count;
+            count += of.count;
+            (0..if of.depth == 0.0 { of.count } else { 0 }).map(move |i| ((at + i) as usize, of.first + i))
+        });
+        let doubtful = triangles.doubtful().into_iter().map(|of| (true, of));
+        for (is_doubtful, (at, place)) in doubtful.chain(beside.map(|of| (false, of))) {
             let corners = list.vertices((place - first) as usize).map(|v| v.as_dvec3());
+            let distances = DVec3::from(corners.map(|v| (v - self.position).abs().max_element()));
+            let near = is_near(distances.min_element(), distances.max_element());
+            if !is_doubtful && !near {
+                continue;
+            }
             let normal = geometry::triangle_plane(corners);
             // Of one that the light sees as an edge nothing is set: it hides nothing.
             if let Some(side) = geometry::side_of_plane(corners, normal, self.position, 0.0) {
                 let corners = corners.map(|v| v.to_array());
-                triangles.set_planes(at, self.axis(), corners, normal.to_array(), self.light(), side);
+                triangles.set_planes((at, near), self.axis(), corners, normal.to_array(), self.light(), side);
             }
         }
         later

@@ -203,10 +203,11 @@ pub fn lambert_two_sided(light: DVec3, p: DVec3, n: DVec3) -> f64 {
 pub fn sphere_hides(light: DVec3, p: DVec3, centre: DVec3, radius: f64, epsilon: f64) -> bool {
     let (to_light, c) = (light - p, centre - p);
     let (a, h) = (to_light.dot(to_light), to_light.dot(c));
-    if discriminant(to_light, c, radius) < 0.0 {
+    let (of_light, of_p) = (power(centre - light, radius), power_of(p, centre, radius));
+    // The line to a light inside meets it, whatever rounding makes of it.
+    if of_light >= 0.0 && discriminant(to_light, c, radius) < 0.0 {
         return false;
     }
-    let (of_light, of_p) = (power(centre - light, radius), power_of(p, centre, radius));
     let rounding = 32.0 * epsilon * radius * p.abs().element_sum();
     if of_light > 0.0 {
         let p_is_inside = of_p < -rounding;

@@ -1,4 +1,4 @@
-//! Random scenes that mix what is hard in all families, of few objects and of many: by spans and by tiles.
+//! Random scenes that mix what is hard in all families, of few objects and of many.
 
 use glam::{DVec3, Vec3, dvec3};
 use proptest::collection::vec;

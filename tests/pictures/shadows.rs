@@ -646,3 +646,32 @@ fn the_judge_knows_of_every_family_of_shadows_what_light_it_has() {
         check_truth(family.id, (0..family.cases()).map(|index| family.case(index, 5, 18).scene));
     }
 }
+
+#[test]
+fn what_is_lost_in_the_rounding_of_a_distance_hides_a_light_too() {
+    // A light in a sphere that is smaller than the last digit of its distance.
+    let far = vec3(-6.0852505e17, 5.7437525e17, -1.6001564e17);
+    let mut in_far_sphere = shadowed(12, 12);
+    in_far_sphere.lights = vec![light(far)];
+    in_far_sphere.spheres = vec![sphere(1.0, far), sphere(4.0, vec3(0.0, 0.0, 9.0))];
+    // A light and points at the corners of triangles of 10^13 times their distance.
+    let mut at_corners = Scene { shadows: true, ..Scene::new(Camera::new(12, 12, 0.5, 1.0).unwrap()) };
+    at_corners.lights = vec![light(vec3(8.880835e-12, 8.010328e-13, 1.4558004e-11))];
+    at_corners.spheres = vec![sphere(8.7072325e-13, vec3(8.408785e-12, 5.0689064e-13, 1.533776e-11))];
+    at_corners.triangles = vec![
+        triangle([vec3(-5.167334, 3.2631092, 59.006863), vec3(-16.64588, -15.926742, 29.503431), Vec3::ZERO]),
+        triangle([
+            vec3(-9.67869, -5.292324, 27.87064),
+            vec3(-2.1803496, 7.7387547, 13.93532),
+            vec3(2.149096e-13, -4.4302055e-15, -9.76624e-13),
+        ]),
+    ];
+    let reference = casting().find(|contender| contender.engine == Engine::Reference).unwrap();
+    for (scene, any) in [(in_far_sphere, false), (at_corners, true)] {
+        let expected = lit(&reference, &scene);
+        assert_eq!(expected.contains(&true), any);
+        for contender in casting() {
+            assert_eq!(lit(&contender, &scene), expected, "{contender}, light {any}");
+        }
+    }
+}

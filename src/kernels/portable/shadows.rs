@@ -110,7 +110,7 @@ fn sphere_hides<W: Lanes<Number = f64>>(
     let across = [(1, 2), (2, 0), (0, 1)].each(|(i, j)| (q[i] * g[j]).fnma(q[j], g[i]));
     let far = all(&of.r2) * a - dot(across, across);
     let near = h * h - outside * a;
-    let disc = all(&of.r2).greater(outside).select(near, far);
+    let disc = all(&of.r2).greater(outside).select(near, far) + all(&of.most);
     let before_light = all(&of.most).greater(h - a);
     let before_p = zero - (all(&of.bound) * size).fma(all(&of.side), outside);
     let before_p = (h + all(&of.past)).max(before_p).greater(zero);
@@ -176,7 +176,7 @@ pub fn cast<W: Lanes<Number = f64>>(
             let from_light = zip(a, light, W::sub);
             let volume = dot_unfused(from_light, n);
             let plain = volume.abs().greater(sum_of(from_light) * size * W::of(1e-10));
-            planes(casters, at, axes, corners, light, n, volume);
+            planes(casters, (at, false), axes, corners, light, n, volume);
             let no_number = W::all(f64::NAN);
             let bound = size.greater(least).and(plain).select(W::load(&casters.bound[at..]), no_number);
             bound.store(&mut casters.bound[at..]);
@@ -226,11 +226,12 @@ fn bounds_of<W: Lanes<Number = f64>>(
     }
 }
 
-/// PLANES_OF_CASTERS, from a normal and something with the sign of its side.
+/// PLANES_OF_CASTERS, from a normal and something with the sign of its side; or, if they reach that `near` to the light, with edges
+/// that are exact where their middles are much farther from it and from the camera than their ends.
 #[inline(always)]
 fn planes<W: Lanes<Number = f64>>(
     of: &mut TriangleCasters<f64>,
-    at: usize,
+    (at, near): (usize, bool),
     axes: [usize; 3],
     corners: [[W; 3]; 3],
     light: [W; 3],
@@ -251,28 +252,35 @@ fn planes<W: Lanes<Number = f64>>(
         }
         at_0.store(&mut field_0[at..]);
     };
+    let origin = [W::of(0.0); 3];
+    let nearest = |of: &[[W; 3]], to: [W; 3]| {
+        let size = |v| size_of(zip(v, to, W::sub));
+        of[1..].iter().fold(of[0], |nearest, v| {
+            let is_nearer = size(nearest).greater(size(*v));
+            zip(*v, nearest, |v, nearest| is_nearer.select(v, nearest))
+        })
+    };
     for (number, (v, w)) in [(0, 1), (1, 2), (2, 0)].into_iter().enumerate() {
         let (v, w) = (corners[v], corners[w]);
         let middle = zip(v, w, |v, w| (v + w) * W::of(0.5));
-        let e = cross_unfused(zip(middle, light, W::sub), zip(w, v, W::sub)).each(|e| with_side(e, side));
-        store(number, e, dot_unfused(e, middle).negated());
+        let ends = [v, w, light];
+        let (seen, known) = if near { (nearest(&[v, w], light), nearest(&ends, origin)) } else { (middle, middle) };
+        let e = cross_unfused(zip(seen, light, W::sub), zip(w, v, W::sub)).each(|e| with_side(e, side));
+        store(number, e, dot_unfused(e, known).negated());
     }
     let p = n.each(|n| with_side(n, side.negated()));
     let bound = size_of(n) * W::of(8.0 * f64::EPSILON);
-    let mut nearest = corners[0];
-    for corner in &corners[1..] {
-        let is_nearer = size_of(nearest).greater(size_of(*corner));
-        nearest = zip(*corner, nearest, |corner, nearest| is_nearer.select(corner, nearest));
-    }
+    let nearest = nearest(&corners, origin);
     store(3, p, sum_of(nearest) * bound - dot_unfused(p, nearest));
     bound.store(&mut of.bound[at..]);
 }
 
 impl CasterList<TriangleCasters<f64>> {
-    /// Sets the planes of one of them whose plane has this normal, which points from the light if `side` is positive.
+    /// Sets the planes of one of them whose plane has this normal, which points from the light if `side` is positive; it may
+    /// reach [near](planes) to the light.
     pub fn set_planes(
         &mut self,
-        at: usize,
+        (at, near): (usize, bool),
         axis: usize,
         corners: [[f64; 3]; 3],
         normal: [f64; 3],
@@ -282,7 +290,7 @@ impl CasterList<TriangleCasters<f64>> {
         let axes = axes(axis);
         let all = |of: [f64; 3]| axes.each(|axis| Packet::<f64, 1, false>::all(of[axis]));
         let Some((of, _)) = self.blocks().nth(at / BLOCK) else { return };
-        planes(of, at % BLOCK, axes, corners.map(all), all(light), all(normal), Packet::all(side));
+        planes(of, (at % BLOCK, near), axes, corners.map(all), all(light), all(normal), Packet::all(side));
     }
 }
 
