@@ -1,6 +1,6 @@
 //! A kernel and its calls, checked and not: an entry of `kinds!` defines the arguments of a kind and their registers.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::marker::PhantomData;
 
@@ -46,6 +46,8 @@ pub(super) enum Way<C, B> {
 thread_local! {
     /// Whether this thread's calls are checked, and if so whether denormal numbers are switched off in them.
     static CHECKED: Cell<Option<bool>> = const { Cell::new(None) };
+    /// The rules that each checked call has broken.
+    static FOUND: RefCell<Vec<(&'static str, Vec<Fault>)>> = const { RefCell::new(Vec::new()) };
 }
 
 impl<K: Kind> Kernel<K> {
@@ -81,32 +83,7 @@ impl<K: Kind> Kernel<K> {
             Way::Rust(function) => Way::Rust(function),
         }
     }
-
-    /// The same, with a check whether it keeps the calling convention: functions in Rust do.
-    ///
-    /// # Safety
-    /// As that of [`Kernel::way`].
-    pub(super) unsafe fn way_checked<'a>(
-        &self,
-        kept: &'a mut Kept,
-    ) -> Way<impl FnOnce(Registers) -> u64 + use<'a, K>, K::Function> {
-        match self.way {
-            Way::Code(code) => Way::Code(move |registers| {
-                // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-                let (result, found) = unsafe { checked::call(code, registers, CHECKED.get() == Some(true)) };
-                *kept = Some(found);
-                result
-            }),
-            Way::Rust(function) => {
-                *kept = Some(Ok(()));
-                Way::Rust(function)
-            }
-        }
-    }
 }
-
-/// The result of the check, after a call.
-pub(super) type Kept = Option<Result<(), Vec<Fault>>>;
 
 impl<K: Kind<Function = Infallible>> Kernel<K> {
     fn code(&self) -> Code {
@@ -127,15 +104,6 @@ impl<K: Kind<Function = Infallible>> Kernel<K> {
     pub(super) unsafe fn enter(&self, registers: Registers) -> u64 {
         // SAFETY: as here.
         unsafe { enter(self.code(), self.symbol, registers) }
-    }
-
-    /// As [`Kernel::enter`], with a check whether it keeps the calling convention.
-    ///
-    /// # Safety
-    /// As that of [`Kernel::enter`].
-    pub(super) unsafe fn enter_checked(&self, registers: Registers) -> (u64, Result<(), Vec<Fault>>) {
-        // SAFETY: its kind is what it takes, by the contract of new(), and the CPU runs it.
-        unsafe { checked::call(self.code(), registers, CHECKED.get() == Some(true)) }
     }
 }
 
@@ -162,23 +130,42 @@ unsafe fn enter(code: Code, symbol: &'static str, registers: Registers) -> u64 {
 #[inline(never)]
 unsafe fn enter_checked(code: Code, symbol: &'static str, registers: Registers, without_denormals: bool) -> u64 {
     // SAFETY: as in enter.
-    let (result, kept) = unsafe { checked::call(code, registers, without_denormals) };
-    assert_eq!(kept, Ok(()), "{symbol}");
+    let (result, found) = unsafe { checked::call(code, registers, without_denormals) };
+    FOUND.with_borrow_mut(|of_calls| of_calls.push((symbol, found)));
     result
 }
 
 /// Does `work` with all foreign code that this thread calls in it checked.
+///
+/// # Panics
+/// If some breaks the calling convention.
 pub fn checked<R>(work: impl FnOnce() -> R) -> R {
-    checking(false, work)
+    unbroken(checking(false, work))
 }
 
 /// The same, with denormal numbers switched off in that code, as results and operands (FTZ and DAZ of MXCSR): to show that
 /// nothing depends on them.
 pub fn without_denormals<R>(work: impl FnOnce() -> R) -> R {
-    checking(true, work)
+    unbroken(checking(true, work))
 }
 
-fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> R {
+/// The rules that foreign code breaks which this thread calls in `work`.
+///
+/// # Panics
+/// If it calls none.
+pub fn faults(work: impl FnOnce()) -> Vec<Fault> {
+    let ((), of_calls) = checking(false, work);
+    assert!(!of_calls.is_empty(), "a call that has something to do");
+    of_calls.into_iter().flat_map(|(_, faults)| faults).collect()
+}
+
+fn unbroken<R>((result, mut of_calls): (R, Vec<(&'static str, Vec<Fault>)>)) -> R {
+    of_calls.retain(|(_, faults)| !faults.is_empty());
+    assert_eq!(of_calls, []);
+    result
+}
+
+fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> (R, Vec<(&'static str, Vec<Fault>)>) {
     /// Restores the setting, after a panic too.
     struct Restore(Option<bool>);
     impl Drop for Restore {
@@ -187,7 +174,8 @@ fn checking<R>(without_denormals: bool, work: impl FnOnce() -> R) -> R {
         }
     }
     let _restore = Restore(CHECKED.replace(Some(without_denormals)));
-    work()
+    FOUND.take();
+    (work(), FOUND.take())
 }
 
 /// The kernel with that symbol, of the kind that its place requires: in assembly (`rayo_asm`), or in C (`rayo_c`).
@@ -259,20 +247,6 @@ macro_rules! kinds {
                 pub fn $call(&self, $($argument: $type),*) $(-> $result)? {
                     // SAFETY: the block above proves what code asks of its arguments.
                     Self::with($($argument,)* unsafe { self.way() })
-                }
-
-                /// The same call, with a check whether the kernel keeps the calling convention.
-                ///
-                /// # Panics
-                /// As the unchecked call; and if there is nothing to do, so that nothing would be checked.
-                pub fn call_checked(
-                    &self,
-                    $($argument: $type),*
-                ) -> Result<(), Vec<$crate::kernels::checked::Fault>> {
-                    let mut kept = None;
-                    // SAFETY: as in the call that is not checked.
-                    Self::with($($argument,)* unsafe { self.way_checked(&mut kept) });
-                    kept.expect("a call that has something to do")
                 }
             }
         )*

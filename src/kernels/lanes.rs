@@ -135,19 +135,4 @@ impl LaneTracer {
         assert_eq!(objects.spread, self.spread, "the objects are those of a tracer with other lanes");
         self.kernel.call(frame, objects, rows, out);
     }
-
-    /// The same, with a check whether the kernel keeps the calling convention.
-    ///
-    /// # Panics
-    /// As [`LaneTracer::call`].
-    pub fn call_checked(
-        &self,
-        frame: &Frame,
-        objects: &LaneObjects,
-        rows: Range<u32>,
-        out: &mut [Vec4],
-    ) -> Result<(), Vec<super::Fault>> {
-        assert_eq!(objects.spread, self.spread, "the objects are those of a tracer with other lanes");
-        self.kernel.call_checked(frame, objects, rows, out)
-    }
 }

@@ -2,7 +2,6 @@
 
 use std::marker::PhantomData;
 
-use super::checked::{Fault, Registers};
 use super::kernel::{Kernel, Way, function, kinds, reads, writes};
 use super::records::Element;
 
@@ -46,27 +45,15 @@ impl<E: Element> PacketOp<E> {
     /// If the lengths are not those of the same number of whole packets, and of a record if there is one.
     #[inline]
     pub fn call(&self, out: &mut [E], a: &[E], b: &[E]) {
-        let registers = self.registers(out, a, b);
-        // SAFETY: registers() proves that all three have this many packets and `b` a record; the kernel asks for no alignment,
-        // reads and writes only those, and any bits are elements.
-        unsafe { self.kernel.enter(registers) };
-    }
-
-    /// As [`PacketOp::call`], with a check whether the kernel keeps the calling convention.
-    pub fn call_checked(&self, out: &mut [E], a: &[E], b: &[E]) -> Result<(), Vec<Fault>> {
-        let registers = self.registers(out, a, b);
-        // SAFETY: as in call.
-        unsafe { self.kernel.enter_checked(registers) }.1
-    }
-
-    fn registers(&self, out: &mut [E], a: &[E], b: &[E]) -> Registers {
         let packets = a.len() / (3 * self.lanes);
         let vectors = packets * self.lanes;
         let Shape { b_numbers, record, out_numbers } = self.shape;
         let fits =
             a.len() == 3 * vectors && b.len() == b_numbers * vectors + record && out.len() == out_numbers * vectors;
         assert!(fits, "{} takes whole packets of {}, as many in each", self.name, self.lanes);
-        [writes(out), reads(a), reads(b), packets as u64, 0, 0]
+        // SAFETY: all three have this many packets and `b` a record; the kernel asks for no alignment, reads and writes
+        // only those, and any bits are elements.
+        unsafe { self.kernel.enter([writes(out), reads(a), reads(b), packets as u64, 0, 0]) };
     }
 }
 

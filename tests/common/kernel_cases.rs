@@ -1,6 +1,6 @@
 //! What the tests of the kernels share: the implementations, seeded inputs for every kind of operation, and scenes.
 
-use rayo::kernels::harness::portable_packets;
+use rayo::kernels::harness::{faults, portable_packets};
 use rayo::kernels::{
     self, AosKernels, Element, Fault, Isa, Light, LitRow, LitSphere, OpRef, PacketKernels, PaperSphere, PaperTriangle,
     Surface, Vec4,
@@ -235,20 +235,20 @@ fn scaled(v: Vec4, by: f32) -> Vec4 {
 ///
 /// # Panics
 /// Where `input` is not of its kind.
-pub fn call(op: OpRef, input: &Input) -> (Vec4, Result<(), Vec<Fault>>) {
+pub fn call(op: OpRef, input: &Input) -> (Vec4, Vec<Fault>) {
     let mut vector = Vec4::default();
     let mut scalar = 0.0;
-    let kept = match (op, input) {
-        (OpRef::Vector(op), Input::Vectors(a, b)) => op.call_checked(&mut vector, a, b),
-        (OpRef::Scale(op), Input::Scale(a, b)) => op.call_checked(&mut vector, a, b),
-        (OpRef::Lambert(op), Input::Lambert(a, b)) => op.call_checked(&mut vector, a, b),
-        (OpRef::Scalar(op), Input::Vectors(a, b)) => op.call_checked(&mut scalar, a, b),
-        (OpRef::Sphere(op), Input::Sphere(a, b)) => op.call_checked(&mut scalar, a, b),
-        (OpRef::Triangle(op), Input::Triangle(a, b)) => op.call_checked(&mut scalar, a, b),
+    let broken = faults(|| match (op, input) {
+        (OpRef::Vector(op), Input::Vectors(a, b)) => op.call_into(&mut vector, a, b),
+        (OpRef::Scale(op), Input::Scale(a, b)) => op.call_into(&mut vector, a, b),
+        (OpRef::Lambert(op), Input::Lambert(a, b)) => op.call_into(&mut vector, a, b),
+        (OpRef::Scalar(op), Input::Vectors(a, b)) => op.call_into(&mut scalar, a, b),
+        (OpRef::Sphere(op), Input::Sphere(a, b)) => op.call_into(&mut scalar, a, b),
+        (OpRef::Triangle(op), Input::Triangle(a, b)) => op.call_into(&mut scalar, a, b),
         _ => panic!("{input:?} is not what the operation takes"),
-    };
+    });
     match op {
-        OpRef::Scalar(_) | OpRef::Sphere(_) | OpRef::Triangle(_) => (Vec4 { x: scalar, ..Vec4::default() }, kept),
-        _ => (vector, kept),
+        OpRef::Scalar(_) | OpRef::Sphere(_) | OpRef::Triangle(_) => (Vec4 { x: scalar, ..Vec4::default() }, broken),
+        _ => (vector, broken),
     }
 }

@@ -1,5 +1,6 @@
 //! Algorithm 1 with a ray in each lane: against the twins of its operations, the reference, and the rules of calls.
 
+use rayo::kernels::harness::checked;
 use rayo::kernels::harness::lanes::{Lanes, Packet};
 use rayo::kernels::{Isa, LaneTracer, Vec4, lane_tracer};
 use rayo::plan::{InUnits, Packed, in_lanes, sphere_hit};
@@ -29,7 +30,7 @@ fn traced(tracer: &LaneTracer, scene: &Scene) -> Vec<Vec4> {
     let mut out = vec![Vec4::default(); scene.camera.pixels() as usize];
     tracer.call(packed.frame(), &objects, rows.clone(), &mut out);
     let mut again = vec![Vec4::new(1.0, 2.0, 3.0); out.len()];
-    tracer.call_checked(packed.frame(), &objects, rows.clone(), &mut again).unwrap();
+    checked(|| tracer.call(packed.frame(), &objects, rows.clone(), &mut again));
     assert_eq!(out, again);
     // Row by row it is the same.
     for (row, pixels) in rows.zip(out.chunks(scene.camera.width() as usize)) {
