@@ -12,10 +12,10 @@ use super::measuring::{bar, no_clock, pin};
 use super::view::{ViewArgs, tell};
 use super::{Failure, convert, keep_apart, print_result};
 use crate::experiments::ablation::{self, Ablation, Timed, plot};
-use crate::measure::{MachineClock, cpu_name, tsc_hz};
+use crate::measure::{MachineClock, tsc_hz};
 use crate::plan::{Report, Switch};
-use crate::render::{Engine, Format, PixelFormat, Plan, Precision, Purpose};
-use crate::scene::{Camera, shown};
+use crate::render::{Format, Plan, Purpose};
+use crate::scene::shown;
 
 /// The time that a measurement should take, in seconds, and in ticks where nobody knows how long they are.
 const PATIENCE: f64 = 10.0;
@@ -52,7 +52,7 @@ pub struct PlanArgs {
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct PlanDocument<'a> {
+struct PlanDocument {
     scene: String,
     engine: &'static str,
     precision: &'static str,
@@ -61,67 +61,8 @@ struct PlanDocument<'a> {
     width: u32,
     height: u32,
     #[serde(flatten)]
-    report: &'a Report,
-    measured: Option<Measured<'a>>,
-}
-
-/// What `--measure` adds.
-#[derive(Serialize)]
-struct Measured<'a> {
-    cpu: String,
-    threads: usize,
-    rounds: usize,
-    rows: usize,
-    cycles_per_pixel: f64,
-    /// The plan against itself.
-    control: Ratio,
-    /// All that `--keep-all` keeps, against the plan.
-    keep_all: Ratio,
-    worth: Vec<Worth<'a>>,
-}
-
-/// A line of `left_out` not left out, against the plan.
-#[derive(Serialize)]
-struct Worth<'a> {
-    what: &'a str,
-    #[serde(flatten)]
-    ratio: Ratio,
-}
-
-/// How many times as long; null where that was not measured.
-#[derive(Clone, Copy, Serialize)]
-struct Ratio {
-    ratio: Option<f64>,
-    ratio_low: Option<f64>,
-    ratio_high: Option<f64>,
-    /// How it was measured, or why it was not, where there is something to say.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    note: Option<&'static str>,
-}
-
-impl From<Timed> for Ratio {
-    fn from(timed: Timed) -> Self {
-        let interval = match timed {
-            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate),
-            Timed::Once(_) | Timed::NoCode => None,
-        };
-        Ratio {
-            ratio: timed.ratio(),
-            ratio_low: interval.map(|interval| interval.low),
-            ratio_high: interval.map(|interval| interval.high),
-            note: note(timed),
-        }
-    }
-}
-
-/// What is to be said of how something was timed, if anything.
-fn note(timed: Timed) -> Option<&'static str> {
-    match timed {
-        Timed::Ratio(_) => None,
-        Timed::Extrapolated(_) => Some("extrapolated from one row and from two"),
-        Timed::NoCode => Some("there is no code without it"),
-        Timed::Once(_) => Some("extrapolated from one row and from two, timed once: too slow for more"),
-    }
+    report: Report,
+    measured: Option<Ablation>,
 }
 
 /// Prints the plans, and draws what their lines are worth.
@@ -134,15 +75,13 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
     }
     let mut worth = Vec::new();
     for (number, path) in args.scenes.iter().enumerate() {
-        let (of, report, ablation) = plan(args, path)?;
+        let document = plan(args, path)?;
         let gap = if number > 0 { "\n" } else { "" };
-        print_result(args.json, &of.plan(&report, ablation.as_ref()), || {
-            format!("{gap}{}", of.text(&report, ablation.as_ref()))
-        })?;
-        if let Some(ablation) = ablation {
+        print_result(args.json, &document, || format!("{gap}{}", document.text()))?;
+        if let Some(measured) = document.measured {
             let name = shown(path.file_name().unwrap_or_default());
-            let lines = report.left_out.iter().map(|line| line.what).zip(ablation.worth);
-            worth.push((name, lines.chain([("all that --keep-all keeps", ablation.keep_all)]).collect()));
+            let lines = measured.worth.iter().map(|worth| (worth.what, worth.timed));
+            worth.push((name, lines.chain([("all that --keep-all keeps", measured.keep_all)]).collect()));
         }
     }
     if let Some(figure) = &args.figure {
@@ -153,7 +92,7 @@ pub fn run(args: &PlanArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The plan of a scene, and what it is worth if that is asked for.
-fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<Ablation>), Failure> {
+fn plan(args: &PlanArgs, path: &Path) -> Result<PlanDocument, Failure> {
     let (engine, precision) = args.engine.chosen()?;
     let scene = args.view.seen(tell(args.view.open(path, None)?, false))?;
     let bytes = match &args.output {
@@ -164,7 +103,7 @@ fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<A
     let purpose = Purpose { precision, format: Some(format), ..Purpose::default() };
     let report = Plan::new(engine, &scene, purpose).map_err(Failure::input)?.report();
 
-    let ablation = if args.measure {
+    let measured = if args.measure {
         let mut clock = MachineClock::counter().ok_or_else(no_clock)?;
         pin();
         let ticks = tsc_hz().map_or(PATIENCE_TICKS, |hz| (PATIENCE * hz) as u64);
@@ -179,91 +118,55 @@ fn plan<'a>(args: &PlanArgs, path: &'a Path) -> Result<(Of<'a>, Report, Option<A
     } else {
         None
     };
-    let precision = precision.unwrap_or(engine.precision());
-    Ok((Of { path, engine, precision, format, camera: scene.camera }, report, ablation))
+    Ok(PlanDocument {
+        scene: path.display().to_string(),
+        engine: engine.name(),
+        precision: precision.unwrap_or(engine.precision()).name(),
+        output: format.name(),
+        width: scene.camera.width(),
+        height: scene.camera.height(),
+        report,
+        measured,
+    })
 }
 
-/// What the plan is of.
-struct Of<'a> {
-    path: &'a Path,
-    engine: Engine,
-    precision: Precision,
-    format: PixelFormat,
-    camera: Camera,
-}
-
-impl Of<'_> {
-    fn plan<'a>(&self, report: &'a Report, ablation: Option<&Ablation>) -> PlanDocument<'a> {
-        let measured = ablation.map(|ablation| Measured {
-            cpu: cpu_name(),
-            threads: 1,
-            rounds: ablation.rounds,
-            rows: ablation.rows,
-            cycles_per_pixel: ablation.cycles_per_pixel,
-            control: ablation.control.into(),
-            keep_all: ablation.keep_all.into(),
-            worth: report
-                .left_out
-                .iter()
-                .zip(&ablation.worth)
-                .map(|(line, worth)| Worth { what: line.what, ratio: (*worth).into() })
-                .collect(),
-        });
-        PlanDocument {
-            scene: self.path.display().to_string(),
-            engine: self.engine.name(),
-            precision: self.precision.name(),
-            output: self.format.name(),
-            width: self.camera.width(),
-            height: self.camera.height(),
-            report,
-            measured,
-        }
+impl PlanDocument {
+    fn text(&self) -> String {
+        let PlanDocument { scene, engine, precision, output, width, height, report, measured } = self;
+        let lines = report.lines().join("\n");
+        let scene = shown(scene);
+        let text = format!("{scene}: {width}x{height} by {engine} in {precision}, written as {output}\n{lines}\n");
+        text + &measured.as_ref().map(|measured| self.worth(measured)).unwrap_or_default()
     }
 
-    fn text(&self, report: &Report, ablation: Option<&Ablation>) -> String {
-        let Of { path, engine, precision, format, camera } = self;
-        let (width, height) = (camera.width(), camera.height());
+    /// The table of what each line is worth.
+    fn worth(
+        &self,
+        Ablation { cpu, rounds, rows, cycles_per_pixel, control, keep_all, worth, .. }: &Ablation,
+    ) -> String {
         let mut text = format!(
-            "{}: {width}x{height} by {engine} in {precision}, written as {}\n{}\n",
-            shown(path),
-            format.name(),
-            report.lines().join("\n")
+            "\nmeasured on one thread of {cpu}: {rounds} rounds, {rows} of {} rows, {cycles_per_pixel:.3} cycles per pixel \
+            as planned\n",
+            self.height
         );
-        if let Some(ablation) = ablation {
-            text += &measured(self, report, ablation);
+        text += "how many times as long without the omission (median of pairwise ratios, 95 % interval):\n";
+        let mut row = |name: &str, timed: Timed, arithmetic: bool| {
+            let figure = match timed {
+                Timed::Ratio(of) | Timed::Extrapolated(of) => {
+                    format!("{:>8.3}  {:>8.3} .. {:<8.3}", of.value, of.low, of.high)
+                }
+                Timed::NoCode => format!("{:>8}", "-"),
+                Timed::Once(ratio) => format!("{:>8}", format!("~{ratio:.0}")),
+            };
+            let notes = arithmetic.then_some("other arithmetic").into_iter().chain(timed.note());
+            let notes: String = notes.map(|note| format!("  {note}")).collect();
+            text += &format!("  {name:<28}  {}\n", (figure + &notes).trim_end());
+        };
+        row("the plan against itself", *control, false);
+        for (line, worth) in self.report.left_out.iter().zip(worth) {
+            row(line.what, worth.timed, line.switch == Switch::Arithmetic);
         }
+        row("all that --keep-all keeps", *keep_all, false);
         text
     }
-}
-
-/// The table of what each line is worth.
-fn measured(of: &Of<'_>, report: &Report, ablation: &Ablation) -> String {
-    let mut text = format!(
-        "\nmeasured on one thread of {}: {} rounds, {} of {} rows, {:.3} cycles per pixel as planned\n",
-        cpu_name(),
-        ablation.rounds,
-        ablation.rows,
-        of.camera.height(),
-        ablation.cycles_per_pixel
-    );
-    text += "how many times as long without the omission (median of pairwise ratios, 95 % interval):\n";
-    let mut row = |name: &str, timed: Timed, arithmetic: bool| {
-        let figure = match timed {
-            Timed::Ratio(of) | Timed::Extrapolated(of) => {
-                format!("{:>8.3}  {:>8.3} .. {:<8.3}", of.value, of.low, of.high)
-            }
-            Timed::NoCode => format!("{:>8}", "-"),
-            Timed::Once(ratio) => format!("{:>8}", format!("~{ratio:.0}")),
-        };
-        let notes = arithmetic.then_some("other arithmetic").into_iter().chain(note(timed));
-        let notes: String = notes.map(|note| format!("  {note}")).collect();
-        text += &format!("  {name:<28}  {}\n", (figure + &notes).trim_end());
-    };
-    row("the plan against itself", ablation.control, false);
-    for (line, worth) in report.left_out.iter().zip(&ablation.worth) {
-        row(line.what, *worth, line.switch == Switch::Arithmetic);
-    }
-    row("all that --keep-all keeps", ablation.keep_all, false);
-    text
 }

@@ -5,9 +5,11 @@ pub mod plot;
 use std::ops::Range;
 use std::slice::from_ref;
 
+use serde::Serialize;
+
 use super::lab::{LabError, Pairs};
 use crate::measure::statistics::{Estimate, median};
-use crate::measure::{Clock, Runs, Work, interleave};
+use crate::measure::{Clock, Runs, Work, cpu_name, interleave};
 use crate::plan::{Keep, LeftOut, Omission, Switch};
 use crate::render::{Engine, EngineError, Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
 use crate::scene::{Camera, Scene};
@@ -23,8 +25,11 @@ const BAND_PIXELS: usize = 1 << 14;
 const BAND_SHARE: u64 = 50;
 const ROWS_SHARE: u64 = 10;
 
-#[derive(Clone, Debug)]
+/// What was measured of a plan. The field names are those of the JSON document.
+#[derive(Clone, Debug, Serialize)]
 pub struct Ablation {
+    pub cpu: String,
+    pub threads: usize,
     /// Rounds: each traces the scene once as planned, once more so, and once with each omission not made.
     pub rounds: usize,
     /// Rows that were traced, spread evenly over the picture.
@@ -36,11 +41,20 @@ pub struct Ablation {
     /// What `--keep-all` takes, by what the plan takes.
     pub keep_all: Timed,
     /// The same with one omission each not made.
-    pub worth: Vec<Timed>,
+    pub worth: Vec<Worth>,
+}
+
+/// A line of a plan, not left out.
+#[derive(Clone, Debug, Serialize)]
+pub struct Worth {
+    pub what: &'static str,
+    #[serde(flatten)]
+    pub timed: Timed,
 }
 
 /// How many times as long as the plan a contestant takes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(into = "Ratio")]
 pub enum Timed {
     /// Measured on the same rows.
     Ratio(Estimate),
@@ -60,6 +74,37 @@ impl Timed {
             Timed::Once(ratio) => Some(ratio),
             Timed::NoCode => None,
         }
+    }
+
+    /// What is to be said of how it was timed, if anything.
+    pub fn note(self) -> Option<&'static str> {
+        match self {
+            Timed::Ratio(_) => None,
+            Timed::Extrapolated(_) => Some("extrapolated from one row and from two"),
+            Timed::NoCode => Some("there is no code without it"),
+            Timed::Once(_) => Some("extrapolated from one row and from two, timed once: too slow for more"),
+        }
+    }
+}
+
+/// The same as JSON; null where that was not measured.
+#[derive(Serialize)]
+struct Ratio {
+    ratio: Option<f64>,
+    ratio_low: Option<f64>,
+    ratio_high: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<&'static str>,
+}
+
+impl From<Timed> for Ratio {
+    fn from(timed: Timed) -> Self {
+        let interval = match timed {
+            Timed::Ratio(estimate) | Timed::Extrapolated(estimate) => Some(estimate),
+            Timed::Once(_) | Timed::NoCode => None,
+        };
+        let [ratio_low, ratio_high] = [interval.map(|interval| interval.low), interval.map(|interval| interval.high)];
+        Ratio { ratio: timed.ratio(), ratio_low, ratio_high, note: timed.note() }
     }
 }
 
@@ -191,13 +236,19 @@ pub fn run(
         Part::Nothing(band) => Timed::Once(share as f64 * *band as f64 / planned),
     };
     let timed: Vec<Timed> = parts.iter().map(against_plan).collect();
+    let worth = |(line, place): (&LeftOut, Option<usize>)| Worth {
+        what: line.what,
+        timed: place.map_or(Timed::NoCode, |place| timed[place]),
+    };
     Ok(Ablation {
+        cpu: cpu_name(),
+        threads: 1,
         rounds,
         rows,
         cycles_per_pixel: planned / (rows as f64 * f64::from(camera.width())),
         control: timed[1],
         keep_all: timed[2],
-        worth: places.into_iter().map(|place| place.map_or(Timed::NoCode, |place| timed[place])).collect(),
+        worth: lines.iter().zip(places).map(worth).collect(),
     })
 }
 
@@ -293,8 +344,8 @@ mod tests {
         let mut expected = (2..).map(f64::from);
         for (line, worth) in lines.iter().zip(&found.worth) {
             match line.switch {
-                Switch::None => assert_eq!(*worth, Timed::NoCode, "{:?}", line.omission),
-                _ => assert_eq!(ratio(*worth), expected.next().unwrap(), "{:?}", line.omission),
+                Switch::None => assert_eq!(worth.timed, Timed::NoCode, "{:?}", line.omission),
+                _ => assert_eq!(ratio(worth.timed), expected.next().unwrap(), "{:?}", line.omission),
             }
         }
     }
@@ -310,6 +361,6 @@ mod tests {
         let Timed::Extrapolated(keep_all) = found.keep_all else { panic!("{found:?}") };
         assert_eq!(keep_all.value, 97.0);
         let slow = lines.iter().position(|line| line.switch != Switch::None).unwrap();
-        assert_eq!(found.worth[slow], Timed::Once(1910.0));
+        assert_eq!(found.worth[slow].timed, Timed::Once(1910.0));
     }
 }
