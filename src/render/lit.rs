@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::tiles::{Interleaved, TileTracer};
-use super::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Purpose, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted};
 use crate::kernels::{
     Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4, sys,
 };
@@ -123,14 +123,12 @@ outputs! {
     Rgb8, Levels, rgb8, rgb8;
 }
 
-impl<E: Element> PacketPlan for LitTracer<'_, E> {
-    fn report(&self, bytes: bool) -> Report {
-        let hits = self.count(0..self.scene.camera.height()).hits;
-        Report::of_lit(self.scene, &self.form, hits, bytes)
-    }
-}
-
 impl<E: Element> Tracer for LitTracer<'_, E> {
+    fn report(&self, bytes: bool) -> Option<Report> {
+        let hits = self.count(0..self.scene.camera.height()).hits;
+        Some(Report::of_lit(self.scene, &self.form, hits, bytes))
+    }
+
     fn writes(&self, _: PixelFormat) -> bool {
         true
     }

@@ -95,17 +95,17 @@ pub trait Tracer: Sync {
         Counted { rays: hits.len() as u64, hits: hits.into_iter().flatten().count() as u64 }
     }
 
+    /// The kept and the omitted work, if it omits some; `bytes` says whether 8 bits are written.
+    fn report(&self, bytes: bool) -> Option<Report> {
+        let _ = bytes;
+        None
+    }
+
     /// As [`rows`](Self::rows), and as [`count`](Self::count) if that then costs almost nothing; else None.
     fn counted_rows(&self, rows: Range<u32>, out: FilmMut<'_>) -> Option<Counted> {
         self.rows(rows, out);
         None
     }
-}
-
-/// A tracer of packets, with its plan.
-trait PacketPlan: Tracer {
-    /// The kept and the omitted work; `bytes` says whether 8 bits are written.
-    fn report(&self, bytes: bool) -> Report;
 }
 
 /// The range of these rows, from the first to the last, that have wanted pixels in these columns.

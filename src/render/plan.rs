@@ -5,7 +5,7 @@ use super::lit::LitTracer;
 use super::reference::ReferenceTracer;
 use super::rust::RustTracer;
 use super::tiles::{Interleaved, TileTracer};
-use super::{Engine, EngineError, PacketPlan, PixelFormat, Precision, Purpose, Tracer};
+use super::{Engine, EngineError, PixelFormat, Precision, Purpose, Tracer};
 use crate::kernels::{self, Element, ElementKernels, PacketKernels};
 use crate::plan::{Raster, Report};
 use crate::scene::Scene;
@@ -16,15 +16,7 @@ pub struct Plan<'a> {
     scene: &'a Scene,
     /// Whether it is for 8 bits.
     bytes: bool,
-    way: Way<'a>,
-}
-
-/// How a scene is traced.
-enum Way<'a> {
-    /// Every ray against every object.
-    Rays(Box<dyn Tracer + 'a>),
-    /// Packets of rays: in the rows of one sphere under one light, or in tiles.
-    Packets(Box<dyn PacketPlan + 'a>),
+    tracer: Box<dyn Tracer + 'a>,
 }
 
 impl<'a> Plan<'a> {
@@ -38,7 +30,7 @@ impl<'a> Plan<'a> {
         if scene.shadows && !engine.has_shadows() {
             return Err(EngineError::NoShadows(engine));
         }
-        let way = match engine {
+        let tracer = match engine {
             _ if engine.is_packet() => {
                 let kernels = engine.packets().ok_or(EngineError::Unusable(engine))?;
                 scene.check_lights()?;
@@ -49,35 +41,26 @@ impl<'a> Plan<'a> {
             }
             _ => {
                 scene.check()?;
-                Way::Rays(ray_tracer(engine, scene)?)
+                ray_tracer(engine, scene)?
             }
         };
         let bytes = purpose.format.is_none_or(PixelFormat::is_8bit);
-        Ok(Plan { engine, scene, bytes, way })
+        Ok(Plan { engine, scene, bytes, tracer })
     }
 
     /// The kept and the omitted work. If the purpose has no format, for bytes.
     pub fn report(&self) -> Report {
-        match &self.way {
-            Way::Packets(plan) => plan.report(self.bytes),
-            Way::Rays(_) => Report::of_rays(self.scene, self.engine.omissions()),
-        }
+        self.tracer.report(self.bytes).unwrap_or_else(|| Report::of_rays(self.scene, self.engine.omissions()))
     }
 
     /// The tracer.
     pub fn tracer(&self) -> &(dyn Tracer + 'a) {
-        match &self.way {
-            Way::Rays(tracer) => tracer.as_ref(),
-            Way::Packets(plan) => plan.as_ref(),
-        }
+        self.tracer.as_ref()
     }
 
     /// Only the tracer.
     pub fn into_tracer(self) -> Box<dyn Tracer + 'a> {
-        match self.way {
-            Way::Rays(tracer) => tracer,
-            Way::Packets(plan) => plan,
-        }
+        self.tracer
     }
 }
 
@@ -96,16 +79,17 @@ fn ray_tracer<'a>(engine: Engine, scene: &'a Scene) -> Result<Box<dyn Tracer + '
     })
 }
 
+/// Packets of rays: in the rows of one sphere under one light, or in tiles.
 fn packets<'a, E: Element>(
     packets: &'static PacketKernels,
     kernels: (&'static ElementKernels<E>, bool),
     scene: &'a Scene,
     purpose: Purpose,
-) -> Result<Way<'a>, EngineError> {
+) -> Result<Box<dyn Tracer + 'a>, EngineError> {
     if scene.spheres.len() == 1 {
         scene.check()?;
         if let Some(tracer) = LitTracer::new(packets, kernels, scene, purpose) {
-            return Ok(Way::Packets(Box::new(tracer)));
+            return Ok(Box::new(tracer));
         }
     }
     let planning = (purpose.keep, purpose.threads);
@@ -115,11 +99,11 @@ fn packets<'a, E: Element>(
     if !parts[0].is_valid() {
         scene.check()?;
     }
-    Ok(Way::Packets(match parts.pop() {
+    Ok(match parts.pop() {
         Some(only) if parts.is_empty() => Box::new(only),
         last => {
             parts.extend(last);
             Box::new(Interleaved::new(scene.camera.width(), parts))
         }
-    }))
+    })
 }

@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use self::nearest::{Scratch, SoFar, TileObjects};
-use super::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 use crate::kernels::{
     Element, ElementKernels, Fill, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4, sys,
@@ -351,13 +351,11 @@ fn first_pixel(window: &TileWindow, rows: &Range<u32>, width: usize) -> usize {
     (window.row + window.rows.start - rows.start) as usize * width + window.column as usize
 }
 
-impl<E: Element> PacketPlan for TileTracer<'_, E> {
-    fn report(&self, bytes: bool) -> Report {
-        Report::of_tiles(&[&self.plan], self.survey_all(), bytes)
-    }
-}
-
 impl<E: Element> Tracer for TileTracer<'_, E> {
+    fn report(&self, bytes: bool) -> Option<Report> {
+        Some(Report::of_tiles(&[&self.plan], self.survey_all(), bytes))
+    }
+
     fn writes(&self, _: PixelFormat) -> bool {
         true
     }

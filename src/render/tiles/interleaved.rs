@@ -6,7 +6,7 @@ use super::TileTracer;
 use crate::kernels::{Element, Vec4};
 use crate::plan::{Report, TileSurvey};
 use crate::render::film::with_pixels;
-use crate::render::{Counted, FilmMut, Found, PacketPlan, Pixel, PixelFormat, Tracer, Wanted};
+use crate::render::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
 
 /// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
 pub struct Interleaved<'a, E: Element> {
@@ -44,17 +44,15 @@ impl<'a, E: Element> Interleaved<'a, E> {
     }
 }
 
-impl<E: Element> PacketPlan for Interleaved<'_, E> {
-    fn report(&self, bytes: bool) -> Report {
+impl<E: Element> Tracer for Interleaved<'_, E> {
+    fn report(&self, bytes: bool) -> Option<Report> {
         let tiles: Vec<_> = self.parts.iter().map(|part| &part.plan).collect();
         let surveys: Vec<_> = self.parts.iter().map(TileTracer::survey_all).collect();
         let short = surveys.iter().map(|survey| survey.short).max().unwrap_or(0);
         let survey = surveys.into_iter().fold(TileSurvey::default(), TileSurvey::and);
-        Report::of_tiles(&tiles, TileSurvey { short, ..survey }, bytes)
+        Some(Report::of_tiles(&tiles, TileSurvey { short, ..survey }, bytes))
     }
-}
 
-impl<E: Element> Tracer for Interleaved<'_, E> {
     fn writes(&self, _: PixelFormat) -> bool {
         true
     }
