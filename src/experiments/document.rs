@@ -5,23 +5,16 @@ use serde::{Deserialize, Serialize};
 use super::claims::{Claim, Sweep};
 use super::jumps::Jumps;
 use super::ladder::{AgainstCompiler, Explanation, Rung};
-use super::speedup::{BASELINE, CONTROL, ControlRow, Speedup, Timing};
+use super::speedup::{BASELINE, CONTROL, Speedup, Timing};
 use crate::measure::Machine;
-use crate::measure::statistics::Estimate;
 
 /// Everything that was measured, where, and with what.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Experiment {
     pub machine: Machine,
     pub conditions: Conditions,
-    /// No ratio closer to 1 than this is called a difference.
-    pub noise_floor: f64,
-    pub c_by_simd: Estimate,
-    /// The paper's SIMD against itself, over all sizes.
-    pub control_overall: Estimate,
-    /// The same at each size.
-    pub control: Vec<ControlRow>,
-    pub rows: Vec<Timing>,
+    #[serde(flatten)]
+    pub table: Speedup,
     /// One change at a time; empty without `--ladder`.
     pub ladder: Vec<Rung>,
     /// The packet engines against what the compiler makes of the ladder's best C; empty without `--ladder`.
@@ -56,22 +49,13 @@ pub struct Conditions {
 
 impl Experiment {
     /// The document of a table alone.
-    pub fn new(speedup: Speedup, machine: Machine, conditions: Conditions) -> Self {
-        Experiment {
-            machine,
-            conditions,
-            noise_floor: speedup.noise_floor,
-            c_by_simd: speedup.c_by_simd,
-            control_overall: speedup.control_overall,
-            control: speedup.control,
-            rows: speedup.rows,
-            ..Experiment::default()
-        }
+    pub fn new(table: Speedup, machine: Machine, conditions: Conditions) -> Self {
+        Experiment { machine, conditions, table, ..Experiment::default() }
     }
 
     /// The sizes that were finished, each with its rows.
     pub fn sizes(&self) -> impl Iterator<Item = &[Timing]> {
-        self.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
+        self.table.rows.chunk_by(|a, b| a.width == b.width && a.height == b.height)
     }
 
     /// Why the rows are no table: a size lacks C or SIMD, or has other engines than the first size.

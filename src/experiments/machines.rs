@@ -67,7 +67,7 @@ pub struct AgainstBound {
 /// Every engine at the largest size of the experiment.
 pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
     let Some(experiment) = &results.experiment else { return Vec::new() };
-    let most = experiment.rows.iter().map(|row| row.pixels).max();
+    let most = experiment.table.rows.iter().map(|row| row.pixels).max();
     let bound = |output: &str, pixels: u64| {
         let format = PixelFormat::ALL.into_iter().find(|format| format.name() == output)?;
         let bytes = pixels as usize * format.bytes();
@@ -78,7 +78,7 @@ pub fn against_bound(results: &Results) -> Vec<AgainstBound> {
         let roof = roofs.get(level).or(roofs.last())?;
         Some(format.bytes() as f64 / roof.bytes_per_cycle)
     };
-    let rows = experiment.rows.iter().filter(|row| Some(row.pixels) == most);
+    let rows = experiment.table.rows.iter().filter(|row| Some(row.pixels) == most);
     rows.map(|row| AgainstBound {
         engine: row.engine.clone(),
         output: row.output.clone(),

@@ -13,7 +13,7 @@ const SIZE: (i32, i32) = (960, 560);
 
 /// Megapixels and billions of cycles of an engine's rows: the means, as the paper gives them.
 fn points<'a>(document: &'a Experiment, engine: &'a str) -> impl Iterator<Item = (f64, f64)> + 'a {
-    document.rows.iter().filter(move |row| row.is(engine)).map(|row| (mega(row), row.cycles_mean / 1e9))
+    document.table.rows.iter().filter(move |row| row.is(engine)).map(|row| (mega(row), row.cycles_mean / 1e9))
 }
 
 fn mega(row: &Timing) -> f64 {
@@ -78,7 +78,7 @@ pub fn ratio(document: &Experiment, screen: Screen) -> Result<String, PlotError>
     ];
     draw(screen.size(SIZE), |area| {
         let area = head(area, "C/SIMD: the median of the pairs, with its 95 % interval", &entries)?;
-        let rows: Vec<_> = document.rows.iter().filter(|row| row.is(CONTROL)).collect();
+        let rows: Vec<_> = document.table.rows.iter().filter(|row| row.is(CONTROL)).collect();
         let highest = rows.iter().map(|row| row.ratio_to_c).chain(PAPER.iter().map(|row| row.ratio()));
         let y = up_to(highest);
         let top = y.end;
@@ -97,7 +97,7 @@ pub fn ratio(document: &Experiment, screen: Screen) -> Result<String, PlotError>
         chart.draw_series(
             PAPER.iter().map(|row| Cross::new((row.pixels() as f64 / 1e6, row.ratio()), 5, paper.stroke_width(2))),
         )?;
-        chart.draw_series(document.control.iter().map(|row| {
+        chart.draw_series(document.table.control.iter().map(|row| {
             let x = f64::from(row.width) * f64::from(row.height) / 1e6;
             bar(x, row.ratio, row.low, row.high, GREY)
         }))?;

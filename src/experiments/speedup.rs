@@ -186,23 +186,27 @@ pub struct ControlRow {
     pub samples: Vec<f64>,
 }
 
-#[derive(Clone, Debug)]
+/// The paper's table. The field names are those of the JSON document.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Speedup {
-    /// Every engine at every size that was finished.
-    pub rows: Vec<Timing>,
-    /// The control at every size that was finished.
-    pub control: Vec<ControlRow>,
     /// No ratio closer to 1 than this is a difference: the furthest that the control came from 1 at any size.
     pub noise_floor: f64,
-    /// The control over all sizes.
-    pub control_overall: Estimate,
     /// C/SIMD over all sizes: `c` by `paper`, pair by pair. Its interval is that of a bootstrap over runs, wider by the noise
     /// floor.
     pub c_by_simd: Estimate,
+    /// The control over all sizes: the paper's SIMD against itself.
+    pub control_overall: Estimate,
+    /// The control at every size that was finished.
+    pub control: Vec<ControlRow>,
+    /// Every engine at every size that was finished.
+    pub rows: Vec<Timing>,
+    #[serde(skip)]
     pub runs: usize,
     /// Sizes and runs that were asked for.
+    #[serde(skip)]
     pub asked: (usize, usize),
     /// Pairs of `c` and `paper` in which others had the core.
+    #[serde(skip)]
     pub taken: Taken,
 }
 

@@ -31,9 +31,9 @@ pub(super) fn preamble(document: &Experiment) -> String {
     let facts: String = document.machine.facts().map(|(name, value)| format!("- {name}: {value}\n")).collect();
     let Conditions { core, runs, timed_share, taken_share, .. } = &document.conditions;
     let core = core.map_or("not pinned".into(), |core| format!("pinned to core {core}"));
-    let sum = |of: fn(&Timing) -> usize| document.rows.iter().map(of).sum::<usize>();
+    let sum = |of: fn(&Timing) -> usize| document.table.rows.iter().map(of).sum::<usize>();
     let (migrated, off, all) = (sum(|row| row.migrations), sum(|row| row.off), sum(|row| row.samples.len()));
-    let Estimate { value, low, high } = document.control_overall;
+    let Estimate { value, low, high } = document.table.control_overall;
     let percent = |share: &Option<f64>| share.map_or_else(unknown, |share| format!("{:.0} %", 100.0 * share));
     let (timed, taken) = (percent(timed_share), percent(taken_share));
     let mut text = format!(
@@ -43,7 +43,7 @@ pub(super) fn preamble(document: &Experiment) -> String {
         Timed: {timed} of the run time; other programs had the core in {taken} of it\n\n\
         Noise floor: {floor:.2} %. `{CONTROL}` against itself is {value:.4} [{low:.4}, {high:.4}] over all sizes, and at \
         a size at most {floor:.2} % from 1: no ratio closer to 1 than that is called a difference\n",
-        floor = 100.0 * document.noise_floor,
+        floor = 100.0 * document.table.noise_floor,
     );
     let taken = sum(|row| row.taken);
     if taken > 0 {
@@ -64,7 +64,7 @@ pub(super) fn headline(document: &Experiment) -> String {
     let (low, high) = ratios.iter().fold((f64::INFINITY, 0.0), |(low, high), r| (r.min(low), r.max(high)));
     format!(
         "C/SIMD over all sizes: {} (median of the pairs; 95 % interval over runs, wider by the noise floor); the paper's: {:.2}, from {low:.2} to {high:.2}\n",
-        interval(&document.c_by_simd),
+        interval(&document.table.c_by_simd),
         paper_mean_ratio(),
     )
 }
@@ -115,7 +115,7 @@ pub fn engine_table(document: &Experiment) -> Table {
     for rows in document.sizes() {
         let cell = |row: &Timing| {
             // What noise could have made is not shown as a difference.
-            let same = !row.is(BASELINE) && (row.ratio_to_c - 1.0).abs() <= document.noise_floor;
+            let same = !row.is(BASELINE) && (row.ratio_to_c - 1.0).abs() <= document.table.noise_floor;
             let ratio = if same { "≈1".into() } else { format!("{:.2}", row.ratio_to_c) };
             format!("{:.2} ({ratio})", row.cycles_per_pixel())
         };
@@ -137,7 +137,7 @@ pub(super) fn full_table(document: &Experiment) -> String {
         ("migrated", |row| row.migrations.to_string()),
         ("off", |row| row.off.to_string()),
     ];
-    Table::of(2, &columns, &document.rows).text()
+    Table::of(2, &columns, &document.table.rows).text()
 }
 
 /// The ladder, and its comparison with the compiler.
@@ -292,14 +292,14 @@ pub(super) fn printed(document: &Experiment, full: bool, directory: &Path) -> St
 
 /// The factor, and a verdict on each claim, whose figure is in the tables.
 pub fn summary(document: &Experiment) -> String {
-    let Estimate { value, low, high } = document.c_by_simd;
+    let Estimate { value, low, high } = document.table.c_by_simd;
     let mut text = format!(
         "C takes {value:.2} [{low:.2}, {high:.2}] times the cycles of SIMD; in the paper {:.2}\n\
         {}, {}; noise floor {:.2} %\n",
         paper_mean_ratio(),
         document.machine.cpu(),
         counted(document.machine.cores),
-        100.0 * document.noise_floor,
+        100.0 * document.table.noise_floor,
     );
     if !document.conditions.complete {
         text += "Stopped early: only what was finished is here\n";
@@ -366,7 +366,7 @@ pub(super) fn csv(document: &Experiment) -> String {
         ("migrations", |row| row.migrations.to_string()),
         ("off", |row| row.off.to_string()),
     ];
-    table::csv(&columns, &document.rows)
+    table::csv(&columns, &document.table.rows)
 }
 
 #[cfg(test)]
@@ -486,7 +486,7 @@ mod tests {
     fn what_cannot_be_judged_is_said_above_all_figures_and_below_them() {
         let mut document = document();
         document.disturbed = vec!["others had the core".into()];
-        document.rows[0].taken = 2;
+        document.table.rows[0].taken = 2;
         let text = text(&document);
         let said: Vec<_> = text.match_indices("\n- others had the core\n").map(|(at, _)| at).collect();
         assert!(

@@ -15,7 +15,7 @@ pub fn sections(all: &[Results]) -> Result<Vec<Section>, Failure> {
     let ratios = names
         .iter()
         .zip(all)
-        .filter_map(|(name, results)| Some((name.as_str(), results.experiment.as_ref()?.c_by_simd)));
+        .filter_map(|(name, results)| Some((name.as_str(), results.experiment.as_ref()?.table.c_by_simd)));
     let ratios: Vec<_> = ratios.collect();
     let holds = Section {
         title: "Does the paper's 6 hold?",

@@ -67,7 +67,7 @@ pub fn experiment(results: &Results) -> Result<Section, PlotError> {
                 summary { "Every engine: cycles per pixel, and how many times as fast as C" }
                 (table::engine_table(document).html())
             }
-            (engines_absent(|name| document.rows.iter().any(|row| row.engine == name)))
+            (engines_absent(|name| document.table.rows.iter().any(|row| row.engine == name)))
         },
     };
     Ok(Section { title: "The experiment", id: "experiment", content })
