@@ -18,9 +18,9 @@ use crate::measure::Name;
 use crate::measure::statistics::{mad, median, minimum};
 use crate::measure::{Clock, Machine};
 use crate::plan::{Keep, Omission, on_all_cores};
-use crate::render::{Engine, EngineError, Film, PixelFormat, Plan, Precision, Purpose, Tracer, Truth};
+use crate::render::{Engine, EngineError, Film, PixelFormat, Plan, Precision, Purpose, Tracer, TruePixel, Truth};
 use crate::scene::Scene;
-use errors::{Errors, Expected, Tally};
+use errors::{Errors, Tally};
 use front::{Point, front};
 use subjects::Subject;
 
@@ -216,11 +216,10 @@ pub struct Judged {
 }
 
 /// The truth of a scene's picture, row by row, computed by all threads.
-pub fn expect(scene: &Scene) -> Vec<Expected> {
+pub fn expect(scene: &Scene) -> Vec<TruePixel> {
     let camera = scene.camera;
     let truth = Truth::new(scene);
-    let pixel = |row, col| Expected::from(&truth.pixel(row, col));
-    let in_row = |row| (0..camera.width()).map(|col| pixel(row as u32, col)).collect::<Vec<_>>();
+    let in_row = |row| (0..camera.width()).map(|col| truth.pixel(row as u32, col)).collect::<Vec<_>>();
     on_all_cores(camera.height() as usize, in_row).into_iter().flatten().collect()
 }
 
@@ -230,7 +229,7 @@ pub fn errors_of(
     tracer: &dyn Tracer,
     height: u32,
     format: PixelFormat,
-    expected: &[Expected],
+    expected: &[TruePixel],
     mut tally: Tally,
 ) -> Result<Errors, LabError> {
     let found = tracer.hits(0..height);

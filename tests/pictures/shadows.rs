@@ -618,7 +618,7 @@ fn check_truth(what: &str, scenes: impl Iterator<Item = Scene>) {
         let tracer = Engine::Reference.prepare(None, &plain).unwrap();
         let tally = Tally::new(Precision::Double, true);
         taken += errors_of(tracer.as_ref(), camera.height(), PixelFormat::F32x3, &expected, tally).unwrap().off_by_2;
-        let shadows: Vec<_> = expected.iter().filter_map(|expected| Some(expected.hit?.shadow)).collect();
+        let shadows: Vec<_> = expected.iter().filter_map(|expected| Some(expected.hit.as_ref()?.shadow)).collect();
         most += shadows.iter().filter(|shadow| **shadow >= margin_of(Precision::Double)).count();
         all += shadows.len();
         let truth = Truth::new(&scene);

@@ -4,60 +4,17 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::reference::number::Split;
-use crate::render::{Colour, Distance, Found, Precision, TruePixel, level};
-use crate::scene::Object;
+use crate::render::{Colour, Distance, Found, Precision, TrueHit, TruePixel, level};
 
 /// The margin within which f32 may answer either way, in units of its u: 2e-6.
 const MARGIN_IN_U: f64 = 2e-6 * 16_777_216.0;
 
-/// What a camera's own rounding adds to the bound, in units of its u and times [`Target::lever`].
+/// What a camera's own rounding adds to the bound, in units of its u and times [`TrueHit::lever`].
 ///
 /// step (col + 1/2) - W/2 takes a product of up to W, whose factor is rounded too, from W/2: what is left can be nothing, and
 /// is off by up to 2u W all the same, which is 4u of half a film. So the ray is turned by up to 4u of the longest ray's
 /// length over its own, and t follows by the slant.
 const CAMERA: f64 = 4.0;
-
-/// What is true of a pixel, in numbers that are quick to compare with.
-#[derive(Clone, Copy, Debug)]
-pub struct Expected {
-    /// What the ray hits first.
-    pub hit: Option<Target>,
-    /// How far from another answer.
-    pub margin: f64,
-}
-
-/// What is true of a hit.
-#[derive(Clone, Copy, Debug)]
-pub struct Target {
-    pub object: Object,
-    /// Where: the point t r_d.
-    pub t: Split,
-    /// The unit normal, or its opposite.
-    pub normal: [Split; 3],
-    /// The linear colour, not clamped. None where any is right.
-    pub colour: Option<DVec3>,
-    /// The documented bound of |error of t| / t, in units of u.
-    pub bound: f64,
-    /// What a turn of the ray by u of the camera's longest does to t, in units of u.
-    pub lever: f64,
-    /// How far from another shadow.
-    pub shadow: f64,
-}
-
-impl From<&TruePixel> for Expected {
-    fn from(pixel: &TruePixel) -> Self {
-        let hit = pixel.hit.as_ref().map(|hit| Target {
-            object: hit.object,
-            t: hit.t,
-            normal: hit.normal,
-            colour: hit.colour.filter(|_| !hit.dazzled),
-            bound: hit.bound,
-            lever: hit.lever,
-            shadow: hit.shadow,
-        });
-        Expected { hit, margin: pixel.margin }
-    }
-}
 
 /// The errors of one picture. Everything but the two counts `*_inside` is of the rays outside of the margin. The field
 /// names are those of the JSON document; what does not apply is None.
@@ -188,17 +145,16 @@ impl Tally {
     }
 
     /// Takes in a pixel: what is true, what the engine found, and what it wrote.
-    pub fn add(&mut self, expected: &Expected, found: Option<&Found>, written: Colour) {
+    pub fn add(&mut self, TruePixel { hit, margin }: &TruePixel, found: Option<&Found>, written: Colour) {
         let errors = &mut self.errors;
         errors.rays += 1;
-        errors.hits += usize::from(expected.hit.is_some());
+        errors.hits += usize::from(hit.is_some());
         let t = found.map(|found| found.distance.t());
         let found = found.filter(|_| t.is_some_and(|t| t.is_finite() && t > 0.0));
         // A t that is no number is a wrong hit wherever it is.
-        let wrong_hit = found.is_some() != expected.hit.is_some() || t.is_some() && found.is_none();
-        let wrong_object =
-            !wrong_hit && expected.hit.zip(found).is_some_and(|(target, found)| target.object != found.object);
-        if expected.margin < MARGIN_IN_U * self.u {
+        let wrong_hit = found.is_some() != hit.is_some() || t.is_some() && found.is_none();
+        let wrong_object = !wrong_hit && hit.as_ref().zip(found).is_some_and(|(hit, found)| hit.object != found.object);
+        if *margin < MARGIN_IN_U * self.u {
             errors.in_margin += 1;
             errors.wrong_hits_inside += usize::from(wrong_hit);
             errors.wrong_objects_inside += usize::from(wrong_object);
@@ -206,12 +162,14 @@ impl Tally {
         }
         errors.wrong_hits += usize::from(wrong_hit);
         errors.wrong_objects += usize::from(wrong_object);
-        if let (Some(target), Some(found), false) = (&expected.hit, found, wrong_hit || wrong_object) {
-            self.add_hit(target, found);
+        if let (Some(hit), Some(found), false) = (hit, found, wrong_hit || wrong_object) {
+            self.add_hit(hit, found);
         }
-        let Some(colour) = expected.hit.map_or(Some(DVec3::ZERO), |target| target.colour) else { return };
+        // Of a hit that is dazzled any colour is right.
+        let colour = hit.as_ref().map_or(Some(DVec3::ZERO), |hit| hit.colour.filter(|_| !hit.dazzled));
+        let Some(colour) = colour else { return };
         // Points have the precision of rays.
-        if expected.hit.is_some_and(|target| target.shadow < MARGIN_IN_U * self.camera_u) {
+        if hit.as_ref().is_some_and(|hit| hit.shadow < MARGIN_IN_U * self.camera_u) {
             self.errors.in_margin += 1;
             let differ = |(v, truth): (u8, f64)| v.abs_diff(level(truth)) >= 2;
             let is_off = written.levels().into_iter().zip(colour.to_array()).any(differ);
@@ -221,22 +179,21 @@ impl Tally {
         self.add_colour(colour, written);
     }
 
-    fn add_hit(&mut self, target: &Target, found: &Found) {
+    fn add_hit(&mut self, hit: &TrueHit, found: &Found) {
         let relative = match found.distance {
-            Distance::T(t) => target.t.error_of(t) / target.t.high,
+            Distance::T(t) => hit.t.error_of(t) / hit.t.high,
             // w t - 1, rounded once; t is larger than 1/w by that share.
-            Distance::Inverse(w) => w.mul_add(target.t.high, -1.0) + w * target.t.low,
+            Distance::Inverse(w) => w.mul_add(hit.t.high, -1.0) + w * hit.t.low,
         };
         let relative = relative.abs();
         // A unit of the last place is 2u of the power of two below t.
-        let power = 2f64.powi(target.t.high.log2().floor() as i32);
-        let ulps = relative * (target.t.high / power) / (2.0 * self.u);
+        let power = 2f64.powi(hit.t.high.log2().floor() as i32);
+        let ulps = relative * (hit.t.high / power) / (2.0 * self.u);
         self.ulps.push(ulps);
         self.t.add(ulps);
-        self.bound_share =
-            self.bound_share.max(relative / (target.bound * self.u + CAMERA * target.lever * self.camera_u));
+        self.bound_share = self.bound_share.max(relative / (hit.bound * self.u + CAMERA * hit.lever * self.camera_u));
         if let Some(normal) = found.normal {
-            self.angles.add(angle(target.normal, normal));
+            self.angles.add(angle(hit.normal, normal));
         }
     }
 
@@ -294,6 +251,7 @@ fn angle(truth: [Split; 3], normal: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Object;
 
     const FAR: f64 = 1.0;
 
@@ -301,12 +259,14 @@ mod tests {
         Split { high: x, low: 0.0 }
     }
 
-    fn target(t: f64) -> Target {
+    fn target(t: f64) -> TrueHit {
         let normal = [0.0, 0.0, -1.0].map(exact);
-        Target {
+        TrueHit {
             object: Object::Sphere(3),
             t: exact(t),
             normal,
+            cosines: Vec::new(),
+            dazzled: false,
             colour: Some(DVec3::splat(0.5)),
             bound: 5.0,
             lever: 1.0,
@@ -321,9 +281,9 @@ mod tests {
     const RIGHT: Colour = Colour::Linear([0.5; 3]);
     const BLACK: Colour = Colour::Linear([0.0; 3]);
 
-    fn one(margin: f64, hit: Option<Target>, found: Option<Found>, written: Colour) -> Errors {
+    fn one(margin: f64, hit: Option<TrueHit>, found: Option<Found>, written: Colour) -> Errors {
         let mut tally = Tally::new(Precision::Single, true);
-        tally.add(&Expected { hit, margin }, found.as_ref(), written);
+        tally.add(&TruePixel { hit, margin }, found.as_ref(), written);
         tally.errors()
     }
 
@@ -350,7 +310,7 @@ mod tests {
             (Some(target(3.0)), Some(other), 0, 1),
             (None, None, 0, 0),
         ] {
-            let outside = one(2.1e-6, hit, found, BLACK);
+            let outside = one(2.1e-6, hit.clone(), found, BLACK);
             assert_eq!((outside.wrong_hits, outside.wrong_objects), (hits, objects), "{found:?}");
             assert_eq!((outside.wrong_hits_inside, outside.wrong_objects_inside), (0, 0), "{found:?}");
             let inside = one(1.9e-6, hit, found, BLACK);
@@ -362,7 +322,7 @@ mod tests {
     #[test]
     fn the_margin_of_f64_is_as_many_of_its_own_units() {
         let mut tally = Tally::new(Precision::Double, true);
-        tally.add(&Expected { hit: None, margin: 1e-14 }, Some(&found(3.0)), BLACK);
+        tally.add(&TruePixel { hit: None, margin: 1e-14 }, Some(&found(3.0)), BLACK);
         assert_eq!(tally.errors().wrong_hits, 1);
     }
 
@@ -388,7 +348,7 @@ mod tests {
         let error = 9.0 * f64::from(f32::EPSILON) / 2.0;
         for (rays_in_f64, share) in [(true, 9.0 / 5.0), (false, 1.0)] {
             let mut tally = Tally::new(Precision::Single, rays_in_f64);
-            tally.add(&Expected { hit: Some(target(1.0)), margin: FAR }, Some(&found(1.0 + error)), RIGHT);
+            tally.add(&TruePixel { hit: Some(target(1.0)), margin: FAR }, Some(&found(1.0 + error)), RIGHT);
             assert!((tally.errors().bound_share.unwrap() - share).abs() < 1e-6);
         }
     }
@@ -400,7 +360,7 @@ mod tests {
             // 998 are 1 unit, one is 2 and one is 30.
             let ulps = if i == 10 { 30.0 } else { 1.0 + f64::from(i == 20) };
             let found = found(1.0 + ulps * f64::from(f32::EPSILON));
-            tally.add(&Expected { hit: Some(target(1.0)), margin: FAR }, Some(&found), RIGHT);
+            tally.add(&TruePixel { hit: Some(target(1.0)), margin: FAR }, Some(&found), RIGHT);
         }
         let Errors { max_ulp, rms_ulp, p999_ulp, .. } = tally.errors();
         let near = |a: Option<f64>, b: f64| (a.unwrap() - b).abs() < 1e-6;
@@ -436,16 +396,16 @@ mod tests {
             [(127, 0.0, 0), (128, 0.0, 1), (128, 0.4, 1), (128, 0.6, 0), (126, 0.4, 1), (126, 0.6, 0), (125, 0.6, 1)]
         {
             let mut tally = Tally::new(Precision::Single, true).with_estimates(estimates);
-            let expected = Expected { hit: Some(target(3.0)), margin: FAR };
+            let expected = TruePixel { hit: Some(target(3.0)), margin: FAR };
             tally.add(&expected, Some(&found(3.0)), Colour::Levels([127, written, 127]));
             assert_eq!(tally.errors().unexplained, unexplained, "{written} {estimates}");
         }
         // Bright light is judged by its share.
-        let bright = Target { colour: Some(DVec3::splat(200.0)), ..target(3.0) };
+        let bright = TrueHit { colour: Some(DVec3::splat(200.0)), ..target(3.0) };
         let errors = one(FAR, Some(bright), Some(found(3.0)), Colour::Linear([202.0, 200.0, 200.0]));
         assert_eq!((errors.max_colour, errors.off_by_1), (Some(0.01), 0));
         // A light on the surface makes any colour right, and a NaN is never right.
-        let free = Target { colour: None, ..target(3.0) };
+        let free = TrueHit { colour: None, ..target(3.0) };
         assert_eq!(one(FAR, Some(free), Some(found(3.0)), BLACK).off_by_1, 0);
         let nan = one(FAR, Some(target(3.0)), Some(found(3.0)), Colour::Linear([f32::NAN; 3]));
         assert_eq!((nan.max_colour, nan.off_by_2), (Some(f64::INFINITY), 1));

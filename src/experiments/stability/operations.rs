@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::side;
-use crate::experiments::accuracy::errors::{Errors, Expected, Tally, Target};
+use crate::experiments::accuracy::errors::{Errors, Tally};
 use crate::kernels::{Isa, PacketElement, PacketOp, packet_ops};
 use crate::measure::Name;
 use crate::measure::statistics::median;
@@ -14,7 +14,7 @@ use crate::plan::{InUnits, on_all_cores, sphere_hit, triangle_hit};
 use crate::reference::exact::Exact;
 use crate::reference::number::{Number as _, Split};
 use crate::reference::shapes::{self, Meeting, Ray, Vector};
-use crate::render::{Colour, Distance, Found, Precision};
+use crate::render::{Colour, Distance, Found, Precision, TrueHit, TruePixel};
 use crate::scene::families::{Family, Level};
 use crate::scene::{self, Camera, Object, Rng, Scene};
 
@@ -123,7 +123,7 @@ struct Held<E> {
     record: Vec<E>,
     unit: f64,
     rays: Vec<[E; 3]>,
-    expected: Vec<Expected>,
+    expected: Vec<TruePixel>,
 }
 
 impl Shape {
@@ -148,7 +148,7 @@ impl Shape {
         }
     }
 
-    fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<Expected> {
+    fn expected(self, rays: &[[f64; 3]], reach: [f64; 3]) -> Vec<TruePixel> {
         let sphere_or_triangle = match self {
             Shape::Sphere { centre, radius } => {
                 Ok(shapes::Sphere::new(centre.into(), radius).expect("it has a radius"))
@@ -164,16 +164,18 @@ impl Shape {
             let met = meet(&Ray::within(Vector::new(*ray), reach));
             let Meeting { hit, margin, alone: bound, .. } = met.expect("exact numbers know everything");
             let nothing = Split { high: 0.0, low: 0.0 };
-            let target = |t: &Exact| Target {
+            let target = |t: &Exact| TrueHit {
                 object: self.object(),
                 t: t.split(),
                 normal: [nothing; 3],
+                cosines: Vec::new(),
+                dazzled: false,
                 colour: None,
                 bound,
                 lever: 0.0,
                 shadow: f64::INFINITY,
             };
-            Expected { hit: hit.as_ref().map(target), margin }
+            TruePixel { hit: hit.as_ref().map(target), margin }
         };
         on_all_cores(rays.len(), |i| expected(&rays[i]))
     }
@@ -360,7 +362,7 @@ fn rows_of<E: PacketElement>(over: &Over<'_>, held: impl Fn(usize) -> Vec<Held<E
                 let (hits, time) = held.call(op, RUNS);
                 ns += time / held.rays.len() as f64;
                 for (expected, t) in held.expected.iter().zip(hits) {
-                    let object = expected.hit.map_or(Object::Sphere(0), |target| target.object);
+                    let object = expected.hit.as_ref().map_or(Object::Sphere(0), |hit| hit.object);
                     let hit = Found { object, distance: Distance::T(t), normal: None };
                     // Infinity is a miss, and what is no number is wrong.
                     tally.add(expected, (t != f64::INFINITY).then_some(&hit), Colour::Levels([0; 3]));
@@ -464,7 +466,7 @@ fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
             let (shape, rays) = &cases[case];
             let (record, unit) = shape.record(reach);
             // Of the ordinary one only the time is asked for.
-            let miss = Expected { hit: None, margin: f64::INFINITY };
+            let miss = TruePixel { hit: None, margin: f64::INFINITY };
             let expected = vec![miss; if case == 0 { 0 } else { rays.len() }];
             vec![Held { record, unit, rays: rays.clone(), expected }]
         };

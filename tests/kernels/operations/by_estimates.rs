@@ -1,9 +1,9 @@
 //! The shade of the closed form by the worst estimates of roots that any CPU may give: the twin, fed with them.
 
-use rayo::experiments::accuracy::{ESTIMATES, errors::Expected, expect};
+use rayo::experiments::accuracy::{ESTIMATES, expect};
 use rayo::kernels::{LitRow, LitRows, LitSphere};
 use rayo::plan::{Keep, LitForm, Scale};
-use rayo::render::level;
+use rayo::render::{TruePixel, level};
 use rayo::scene::families::FAMILIES;
 use rayo::scene::{Camera, Light, Scene, Sphere, many};
 
@@ -55,7 +55,7 @@ struct Found {
 }
 
 impl Found {
-    fn check(&mut self, (scene, name): (&Scene, &str), expected: &[Expected], fused: bool, error: f64) {
+    fn check(&mut self, (scene, name): (&Scene, &str), expected: &[TruePixel], fused: bool, error: f64) {
         let Some(form) = LitForm::of::<f32>(scene, Keep::NOTHING) else { return };
         let sphere = form.sphere(Scale::Levels).round();
         // An error of so much more or less than rsqrtps's.
@@ -65,8 +65,9 @@ impl Found {
             rayo::kernels::portable().single.lit_rows.call(form.setup(Scale::Levels), row, 1, &mut rows);
             let record = rows.row(0);
             for col in record.start as u32..record.end as u32 {
-                let Expected { hit, margin } = expected[(row * scene.camera.width() + col) as usize];
-                let Some(truth) = hit.filter(|_| margin > MARGIN).and_then(|hit| hit.colour) else { continue };
+                let TruePixel { hit, margin } = &expected[(row * scene.camera.width() + col) as usize];
+                let hit = hit.as_ref().filter(|hit| *margin > MARGIN && !hit.dazzled);
+                let Some(truth) = hit.and_then(|hit| hit.colour) else { continue };
                 self.pixels += 1;
                 let j = col as f32 - record.start + record.j;
                 let edge = j == record.j || j == record.stop - 1.0;
