@@ -280,33 +280,22 @@ impl Contestant<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::Scripted;
     use crate::scene::many;
 
-    struct Scripted(std::vec::IntoIter<u64>);
+    type Script = Scripted<std::vec::IntoIter<u64>>;
 
-    impl Scripted {
-        /// First the `trials`, then rounds of `round`, there and back.
-        fn new(trials: Vec<u64>, round: &[u64]) -> Self {
-            let mut ticks = trials;
-            for i in 0..ROUNDS {
-                if i % 2 == 0 { ticks.extend(round) } else { ticks.extend(round.iter().rev()) }
-            }
-            Scripted(ticks.into_iter())
+    /// First the `trials`, then rounds of `round`, there and back.
+    fn script(trials: Vec<u64>, round: &[u64]) -> Script {
+        let mut ticks = trials;
+        for i in 0..ROUNDS {
+            if i % 2 == 0 { ticks.extend(round) } else { ticks.extend(round.iter().rev()) }
         }
-    }
-
-    impl Clock for Scripted {
-        fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
-            self.0.next().unwrap()
-        }
-
-        fn core(&mut self) -> Option<usize> {
-            Some(0)
-        }
+        Scripted(ticks.into_iter())
     }
 
     /// What is found of eighteen objects in one band of 48 rows, with at most so many of the lines that can be timed.
-    fn measured(most: usize, ticks: u64, mut clock: impl FnMut(usize) -> Scripted) -> (Vec<LeftOut>, Ablation) {
+    fn measured(most: usize, ticks: u64, mut clock: impl FnMut(usize) -> Script) -> (Vec<LeftOut>, Ablation) {
         let scene = Scene { camera: Camera::new(64, 48, 1.0, 1.0).unwrap(), ..many(9, 9, 71) };
         let engine = Engine::fastest();
         let purpose = Purpose { format: Some(PixelFormat::Rgba8), ..Purpose::default() };
@@ -338,7 +327,7 @@ mod tests {
     fn a_ratio_is_what_a_line_takes_by_what_the_plan_takes() {
         let (lines, found) = measured(usize::MAX, u64::MAX, |timed| {
             let round: Vec<_> = [100, 100, 800].into_iter().chain((2..).map(|i| 100 * i).take(timed)).collect();
-            Scripted::new(round.iter().flat_map(|ticks| [1, *ticks, *ticks]).collect(), &round)
+            script(round.iter().flat_map(|ticks| [1, *ticks, *ticks]).collect(), &round)
         });
         assert_eq!((ratio(found.control), ratio(found.keep_all)), (1.0, 8.0));
         let mut expected = (2..).map(f64::from);
@@ -355,7 +344,7 @@ mod tests {
     fn what_takes_long_is_extrapolated_from_two_rows_in_every_round_or_once() {
         let (lines, found) = measured(2, 5000, |timed| {
             assert_eq!(timed, 1);
-            Scripted::new(vec![1, 10, 10, 1, 10, 10, 30, 50, 300, 700], &[10, 10, 30, 50])
+            script(vec![1, 10, 10, 1, 10, 10, 30, 50, 300, 700], &[10, 10, 30, 50])
         });
         assert_eq!(ratio(found.control), 1.0);
         let Timed::Extrapolated(keep_all) = found.keep_all else { panic!("{found:?}") };

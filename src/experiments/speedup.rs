@@ -396,12 +396,16 @@ pub fn paper_mean_ratio() -> f64 {
     statistics::mean(&PAPER.map(|row| row.ratio()))
 }
 
-/// Runs in which each contestant takes its own ticks, and one more from run to run.
+/// Runs in which each contestant takes its own ticks at every size, and one more from run to run.
 #[cfg(test)]
 pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
-    let run = |number| {
+    let run = |number: usize| {
         let mut run = Run::new();
-        let mut clock = OneRun::new(ticks, number);
+        let mut ticks: Vec<u64> = ticks.iter().map(|ticks| ticks + number as u64).collect();
+        if number % 2 == 1 {
+            ticks.reverse();
+        }
+        let mut clock = crate::measure::Scripted(ticks.into_iter().cycle());
         measure_run(settings, number, &mut clock, &mut |size| {
             run.push(size);
             true
@@ -410,37 +414,6 @@ pub(crate) fn scripted_runs(settings: &Settings, ticks: &[u64]) -> Vec<Run> {
         run
     };
     (0..settings.runs).map(run).collect()
-}
-
-/// A scripted clock for one run, in which every size takes the same time.
-#[cfg(test)]
-struct OneRun {
-    ticks: Vec<u64>,
-    calls: usize,
-}
-
-#[cfg(test)]
-impl OneRun {
-    /// The ticks of each contestant in run 0.
-    fn new(ticks: &[u64], number: usize) -> Self {
-        let mut ticks: Vec<u64> = ticks.iter().map(|ticks| ticks + number as u64).collect();
-        if number % 2 == 1 {
-            ticks.reverse();
-        }
-        OneRun { ticks, calls: 0 }
-    }
-}
-
-#[cfg(test)]
-impl Clock for OneRun {
-    fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
-        self.calls += 1;
-        self.ticks[(self.calls - 1) % self.ticks.len()]
-    }
-
-    fn core(&mut self) -> Option<usize> {
-        Some(0)
-    }
 }
 
 #[cfg(test)]

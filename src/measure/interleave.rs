@@ -31,6 +31,21 @@ pub trait Clock {
     }
 }
 
+/// The ticks of a script.
+#[cfg(test)]
+pub(crate) struct Scripted<I>(pub I);
+
+#[cfg(test)]
+impl<I: Iterator<Item = u64>> Clock for Scripted<I> {
+    fn time(&mut self, _: &mut dyn FnMut()) -> u64 {
+        self.0.next().expect("the script is long enough")
+    }
+
+    fn core(&mut self) -> Option<usize> {
+        Some(0)
+    }
+}
+
 /// A clock of this machine, which knows whether others had the core. Work that they interrupt seldom enough takes the time that the
 /// thread had by its own clock, and then they count as not having had it.
 #[derive(Clone, Copy, Debug)]

@@ -24,6 +24,8 @@ mod watch;
 #[cfg(feature = "lab")]
 pub use core_clock::{core_cycles, core_cycles_per_tick};
 pub use cycles::{Cycles, tsc_hz};
+#[cfg(all(test, feature = "lab"))]
+pub(crate) use interleave::Scripted;
 #[cfg(feature = "lab")]
 pub use interleave::{Clock, MachineClock, OFF_BY_MAD, Runs, Work, enough, interleave};
 pub use machine::{Cache, Machine, caches, cpu_name, set_commit};
