@@ -196,7 +196,7 @@ fn scattered(mut scene: Scene, camera: Camera) -> Scene {
 }
 
 /// A closed, bumpy mesh of about `count` triangles that fills the picture's height.
-fn mesh(count: u64, camera: Camera) -> Scene {
+pub(super) fn mesh(count: u64, camera: Camera) -> Scene {
     let mesh = shapes::icosphere(count, BUMPS, SEED);
     let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
     let scene = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));

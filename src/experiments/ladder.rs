@@ -341,7 +341,7 @@ impl Planned {
 }
 
 /// The pixels of a film of floats.
-fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
+pub(super) fn floats(film: FilmMut<'_>) -> &mut [Vec4] {
     if let FilmMut::F32x4(film) = film { film } else { unreachable!("its output is floats") }
 }
 

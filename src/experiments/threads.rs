@@ -1,9 +1,9 @@
 //! How many times as fast a picture is on more threads: set-up and tracing, by the fastest engine.
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::subjects::shipped;
+use super::complexity::mesh;
 use super::in_size;
 use super::lab::{Bench, Case, LabError, Progress};
 use super::ladder::on_all;
@@ -12,8 +12,7 @@ use crate::measure::Clock;
 use crate::measure::Name;
 use crate::measure::statistics::median;
 use crate::render::{Engine, Film, FilmMut, Frame, PixelFormat, Plan, Purpose, Settings};
-use crate::scene::mesh::shapes;
-use crate::scene::{MeshFormat, Scene, Setting, many};
+use crate::scene::{Scene, many};
 
 const SIZE: (u32, u32) = (1632, 1224);
 const RUNS: usize = 9;
@@ -48,15 +47,12 @@ fn counts(most: usize) -> Vec<usize> {
 }
 
 fn scenes() -> [(Name, Scene); 3] {
-    let camera = shipped("sphere").camera.sized(SIZE.0, SIZE.1).expect("within the limits");
-    let mesh = shapes::icosphere(MESH, 0.3, SEED);
-    let setting = Setting::of(&mesh, MeshFormat::Obj, &camera);
-    let mesh = setting.and_then(|setting| setting.scene(mesh, Vec3::ONE, "mesh.png".into(), camera));
-    let spheres = Scene { camera, ..many(MANY, 0, SEED) };
+    let sphere = in_size(&shipped("sphere"), SIZE.0, SIZE.1);
+    let camera = sphere.camera;
     [
-        ("sphere".into(), in_size(&shipped("sphere"), SIZE.0, SIZE.1)),
-        ("1,000 spheres".into(), spheres),
-        ("mesh of 70,000 triangles".into(), mesh.expect("the shapes are of ordinary size")),
+        ("sphere".into(), sphere),
+        ("1,000 spheres".into(), Scene { camera, ..many(MANY, 0, SEED) }),
+        ("mesh of 70,000 triangles".into(), mesh(MESH, camera)),
     ]
 }
 

@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{Contender, contenders};
 use crate::experiments::lab::{Bench, Case, LabError, Pairs, Timed};
-use crate::experiments::ladder::TURNED;
+use crate::experiments::ladder::{TURNED, floats};
 use crate::kernels::ladder;
 use crate::measure::Clock;
 use crate::measure::Name;
 use crate::measure::statistics::{Estimate, median};
 use crate::plan::Packed;
-use crate::render::{FilmMut, PixelFormat, Precision};
+use crate::render::{PixelFormat, Precision};
 use crate::scene::Scene;
 
 /// The same picture by the packets of an instruction set and by the plain formulas for the same instructions.
@@ -58,8 +58,7 @@ pub fn against_plain(
         pairs.push((engine, rung.flags));
         cases.push(Case::of(Timed::Tracing, scene, contender.engine, contender.purpose(), PixelFormat::F32x4)?);
         cases.push(Case::new(camera, PixelFormat::F32x4, |rows, film| {
-            let FilmMut::F32x4(film) = film else { unreachable!("its output is floats") };
-            rung.call(packed.frame(), packed.objects(), rows, film);
+            rung.call(packed.frame(), packed.objects(), rows, floats(film));
         }));
     }
     let Some(runs) = Bench::default().time(clock, &cases, 0..ROUNDS, proceed)? else { return Ok(None) };
