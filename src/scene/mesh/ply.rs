@@ -137,7 +137,8 @@ impl<R: Read> Elements<R> {
                 }
                 name => {
                     for number in 1..=element.count {
-                        self.next::<Skipped>(name, number, element)?;
+                        // Skipped, whatever it is.
+                        self.next::<Point>(name, number, element)?;
                     }
                 }
             }
@@ -542,18 +543,5 @@ impl PropertyAccess for Face {
             _ => return PropertyAccessResult::Ignored,
         };
         PropertyAccessResult::Set
-    }
-}
-
-/// An element that is skipped.
-struct Skipped;
-
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Skipped
-    }
-
-    fn set_property(&mut self, _name: &str, _property: Property) -> PropertyAccessResult {
-        PropertyAccessResult::Ignored
     }
 }
