@@ -134,6 +134,13 @@ impl Shape {
         }
     }
 
+    fn numbers(&mut self) -> Vec<&mut f64> {
+        match self {
+            Shape::Sphere { centre, radius } => centre.as_mut().iter_mut().chain([radius]).collect(),
+            Shape::Triangle(vertices) => vertices.iter_mut().flat_map(|vertex| vertex.as_mut()).collect(),
+        }
+    }
+
     /// Its record for rays whose components are at most `reach`, and the unit.
     fn record<E: PacketElement>(self, reach: [f64; 3]) -> (Vec<E>, f64) {
         match self {
@@ -194,11 +201,6 @@ fn aimed<E: PacketElement>(at: &[DVec3], count: usize, rng: &mut Rng) -> Vec<[E;
 }
 
 impl<E: PacketElement> Held<E> {
-    fn new(sweep: &Sweep, value: f64, rays: usize, rng: &mut Rng) -> Self {
-        let (shape, at) = (sweep.make)(value, rng);
-        Held::of(shape, aimed::<E>(&at, rays, rng))
-    }
-
     fn of(shape: Shape, rays: Vec<[E; 3]>) -> Self {
         let exact: Vec<_> = rays.iter().map(|ray| ray.map(|x| x.to_f64())).collect();
         let reach = reach_of(&rays);
@@ -311,7 +313,11 @@ fn of_element<E: PacketElement>(
     let over = Over { id: family.id, operation: sweep.operation, values: &written, ordinary };
     rows_of::<E>(&over, |i| {
         let mut rng = Rng::new(seed ^ ((i as u64) << 32));
-        (0..OBJECTS).map(|_| Held::new(sweep, values[i], rays.div_ceil(OBJECTS), &mut rng)).collect()
+        let object = |_| {
+            let (shape, at) = (sweep.make)(values[i], &mut rng);
+            Held::of(shape, aimed::<E>(&at, rays.div_ceil(OBJECTS), &mut rng))
+        };
+        (0..OBJECTS).map(object).collect()
     })
 }
 
@@ -434,27 +440,17 @@ fn not_numbers<E: PacketElement>(seed: u64, rays: usize) -> Vec<OperationRow> {
     let bad = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
     let of = |sweep: &Sweep| {
         let mut rng = Rng::new(seed);
-        let (shape, at) = (sweep.make)(1.0, &mut rng);
+        let (mut shape, at) = (sweep.make)(1.0, &mut rng);
+        let numbers = shape.numbers().len();
         let rays = aimed::<E>(&at, rays, &mut rng);
         let reach = reach_of(&rays);
-        let numbers = match shape {
-            Shape::Sphere { .. } => 4,
-            Shape::Triangle(_) => 9,
-        };
-        let spoilt = |at: usize, bad: f64| match shape {
-            Shape::Sphere { centre, radius } => {
-                let mut numbers = [centre.x, centre.y, centre.z, radius];
-                numbers[at] = bad;
-                let [x, y, z, radius] = numbers;
-                Shape::Sphere { centre: DVec3::new(x, y, z), radius }
-            }
-            Shape::Triangle(mut vertices) => {
-                vertices[at / 3][at % 3] = bad;
-                Shape::Triangle(vertices)
-            }
+        let spoilt = |at: usize, bad: f64| {
+            let mut shape = shape;
+            *shape.numbers().swap_remove(at) = bad;
+            (shape, rays.clone())
         };
         let mut cases = vec![(shape, rays.clone())];
-        cases.extend((0..numbers).flat_map(|at| bad.map(|bad| (spoilt(at, bad), rays.clone()))));
+        cases.extend((0..numbers).flat_map(|at| bad.map(|bad| spoilt(at, bad))));
         cases.extend((0..3).map(|axis| {
             let mut rays = rays.clone();
             rays.iter_mut().for_each(|ray| ray[axis] = E::from_f64(f64::NAN));
