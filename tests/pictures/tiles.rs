@@ -3,10 +3,12 @@
 use crate::contenders::{Contender, Truth, film, levels, packets};
 use crate::extent;
 use glam::{DVec3, Vec3};
+use rayo::kernels::Vec4;
 use rayo::plan::{Keep, Omission, Report};
 use rayo::render::{Counted, Distance, Film, FilmMut, Found, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
+use std::ops::Range;
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
@@ -560,6 +562,23 @@ fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
     }
 }
 
+/// The second is in so many tiles that it is traced before those of a tile alone.
+#[test]
+fn of_equally_near_triangles_the_first_is_seen_though_it_is_traced_last() {
+    let facing = |colour: Vec3, size: f32| {
+        let corners = [[-0.5, -0.5, 4.0], [0.5, -0.5, 4.0], [-0.5, 0.5, 4.0]].map(Vec3::from_array);
+        Triangle { colour, vertices: corners.map(|v| Vec3::new(size * v.x, size * v.y, v.z)) }
+    };
+    let scene = Scene { camera: camera(640, 480), ..many(0, 0, 3) };
+    let triangles = vec![facing(Vec3::X, 0.25), facing(Vec3::ONE, 64.0), facing(Vec3::Y, 0.5)];
+    let scene = Scene { triangles, ..scene };
+    for contender in packets() {
+        let hits = tiles(&contender, &scene, false).hits(239..240);
+        assert!(matches!(hits[318], Some(Found { object: Object::Triangle(0), .. })), "{contender}: {:?}", hits[318]);
+        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
+    }
+}
+
 /// Spheres around the camera, across its plane and beside it: the fewest and the most that a kernel traces.
 fn around_the_camera() -> Vec<Sphere> {
     let sphere = |radius, centre: [f32; 3]| Sphere { radius, colour: [1.0; 3].into(), centre: centre.into() };
@@ -731,13 +750,90 @@ fn what_is_in_many_tiles_is_seen_up_to_its_last_pixels() {
 }
 
 #[test]
-fn a_sphere_beside_the_camera_is_seen_in_the_last_row_of_a_tile() {
-    for step in 0_u8..70 {
-        let mut scene = Scene { camera: camera(64, 64), ..many(40, 0, 3) };
-        let radius = 4.6 + 0.01 * f32::from(step);
-        scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(0.0, -5.0, 2.0) });
+fn a_sphere_beside_the_camera_is_seen_in_the_outermost_rows_and_columns_of_a_tile() {
+    for (step, [x, y]) in
+        (0_u8..40).flat_map(|step| [[0.0, -5.0], [0.0, 5.0], [-5.0, 0.0], [5.0, 0.0]].map(|at| (step, at)))
+    {
+        let mut scene = Scene { camera: camera(128, 64), ..many(40, 0, 3) };
+        let radius = 4.96 + 0.002 * f32::from(step);
+        scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(x, y, 2.0) });
         for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
-            assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}: {radius}");
+            let differing = differing_by_force(&contender, &scene, PixelFormat::Rgba8);
+            assert_eq!(differing, 0, "{contender}: {radius} at {x}, {y}");
+        }
+    }
+}
+
+/// Walls from the middle of one pixel to that of another, but for rounding, in a picture so wide that f32 has few digits left
+/// between pixels.
+#[test]
+fn what_ends_on_rays_of_a_wide_picture_is_seen_there() {
+    let (camera, mut rng) = (camera(4000, 8), Rng::new(8));
+    let (grid, mut scene) = (camera.grid::<f64>(), Scene { camera, ..many(0, 0, 8) });
+    for _ in 0..400 {
+        let depth = f64::from(rng.between(1.0, 9.0)) / grid.focal;
+        let (first, columns, row) = (rng.next_u64() % 3990, 1 + rng.next_u64() % 9, rng.next_u64() % 7);
+        let corners = [(0, 0), (columns, 0), (columns, 1), (0, 1)].map(|(column, down)| {
+            (depth * DVec3::from_array(grid.ray((row + down) as u32, (first + column) as u32))).as_vec3()
+        });
+        let colour = Vec3::new(rng.next_f32(), rng.next_f32(), 1.0);
+        scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|of| Triangle { colour, vertices: of.map(|i| corners[i]) }));
+    }
+    for contender in packets() {
+        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}");
+    }
+}
+
+/// The rays inside a sphere around the camera meet triangles across its plane first, and no number of f32 says how near either is.
+#[test]
+fn what_crosses_the_cameras_plane_is_nearer_than_what_is_too_near_for_f32() {
+    let mut scene = Scene { camera: camera(64, 32), ..many(400, 0, 3) };
+    for sphere in &mut scene.spheres {
+        (sphere.centre, sphere.radius) = (1e20 * sphere.centre, 1e20 * sphere.radius);
+    }
+    scene.spheres.push(Sphere { radius: 1e-19, colour: Vec3::ONE, centre: Vec3::ZERO });
+    let corners = [[-3.0, -3.0, -0.5], [3.0, -3.0, -0.5], [0.0, 3.0, 1.5]].map(Vec3::from_array);
+    for i in 0_u8..80 {
+        let size = 1e-20 * (1.0 + f32::from(i) / 128.0);
+        scene
+            .triangles
+            .push(Triangle { colour: Vec3::new(0.5, 1.0, f32::from(i)), vertices: corners.map(|v| size * v) });
+    }
+    for contender in packets() {
+        let hits = tiles(&contender, &scene, false).hits(0..32);
+        let of_triangle = |found: &&Option<_>| matches!(found, Some(Found { object: Object::Triangle(0), .. }));
+        assert!(hits.iter().filter(of_triangle).count() > 100, "{contender}");
+        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
+    }
+}
+
+/// Of two tiles side by side without an object different rows are wanted.
+#[test]
+fn a_background_fills_the_wanted_rows_of_each_tile() {
+    let scene = Scene { camera: camera(128, 32), ..many(0, 0, 1) };
+    let (sky, other) = (Vec4::from([0.25; 4]), Vec4::from([7.0; 4]));
+    let wanted = |_: Range<u32>, columns: Range<u32>| if columns.start == 0 { 0..8 } else { 16..32 };
+    for contender in packets() {
+        let mut light = vec![other; 128 * 32];
+        tiles(&contender, &scene, false).light(0..32, &wanted, sky, &mut light);
+        for (i, light) in (0..).zip(light) {
+            let is_wanted = wanted(0..32, i % 128 / 64..0).contains(&(i / 128));
+            assert!(!is_wanted || light == sky, "{contender}: pixel {i} is {light:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_that_the_camera_is_on_is_not_seen_along_its_tangents() {
+    let sphere = |centre| Sphere { radius: 3.0, colour: Vec3::ONE, centre };
+    for centre in [3.0 * Vec3::Y, -3.0 * Vec3::Y, 3.0 * Vec3::X, -3.0 * Vec3::X] {
+        let scene = Scene { camera: camera(65, 33), spheres: vec![sphere(centre)], ..many(0, 40, 3) };
+        let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+        for contender in packets() {
+            for (i, found) in (0..).zip(tiles(&contender, &scene, false).hits(0..33)) {
+                let expected = reference.hit(i / 65, i % 65).map(|hit| hit.object);
+                assert_eq!(found.map(|found| found.object), expected, "{contender}: {centre}, pixel {i}");
+            }
         }
     }
 }
@@ -789,13 +885,15 @@ fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
                 scene.triangles.push(Triangle { colour: [1.0; 3].into(), vertices });
             }
         }
+        let reference = rayo::render::reference::ReferenceTracer::new(&scene);
+        let truth: Vec<_> = (0..64 * 48).map(|i| reference.hit(i / 64, i % 64).map(|hit| hit.object)).collect();
         for contender in packets() {
-            let Film::F32x4(film) = film(tiles(&contender, &scene, false).as_ref(), camera, 1, PixelFormat::F32x4)
-            else {
-                unreachable!()
-            };
+            let tracer = tiles(&contender, &scene, false);
+            let Film::F32x4(film) = film(tracer.as_ref(), camera, 1, PixelFormat::F32x4) else { unreachable!() };
             let holes = film.iter().filter(|pixel| levels(pixel.lanes())[0] == 0).count();
             assert_eq!(holes, 0, "{contender}: cells of {cell}");
+            let seen: Vec<_> = tracer.hits(0..48).into_iter().map(|found| found.map(|found| found.object)).collect();
+            assert!(seen == truth, "{contender}: other triangles of cells of {cell}");
         }
     }
 }

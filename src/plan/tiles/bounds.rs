@@ -9,7 +9,6 @@ use crate::kernels::{Bounded, Bounds, BoundsView, CHUNK, Candidate, Extremes, Ob
 use crate::plan::Team;
 use crate::plan::frustum::Frustum;
 use crate::plan::omission::{Keep, Omission};
-
 use crate::scene::Grid;
 
 /// A thread that plans fewer objects costs more than it gains.
@@ -164,7 +163,7 @@ where
                     let is_wide = (self.form)(&object, candidate) == Form::Wide && self.in_f32;
                     // An object across the camera's plane has the whole picture for its bounds, wherever it is.
                     let unseen = || (self.unseen)(&self.widening.frustum, &object);
-                    if candidate.most == Candidate::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
+                    if candidate.most >= Candidate::ANY && matches!(unseen(), Omission::Behind | Omission::Outside) {
                         (candidate.columns, candidate.rows) = (0, 0);
                     }
                     let has_pixels = covered(candidate.columns, candidate.rows) > 0;

@@ -156,7 +156,7 @@ impl Forms {
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
-    /// The form of a triangle, with the same correction.
+    /// The form of a triangle, with the same correction: kernels in f64 would cut the 1/t of a wide one to what f32 has.
     pub(super) fn of_triangle(&self, triangle: &Triangle, candidate: &mut Candidate) -> Form {
         let corners = triangle.vertices.map(|v| v.as_dvec3());
         let [a, b, c] = corners.map(|v| v.z);
@@ -173,6 +173,7 @@ impl Forms {
             && most * self.farthest.max(1.0) <= MOST
             && self.extent() / farthest >= LEAST_INVERSE
             && light::is_in_f32(triangle.colour.as_dvec3() * self.radiance);
+        candidate.most = if narrow || candidate.most < Candidate::ANY { candidate.most } else { f32::INFINITY };
         if narrow { Form::Narrow } else { Form::Wide }
     }
 
@@ -293,11 +294,10 @@ pub(super) fn near_of_sphere(extent: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::plan::{power_of_two, unit_rays};
     use crate::scene::{Camera, Rng};
+    use glam::Vec3;
 
     /// 2 to a power from `low` to `high`, and up to twice that.
     fn power(rng: &mut Rng, low: i32, high: i32) -> f64 {
