@@ -729,6 +729,7 @@ fn a_face_that_is_not_convex_is_covered_once_and_nothing_beside_it() {
     for outline in [
         vec![(0.0, 0.0), (4.0, -2.0), (1.0, 0.0), (4.0, 2.0)], // an arrowhead, whose fan is right from one corner only
         vec![(4.0, -2.0), (1.0, 0.0), (4.0, 2.0), (0.0, 0.0)],
+        vec![(4.0, 2.0), (0.0, 0.0), (4.0, -2.0), (1.0, 0.0)],
         vec![(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)],
         // A hole, which is reached by a cut that is gone both ways.
         vec![

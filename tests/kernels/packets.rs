@@ -208,6 +208,10 @@ fn scattered(seed: u64, lights: usize) -> Scene {
             || centre + size * Vec3::new(rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0));
         scene.triangles.push(Triangle { colour, vertices: [corner(), corner(), corner()] });
     }
+    // Some end, in one direction, a ten-thousandth of a pixel before the middle of the picture.
+    let radius = 2.999_99;
+    let beside = [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y].map(|side| 3.0 * side + 10.0 * Vec3::Z);
+    scene.spheres.extend(beside.map(|centre| Sphere { radius, colour: Vec3::ONE, centre }));
     // A wall whose edges go through pixels' centres, seen twice: ties and doubts.
     let wall = [[-4.0, -4.0, 8.0], [4.0, -4.0, 8.0], [0.0, 4.0, 8.0]].map(Vec3::from);
     scene.triangles.extend([Triangle { colour: Vec3::ONE, vertices: wall }; 2]);
@@ -588,10 +592,14 @@ fn lit_of<E: Element, P: Plain + Debug>(
 
 /// Spheres seen in pictures of this size.
 fn row_cases() -> Vec<(u32, u32, Sphere)> {
+    // The middle row touches it.
+    let touched = Sphere { radius: 3.0, colour: Vec3::ONE, centre: Vec3::new(0.0, 3.0, 10.0) };
     let sizes = [(201, 151), (1, 67), (333, 5)];
     sizes
         .into_iter()
-        .flat_map(|(width, height)| many(60, 0, 7).spheres.into_iter().map(move |s| (width, height, s)))
+        .flat_map(|(width, height)| {
+            many(60, 0, 7).spheres.into_iter().chain([touched]).map(move |s| (width, height, s))
+        })
         .collect()
 }
 

@@ -110,6 +110,28 @@ fn the_shadow_of_a_sphere_on_a_ground_is_the_conic_of_its_cone() {
     }
 }
 
+/// Seen from the wall it is a hundred million radii away, where its distance squared has lost its radius.
+#[test]
+fn the_shadow_of_a_sphere_far_away_is_as_large_as_that_is() {
+    let (at, centre, radius) = (vec3(0.0, 3.2e8, -9.6e8), vec3(0.0, 1e7, -3e7), 0.3);
+    let mut scene = shadowed(101, 75);
+    (scene.lights, scene.spheres) = (vec![light(at)], vec![sphere(radius, centre)]);
+    scene.triangles = vec![triangle([vec3(-64.0, -64.0, 1.0), vec3(192.0, -64.0, 1.0), vec3(-64.0, 192.0, 1.0)])];
+    for contender in casting().filter(|contender| contender.engine != Engine::Rust) {
+        let mut dark = 0;
+        for (pixel, lit) in lit(&contender, &scene).into_iter().enumerate() {
+            let p = ray(&scene, pixel);
+            let (q, g) = (centre.as_dvec3() - p, at.as_dvec3() - p);
+            let beside = q.cross(g).length() / g.length() - f64::from(radius);
+            if beside.abs() > 1e-4 {
+                assert_eq!(lit, beside > 0.0, "{contender}: pixel {pixel}, {p}");
+                dark += usize::from(!lit);
+            }
+        }
+        assert!(dark > 300, "{contender}: {dark} dark");
+    }
+}
+
 #[test]
 fn the_shadow_of_a_sliver_is_its_projection() {
     // It is at the camera's height, which does not see it, and so thin that its normal loses digits.
@@ -161,7 +183,8 @@ fn what_is_between_hides_and_what_is_not_does_not() {
     let wall = triangle([vec3(-64.0, -64.0, 4.0), vec3(192.0, -64.0, 4.0), vec3(-64.0, 192.0, 4.0)]);
     let at = vec3(0.0, 4.0, 0.0);
     let across = |y: f32, z: f32| [vec3(-1.0, y - 1.0, z), vec3(1.0, y - 1.0, z), vec3(0.0, y + 1.0, z)];
-    let table: [(&str, Vec<Sphere>, Vec<Triangle>, bool); 16] = [
+    let half = [vec3(0.0, 1.0, 2.0), vec3(0.0, 3.0, 2.0), vec3(2.0, 2.0, 2.0)];
+    let table: [(&str, Vec<Sphere>, Vec<Triangle>, bool); 18] = [
         ("nothing", vec![], vec![], true),
         ("a sphere between", vec![sphere(0.5, vec3(0.0, 2.0, 2.0))], vec![], false),
         ("a sphere beside", vec![sphere(0.5, vec3(1.0, 2.0, 2.0))], vec![], true),
@@ -173,6 +196,13 @@ fn what_is_between_hides_and_what_is_not_does_not() {
         ("a sphere that the light is on, before it", vec![sphere(1.0, vec3(0.0, 4.0, 1.0))], vec![], false),
         ("a sphere around everything", vec![sphere(64.0, vec3(0.0, 2.0, 2.0))], vec![], true),
         ("a triangle between", vec![], vec![triangle(across(2.0, 2.0))], false),
+        ("a triangle's edge between", vec![], vec![triangle(half)], false),
+        (
+            "a triangle's corner between",
+            vec![],
+            vec![triangle([vec3(0.0, 2.0, 2.0), vec3(2.0, 1.5, 2.0), vec3(2.0, 2.5, 2.0)])],
+            false,
+        ),
         ("a triangle beside", vec![], vec![triangle(across(5.5, 2.0))], true),
         ("a triangle behind the light", vec![], vec![triangle(across(5.0, -1.0))], true),
         ("a triangle that the light is in", vec![], vec![triangle(across(4.0, 0.0))], true),
@@ -303,6 +333,15 @@ fn points_are_asked_about_triangles_after_spheres_have_hidden_those_farther_away
             let off = (0..3).any(|channel| (found[channel] - expected[channel]).abs() > 0.01);
             assert!(!off, "{contender}: pixel {pixel}: {found:?} in place of {expected:?}");
         }
+    }
+}
+
+#[test]
+fn a_triangle_that_has_two_corners_equally_near_has_its_volume_from_there() {
+    let tiny = 2f64.powi(-60);
+    let (near, other, far) = (DVec3::new(0.0, -tiny, 0.0), DVec3::new(tiny, 0.0, 0.0), DVec3::new(-3.0, -0.375, 5.0));
+    for vertices in [[near, other, far], [far, near, other], [other, far, near]] {
+        assert_eq!(geometry::triangle_volume(vertices), Some(5.0 * tiny * tiny), "{vertices:?}");
     }
 }
 
