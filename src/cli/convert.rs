@@ -42,7 +42,6 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let ConvertArgs { input, output, quiet } = args;
     keep_apart(output, [&**input])?;
     let to = format(output)?;
-    remove_part_files_on_signals()?;
     let from = SceneFormat::from_path(input).unwrap_or(SceneFormat::In);
     let unread = |error: MeshError| Failure::input(SceneError::Mesh(error).render(colour_on_stderr()));
     match (from, to) {
@@ -146,6 +145,7 @@ pub(super) fn write_scene(scene: &Scene, path: &Path, format: SceneFormat) -> Re
 
 /// Writes a file that appears whole or not at all.
 pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Result<()>) -> Result<(), Failure> {
+    remove_part_files_on_signals()?;
     let mut file = OutputFile::create(path, Existing::Replace).map_err(Failure::output)?;
     content(&mut file).map_err(|error| Failure::output(OutputError::Write { path: path.into(), error }))?;
     file.finish().map_err(Failure::output)

@@ -1,6 +1,6 @@
 //! `rayo diff`: two images compared, in words or as JSON, and as a picture of their difference.
 
-use super::{Failure, keep_apart, print_result};
+use super::{Failure, keep_apart, print_result, remove_part_files_on_signals};
 use crate::measure::compare::{self, CompareError, Comparison, Unit};
 use crate::measure::picture::{Picture, Pixels};
 use crate::render::{Format, ImageError, ImageFile, ImageWriter, is_standard_output};
@@ -71,6 +71,7 @@ enum DiffError {
 pub fn run(args: &DiffArgs) -> Result<ExitCode, Failure> {
     if let Some(output) = &args.output {
         keep_apart(output, [&args.a, &args.b].map(|path| &**path))?;
+        remove_part_files_on_signals()?;
     }
     let (comparison, text) = diff(args).map_err(|error| match error {
         DiffError::Write(_) => Failure::output(error),

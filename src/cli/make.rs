@@ -8,7 +8,7 @@ use glam::Vec3;
 use serde::Serialize;
 
 use super::convert::{format, picture_name, write, write_scene};
-use super::{Failure, print_result, remove_part_files_on_signals, say};
+use super::{Failure, print_result, say};
 use crate::scene::mesh::shapes::{self, MOST_TRIANGLES};
 use crate::scene::{Camera, Mesh, MeshFormat, SceneFormat, Setting, shown};
 
@@ -75,7 +75,6 @@ pub fn run(args: &MakeArgs) -> Result<ExitCode, Failure> {
     if *bumps > 0.0 && *shape != Shape::Icosphere {
         return Err(Failure::input("--bumps is for the icosphere alone"));
     }
-    remove_part_files_on_signals()?;
     let mesh = match shape {
         Shape::Icosphere => shapes::icosphere(*triangles, *bumps, *seed),
         Shape::Torus => shapes::torus(*triangles),

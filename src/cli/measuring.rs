@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
-use super::{Failure, convert, json, listen_once, say, signals};
+use super::{Failure, convert, end_at_once, json, listen_once, say};
 #[cfg(feature = "cli")]
 use crate::experiments::lab::LabError;
 use crate::kernels::sys;
@@ -75,7 +75,7 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     let seen = Arc::clone(&stop);
     listen_once(move || {
         if seen.swap(true, Ordering::Relaxed) {
-            signals::exit();
+            end_at_once();
         }
     })?;
     Ok(stop)

@@ -199,11 +199,13 @@ fn with_prefix(message: &str) -> String {
 
 /// From here on the signals that end the process do so without leaving the hidden files that it is writing.
 fn remove_part_files_on_signals() -> Result<(), Failure> {
-    let end = || {
-        remove_unfinished();
-        signals::exit()
-    };
-    listen_once(end)
+    listen_once(end_at_once)
+}
+
+/// Ends the process as the signal that was heard would, without the hidden files that it is writing.
+fn end_at_once() {
+    remove_unfinished();
+    signals::exit()
 }
 
 /// Listens for signals, unless somebody does so already.

@@ -11,9 +11,7 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::view::{ViewArgs, tell};
-use super::{
-    Failure, colour_on_stdout, convert, keep_apart, print_result, remove_part_files_on_signals, require_assembly,
-};
+use super::{Failure, colour_on_stdout, convert, keep_apart, print_result, require_assembly};
 use crate::experiments::step::{self, Ray, WatchError};
 use crate::render::{Engine, Precision};
 use crate::scene::shown;
@@ -141,7 +139,6 @@ pub fn run(args: &StepArgs) -> Result<ExitCode, Failure> {
     if let Some(path) = &args.html {
         keep_apart(path, args.scene.iter().map(|scene| &**scene))?;
         let of = args.scene.as_ref().map_or(String::new(), shown);
-        remove_part_files_on_signals()?;
         convert::write(path, |out| out.write_all(html::page(&watched, &of, args.error).as_bytes()))?;
         return Ok(verdict);
     }

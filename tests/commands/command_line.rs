@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use crate::extent;
 use crate::program::{self, in_the_foreground};
 use rayo::measure::picture::{Picture, Pixels};
 use rayo::render::{Engine, read};
@@ -1429,6 +1430,36 @@ fn a_render_that_is_ended_leaves_no_part_of_its_picture() {
             assert_eq!(child.wait().unwrap().code(), status, "{signal}");
             assert_eq!(place.files(), ["many.in", "scene.in"], "{signal}");
         }
+    }
+}
+
+/// Without /proc a file that is being written has a name, a hidden one, as on file systems that know no others.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_command_that_is_ended_removes_the_hidden_file_that_it_is_writing() {
+    let without_proc = |program: &std::ffi::OsStr| {
+        let mut command = std::process::Command::new("unshare");
+        command.args(["--map-root-user", "--mount", "sh", "-c", "mount -t tmpfs none /proc && exec \"$@\"", "sh"]);
+        command.arg(program);
+        command
+    };
+    if !without_proc("true".as_ref()).output().is_ok_and(|output| output.status.success()) {
+        return extent::not_run("unshare", "a command that is ended removes the hidden file that it is writing");
+    }
+    let place = Place::new();
+    fs::write(place.path("a.ppm"), [b"P6 4000 3000 255\n".as_slice(), &[7; 3 * 4000 * 3000]].concat()).unwrap();
+    for arguments in
+        [["diff", "a.ppm", "a.ppm", "-o", "b.pgm"], ["make", "torus", "--triangles=1000000", "-o", "b.obj"]]
+    {
+        let mut command = without_proc("env".as_ref());
+        command.args(["--default-signal", env!("CARGO_BIN_EXE_rayo")]).args(arguments);
+        let mut child = command.current_dir(&place.directory).spawn().unwrap();
+        while place.files().iter().all(|name| !name.starts_with(".rayo-")) {
+            assert!(child.try_wait().unwrap().is_none(), "{arguments:?} has ended by itself");
+        }
+        assert!(program::signal("TERM", child.id()));
+        assert_eq!(child.wait().unwrap().code(), Some(143), "{arguments:?}");
+        assert_eq!(place.files(), ["a.ppm", "scene.in"], "{arguments:?}");
     }
 }
 
