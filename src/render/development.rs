@@ -92,6 +92,10 @@ impl<'a> Developed<'a> {
         let mut light = self.spare.lock().expect(UNPOISONED).pop().unwrap_or_default();
         light.resize(light.len().max(of_row * together), Vec4::from([0.0; 4]));
         let [x, y, z] = background;
+        let background = Vec4::new(x, y, z);
+        // The levels of what most pixels without a hit have are converted once.
+        let rest = P::of_linear(&background);
+        let level = |light: &Vec4| if *light == background { rest } else { P::of_linear(light) };
         let wanted = |rows: Range<u32>, columns: Range<u32>| {
             let Some(edges) = edges else { return rows };
             let of = |range: Range<u32>| range.start / samples..range.end.div_ceil(samples);
@@ -105,7 +109,7 @@ impl<'a> Developed<'a> {
                 continue;
             }
             let light = &mut light[..of_row * some.len()];
-            let of_some = self.tracer.light(self.samples(some.clone()), &wanted, Vec4::new(x, y, z), light);
+            let of_some = self.tracer.light(self.samples(some.clone()), &wanted, background, light);
             counted = counted.zip(of_some).map(|(sum, of_some)| sum + of_some);
             for ((row, out), light) in some.zip(out.chunks_mut(self.width)).zip(light.chunks(of_row)) {
                 let pixel = |column| self.pixel(scale, sum(light, across, column, samples as usize));
@@ -113,7 +117,7 @@ impl<'a> Developed<'a> {
                     Some(edges) => {
                         edges.row(row).iter().for_each(|column| out[*column as usize] = pixel(*column as usize))
                     }
-                    None if as_it_is => out.iter_mut().zip(light).for_each(|(out, light)| *out = P::of_linear(light)),
+                    None if as_it_is => out.iter_mut().zip(light).for_each(|(out, light)| *out = level(light)),
                     None => out.iter_mut().enumerate().for_each(|(column, out)| *out = pixel(column)),
                 }
             }

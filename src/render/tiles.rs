@@ -326,11 +326,14 @@ impl<E: Element> TileTracer<'_, E> {
             self.cast_shadows((of, true), window, buffers, objects, shadows.get_or_insert_default());
         }
         let Scratch { buffers, objects, .. } = scratch;
-        if let Some(hits) = &mut misses.hits {
-            *hits += buffers.count_hits(self.kernels.lanes, window);
-        }
+        let hits = misses.hits.as_mut().map(|sum| {
+            let hits = buffers.count_hits(self.kernels.lanes, window);
+            *sum += hits;
+            hits
+        });
         shade(buffers, objects);
-        if let Some(rest) = misses.rest {
+        let all = u64::from(window.columns) * window.rows.len() as u64;
+        if let Some(rest) = misses.rest.filter(|_| hits != Some(all)) {
             buffers.fill_rest(self.kernels.lanes, window, rest, TileOut { pixels: &mut *pixels, first, width });
         }
         true
