@@ -10,7 +10,9 @@ use glam::Vec3;
 use super::view::{open, tell};
 use super::{Failure, colour_on_stderr, keep_apart, remove_part_files_on_signals, say};
 use crate::render::{Existing, OutputError, OutputFile};
-use crate::scene::{Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting, shown};
+use crate::scene::{
+    Camera, MAX_TOML, Mesh, MeshError, MeshFormat, Scene, SceneError, SceneFormat, Setting, is_unseen, shown,
+};
 
 /// Convert scenes and meshes: .in, .toml, .obj, .ply, .stl
 ///
@@ -153,7 +155,8 @@ pub(super) fn write(path: &Path, content: impl FnOnce(&mut OutputFile) -> io::Re
 
 /// What a picture of the scene in a file is called.
 pub(super) fn picture_name(path: &Path) -> String {
-    format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy())
+    // No picture is written under a name with unseen characters.
+    format!("{}.png", path.file_stem().unwrap_or_default().to_string_lossy()).replace(is_unseen, "_")
 }
 
 /// How a scene at `scene` names a mesh file: from its own folder on, with slashes.

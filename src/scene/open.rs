@@ -8,7 +8,7 @@ use std::thread;
 use glam::Vec3;
 
 use super::bulk;
-use super::diagnostic::shown;
+use super::diagnostic::{is_unseen, shown};
 use super::log::is_line_end;
 use super::parse::{opened_with_care, parse_with_warnings};
 use super::token::next_token;
@@ -181,7 +181,7 @@ pub fn read(path: &Path) -> Result<Scene, SceneError> {
 fn open_mesh(path: &Path, format: MeshFormat, camera: &Camera) -> Result<Opened, SceneError> {
     let mesh = Mesh::read(path).map_err(SceneError::Mesh)?;
     let name = Path::new(path.file_stem().unwrap_or_default()).with_extension("png");
-    let name = name.to_string_lossy().into_owned();
+    let name = name.to_string_lossy().replace(is_unseen, "_");
     let mut notes = told(path, &mesh);
     let setting = Setting::of(&mesh, format, camera);
     let scene = setting.and_then(|setting| Some((setting.view.up()?, setting.scene(mesh, Vec3::ONE, name, *camera)?)));

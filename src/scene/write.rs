@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 use glam::Vec3;
 
 use super::token::is_space;
-use super::{Scene, Sphere, Triangle, is_unseen};
+use super::{Scene, Sphere, Triangle};
 
 impl Scene {
     /// The scene in the paper's format, with a comment above each section.
@@ -71,11 +71,11 @@ impl fmt::Display for Triple {
     }
 }
 
-/// The name as one token without comment marks and unseen characters, with which no picture is written.
+/// The name as one token without comment marks.
 fn writable(name: &str) -> String {
     if name.is_empty() {
         return "image".to_owned();
     }
-    let blank = |c: char| c == '#' || is_unseen(c) || u8::try_from(c).is_ok_and(is_space);
+    let blank = |c: char| c == '#' || u8::try_from(c).is_ok_and(is_space);
     name.replace(blank, "_").replace("//", "/_")
 }
