@@ -865,6 +865,26 @@ fn a_wall_beyond_all_is_lit_from_where_the_light_is() {
     }
 }
 
+/// Such a film is nearer than f32 can say in pixels.
+#[test]
+fn on_a_film_beyond_all_bounds_things_are_where_they_are() {
+    for (film, focal, z) in [(1e30, 3e-16, 1e-8), (1e30, 1e-30, 1e-25), (1e36, 1e-25, 1e-28)] {
+        let mut scene = Scene { camera: Camera::new(64, 48, focal, film).unwrap(), ..many(0, 0, 3) };
+        let reach = (f64::from(z) * f64::from(film) / f64::from(focal)) as f32;
+        let position = Vec3::new(0.0, 0.0, -reach);
+        scene.lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position }];
+        let corner = |x: f32, y: f32| Vec3::new(x * reach, y * reach, z);
+        let vertices = [corner(-0.25, -0.2), corner(0.3, -0.15), corner(0.05, 0.25)];
+        scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
+        let truth = Truth::new(&scene);
+        assert!((0..48).any(|row| truth.object(row, 32).is_some()));
+        for contender in packets() {
+            truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{film}: {error}"));
+            assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}: {film}");
+        }
+    }
+}
+
 /// A wall of triangles whose corners, edges and diagonals lie exactly on rays: x and y of all rays are multiples of 1/32.
 #[test]
 fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {

@@ -37,10 +37,13 @@ const MOST_COUNTED: usize = 1 << 24;
 pub(super) fn bounds_view(grid: &Grid<f64>, scale: f64, picture: Picture) -> BoundsView<f32> {
     let [all_columns, all_rows] = picture.whole();
     let (width, height) = (f64::from(picture.width), f64::from(picture.height));
-    // Several roundings of numbers up to the picture's size, each of a relative 2^-24.
-    let margin = (width + height) / f64::from(1 << 20);
+    let to_pixels = grid.focal / grid.step;
+    // Several roundings of numbers up to the picture's size, each of a relative 2^-24. Where a film is so wide that f32
+    // has not all digits of its distance, bounds are the whole picture.
+    let is_normal = to_pixels >= f32::MIN_POSITIVE.into();
+    let margin = if is_normal { (width + height) / f64::from(1 << 20) } else { f64::INFINITY };
     let view = BoundsView {
-        to_pixels: grid.focal / grid.step,
+        to_pixels,
         column: grid.half_width / grid.step - 0.5,
         row: grid.half_height / grid.step - 0.5,
         low: 1.0 - margin,
