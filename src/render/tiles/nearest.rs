@@ -114,9 +114,8 @@ impl<E: Element> TileTracer<'_, E> {
         let (grid, kernels) = (self.plan.grid(), &self.kernels.tiles);
         if !room.is_empty() {
             if room.len() >= FEWEST_HIDDEN && !self.plan.keep().has(Omission::Occluded) {
-                let all = room.len();
-                let left = not_behind(room, all, self.plan.least_of_large(tile));
-                room.truncate(left);
+                let least = self.plan.least_of_large(tile);
+                room.retain(|candidate| candidate.most >= least);
             }
             self.nearest_spheres(room, weighted, buffers, layers, objects, window);
             self.each_large(large_spheres, (tile, window), room, buffers, |candidates, buffers| {
