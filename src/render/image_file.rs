@@ -13,7 +13,6 @@ use super::film::with_pixels;
 use super::output::{self, Destination, Existing, OutputError};
 use super::{Film, PixelFormat};
 use crate::scene::shown;
-pub(super) use parts::Split;
 use parts::{Encode, Join};
 pub use read::{ImageFile, read};
 use std::borrow::Cow;
@@ -213,9 +212,9 @@ impl PartEncoder {
         self.format.pixels()
     }
 
-    /// The number of rows in a part.
-    pub(super) fn split(&self) -> Split {
-        self.encode.split()
+    /// The number of rows in a part but the last; None if parts may be cut anywhere.
+    pub(super) fn part_rows(&self) -> Option<u32> {
+        self.encode.part_rows()
     }
 
     /// Encodes rows of a film, whose format is that of this encoder's [`pixels`](Self::pixels).
@@ -368,10 +367,7 @@ impl ImageWriter {
     fn append_pending(&mut self) -> Result<(), ImageError> {
         let width = self.extent.width as usize;
         let pending = (self.pending.len() / width) as u32;
-        let part = match self.encoder.split() {
-            Split::Any => pending,
-            Split::Strips(rows) => rows,
-        };
+        let part = self.encoder.part_rows().unwrap_or(pending);
         let is_last = self.rows + pending == self.extent.height();
         let encoder = self.encoder();
         let film = std::mem::replace(&mut self.pending, Film::Rgb8(Vec::new()));

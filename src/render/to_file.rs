@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::image_file::{PartEncoder, Split};
+use super::image_file::PartEncoder;
 use super::{Counted, Film, Frame, ImageWriter, PixelFormat, RenderError, UNPOISONED};
 use crate::measure::Cycles;
 
@@ -104,19 +104,13 @@ impl<'a> Bands<'a> {
         let width = self.frame.camera.width() as usize;
         let height = (BAND_BYTES * threads / (width * self.format.bytes())).max(1);
         let height = if threads > 1 { height.max(TASKS * threads * self.frame.task_rows()) } else { height };
-        let height = match self.encoder.split() {
-            Split::Any => height,
-            Split::Strips(strip) => height.max(strip as usize * threads),
-        };
+        let height = self.encoder.part_rows().map_or(height, |part| height.max(part as usize * threads));
         // Fewer if ranks would have too few bands to finish together.
         let fair = (rows as usize / (BANDS_OF_RANK * ranks)).max(threads * self.frame.task_rows());
         let height = if ranks > 1 { height.min(fair) } else { height };
         let rows_together = self.frame.tracer.rows_together();
-        let together = match self.encoder.split() {
-            Split::Strips(strip) if !rows_together.is_multiple_of(strip) => strip,
-            _ => rows_together,
-        };
-        height.next_multiple_of(together as usize).min(rows as usize) as u32
+        let together = self.encoder.part_rows().filter(|part| !rows_together.is_multiple_of(*part));
+        height.next_multiple_of(together.unwrap_or(rows_together) as usize).min(rows as usize) as u32
     }
 
     /// Traces rows; `done` is told of every few. Returns their rays and hits, if requested and known.
@@ -149,10 +143,7 @@ impl<'a> Bands<'a> {
             converted.as_mut().part(0..pixels).set(&floats[..pixels]);
         }
         let film = self.converted.as_ref().unwrap_or(&self.film);
-        let height = match self.encoder.split() {
-            Split::Any => self.rows.div_ceil(threads),
-            Split::Strips(rows) => rows,
-        };
+        let height = self.encoder.part_rows().unwrap_or(self.rows.div_ceil(threads));
         let starts = (0..self.rows).step_by(height as usize);
         let ready: Vec<_> = starts.clone().map(|_| None).collect();
         let in_order = Mutex::new((ready, 0, take, Ok(())));

@@ -5,9 +5,9 @@ use std::io;
 
 /// Encodes parts of a picture, which are whole rows, independently: in any order, and from any thread or process.
 pub(super) trait Encode: Send + Sync {
-    /// The number of rows in a part.
-    fn split(&self) -> Split {
-        Split::Any
+    /// The number of rows in a part but the last; None if the file does not depend on where parts are cut.
+    fn part_rows(&self) -> Option<u32> {
+        None
     }
 
     /// Rows of R, G, B; called for 8-bit formats.
@@ -19,14 +19,6 @@ pub(super) trait Encode: Send + Sync {
     fn f32x3<'a>(&self, _rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
         unreachable!("not a float format")
     }
-}
-
-/// How many rows an encoder takes for a part. The file does not depend on where `Any` is cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) enum Split {
-    Any,
-    /// So many, and the rest in the last part.
-    Strips(u32),
 }
 
 /// Makes a file of the parts, from the top and never too many.

@@ -2,7 +2,7 @@
 
 use super::Extent;
 use super::deflate;
-use super::parts::{Encode, Join, Split};
+use super::parts::{Encode, Join};
 use crate::render::output::Sink;
 use image::error::{DecodingError, LimitError, LimitErrorKind, ParameterError, ParameterErrorKind};
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult};
@@ -29,9 +29,9 @@ impl PngParts {
 }
 
 impl Encode for PngParts {
-    fn split(&self) -> Split {
+    fn part_rows(&self) -> Option<u32> {
         // A power of two fits rows of tiles, which would be traced twice if cut.
-        Split::Strips(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
+        Some(STRIP_BYTES.div_ceil(self.row).next_power_of_two() as u32)
     }
 
     /// Blocks, preceded by the checksum of their content and its length.

@@ -1,7 +1,7 @@
 //! TIFF and EXR: parts compressed independently, and the libraries' writers, which take them in threads of their own.
 
 use super::Extent;
-use super::parts::{Encode, Join, Split};
+use super::parts::{Encode, Join};
 use crate::render::output::Sink;
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::enumerate_ordered_header_block_indices;
@@ -92,8 +92,8 @@ impl TiffParts {
 }
 
 impl Encode for TiffParts {
-    fn split(&self) -> Split {
-        Split::Strips(self.rows)
+    fn part_rows(&self) -> Option<u32> {
+        Some(self.rows)
     }
 
     fn rgb8<'a>(&self, rows: &'a [[u8; 3]]) -> io::Result<Cow<'a, [u8]>> {
@@ -187,8 +187,8 @@ impl ExrParts {
 }
 
 impl Encode for ExrParts {
-    fn split(&self) -> Split {
-        Split::Strips(self.header.compression.scan_lines_per_block() as u32)
+    fn part_rows(&self) -> Option<u32> {
+        Some(self.header.compression.scan_lines_per_block() as u32)
     }
 
     fn f32x3<'a>(&self, rows: &'a [[f32; 3]]) -> io::Result<Cow<'a, [u8]>> {
