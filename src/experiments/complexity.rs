@@ -311,8 +311,7 @@ impl Pictures {
         }
     }
 
-    /// Everybody in a scene, in turns; all but along the axis of pixels with the set-up. None where
-    /// `proceed` says no.
+    /// Everybody in a scene, in turns; all but along the axis of pixels with the set-up. None where `proceed` says no.
     fn measure(
         &self,
         scene: &Scene,

@@ -22,7 +22,18 @@ use crate::kernels::Isa;
 use crate::measure::Machine;
 
 const STYLE: &str = include_str!("page.css");
+/// The most pictures of a set to flip through.
+const MOST_FLIPPED: usize = 16;
 const EXPLANATION: &str = include_str!("explanation.md");
+
+/// The style, with a rule of what has the number N for each picture of a set.
+fn style() -> String {
+    let rules = |line: &str| {
+        let times = if line.contains("(N)") { MOST_FLIPPED } else { 1 };
+        (1..=times).map(|n| line.replace("(N)", &format!("({n})")) + "\n").collect::<String>()
+    };
+    STYLE.lines().map(rules).collect()
+}
 
 /// A part of the page: its title, its address on it, and what is in it.
 struct Section {
@@ -49,7 +60,7 @@ pub fn page(machines: &[Results]) -> Result<String, Failure> {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { "rayo report - " (title) }
-                style { (PreEscaped(STYLE)) }
+                style { (PreEscaped(style())) }
             }
             body {
                 a.skip href="#content" { "To the content" }
