@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, existing, is_wanted};
 use crate::kernels::{AosKernels, Frame, Hits, Plain, Surface, Vec4};
 use crate::plan::Packed;
 use crate::scene::Scene;
@@ -14,12 +14,13 @@ pub struct AosTracer {
     kernels: &'static AosKernels,
     hits: Hits,
     packed: Packed,
+    height: u32,
 }
 
 impl AosTracer {
     /// Packs `scene` for `kernels`; `hits` is the variant of their tracer that returns hits.
     pub fn new(kernels: &'static AosKernels, hits: Hits, scene: &Scene) -> Self {
-        AosTracer { kernels, hits, packed: Packed::new(scene) }
+        AosTracer { kernels, hits, packed: Packed::new(scene), height: scene.camera.height() }
     }
 }
 
@@ -52,7 +53,7 @@ impl Tracer for AosTracer {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let numbered = self.packed.numbered();
+        let (numbered, rows) = (self.packed.numbered(), existing(rows, self.height));
         let mut surfaces = vec![Surface::ZERO; rows.len() * numbered.frame().width as usize];
         self.hits.call(numbered.frame(), numbered.objects(), rows, &mut surfaces);
         let found = |Surface { point, normal, colour }: Surface| {

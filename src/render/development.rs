@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::edges::Edges;
 use super::film::with_pixels;
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, UNPOISONED, existing};
 use crate::kernels::Vec4;
 use crate::scene::{Camera, CameraError};
 
@@ -213,11 +213,12 @@ impl Tracer for Developed<'_> {
             let row = row * samples + samples / 2;
             self.tracer.hits(row..row + 1).into_iter().skip(samples as usize / 2).step_by(samples as usize)
         };
-        rows.flat_map(middle).collect()
+        existing(rows, self.height).flat_map(middle).collect()
     }
 
     /// All samples.
     fn count(&self, rows: Range<u32>) -> Counted {
+        let rows = existing(rows, self.height);
         let Some(plain) = &self.plain else { return self.tracer.count(self.samples(rows)) };
         let ((edges, _), samples) = (self.edges(plain, rows.clone()), self.development.samples);
         let at_edges = rows.clone().filter(|row| !edges.row(*row).is_empty()).map(|row| {

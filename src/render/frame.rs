@@ -9,7 +9,7 @@ use glam::DVec3;
 #[cfg(feature = "files")]
 use super::ImageError;
 use super::film::with_pixels;
-use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize};
+use super::{Counted, Film, FilmMut, Hit, Pixel, PixelFormat, Tracer, UNPOISONED, WrongSize, existing};
 use crate::plan::Team;
 use crate::scene::Camera;
 
@@ -93,8 +93,9 @@ impl<'a> Frame<'a> {
         self.team.threads()
     }
 
-    /// A film for `rows` rows, in memory that has been touched.
+    /// A film for `rows` rows, in memory that has been touched; an error if the picture has fewer.
     pub fn film(&self, format: PixelFormat, rows: u32) -> Result<Film, RenderError> {
+        self.has_rows(rows)?;
         let pixels = self.camera.width() as usize * rows as usize;
         let bytes = pixels * format.bytes();
         Film::new(format, pixels).map_err(|error| RenderError::Memory { bytes, source: error.source })
@@ -110,17 +111,19 @@ impl<'a> Frame<'a> {
     /// As [`Tracer::rows`], if the engine does not write this format.
     pub fn trace(&self, rows: Range<u32>, film: FilmMut<'_>, done: &(dyn Fn(u32) + Sync)) -> Result<(), RenderError> {
         let pixels = self.camera.width() as usize * rows.len();
-        for (what, found, expected, is_wrong) in [
-            ("rows of the picture", rows.end as usize, self.camera.height() as usize, rows.end > self.camera.height()),
-            ("pixels of the film", film.len(), pixels, film.len() != pixels),
-        ] {
-            if is_wrong {
-                return Err(WrongSize { what, found, expected }.into());
-            }
+        self.has_rows(rows.end)?;
+        if film.len() != pixels {
+            return Err(WrongSize { what: "pixels of the film", found: film.len(), expected: pixels }.into());
         }
         self.trace_band(rows, film, done);
         self.team.keep_awake();
         Ok(())
+    }
+
+    /// Whether the picture has as many rows.
+    fn has_rows(&self, rows: u32) -> Result<(), WrongSize> {
+        let (what, found, expected) = ("rows of the picture", rows as usize, self.camera.height() as usize);
+        if found > expected { Err(WrongSize { what, found, expected }) } else { Ok(()) }
     }
 
     /// The first hit of the ray through the centre of a pixel; None if it hits nothing, or if there is no such pixel.
@@ -141,10 +144,7 @@ impl<'a> Frame<'a> {
     /// # }
     /// ```
     pub fn hit(&self, column: u32, row: u32) -> Option<Hit> {
-        if row >= self.camera.height() {
-            return None;
-        }
-        let found = (*self.tracer.hits(row..row + 1).get(column as usize)?)?;
+        let found = (*self.tracer.hits(row..row.saturating_add(1)).get(column as usize)?)?;
         let place = found.distance.t() * DVec3::from(self.camera.grid().ray(row, column));
         Some(Hit { object: found.object, place, normal: found.normal })
     }
@@ -165,7 +165,7 @@ impl<'a> Frame<'a> {
 
     /// The rays of `rows`, and their hits.
     pub fn count(&self, rows: Range<u32>) -> Counted {
-        let task_rows = self.task_rows();
+        let (task_rows, rows) = (self.task_rows(), existing(rows, self.camera.height()));
         let sum = Mutex::new(Some(Counted::default()));
         self.team.share(rows.clone().step_by(task_rows), |start| {
             add(&sum, Some(self.tracer.count(start..rows.end.min(start + task_rows as u32))));

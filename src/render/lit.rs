@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use super::film::with_pixels;
 use super::tiles::{Interleaved, TileTracer};
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Purpose, Tracer, Wanted, existing};
 use crate::kernels::{
     Element, ElementKernels, F32x3, LIT_ROWS, LitBodies, LitRows, PacketKernels, Rgb8, Rgba8, ShadeRows, Vec4, sys,
 };
@@ -163,10 +163,11 @@ impl<E: Element> Tracer for LitTracer<'_, E> {
         let planning = (Keep::NOTHING, 1);
         let by_tiles = |raster| TileTracer::new(self.packets, (self.kernels, false), (self.scene, raster), planning);
         let parts = Raster::of(&self.scene.camera).into_iter().map(by_tiles).collect();
-        Interleaved::new(self.scene.camera.width(), parts).hits(rows)
+        Interleaved::new(&self.scene.camera, parts).hits(rows)
     }
 
     fn count(&self, rows: Range<u32>) -> Counted {
+        let rows = existing(rows, self.scene.camera.height());
         let rays = (rows.len() * self.width()) as u64;
         let mut hits = 0;
         self.each_span(rows, |_, span| hits += span.len() as u64);

@@ -67,9 +67,9 @@ pub trait Tracer: Sync {
         false
     }
 
-    /// Writes `rows` to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0 in the fourth
-    /// channel. Bytes are the [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may shade them
-    /// with estimates that are too coarse for floats, with the same hits and at most one level away.
+    /// Writes `rows` of the picture to `out`, row by row from its first pixel on. Floats are linear, not clamped, and 0
+    /// in the fourth channel. Bytes are the [`level`] of the linear colour, and 255 in the fourth; an engine in f32 may
+    /// shade them with estimates that are too coarse for floats, with the same hits and at most one level away.
     ///
     /// # Panics
     /// If `out` is not as long as the rows, or of a format that it does not write.
@@ -86,7 +86,7 @@ pub trait Tracer: Sync {
         self.counted_rows(rows, FilmMut::F32x4(out))
     }
 
-    /// Its hits at the pixels of `rows`, row by row, by the code that writes them. Not for speed.
+    /// Its hits at the pixels of `rows` that the picture has, row by row, by the code that writes them. Not for speed.
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>>;
 
     /// The rays of `rows` and their hits, which takes as long as tracing unless the plan knows them.
@@ -110,6 +110,16 @@ pub trait Tracer: Sync {
 
 /// The range of these rows, from the first to the last, that have wanted pixels in these columns.
 pub type Wanted<'a> = dyn Fn(Range<u32>, Range<u32>) -> Range<u32> + 'a;
+
+/// Those of `rows` that a picture of this height has.
+fn existing(rows: Range<u32>, height: u32) -> Range<u32> {
+    rows.start.min(height)..rows.end.min(height)
+}
+
+/// Their pixels, row by row.
+fn existing_pixels(rows: Range<u32>, [width, height]: [u32; 2]) -> impl Iterator<Item = (u32, u32)> {
+    existing(rows, height).flat_map(move |row| (0..width).map(move |col| (row, col)))
+}
 
 /// Whether a pixel is wanted.
 fn is_wanted(wanted: &Wanted<'_>, row: u32, column: u32) -> bool {

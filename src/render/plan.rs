@@ -103,7 +103,7 @@ fn packets<'a, E: Element>(
         Some(only) if parts.is_empty() => Box::new(only),
         last => {
             parts.extend(last);
-            Box::new(Interleaved::new(scene.camera.width(), parts))
+            Box::new(Interleaved::new(&scene.camera, parts))
         }
     })
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::film::with_pixels;
-use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, is_wanted};
+use super::{Counted, Distance, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing_pixels, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{Grid, Object, Scene};
@@ -39,7 +39,7 @@ struct Triangle {
 
 /// A scene in f64.
 pub struct ReferenceTracer {
-    width: u32,
+    size: [u32; 2],
     grid: Grid<f64>,
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
@@ -68,7 +68,7 @@ impl ReferenceTracer {
             }
         });
         ReferenceTracer {
-            width: scene.camera.width(),
+            size: [scene.camera.width(), scene.camera.height()],
             grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
@@ -141,16 +141,14 @@ impl Tracer for ReferenceTracer {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
-        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| self.colour(row, col)));
-        with_pixels!(FilmMut(out) = out => {
-            out.iter_mut().zip(pixels).for_each(|(out, colour)| *out = Pixel::of_colour(colour));
-        });
+        assert_eq!(out.len(), rows.len() * self.size[0] as usize, "the film must have the size of the rows");
+        let pixels = existing_pixels(rows, self.size).map(|(row, col)| self.colour(row, col));
+        with_pixels!(FilmMut(out) = out => pixels.zip(out).for_each(|(colour, out)| *out = Pixel::of_colour(colour)));
     }
 
     fn light(&self, rows: Range<u32>, wanted: &Wanted<'_>, background: Vec4, out: &mut [Vec4]) -> Option<Counted> {
-        let pixels = rows.flat_map(|row| (0..self.width).map(move |col| (row, col)));
-        for ((row, col), out) in pixels.zip(out).filter(|((row, col), _)| is_wanted(wanted, *row, *col)) {
+        let pixels = existing_pixels(rows, self.size).zip(out);
+        for ((row, col), out) in pixels.filter(|((row, col), _)| is_wanted(wanted, *row, *col)) {
             *out = self.colour_of_hit(row, col).map_or(background, Pixel::of_colour);
         }
         None
@@ -162,6 +160,6 @@ impl Tracer for ReferenceTracer {
             let normal = self.normal(object, t * self.ray(row, col));
             Some(Found { object, distance: Distance::T(t), normal: Some(normal) })
         };
-        rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
+        existing_pixels(rows, self.size).map(|(row, col)| found(row, col)).collect()
     }
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A, Vec4 as GlamVec4};
 
 use super::reference::ReferenceTracer;
-use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, is_wanted};
+use super::{Counted, Distance, FilmMut, Found, PixelFormat, Tracer, Wanted, existing_pixels, is_wanted};
 use crate::kernels::Vec4;
 use crate::reference::geometry;
 use crate::scene::{self, Grid, Object, Scene};
@@ -77,7 +77,7 @@ struct Hit {
 
 /// A scene with its constants.
 pub struct RustTracer {
-    width: u32,
+    size: [u32; 2],
     grid: Grid<f32>,
     lights: Vec<Light>,
     spheres: Vec<Sphere>,
@@ -105,7 +105,7 @@ impl RustTracer {
             }
         });
         RustTracer {
-            width: scene.camera.width(),
+            size: [scene.camera.width(), scene.camera.height()],
             grid: scene.camera.grid(),
             lights: lights.collect(),
             spheres: spheres.collect(),
@@ -194,9 +194,9 @@ impl RustTracer {
         background: Vec4,
         out: &mut [Vec4],
     ) {
-        assert_eq!(out.len(), rows.len() * self.width as usize, "the film must have the size of the rows");
-        for (row, out) in rows.zip(out.chunks_exact_mut(self.width as usize)) {
-            for (col, out) in (0..self.width).zip(out).filter(|(col, _)| is_wanted(row, *col)) {
+        assert_eq!(out.len(), rows.len() * self.size[0] as usize, "the film must have the size of the rows");
+        for (row, out) in rows.zip(out.chunks_exact_mut(self.size[0] as usize)) {
+            for (col, out) in (0..self.size[0]).zip(out).filter(|(col, _)| is_wanted(row, *col)) {
                 let light = self.hit(self.grid.ray(row, col).into()).map(&shade);
                 *out = light.map_or(background, |light| GlamVec4::from((light, 0.0)).to_array().into());
             }
@@ -229,6 +229,6 @@ impl Tracer for RustTracer {
             let Hit { object, t, n, .. } = self.hit(self.grid.ray(row, col).into())?;
             Some(Found { object, distance: Distance::T(t.into()), normal: Some(n.as_dvec3()) })
         };
-        rows.flat_map(|row| (0..self.width).map(move |col| (row, col))).map(|(row, col)| found(row, col)).collect()
+        existing_pixels(rows, self.size).map(|(row, col)| found(row, col)).collect()
     }
 }

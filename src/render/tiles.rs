@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use self::nearest::{Scratch, SoFar, TileObjects};
-use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
+use super::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
 use crate::kernels::{
     Element, ElementKernels, Fill, Narrow, PacketKernels, Plain, Rgba8, ShadeTile, ShadingRecords, SphereRecords,
     TILE_HEIGHT, TILE_WIDTH, TileBuffers, TileOut, TileWindow, Vec4, sys,
@@ -364,6 +364,7 @@ impl<E: Element> Tracer for TileTracer<'_, E> {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
+        let rows = existing(rows, self.plan.size()[1]);
         let both = |narrow: Vec<Option<Found>>, wide: Vec<_>| {
             narrow.into_iter().zip(wide).map(|(narrow, wide)| narrow.or(wide)).collect()
         };

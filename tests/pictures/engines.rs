@@ -6,7 +6,10 @@ use std::path::Path;
 use crate::contenders::{Truth, contenders, film};
 use crate::extent;
 use rayo::measure::picture::Pixels;
-use rayo::render::{Engine, Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read, render};
+use rayo::render::{
+    Developed, Development, Engine, Film, FilmMut, Format, Frame, ImageWriter, PixelFormat, Settings, level, read,
+    render,
+};
 use rayo::scene::{self, Camera, Object, Scene, Sphere, many};
 
 /// The most rays against objects that a picture of these tests may take: a second or so by the slowest engine.
@@ -94,6 +97,27 @@ fn a_frame_says_what_is_at_a_pixel_and_traces_into_no_film_of_another_size() {
             ("pixels of the film: found 122, expected 183", "rows of the picture: found 48, expected 47");
         assert_eq!(error(0..3), format!("the picture cannot be traced: {pixels}"));
         assert_eq!(error(46..48), format!("the picture cannot be traced: {rows}"));
+    }
+}
+
+#[test]
+fn rows_that_a_picture_has_not_have_no_hits_and_take_no_memory() {
+    let [many_objects, sphere] = [many(20, 20, 3), many(1, 0, 3)];
+    for (scene, width, height) in [(&many_objects, 61, 47), (&sphere, 61, 47), (&many_objects, 65_600, 2)] {
+        let lights = scene.lights[..1].to_vec();
+        let scene = Scene { camera: Camera::new(width, height, 1.0, 1.0).unwrap(), lights, ..scene.clone() };
+        for contender in contenders() {
+            let tracer = contender.prepare(&scene);
+            let developed = Developed::new(&*tracer, &scene.camera, Development::default());
+            let frame = Frame::new(&*tracer, scene.camera, Settings { threads: 1 }).unwrap();
+            for tracer in [&*tracer, &developed] {
+                assert_eq!(tracer.hits(height - 1..u32::MAX).len(), width as usize, "{contender}");
+                assert!(tracer.hits(height..u32::MAX).is_empty() && tracer.hits(u32::MAX - 1..u32::MAX).is_empty());
+                assert_eq!(tracer.count(1..u32::MAX), tracer.count(1..height), "{contender}");
+            }
+            assert_eq!(frame.count(1..u32::MAX), tracer.count(1..height), "{contender}");
+            assert!(frame.film(PixelFormat::Rgb8, u32::MAX).is_err() && frame.film(PixelFormat::Rgb8, height).is_ok());
+        }
     }
 }
 

@@ -6,19 +6,20 @@ use super::TileTracer;
 use crate::kernels::{Element, Vec4};
 use crate::plan::{Report, TileSurvey};
 use crate::render::film::with_pixels;
-use crate::render::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted};
+use crate::render::{Counted, FilmMut, Found, Pixel, PixelFormat, Tracer, Wanted, existing};
+use crate::scene::Camera;
 
 /// A scene planned for the [rasters](crate::plan::Raster::of) of its picture.
 pub struct Interleaved<'a, E: Element> {
-    /// Pixels in a row.
-    width: usize,
+    /// Pixels in a row, and rows.
+    size: [usize; 2],
     parts: Vec<TileTracer<'a, E>>,
 }
 
 impl<'a, E: Element> Interleaved<'a, E> {
-    /// The tracer of a picture `width` pixels wide with these parts.
-    pub fn new(width: u32, parts: Vec<TileTracer<'a, E>>) -> Self {
-        Interleaved { width: width as usize, parts }
+    /// The tracer of a camera's picture with these parts.
+    pub fn new(camera: &Camera, parts: Vec<TileTracer<'a, E>>) -> Self {
+        Interleaved { size: [camera.width() as usize, camera.height() as usize], parts }
     }
 
     /// Calls `say` for each part with those of its rows that are among `rows`, and the places of their pixels in these.
@@ -35,7 +36,7 @@ impl<'a, E: Element> Interleaved<'a, E> {
             let own = before(rows.start)..before(rows.end);
             let place = |i: usize| {
                 let row = down + (own.start + i / columns) * every - rows.start as usize;
-                row * self.width + across + i % columns * every
+                row * self.size[0] + across + i % columns * every
             };
             if !own.is_empty() {
                 say(part, own.start as u32..own.end as u32, &place);
@@ -58,7 +59,7 @@ impl<E: Element> Tracer for Interleaved<'_, E> {
     }
 
     fn rows(&self, rows: Range<u32>, out: FilmMut<'_>) {
-        assert_eq!(out.len(), rows.len() * self.width, "the film must have the size of the rows");
+        assert_eq!(out.len(), rows.len() * self.size[0], "the film must have the size of the rows");
         with_pixels!(FilmMut(out) = out => self.each_part(&rows, |part, own, place| {
             let mut pixels = vec![out[0]; own.len() * part.plan.size()[0] as usize];
             part.rows(own, Pixel::film(&mut pixels));
@@ -78,7 +79,8 @@ impl<E: Element> Tracer for Interleaved<'_, E> {
     }
 
     fn hits(&self, rows: Range<u32>) -> Vec<Option<Found>> {
-        let mut hits = vec![None; rows.len() * self.width];
+        let rows = existing(rows, self.size[1] as u32);
+        let mut hits = vec![None; rows.len() * self.size[0]];
         self.each_part(&rows, |part, own, place| {
             part.hits(own).into_iter().enumerate().for_each(|(i, hit)| hits[place(i)] = hit);
         });
