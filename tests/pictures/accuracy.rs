@@ -7,15 +7,14 @@ use std::path::Path;
 use std::process::Output;
 
 use glam::{DVec3, Vec3};
-use rayo::experiments::accuracy::errors::{Errors, Tally};
 use rayo::experiments::accuracy::subjects::{self, Subject};
-use rayo::experiments::accuracy::{Entry, Who, contenders, errors_of, expect, judge, summary};
+use rayo::experiments::accuracy::{Entry, Who, contenders, judge, summary};
 use rayo::experiments::in_size;
 use rayo::reference::exact::Exact;
 use rayo::reference::number::{Number, Split};
 use rayo::reference::shapes::{self, Meeting, Rays};
 use rayo::render::reference::ReferenceTracer;
-use rayo::render::{Distance, Engine, Film, FilmMut, Found, PixelFormat, Precision, Tracer, TrueHit, Truth, level};
+use rayo::render::{Engine, Film, PixelFormat, Precision, TrueHit, Truth, level};
 use rayo::scene::{self, Camera, Light, Object, Rng, Scene, Sphere, Triangle};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -167,149 +166,6 @@ fn a_light_on_the_surface_makes_any_colour_right() {
             (Some(a), Some(b)) => assert!(near(a, b), "{z}: {a}"),
             (a, b) => assert_eq!(a, b, "{z}"),
         }
-    }
-}
-
-#[test]
-fn what_an_engine_says_that_it_hits_is_what_it_draws() {
-    // Each object has a hue of its own, and the light is in the camera, so that nothing that is seen is dark.
-    let mut scene = scene::many(30, 30, 5);
-    scene.lights = vec![Light { intensity: 1.0, colour: Vec3::ONE, position: Vec3::ZERO }];
-    let mut rng = Rng::new(3);
-    let mut hue = || Vec3::new(rng.between(0.2, 1.0), rng.between(0.2, 1.0), rng.between(0.2, 1.0)).normalize();
-    scene.spheres.iter_mut().for_each(|sphere| sphere.colour = hue());
-    scene.triangles.iter_mut().for_each(|triangle| triangle.colour = hue());
-    let scene = in_size(&scene, 203, 151);
-    let pixels = scene.camera.pixels() as usize;
-    let tracers = Engine::ALL.iter().filter(|engine| engine.usable()).flat_map(|engine| {
-        engine.precisions().iter().map(|p| (*engine, *p, engine.prepare(Some(*p), &scene).unwrap()))
-    });
-    for (engine, precision, tracer) in tracers {
-        let mut film = Film::new(PixelFormat::F32x4, pixels).unwrap();
-        tracer.rows(0..151, film.as_mut());
-        let Film::F32x4(film) = film else { unreachable!() };
-        let found = tracer.hits(0..151);
-        assert_eq!(found.len(), pixels);
-        // In two pieces it is the same.
-        assert_eq!([tracer.hits(0..40), tracer.hits(40..151)].concat(), found);
-        let mut hits = 0;
-        for (i, (pixel, found)) in film.iter().zip(&found).enumerate() {
-            let drawn = DVec3::new(pixel.x.into(), pixel.y.into(), pixel.z.into());
-            let what = format!("{engine} {precision} pixel {i}: {found:?}, drawn {drawn}");
-            let Some(Found { object, distance, normal }) = found else {
-                assert_eq!(drawn, DVec3::ZERO, "{what}");
-                continue;
-            };
-            assert!(normal.is_some(), "{what}");
-            hits += 1;
-            let colour = match object {
-                Object::Sphere(i) => scene.spheres[*i].colour,
-                Object::Triangle(i) => scene.triangles[*i].colour,
-            };
-            // A limb is dark.
-            let dark = drawn.length() < 1e-3;
-            assert!(dark || drawn.normalize().distance(colour.as_dvec3()) < 1e-3, "{what}");
-            let t = match distance {
-                Distance::T(t) => *t,
-                Distance::Inverse(inverse) => 1.0 / inverse,
-            };
-            let d = DVec3::from(scene.camera.grid::<f64>().ray(i as u32 / 203, i as u32 % 203));
-            if let Some(normal) = normal {
-                assert!((normal.length() - 1.0).abs() < 1e-3, "{what}");
-                // The cosine at the point is what was drawn; the limb of a small sphere is a difference of long vectors.
-                let cosine = (-normal.dot(d) / d.length()).abs();
-                assert!((cosine - drawn.length()).abs() < 0.02, "{what}, cosine {cosine}");
-            }
-            assert!((20.0..70.0).contains(&t), "{what}");
-        }
-        assert!(hits > pixels / 4, "{engine} {precision}: {hits} hits");
-    }
-}
-
-/// The reference with something broken.
-struct Broken<'a> {
-    right: Box<dyn Tracer + 'a>,
-    /// Changes what was found, pixel by pixel.
-    found: fn(usize, &mut Option<Found>),
-    /// Changes what was drawn.
-    drawn: fn(&mut [rayo::kernels::Vec4]),
-}
-
-impl Tracer for Broken<'_> {
-    fn writes(&self, format: PixelFormat) -> bool {
-        format == PixelFormat::F32x4
-    }
-
-    fn rows(&self, rows: std::ops::Range<u32>, out: FilmMut<'_>) {
-        let FilmMut::F32x4(out) = out else { unreachable!("it writes floats") };
-        self.right.rows(rows, FilmMut::F32x4(&mut *out));
-        (self.drawn)(out);
-    }
-
-    fn hits(&self, rows: std::ops::Range<u32>) -> Vec<Option<Found>> {
-        let mut found = self.right.hits(rows);
-        found.iter_mut().enumerate().for_each(|(i, found)| (self.found)(i, found));
-        found
-    }
-}
-
-#[test]
-fn a_broken_engine_is_seen_by_what_is_broken_and_by_nothing_else() {
-    fn nothing<T: ?Sized>(_: &mut T) {}
-    fn in_the_middle(i: usize) -> bool {
-        i == 60 * 160 + 80
-    }
-    type Change = (fn(usize, &mut Option<Found>), fn(&mut [rayo::kernels::Vec4]));
-    type Figure = fn(&Errors) -> f64;
-    let moved: fn(usize, &mut Option<Found>) = |i, found| {
-        if let (Some(found), true) = (found, in_the_middle(i)) {
-            let Distance::T(t) = found.distance else { unreachable!() };
-            found.distance = Distance::T(t * (1.0 + 1e-5));
-        }
-    };
-    let turned: fn(usize, &mut Option<Found>) = |i, found| {
-        if let (Some(Found { normal: Some(normal), .. }), true) = (found, in_the_middle(i)) {
-            *normal = (*normal + 1e-3 * normal.any_orthonormal_vector()).normalize();
-        }
-    };
-    let table: [(&str, Change, Figure, std::ops::RangeInclusive<f64>); 8] = [
-        (
-            "a miss",
-            (|i, found| found.take_if(|_| in_the_middle(i)).map_or((), drop), nothing),
-            |e| e.wrong_hits as f64,
-            1.0..=1.0,
-        ),
-        (
-            "another object",
-            (
-                |i, found| found.iter_mut().filter(|_| in_the_middle(i)).for_each(|f| f.object = Object::Sphere(7)),
-                nothing,
-            ),
-            |e| e.wrong_objects as f64,
-            1.0..=1.0,
-        ),
-        ("t", (moved, nothing), |e| e.max_ulp.unwrap(), 80.0..=170.0),
-        ("t by the bound", (moved, nothing), |e| e.bound_share.unwrap(), 5.0..=40.0),
-        ("a normal", (turned, nothing), |e| e.max_angle.unwrap(), 0.99e-3..=1.01e-3),
-        ("two levels", (|_, _| (), |film| film[60 * 160 + 80].y += 2.1 / 255.0), |e| e.off_by_2 as f64, 1.0..=1.0),
-        ("a colour", (|_, _| (), |film| film[60 * 160 + 80].x -= 1e-4), |e| e.max_colour.unwrap(), 0.99e-4..=1.01e-4),
-        ("a row", (|_, _| (), |film| film.rotate_left(160)), |e| e.off_by_2 as f64, 100.0..=1e5),
-    ];
-    let scene = shipped("sphere");
-    let scene = in_size(&scene, 160, 120);
-    let expected = expect(&scene);
-    let worth = |(found, drawn): Change| {
-        let right = Engine::Reference.prepare(None, &scene).unwrap();
-        let broken = Broken { right, found, drawn };
-        // Held against what is expected of f32, it has no error to speak of.
-        let tally = Tally::new(Precision::Single, true);
-        errors_of(&broken, 120, PixelFormat::F32x4, &expected, tally).unwrap()
-    };
-    let right = worth((|_, _| (), nothing));
-    for (what, change, figure, range) in table {
-        let (found, figure_if_right) = (figure(&worth(change)), figure(&right));
-        assert!(range.contains(&found), "{what}: {found}");
-        assert!(figure_if_right < 1e-3 * found, "{what}: {figure_if_right} where nothing is broken");
     }
 }
 
