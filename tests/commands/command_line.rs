@@ -584,15 +584,6 @@ fn the_name_in_the_scene_replaces_nothing_without_force() {
 }
 
 #[test]
-fn the_option_replaces_what_is_there() {
-    let place = Place::new();
-    place.write("out.png", "old");
-    assert_eq!(place.run("render scene.in -o out.png").status, 0);
-    assert!(is_png(&place.path("out.png")));
-    assert_eq!(place.files(), ["out.png", "scene.in"]);
-}
-
-#[test]
 fn the_extension_chooses_the_format_and_an_unknown_one_is_refused() {
     let place = Place::new();
     for (name, start) in [
@@ -639,17 +630,6 @@ fn where_nothing_can_be_written_the_status_is_1() {
     assert!(run.stderr.starts_with("error: cannot write directory.png: "), "{}", run.stderr);
     assert!(run.stderr.trim_end().ends_with("; name a file in it"), "{}", run.stderr);
     assert_eq!(place.files(), ["directory.png", "scene.in"]);
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn a_full_disk_is_told_and_leaves_nothing() {
-    let place = Place::new();
-    let message = "error: cannot write /dev/full: No space left on device (os error 28); \
-                   free some space, or write to another disk";
-    place.refuses("render scene.in -o /dev/full", 1, message);
-    place.refuses("render scene.in -o /dev/full --stats", 1, message);
-    assert_eq!(place.files(), ["scene.in"]);
 }
 
 /// Runs the program with standard output going to `stdout`: its status and what it says.
@@ -1009,14 +989,6 @@ fn some_rows_are_those_of_the_whole_picture() {
     place.refuses("render scene.in --rows 3..13 -o b.png", 2, "error: --rows 3..13: the picture has the rows 0..12");
     let run = place.run("render scene.in --rows 8..8 -o b.png");
     assert!(run.stderr.contains("expected the first row and the one after the last, as in 0..100"), "{}", run.stderr);
-}
-
-#[test]
-fn quiet_is_silent() {
-    let place = Place::new();
-    let run = place.run("render scene.in --quiet");
-    assert_eq!((run.status, run.stdout.as_str(), run.stderr.as_str()), (0, "", ""));
-    assert_eq!(place.files(), ["picture.png", "scene.in"]);
 }
 
 #[test]
@@ -1529,15 +1501,6 @@ fn diff_writes_the_picture_of_the_differences() {
     assert_eq!((run.status, run.stderr.as_str()), (1, ""));
     assert!(run.stdout.ends_with("\nout.png: the differences, white where they are largest\n"), "{}", run.stdout);
     assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0; 3], [0, 255, 0]]));
-}
-
-#[test]
-fn the_least_difference_is_seen_beside_the_largest() {
-    let place = Place::new();
-    place.write("a.ppm", "P3 3 1 255  10 20 30  1 2 3  0 0 0");
-    place.write("b.ppm", "P3 3 1 255  10 20 31  1 2 3  255 0 0");
-    assert_eq!(place.run("diff a.ppm b.ppm -o out.png").status, 1);
-    assert_eq!(place.picture("out.png").pixels, Pixels::Rgb8(vec![[0, 0, 65], [0; 3], [255, 0, 0]]));
 }
 
 #[test]

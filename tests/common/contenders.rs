@@ -2,8 +2,9 @@
 
 #![allow(dead_code, reason = "no test of those that share it uses all of it")]
 
+use rayo::plan::Keep;
 use rayo::render::reference::ReferenceTracer;
-use rayo::render::{Engine, Film, Frame, PixelFormat, Precision, Settings, Tracer, level};
+use rayo::render::{Engine, Film, Frame, PixelFormat, Plan, Precision, Purpose, Settings, Tracer, level};
 use rayo::scene::{Camera, Object, Scene};
 use rayon::prelude::*;
 
@@ -23,6 +24,38 @@ impl std::fmt::Display for Contender {
 impl Contender {
     pub fn prepare<'a>(&self, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
         self.engine.prepare(Some(self.precision), scene).unwrap()
+    }
+
+    /// Its plan of a scene for this purpose, in its precision.
+    pub fn plan<'a>(&self, scene: &'a Scene, purpose: Purpose) -> Plan<'a> {
+        let purpose = Purpose { precision: Some(self.precision), ..purpose };
+        Plan::new(self.engine, scene, purpose).expect("an engine that runs here, and a scene that is one")
+    }
+
+    /// Every bit of its picture in a format, with the omissions in `keep` not made; of three channels the fourth is 0.
+    pub fn bits(&self, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<[u32; 4]> {
+        let tracer = self.plan(scene, Purpose { format: Some(format), keep, ..Purpose::default() }).into_tracer();
+        match film(tracer.as_ref(), scene.camera, 1, format) {
+            Film::F32x4(pixels) => pixels.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect(),
+            Film::F32x3(pixels) => pixels.into_iter().map(|[r, g, b]| [r, g, b, 0.0].map(f32::to_bits)).collect(),
+            Film::Rgba8(pixels) => pixels.into_iter().map(|pixel| pixel.map(u32::from)).collect(),
+            Film::Rgb8(pixels) => pixels.into_iter().map(|[r, g, b]| [r, g, b, 0].map(u32::from)).collect(),
+        }
+    }
+
+    /// Holds its pictures with the omissions in `keep` not made against those as planned, every bit; floats in three channels and
+    /// bytes in four.
+    pub fn check_kept(&self, scene: &Scene, keep: Keep, what: &str) {
+        for format in [PixelFormat::F32x3, PixelFormat::Rgba8] {
+            let [planned, kept] = [Keep::NOTHING, keep].map(|keep| self.bits(scene, format, keep));
+            if let Some(at) = planned.iter().zip(&kept).position(|(a, b)| a != b) {
+                let (row, col) = (at / scene.camera.width() as usize, at % scene.camera.width() as usize);
+                let (format, planned, kept) = (format.name(), planned[at], kept[at]);
+                panic!(
+                    "{what}: {self} as {format} at row {row}, column {col}: {planned:x?}, but {kept:x?} with more work"
+                );
+            }
+        }
     }
 
     /// Its picture in linear floats, by this thread alone.
@@ -75,6 +108,11 @@ pub fn contenders() -> Vec<Contender> {
 /// The packet engines among them.
 pub fn packets() -> Vec<Contender> {
     contenders().into_iter().filter(|contender| contender.engine.is_packet()).collect()
+}
+
+/// Holds the pictures of every packet engine against those by brute force.
+pub fn check_by_force(scene: &Scene, what: &str) {
+    packets().iter().for_each(|contender| contender.check_kept(scene, Keep::all(), what));
 }
 
 /// Packet engines that round alike, two of each precision that has no estimates, one after the other: they make the same floats.

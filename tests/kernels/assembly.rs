@@ -794,14 +794,6 @@ fn every_documented_number_of_instructions_is_that_of_the_code() {
 }
 
 #[test]
-fn the_papers_operations_take_as_many_instructions_as_the_paper_counts() {
-    let code = Code64::of("sse41");
-    for (op, instructions) in [("add", 1), ("sub", 1), ("scale", 2), ("dot", 3), ("norm", 4), ("cross", 7)] {
-        assert_eq!(code.body(&format!("rayo_paper_{op}")).len(), instructions, "{op}");
-    }
-}
-
-#[test]
 fn a_line_of_counts_is_read_with_its_forms_and_its_parts() {
     let read = |line| {
         let counts = counts_of_line(line);

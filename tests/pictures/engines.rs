@@ -192,7 +192,7 @@ fn the_comparison_can_fail() {
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     // Wide enough for several tasks, and no multiple of a packet.
-    let scene = Scene { camera: Camera::new(1003, 97, 1.0, 1.0).unwrap(), ..many(9, 7, 6) };
+    let scene = Scene { camera: Camera::new(1003, 97, 1.0, 1.0).unwrap(), ..many(20, 20, 6) };
     for contender in contenders() {
         let tracer = contender.prepare(&scene);
         for format in PixelFormat::ALL {
@@ -212,25 +212,20 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn rows_split_in_any_way_give_the_same_bytes() {
-    let scene = Scene { camera: Camera::new(101, 40, 1.0, 1.0).unwrap(), ..many(9, 7, 7) };
+    // Rows of tiles have 32.
+    let scene = Scene { camera: Camera::new(101, 131, 1.0, 1.0).unwrap(), ..many(40, 60, 7) };
     let width = scene.camera.width() as usize;
     for contender in contenders() {
         let tracer = contender.prepare(&scene);
         let Film::F32x4(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4) else { unreachable!() };
-        for heights in [&[40][..], &[1; 40], &[3, 1, 7, 13, 16], &[39, 1], &[1, 39]] {
+        for step in [1, 7, 31, 32, 33, 130] {
             let mut split = vec![[f32::NAN; 4].into(); whole.len()];
-            let (mut rest, mut start) = (&mut split[..], 0);
-            let mut parts = Vec::new();
-            for &height in heights {
-                let (part, after) = rest.split_at_mut(height as usize * width);
-                parts.push((start..start + height, part));
-                (rest, start) = (after, start + height);
-            }
             // In any order, too.
-            for (rows, part) in parts.into_iter().rev() {
-                tracer.rows(rows, FilmMut::F32x4(part));
+            for (i, part) in split.chunks_mut(step * width).enumerate().rev() {
+                let start = (i * step) as u32;
+                tracer.rows(start..start + (part.len() / width) as u32, FilmMut::F32x4(part));
             }
-            assert!(split == whole, "{contender}: {heights:?}");
+            assert!(split == whole, "{contender}: {step} rows at a time");
         }
     }
 }
@@ -357,7 +352,7 @@ fn estimates_move_no_cosine_by_more_than_they_may_and_no_byte_by_more_than_a_lev
 mod short_form {
     use glam::{DVec3, Vec3};
     use rayo::plan::Omission;
-    use rayo::render::{Engine, Plan, Precision, Purpose};
+    use rayo::render::{Engine, Precision, Purpose};
     use rayo::scene::{self, Camera, Rng, Scene};
 
     use crate::contenders::{Contender, Truth, packets};
@@ -401,8 +396,7 @@ mod short_form {
             for contender in &packets {
                 let what = format!("case {case}, {contender}, {kappa} radii, light at {gap}");
                 truth.check(contender, &what);
-                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-                let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
+                let report = contender.plan(&scene, Purpose::default()).report();
                 let short = report.left_out.iter().any(|line| line.what == Omission::Loop.what());
                 assert_eq!(short, loss < 32.0, "{what}: a loss of {loss}");
                 if !short || contender.precision.name() != "single" {

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::contenders::{Contender, contenders};
-use rayo::render::{Film, FilmMut, PixelFormat, Plan, Purpose, Tracer};
+use rayo::kernels::Vec4;
+use rayo::render::{FilmMut, PixelFormat, Purpose};
 use rayo::scene::{self, Camera, Scene, many};
 
 /// Those that write three channels themselves.
@@ -16,46 +17,31 @@ fn writers() -> Vec<Contender> {
     writers
 }
 
-fn prepare<'a>(contender: &Contender, scene: &'a Scene, format: PixelFormat) -> Box<dyn Tracer + 'a> {
-    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), ..Purpose::default() };
-    Plan::new(contender.engine, scene, purpose).unwrap().into_tracer()
-}
-
 /// A scene at a size, of which the shipped ones' objects keep their places.
 fn sized(scene: Scene, width: u32, height: u32) -> Scene {
     let camera = &scene.camera;
     Scene { camera: Camera::new(width, height, camera.focal(), camera.film()).unwrap(), ..scene }
 }
 
-/// Films of three channels that nobody has written to; rows may begin at any of their pixels.
-struct Misaligned {
-    floats: Vec<[f32; 3]>,
-    bytes: Vec<[u8; 3]>,
-}
-
 /// What is not written.
 const FLOATS: [f32; 3] = [1.5, -2.5, 3.5];
 const BYTES: [u8; 3] = [1, 2, 3];
 
-impl Misaligned {
-    fn new(pixels: usize) -> Self {
-        Misaligned { floats: vec![FLOATS; pixels], bytes: vec![BYTES; pixels] }
-    }
-}
-
-/// Traces the picture whole in each format, those of three channels from the pixel `first` of a film on.
+/// Traces the picture whole in each format, those of three channels from the pixel `first` of a longer film on.
 fn check(contender: &Contender, scene: &Scene, first: usize, what: &str) {
     let (pixels, rows) = (scene.camera.pixels() as usize, 0..scene.camera.height());
-    let Film::F32x4(mut four) = Film::new(PixelFormat::F32x4, pixels).unwrap() else { unreachable!() };
-    let Film::Rgba8(mut rgba) = Film::new(PixelFormat::Rgba8, pixels).unwrap() else { unreachable!() };
-    prepare(contender, scene, PixelFormat::F32x4).rows(rows.clone(), FilmMut::F32x4(&mut four));
-    prepare(contender, scene, PixelFormat::Rgba8).rows(rows.clone(), FilmMut::Rgba8(&mut rgba));
-    let mut three = Misaligned::new(first + pixels + 40);
-    let own = first..first + pixels;
-    prepare(contender, scene, PixelFormat::F32x3).rows(rows.clone(), FilmMut::F32x3(&mut three.floats[own.clone()]));
-    prepare(contender, scene, PixelFormat::Rgb8).rows(rows, FilmMut::Rgb8(&mut three.bytes[own.clone()]));
+    let (mut four, mut rgba) = (vec![Vec4::default(); pixels], vec![[0; 4]; pixels]);
+    let (mut floats, mut bytes) = (vec![FLOATS; first + pixels + 40], vec![BYTES; first + pixels + 40]);
+    let trace = |out: FilmMut<'_>| {
+        let purpose = Purpose { format: Some(out.format()), ..Purpose::default() };
+        contender.plan(scene, purpose).tracer().rows(rows.clone(), out);
+    };
+    trace(FilmMut::F32x4(&mut four));
+    trace(FilmMut::Rgba8(&mut rgba));
+    trace(FilmMut::F32x3(&mut floats[first..first + pixels]));
+    trace(FilmMut::Rgb8(&mut bytes[first..first + pixels]));
     let what = || format!("{contender}, {what}, {}x{} from {first} on", scene.camera.width(), scene.camera.height());
-    for (i, (floats, bytes)) in three.floats.iter().zip(&three.bytes).enumerate() {
+    for (i, (floats, bytes)) in floats.iter().zip(&bytes).enumerate() {
         let (linear, levels) = match i.checked_sub(first).filter(|i| *i < pixels) {
             Some(i) => ([four[i].x, four[i].y, four[i].z], [rgba[i][0], rgba[i][1], rgba[i][2]]),
             None => (FLOATS, BYTES),

@@ -4,97 +4,15 @@ use crate::program;
 use std::path::Path;
 use std::process::Output;
 
-use crate::contenders::{Contender, Truth, contenders, film, packets};
+use crate::contenders::{Truth, check_by_force, contenders, packets};
 use crate::extent;
 use glam::{Vec3, vec3};
 use rayo::plan::{Keep, Omission, Report, Switch};
-use rayo::render::{Counted, Engine, Film, Frame, PixelFormat, Plan, Purpose, Settings};
+use rayo::render::{Counted, Engine, Frame, PixelFormat, Plan, Purpose, Settings};
 use rayo::scene::{Camera, Light, Rng, Scene, Sphere, Triangle, many};
-
-/// The bytes of a picture.
-fn picture(contender: &Contender, scene: &Scene, format: PixelFormat, keep: Keep) -> Vec<u8> {
-    let purpose = Purpose { precision: Some(contender.precision), format: Some(format), keep, ..Purpose::default() };
-    let tracer = Plan::new(contender.engine, scene, purpose).unwrap().into_tracer();
-    match film(tracer.as_ref(), scene.camera, 1, format) {
-        Film::F32x3(pixels) => pixels.concat().into_iter().flat_map(f32::to_le_bytes).collect(),
-        Film::Rgb8(pixels) => pixels.concat(),
-        Film::F32x4(_) | Film::Rgba8(_) => unreachable!("files have three channels"),
-    }
-}
-
-/// Holds the picture with `keep` against the one without.
-fn check(contender: &Contender, scene: &Scene, keep: Keep, what: &str) {
-    for format in [PixelFormat::F32x3, PixelFormat::Rgb8] {
-        let planned = picture(contender, scene, format, Keep::NOTHING);
-        let kept = picture(contender, scene, format, keep);
-        if let Some(at) = planned.iter().zip(&kept).position(|(a, b)| a != b) {
-            let pixel = at / format.bytes();
-            let (row, col) = (pixel / scene.camera.width() as usize, pixel % scene.camera.width() as usize);
-            let bytes = |picture: &[u8]| picture[pixel * format.bytes()..][..format.bytes()].to_vec();
-            panic!(
-                "{what}: {contender} writes {:?} planned and {:?} with more work as {} at row {row}, column {col}: {scene:?}",
-                bytes(&planned),
-                bytes(&kept),
-                format.name()
-            );
-        }
-    }
-}
 
 fn camera(width: u32, height: u32, focal: f32, film: f32) -> Camera {
     Camera::new(width, height, focal, film).unwrap()
-}
-
-/// A scene of few small numbers: 12 x 16 rays through whole or half numbers, objects whose vertices, outlines and centres
-/// fall on rays, on the border of the picture, on each other and on lights, before the camera and behind it.
-fn on_borders(rng: &mut Rng) -> Scene {
-    // Of `camera(12, 16, f, 20)` the ray of row and col is (col - 5.5, 7.5 - row, f).
-    let focal = [2.0, 8.0, 16.0][(rng.next_u64() % 3) as usize];
-    let mut number = |low: i32, high: i32| (low + (rng.next_u64() % (high - low + 1) as u64) as i32) as f32;
-    let mut colours = [Vec3::ONE, Vec3::X, vec3(0.5, 0.5, 0.5), vec3(0.25, 1.0, 0.75), Vec3::ZERO].into_iter().cycle();
-    let mut colour = || colours.next().unwrap();
-    // A point on a ray or on the border between two, as likely in front of the camera as not in the frustum.
-    let mut point = || {
-        let z = number(-2, 6) * focal / 2.0;
-        vec3(number(-16, 16) * z / focal / 2.0, number(-20, 20) * z / focal / 2.0, z)
-    };
-    let points: Vec<Vec3> = (0..6).map(|_| point()).collect();
-    let mut pick = {
-        let mut rng = Rng::new(rng.next_u64());
-        move || points[(rng.next_u64() % points.len() as u64) as usize]
-    };
-    let count = |rng: &mut Rng, most: u64| (rng.next_u64() % (most + 1)) as usize;
-    let (spheres, triangles, lights) = (count(rng, 4), count(rng, 6), count(rng, 3));
-    let spheres = (0..spheres)
-        .map(|i| {
-            let (centre, towards) = (pick(), pick());
-            // Through another point, or of a whole radius.
-            let through = (towards - centre).length();
-            let radius = if i % 2 == 0 && through > 0.0 { through } else { 1.0 + i as f32 };
-            Sphere { radius, colour: colour(), centre }
-        })
-        .collect();
-    let triangles = (0..triangles).map(|_| Triangle { colour: colour(), vertices: [pick(), pick(), pick()] }).collect();
-    let lights = (0..lights)
-        .map(|i| Light {
-            intensity: [1.0, 0.0, 3.0][i],
-            colour: [Vec3::ONE, Vec3::ONE, vec3(0.5, 0.0, 1.0)][i],
-            position: pick(),
-        })
-        .collect();
-    Scene { lights, spheres, triangles, ..Scene::new(camera(12, 16, focal, 20.0)) }
-}
-
-#[test]
-fn brute_force_makes_the_same_bytes_where_everything_is_on_a_border() {
-    let seed = 41;
-    let mut rng = Rng::new(seed);
-    for case in 0..300 {
-        let scene = Scene { shadows: case % 2 == 1, ..on_borders(&mut rng) };
-        for contender in packets() {
-            check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
-        }
-    }
 }
 
 /// Scenes of every kind: few and many objects, lights from none to eight, some of them dark, one colour for all or not,
@@ -137,9 +55,7 @@ fn scenes() -> Vec<(String, Scene)> {
 #[test]
 fn brute_force_makes_the_same_bytes_on_scenes_of_every_kind() {
     for (name, scene) in scenes() {
-        for contender in packets() {
-            check(&contender, &scene, Keep::all(), &name);
-        }
+        check_by_force(&scene, &name);
     }
 }
 
@@ -148,7 +64,7 @@ fn each_omission_alone_makes_the_same_bytes() {
     for (name, scene) in scenes().into_iter().step_by(3) {
         for omission in Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work) {
             for contender in packets() {
-                check(&contender, &scene, Keep::only(omission), &format!("{name}, {omission:?}"));
+                contender.check_kept(&scene, Keep::only(omission), &format!("{name}, {omission:?}"));
             }
         }
     }
@@ -172,9 +88,7 @@ fn triangles_that_nearly_coincide_are_the_same_by_brute_force() {
             ],
             ..Scene::new(camera(131, 97, 1.0, 1.0))
         };
-        for contender in packets() {
-            check(&contender, &scene, Keep::all(), &format!("case {case}, gap {gap}"));
-        }
+        check_by_force(&scene, &format!("case {case}, gap {gap}"));
     }
 }
 
@@ -191,8 +105,8 @@ fn a_sphere_that_a_row_never_leaves_is_seen_on_either_side() {
         assert!((0..45).any(|row| truth.object(row, if x > 0.0 { 59 } else { 0 }).is_some()));
         for contender in packets() {
             truth.check(&contender, &format!("x = {x}"));
-            check(&contender, &scene, Keep::all(), &format!("x = {x}"));
         }
+        check_by_force(&scene, &format!("x = {x}"));
     }
 }
 
@@ -388,7 +302,7 @@ fn what_tiles_leave_out_is_counted() {
 
 /// The borders of tiles, pixels and the picture on whole and half numbers: of `camera(96, 128, f, 160)` the ray of row and col
 /// is (col - 47.5, 63.5 - row, f), and tiles end at x = 16 and at y = 32, 0 and -32.
-fn on_tile_borders(rng: &mut Rng) -> Scene {
+fn on_tile_borders(rng: &mut Rng, (spheres, triangles): (usize, usize)) -> Scene {
     let focal = [8.0, 32.0, 128.0][(rng.next_u64() % 3) as usize];
     let pick = |rng: &mut Rng, from: &[f32]| from[(rng.next_u64() % from.len() as u64) as usize];
     let xs = [16.0, 15.5, 16.5, 47.5, -47.5, 48.0, -48.0, 48.5, -49.0, 0.0, -20.5, 31.0];
@@ -396,7 +310,8 @@ fn on_tile_borders(rng: &mut Rng) -> Scene {
     // Whole multiples of a ray are exact in f32, so that a corner is on the ray, or on the border, and not beside it.
     let point =
         |rng: &mut Rng| pick(rng, &[1.0, 2.0, 3.0, 1.0, 4.0, -1.0]) * vec3(pick(rng, &xs), pick(rng, &ys), focal);
-    let colour = |rng: &mut Rng| vec3(rng.next_f32(), rng.next_f32(), 0.5);
+    let colours = [Vec3::ONE, Vec3::X, vec3(0.5, 0.5, 0.5), vec3(0.25, 1.0, 0.75), Vec3::ZERO];
+    let colour = |rng: &mut Rng| colours[(rng.next_u64() % 5) as usize];
     let points: Vec<_> = (0..14).map(|_| point(rng)).collect();
     let corner = |rng: &mut Rng| points[(rng.next_u64() % points.len() as u64) as usize];
     let triangle = |rng: &mut Rng| Triangle { colour: colour(rng), vertices: [corner(rng), corner(rng), corner(rng)] };
@@ -411,12 +326,12 @@ fn on_tile_borders(rng: &mut Rng) -> Scene {
         };
         Sphere { radius: if radius > 1e-3 { radius } else { 1.0 }, colour: colour(rng), centre }
     };
-    let light = |rng: &mut Rng| Light { intensity: 0.75, colour: Vec3::ONE, position: corner(rng) };
+    let light =
+        |rng: &mut Rng| Light { intensity: pick(rng, &[0.75, 0.0, 3.0]), colour: colour(rng), position: corner(rng) };
     Scene {
-        lights: (0..rng.next_u64() % 3).map(|_| light(rng)).collect(),
-        spheres: (0..8).map(|_| sphere(rng)).collect(),
-        // More in some tiles than are tried without a look at which of them others hide.
-        triangles: (0..80).map(|_| triangle(rng)).collect(),
+        lights: (0..rng.next_u64() % 4).map(|_| light(rng)).collect(),
+        spheres: (0..spheres).map(|_| sphere(rng)).collect(),
+        triangles: (0..triangles).map(|_| triangle(rng)).collect(),
         ..Scene::new(camera(96, 128, focal, 160.0))
     }
 }
@@ -427,8 +342,11 @@ fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_
     let mut rng = Rng::new(seed);
     let work = || Omission::ALL.into_iter().filter(|omission| omission.switch() == Switch::Work);
     let mut alone = work().cycle();
-    for case in 0..if extent::all() { 40 } else { 10 } {
-        let scene = Scene { shadows: case % 2 == 1, ..on_tile_borders(&mut rng) };
+    let crowded = if extent::all() { 40 } else { 10 };
+    // More in some tiles than are tried without a look at which of them others hide, and few.
+    let counts = [(crowded, (8, 80)), (20, (1, 0)), (20, (0, 2)), (40, (3, 5))];
+    for (case, count) in counts.into_iter().flat_map(|(cases, count)| (0..cases).map(move |case| (case, count))) {
+        let scene = Scene { shadows: case % 2 == 1, ..on_tile_borders(&mut rng, count) };
         let ray = scene.camera.grid::<f32>();
         assert_eq!(
             (ray.step, ray.ray(31, 63)),
@@ -436,10 +354,9 @@ fn brute_force_makes_the_same_bytes_where_everything_is_on_borders_of_tiles_and_
             "rays are where the test takes them to be"
         );
         let omission = alone.next().unwrap();
-        for contender in packets() {
-            check(&contender, &scene, Keep::all(), &format!("seed {seed}, case {case}"));
-            check(&contender, &scene, Keep::only(omission), &format!("seed {seed}, case {case}, {omission:?}"));
-        }
+        let what = format!("seed {seed}, case {case} of {count:?}, {omission:?}");
+        check_by_force(&scene, &what);
+        packets().iter().for_each(|contender| contender.check_kept(&scene, Keep::only(omission), &what));
     }
 }
 
@@ -448,7 +365,7 @@ fn hits_are_counted_by_what_traces_and_agree_with_the_reference() {
     let mut rng = Rng::new(47);
     let few =
         (0..4).map(|i| Scene { camera: camera(67, 31, 1.0, 1.0), ..many(4 * i, 12 - 4 * i.min(3), 90 + i as u64) });
-    let on_borders = (0..4).map(|_| on_tile_borders(&mut rng)).collect::<Vec<_>>();
+    let on_borders = (0..4).map(|_| on_tile_borders(&mut rng, (8, 80))).collect::<Vec<_>>();
     let more =
         [(40, 0), (0, 200), (40, 400)].map(|(s, t)| Scene { camera: camera(131, 97, 1.0, 1.0), ..many(s, t, 95) });
     for scene in extent::sampled(few.chain(on_borders).chain(more), 2) {

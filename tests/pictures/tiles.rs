@@ -1,48 +1,19 @@
 //! Objects, tile by tile: what is left out changes no byte, ties go to the first, meshes have no holes.
 
-use crate::contenders::{Contender, Truth, film, levels, packets};
+use crate::contenders::{Contender, Truth, check_by_force, film, levels, packets};
 use crate::extent;
 use glam::{DVec3, Vec3};
 use rayo::kernels::Vec4;
 use rayo::plan::{Keep, Omission, Report};
-use rayo::render::{Counted, Distance, Film, FilmMut, Found, PixelFormat, Plan, Purpose, Tracer};
+use rayo::render::{Counted, Distance, Film, Found, PixelFormat, Plan, Purpose, Tracer};
 use rayo::scene::mesh::Placement;
 use rayo::scene::{self, Camera, Faces, Light, Object, Rng, Scene, Sphere, ToCamera, Triangle, View, many};
 use std::ops::Range;
 
 const FORMATS: [PixelFormat; 2] = [PixelFormat::F32x4, PixelFormat::Rgba8];
 
-fn tiles<'a>(contender: &Contender, scene: &'a Scene, keep_all: bool) -> Box<dyn Tracer + 'a> {
-    by_tiles(
-        contender,
-        scene,
-        Purpose { keep: if keep_all { Keep::all() } else { Keep::NOTHING }, ..Purpose::default() },
-    )
-}
-
-fn by_tiles<'a>(contender: &Contender, scene: &'a Scene, purpose: Purpose) -> Box<dyn Tracer + 'a> {
-    let purpose = Purpose { precision: Some(contender.precision), ..purpose };
-    Plan::new(contender.engine, scene, purpose).expect("a packet engine that runs here").into_tracer()
-}
-
-/// A picture, every bit of it.
-fn bits(film: Film) -> Vec<[u32; 4]> {
-    match film {
-        Film::F32x4(pixels) => pixels.into_iter().map(|pixel| pixel.lanes().map(f32::to_bits)).collect(),
-        Film::Rgba8(pixels) => pixels.into_iter().map(|pixel| pixel.map(u32::from)).collect(),
-        Film::Rgb8(pixels) => pixels.into_iter().map(|[r, g, b]| [r, g, b, 255].map(u32::from)).collect(),
-        Film::F32x3(_) => unreachable!("tests/pictures/outputs.rs has it"),
-    }
-}
-
-fn picture(contender: &Contender, scene: &Scene, keep_all: bool, format: PixelFormat) -> Vec<[u32; 4]> {
-    bits(film(tiles(contender, scene, keep_all).as_ref(), scene.camera, 1, format))
-}
-
-/// Pixels that brute force makes otherwise.
-fn differing_by_force(contender: &Contender, scene: &Scene, format: PixelFormat) -> usize {
-    let [planned, brute] = [false, true].map(|keep_all| picture(contender, scene, keep_all, format));
-    planned.iter().zip(&brute).filter(|(a, b)| a != b).count()
+fn tiles<'a>(contender: &Contender, scene: &'a Scene) -> Box<dyn Tracer + 'a> {
+    contender.plan(scene, Purpose::default()).into_tracer()
 }
 
 fn camera(width: u32, height: u32) -> Camera {
@@ -79,12 +50,7 @@ fn what_is_left_out_changes_no_byte() {
             scattered(spheres, triangles, seed, camera(203, 97)),
             Scene { camera: camera(203, 97), ..many(spheres, triangles, seed) },
         ] {
-            for contender in packets() {
-                for format in FORMATS {
-                    let differing = differing_by_force(&contender, &scene, format);
-                    assert_eq!(differing, 0, "{contender}, {format:?}: {spheres}, {triangles}, seed {seed}");
-                }
-            }
+            check_by_force(&scene, &format!("{spheres}, {triangles}, seed {seed}"));
         }
     }
 }
@@ -122,13 +88,7 @@ fn behind_walls(seed: u64) -> Scene {
 #[test]
 fn what_is_behind_parts_of_a_tile_is_seen_between_them() {
     for seed in 1..4 {
-        let scene = behind_walls(seed);
-        for contender in packets() {
-            for format in FORMATS {
-                let differing = differing_by_force(&contender, &scene, format);
-                assert_eq!(differing, 0, "{contender}, {format:?}: seed {seed}");
-            }
-        }
+        check_by_force(&behind_walls(seed), &format!("seed {seed}"));
     }
 }
 
@@ -209,11 +169,7 @@ fn deep(seed: u64) -> Vec<(&'static str, Scene)> {
 #[test]
 fn what_is_left_out_of_great_depth_changes_no_byte() {
     for (name, scene) in deep(1) {
-        for contender in packets() {
-            for format in FORMATS {
-                assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}: {name}");
-            }
-        }
+        check_by_force(&scene, name);
     }
 }
 
@@ -239,10 +195,10 @@ fn a_tile_of_more_triangles_than_are_traced_at_once_has_one_picture_whatever_the
         reversed.triangles.reverse();
         for contender in packets() {
             for format in FORMATS {
-                let [one, other] = [&scene, &reversed].map(|scene| picture(&contender, scene, false, format));
+                let [one, other] = [&scene, &reversed].map(|scene| contender.bits(scene, format, Keep::NOTHING));
                 assert!(one == other, "{contender}, {format:?}");
                 let mut film = Film::new(format, one.len()).unwrap();
-                let hits = tiles(&contender, &reversed, false).counted_rows(0..32, film.as_mut()).unwrap().hits;
+                let hits = tiles(&contender, &reversed).counted_rows(0..32, film.as_mut()).unwrap().hits;
                 assert_eq!(hits == one.len() as u64, wall, "{contender}, {format:?}: {hits} hits");
                 let distinct: std::collections::BTreeSet<_> = one.into_iter().collect();
                 assert!(distinct.len() > 100, "{contender}: {} colours", distinct.len());
@@ -262,15 +218,8 @@ fn a_tile_of_more_spheres_than_are_remembered_is_that_of_the_nearest() {
         scene.spheres.push(Sphere { radius: rng.between(0.001, 0.003) * z, colour, centre: Vec3::new(x, y, z) });
     }
     for contender in extent::sampled(packets(), 4) {
-        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
+        contender.check_kept(&scene, Keep::all(), "many spheres");
     }
-}
-
-/// Red, green and blue of each pixel, made in bytes by tiles.
-fn bytes(contender: &Contender, scene: &Scene) -> Vec<[u8; 3]> {
-    let picture = film(tiles(contender, scene, false).as_ref(), scene.camera, 1, PixelFormat::Rgba8);
-    let Film::Rgba8(picture) = picture else { unreachable!() };
-    picture.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
 }
 
 #[test]
@@ -282,9 +231,7 @@ fn tiles_agree_with_the_reference_within_a_level_but_for_rays_on_an_outline() {
         ] {
             let truth = Truth::new(&scene);
             for contender in packets() {
-                if let Err(error) = truth.compare(&contender, &bytes(&contender, &scene)) {
-                    panic!("{spheres}, {triangles}, seed {seed}: {error}");
-                }
+                truth.check(&contender, &format!("{spheres}, {triangles}, seed {seed}"));
             }
         }
     }
@@ -312,8 +259,7 @@ fn floats_are_within_a_few_roundings_of_the_reference() {
             .map(|(row, column)| (!truth.at_silhouette(row, column)).then(|| reference.colour(row, column).to_array()));
         let inside: Vec<_> = inside.collect();
         for contender in packets().into_iter().filter(|contender| contender.precision.name() != "fast") {
-            let Film::F32x4(film) =
-                film(tiles(&contender, &scene, false).as_ref(), scene.camera, 1, PixelFormat::F32x4)
+            let Film::F32x4(film) = film(tiles(&contender, &scene).as_ref(), scene.camera, 1, PixelFormat::F32x4)
             else {
                 unreachable!()
             };
@@ -336,7 +282,7 @@ fn what_is_steep_is_as_far_as_it_is() {
     scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
     let reference = rayo::render::reference::ReferenceTracer::new(&scene);
     for contender in packets() {
-        let hits = tiles(&contender, &scene, false).hits(0..97);
+        let hits = tiles(&contender, &scene).hits(0..97);
         let errors = (0..).zip(&hits).filter_map(|(i, found)| {
             let (found, truth) = (found.as_ref()?, reference.hit(i / 203, i % 203)?);
             let Distance::Inverse(inverse) = found.distance else { unreachable!("as tiles compare it") };
@@ -357,8 +303,8 @@ fn every_size_of_a_picture_is_written_whole_and_nothing_else() {
         for (width, height) in (1..68).map(|width| (width, 1 + width % 5)).chain([(1, 67), (2, 33), (129, 65)]) {
             let scene = Scene { camera: camera(width, height), ..whole.clone() };
             for format in FORMATS {
-                let planned = picture(&contender, &scene, false, format);
-                assert_eq!(planned, picture(&contender, &scene, true, format), "{contender} {width}x{height}");
+                let [planned, kept] = [Keep::NOTHING, Keep::all()].map(|keep| contender.bits(&scene, format, keep));
+                assert_eq!(planned, kept, "{contender} {width}x{height}");
                 let last = if format == PixelFormat::Rgba8 { 255 } else { 0 };
                 assert!(planned.iter().all(|pixel| pixel[3] == last), "{contender} {width}x{height}");
             }
@@ -381,41 +327,15 @@ fn a_picture_with_a_side_of_more_than_16_bits_is_that_of_the_reference() {
         }
         let truth = Truth::new(&scene);
         for contender in extent::sampled(packets(), 3) {
-            let tracer = tiles(&contender, &scene, false);
-            if let Err(error) = truth.compare(&contender, &bytes(&contender, &scene)) {
-                panic!("{width} x {height}: {error}");
-            }
+            let tracer = tiles(&contender, &scene);
+            truth.check(&contender, &format!("{width} x {height}"));
             let hits = tracer.hits(1..height).into_iter().map(|found| found.map(|found| found.object));
             let expected = (1..height).flat_map(|row| (0..width).map(move |column| (row, column)));
             let differing =
                 hits.zip(expected).filter(|(hit, (row, column))| *hit != truth.object(*row, *column)).count();
             assert!(differing < 10, "{contender}: {differing}");
-            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-            let kept = Plan::new(contender.engine, &scene, purpose).unwrap().report().kept;
+            let kept = contender.plan(&scene, Purpose::default()).report().kept;
             assert_eq!((kept.spheres, kept.triangles), (9, 9), "{contender}");
-        }
-    }
-}
-
-#[test]
-fn threads_and_splits_give_the_same_bytes() {
-    let scene = scattered(40, 500, 8, camera(301, 131));
-    for contender in packets() {
-        let tracer = tiles(&contender, &scene, false);
-        for format in FORMATS {
-            let alone = film(tracer.as_ref(), scene.camera, 1, format);
-            for threads in [2, 5] {
-                assert!(film(tracer.as_ref(), scene.camera, threads, format) == alone, "{contender}");
-            }
-        }
-        let Film::Rgba8(whole) = film(tracer.as_ref(), scene.camera, 1, PixelFormat::Rgba8) else { unreachable!() };
-        for step in [1, 7, 31, 32, 33, 130] {
-            let mut split = vec![[1, 2, 3, 4]; whole.len()];
-            for (i, part) in split.chunks_mut(step * 301).enumerate() {
-                let start = (i * step) as u32;
-                tracer.rows(start..start + (part.len() / 301) as u32, FilmMut::Rgba8(part));
-            }
-            assert!(split == whole, "{contender}: {step} rows at a time");
         }
     }
 }
@@ -449,8 +369,8 @@ fn planning_on_several_threads_gives_the_same_bytes() {
     scene.triangles.extend(others.triangles);
     for contender in packets() {
         let picture = |threads: usize| {
-            let tracer = by_tiles(&contender, &scene, Purpose { threads, ..Purpose::default() });
-            bits(film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4))
+            let tracer = contender.plan(&scene, Purpose { threads, ..Purpose::default() }).into_tracer();
+            film(tracer.as_ref(), scene.camera, 1, PixelFormat::F32x4)
         };
         let alone = picture(1);
         for threads in [0, 2, 3] {
@@ -500,16 +420,14 @@ fn what_shares_its_corners_is_seen_as_what_has_its_own() {
     let moved = (joined.seen_from(view).unwrap(), apart.seen_from(view).unwrap());
     for (joined, apart) in extent::sampled([(joined, apart), scaled, moved], 3) {
         for contender in packets() {
-            for (keep_all, format) in [false, true].into_iter().flat_map(|keep| FORMATS.map(|format| (keep, format))) {
-                let [one, other] = [&joined, &apart].map(|scene| picture(&contender, scene, keep_all, format));
-                assert!(one == other, "{contender}, {format:?}, {keep_all}");
+            for (keep, format) in [Keep::NOTHING, Keep::all()].into_iter().flat_map(|keep| FORMATS.map(|of| (keep, of)))
+            {
+                let [one, other] = [&joined, &apart].map(|scene| contender.bits(scene, format, keep));
+                assert!(one == other, "{contender}, {format:?}, {keep:?}");
             }
-            let found = |scene| tiles(&contender, scene, false).hits(0..150);
+            let found = |scene| tiles(&contender, scene).hits(0..150);
             assert_eq!(found(&joined), found(&apart), "{contender}");
-            let report = |scene| {
-                let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-                Plan::new(contender.engine, scene, purpose).unwrap().report()
-            };
+            let report = |scene| contender.plan(scene, Purpose::default()).report();
             // What hides what depends on the order in which they are asked.
             let counts = |report: &Report| {
                 let lines = report
@@ -526,12 +444,7 @@ fn what_shares_its_corners_is_seen_as_what_has_its_own() {
 
 #[test]
 fn fine_meshes_are_seen_as_by_brute_force() {
-    let scene = fine(9000, camera(97, 73));
-    for contender in packets() {
-        for format in FORMATS {
-            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
-        }
-    }
+    check_by_force(&fine(9000, camera(97, 73)), "a mesh");
 }
 
 #[test]
@@ -552,10 +465,9 @@ fn of_equal_objects_the_first_is_seen_whatever_the_order_of_work() {
         twice.triangles.extend(copies.triangles.into_iter().rev());
         for contender in packets() {
             for format in FORMATS {
-                for keep_all in [false, true] {
-                    let same =
-                        picture(&contender, &once, false, format) == picture(&contender, &twice, keep_all, format);
-                    assert!(same, "{contender}, {format:?}, spheres {spheres}, all {keep_all}");
+                for keep in [Keep::NOTHING, Keep::all()] {
+                    let same = contender.bits(&once, format, Keep::NOTHING) == contender.bits(&twice, format, keep);
+                    assert!(same, "{contender}, {format:?}, spheres {spheres}, {keep:?}");
                 }
             }
         }
@@ -573,10 +485,10 @@ fn of_equally_near_triangles_the_first_is_seen_though_it_is_traced_last() {
     let triangles = vec![facing(Vec3::X, 0.25), facing(Vec3::ONE, 64.0), facing(Vec3::Y, 0.5)];
     let scene = Scene { triangles, ..scene };
     for contender in packets() {
-        let hits = tiles(&contender, &scene, false).hits(239..240);
+        let hits = tiles(&contender, &scene).hits(239..240);
         assert!(matches!(hits[318], Some(Found { object: Object::Triangle(0), .. })), "{contender}: {:?}", hits[318]);
-        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
     }
+    check_by_force(&scene, "triangles");
 }
 
 /// Spheres around the camera, across its plane and beside it: the fewest and the most that a kernel traces.
@@ -601,7 +513,7 @@ fn of_equal_spheres_around_the_camera_the_first_is_seen_too() {
     twice.spheres.extend(copies.map(|sphere| Sphere { colour: [0.0; 3].into(), ..sphere }));
     for contender in packets() {
         for format in FORMATS {
-            let [one, other] = [&once, &twice].map(|scene| picture(&contender, scene, false, format));
+            let [one, other] = [&once, &twice].map(|scene| contender.bits(scene, format, Keep::NOTHING));
             assert!(one == other, "{contender}, {format:?}");
         }
     }
@@ -622,12 +534,10 @@ fn with_a_sun(seed: u64) -> Scene {
 fn a_sun_over_a_house_spoils_neither_and_is_asked_in_its_tiles_alone() {
     let scene = with_a_sun(3);
     let truth = Truth::new(&scene);
+    check_by_force(&scene, "a sun");
     for contender in packets() {
-        truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{error}"));
-        for format in FORMATS {
-            assert_eq!(differing_by_force(&contender, &scene, format), 0, "{contender}, {format:?}");
-        }
-        let tracer = tiles(&contender, &scene, false);
+        truth.check(&contender, "a sun");
+        let tracer = tiles(&contender, &scene);
         let hits = tracer.hits(0..151);
         assert!(hits.iter().flatten().any(|found| found.object == Object::Sphere(31)), "{contender}");
         // Whole tiles, and parts of some.
@@ -652,12 +562,9 @@ fn a_tile_of_more_spheres_than_have_records_has_those_that_have_a_pixel() {
         let radius = pixel * (0.6 + 1e-5 * i as f32);
         scene.spheres.push(Sphere { radius, colour: [1.0; 3].into(), centre: [0.0, 0.0, 10.0].into() });
     }
+    check_by_force(&crowd, "a crowd");
     for contender in packets() {
-        for format in FORMATS {
-            let picture = picture(&contender, &scene, false, format);
-            assert!(picture.iter().all(|pixel| pixel[..3] == [0; 3]), "{contender}, {format:?}: nobody has one");
-            assert_eq!(differing_by_force(&contender, &crowd, format), 0, "{contender}, {format:?}");
-        }
+        assert!(contender.floats(&scene).concat().iter().all(|v| *v == 0.0), "{contender}: nobody has a pixel");
     }
 }
 
@@ -683,10 +590,8 @@ fn bytes_by_the_short_form_are_within_a_level_up_to_where_it_is_left() {
         let scene = far_spheres(radii);
         let truth = Truth::new(&scene);
         for contender in packets() {
-            let bytes = bytes(&contender, &scene);
-            truth.compare(&contender, &bytes).unwrap_or_else(|error| panic!("{radii} radii: {error}"));
-            let purpose = Purpose { precision: Some(contender.precision), ..Purpose::default() };
-            let report = Plan::new(contender.engine, &scene, purpose).unwrap().report();
+            truth.check(&contender, &format!("{radii} radii"));
+            let report = contender.plan(&scene, Purpose::default()).report();
             let counts = report.left_out.iter().filter(|line| line.omission == Omission::Loop);
             short.push((radii, counts.map(|line| line.count).sum::<u64>()));
         }
@@ -718,7 +623,7 @@ fn rays_on_edges_are_decided_as_by_the_reference() {
     let reference = rayo::render::reference::ReferenceTracer::new(&scene);
     let truth: Vec<_> = (0..203 * 97).map(|i| reference.hit(i / 203, i % 203).map(|hit| hit.object)).collect();
     for contender in packets() {
-        let hits = tiles(&contender, &scene, false).hits(0..97);
+        let hits = tiles(&contender, &scene).hits(0..97);
         let differing = hits.iter().zip(&truth).filter(|(found, truth)| found.map(|found| found.object) != **truth);
         assert_eq!(differing.count(), 0, "{contender}");
     }
@@ -741,10 +646,7 @@ fn what_is_in_many_tiles_is_seen_up_to_its_last_pixels() {
             for of in [[0, 1, 2], [3, 2, 1]] {
                 scene.triangles.push(Triangle { colour: Vec3::ONE, vertices: of.map(|i: usize| corners[i]) });
             }
-            for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
-                let differing = differing_by_force(&contender, &scene, PixelFormat::Rgba8);
-                assert_eq!(differing, 0, "{contender}: {width}x{height}, {start} to {end}");
-            }
+            check_by_force(&scene, &format!("{width}x{height}, {start} to {end}"));
         }
     }
 }
@@ -757,10 +659,7 @@ fn a_sphere_beside_the_camera_is_seen_in_the_outermost_rows_and_columns_of_a_til
         let mut scene = Scene { camera: camera(128, 64), ..many(40, 0, 3) };
         let radius = 4.96 + 0.002 * f32::from(step);
         scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::new(x, y, 2.0) });
-        for contender in packets().into_iter().filter(|contender| contender.precision.name() == "single") {
-            let differing = differing_by_force(&contender, &scene, PixelFormat::Rgba8);
-            assert_eq!(differing, 0, "{contender}: {radius} at {x}, {y}");
-        }
+        check_by_force(&scene, &format!("{radius} at {x}, {y}"));
     }
 }
 
@@ -779,9 +678,7 @@ fn what_ends_on_rays_of_a_wide_picture_is_seen_there() {
         let colour = Vec3::new(rng.next_f32(), rng.next_f32(), 1.0);
         scene.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|of| Triangle { colour, vertices: of.map(|i| corners[i]) }));
     }
-    for contender in packets() {
-        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}");
-    }
+    check_by_force(&scene, "a wide picture");
 }
 
 /// The rays inside a sphere around the camera meet triangles across its plane first, and no number of f32 says how near either is.
@@ -800,11 +697,11 @@ fn what_crosses_the_cameras_plane_is_nearer_than_what_is_too_near_for_f32() {
             .push(Triangle { colour: Vec3::new(0.5, 1.0, f32::from(i)), vertices: corners.map(|v| size * v) });
     }
     for contender in packets() {
-        let hits = tiles(&contender, &scene, false).hits(0..32);
+        let hits = tiles(&contender, &scene).hits(0..32);
         let of_triangle = |found: &&Option<_>| matches!(found, Some(Found { object: Object::Triangle(0), .. }));
         assert!(hits.iter().filter(of_triangle).count() > 100, "{contender}");
-        assert_eq!(differing_by_force(&contender, &scene, PixelFormat::F32x4), 0, "{contender}");
     }
+    check_by_force(&scene, "too near for f32");
 }
 
 /// Of two tiles side by side without an object different rows are wanted.
@@ -815,7 +712,7 @@ fn a_background_fills_the_wanted_rows_of_each_tile() {
     let wanted = |_: Range<u32>, columns: Range<u32>| if columns.start == 0 { 0..8 } else { 16..32 };
     for contender in packets() {
         let mut light = vec![other; 128 * 32];
-        tiles(&contender, &scene, false).light(0..32, &wanted, sky, &mut light);
+        tiles(&contender, &scene).light(0..32, &wanted, sky, &mut light);
         for (i, light) in (0..).zip(light) {
             let is_wanted = wanted(0..32, i % 128 / 64..0).contains(&(i / 128));
             assert!(!is_wanted || light == sky, "{contender}: pixel {i} is {light:?}");
@@ -830,7 +727,7 @@ fn a_sphere_that_the_camera_is_on_is_not_seen_along_its_tangents() {
         let scene = Scene { camera: camera(65, 33), spheres: vec![sphere(centre)], ..many(0, 40, 3) };
         let reference = rayo::render::reference::ReferenceTracer::new(&scene);
         for contender in packets() {
-            for (i, found) in (0..).zip(tiles(&contender, &scene, false).hits(0..33)) {
+            for (i, found) in (0..).zip(tiles(&contender, &scene).hits(0..33)) {
                 let expected = reference.hit(i / 65, i % 65).map(|hit| hit.object);
                 assert_eq!(found.map(|found| found.object), expected, "{contender}: {centre}, pixel {i}");
             }
@@ -845,7 +742,7 @@ fn of_spheres_around_the_camera_the_nearer_is_seen_where_f32_takes_both_for_infi
         scene.spheres.push(Sphere { radius, colour: Vec3::ONE, centre: Vec3::ZERO });
     }
     for contender in packets() {
-        let hits = tiles(&contender, &scene, false).hits(0..32);
+        let hits = tiles(&contender, &scene).hits(0..32);
         let nearer = |found: &Option<_>| matches!(found, Some(Found { object: Object::Sphere(1), .. }));
         assert!(hits.iter().all(nearer), "{contender}");
     }
@@ -861,7 +758,7 @@ fn a_wall_beyond_all_is_lit_from_where_the_light_is() {
     scene.triangles.push(Triangle { colour: Vec3::ONE, vertices });
     let truth = Truth::new(&scene);
     for contender in packets() {
-        truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{error}"));
+        truth.check(&contender, "a wall beyond all");
     }
 }
 
@@ -879,9 +776,9 @@ fn on_a_film_beyond_all_bounds_things_are_where_they_are() {
         let truth = Truth::new(&scene);
         assert!((0..48).any(|row| truth.object(row, 32).is_some()));
         for contender in packets() {
-            truth.compare(&contender, &bytes(&contender, &scene)).unwrap_or_else(|error| panic!("{film}: {error}"));
-            assert_eq!(differing_by_force(&contender, &scene, PixelFormat::Rgba8), 0, "{contender}: {film}");
+            truth.check(&contender, &format!("a film of {film}"));
         }
+        check_by_force(&scene, &format!("a film of {film}"));
     }
 }
 
@@ -908,7 +805,7 @@ fn a_closed_wall_whose_corners_lie_on_rays_has_no_holes() {
         let reference = rayo::render::reference::ReferenceTracer::new(&scene);
         let truth: Vec<_> = (0..64 * 48).map(|i| reference.hit(i / 64, i % 64).map(|hit| hit.object)).collect();
         for contender in packets() {
-            let tracer = tiles(&contender, &scene, false);
+            let tracer = tiles(&contender, &scene);
             let Film::F32x4(film) = film(tracer.as_ref(), camera, 1, PixelFormat::F32x4) else { unreachable!() };
             let holes = film.iter().filter(|pixel| levels(pixel.lanes())[0] == 0).count();
             assert_eq!(holes, 0, "{contender}: cells of {cell}");
